@@ -1,6 +1,8 @@
 """Optimal design of experiments: which poses to measure, and how far any plan is from the best.
 
-A plan is judged by its information matrix M = prior + sum of rows^T rows over its poses, in units of what the
-prior expects. Criteria are information functions of M (Pukelsheim, Optimal Design of Experiments, 1993):
-concave, positively homogeneous, large when the plan is good.
+A plan is judged by its information matrix M = prior + sum of F^T F over its poses. F holds a pose's whitened
+rows, in the units of the prior, so M has no unit. Criteria are information functions of M (Pukelsheim,
+Optimal Design of Experiments, 1993): concave, positively homogeneous, and large for a good plan. The flow is:
+`rows` (what a pose tells), `criteria`, `relaxation` (an upper bound on all plans), `exchange` and `refine`
+(the plan), `order` (its sequence), `forecast` (the error to expect).
 """

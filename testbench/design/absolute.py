@@ -1,8 +1,9 @@
-"""Absolute readings as a plan sees them: frame, mount, geometry, joint errors and compliances, all unknown.
+"""Absolute readings as a plan sees them: frame, mount, geometry, joint errors, compliances are unknown.
 
-Unknowns are in units of what is expected of them, x ~ N(e, 1). A pose is read under every load without a move
-in between. What its joints do beyond the model is one more noise, common to the readings of a pose: their
-covariance is that of the tracker and J diag(rest^2) J^T.
+Unknowns are in units of what the prior expects, x ~ N(e, 1). Each pose is read under every load without a
+move in between. Joint errors that the model does not explain are one more noise, common to all readings of a
+pose. So the covariance of a pose's readings is that of the tracker plus J diag(rest^2) J^T. `candidate_set`
+turns this into a problem for `planning`.
 """
 
 from collections.abc import Iterator
@@ -25,40 +26,47 @@ from testbench.model.vjm import chain, translation_rows
 BATCH = 250  #: Poses whose rows of all unknowns are in memory at a time.
 LOOSE = 1.0
 """Standard deviation that is expected of frames and mounts, which a few poses find [m, rad]."""
-LITTLE = 1e-3  #: Information of a plan of average poses, over the prior's, below which nothing is seen [1].
+LITTLE = 1e-3
+"""Information of a plan of average poses, over the prior's, below which a direction counts as unseen [1]."""
 LITTLE_MORE = 0.5
-"""The same after other readings: a quarter of a thousand unknowns are left, those that more of them tell."""
+"""Value of `LITTLE` for a plan that follows earlier readings [1].
+
+It leaves about a quarter of a thousand unknowns: those about which further readings tell enough.
+"""
 
 
 @dataclass(frozen=True)
 class Union:
-    """What is unknown, and how every pose is read."""
+    """Describe all unknowns of an absolute calibration together, and how every pose is read."""
 
-    unknowns: Unknowns
-    state: State  #: Where the unknowns are expected.
-    L: Array  #: Unknowns per unit of what is expected of them, (size, r).
-    #: One pose: a row a load, in the order of reading; its targets and its noise.
+    unknowns: Unknowns  #: Layout of the unknowns.
+    state: State  #: Arm with its unknowns at their expected values.
+    L: Array  #: Unknowns per unit x of what the prior expects, (size, r).
+    #: Readings of one pose: a row per load in the order of reading, with targets and noise.
     pose: Series
-    rest: Array  #: What each joint does beyond the model, standard deviation, (n,) [rad, m].
-    little: float = LITTLE  #: Information of a plan of average poses, as `LITTLE`.
+    rest: Array  #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
+    little: float = LITTLE  #: Threshold of information over the prior's, see `LITTLE` [1].
 
     @property
     def loads(self) -> int:
-        """Readings of a pose."""
+        """Return the number of readings per pose, one under each load."""
         return self.pose.rows
 
 
 def expected_root(
     unknowns: Unknowns, metric: Metric, uncertainty: float, geometry: float, error: float
 ) -> Array:
-    """Unknowns per unit of what is expected of them, (size, size): a root of the prior's covariance.
+    """Build a root of the prior's covariance: all unknowns per unit of what is expected of them.
 
     Args:
-        unknowns: What is unknown.
-        metric: Of the compliances' prior.
-        uncertainty: Of it, relative [1].
-        geometry: Standard deviation of an error of geometry along an axis and about one [m, rad].
-        error: Of a coefficient of the joints' errors [rad, m].
+        unknowns: Layout of the unknowns: frames and mounts, geometry, joint errors, compliances.
+        metric: Metric of the compliances' prior.
+        uncertainty: Relative uncertainty of that prior [1].
+        geometry: Standard deviation of a geometric error along an axis and about one [m, rad].
+        error: Standard deviation of a coefficient of the joints' errors [rad, m].
+
+    Returns:
+        L with unknowns = L x, block diagonal, (size, size).
     """
     d = np.full(unknowns.starts["elastic"], LOOSE)
     d[unknowns.columns("geometry")], d[unknowns.columns("errors")] = geometry, error
@@ -67,7 +75,15 @@ def expected_root(
 
 
 def at(union: Union, q: Array) -> Series:
-    """The readings of poses, (poses, n) [rad, m], none of them taken yet: a row a pose and load."""
+    """Build the series of readings that poses would give: one row per pose and load, positions still zero.
+
+    Args:
+        union: The unknowns and how a pose is read.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        The series, poses times loads rows.
+    """
     one, loads = union.pose, union.loads
     rows = len(q) * loads
     return replace(
@@ -83,12 +99,28 @@ def at(union: Union, q: Array) -> Series:
 
 
 def measured_rows(union: Union, q: Array) -> Array:
-    """Whitened rows of poses (poses, n) [rad, m] per unit of x, (poses, k, r) [1]."""
+    """Compute whitened rows of poses per unit of x.
+
+    Args:
+        union: The unknowns and how a pose is read.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        Rows in standard deviations of the readings, (poses, k, r) [1].
+    """
     return np.concatenate([_whitened(union, some) @ union.L for some in _batches(q)])
 
 
 def position_rows(union: Union, q: Array) -> Array:
-    """Positions under one load after the other per unit of x, (poses, 3 loads m, r) [m]."""
+    """Compute positions of all targets per unit of x, under one load after the other.
+
+    Args:
+        union: The unknowns and how a pose is read.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        Rows, (poses, 3 loads m, r) [m].
+    """
     m = len(union.pose.markers)
 
     def rows(some: Array) -> Array:
@@ -99,22 +131,47 @@ def position_rows(union: Union, q: Array) -> Array:
 
 
 def realigned(union: Union, rows: Array) -> float:
-    """RMS error of `position_rows` before any of the poses is read, frame and mount fitted to them [m]."""
+    """Compute the RMS error of positions before any pose is read, with frame and mount fitted to them.
+
+    Args:
+        union: The unknowns; frame and mount are its first columns.
+        rows: Positions per unit of x, such as `position_rows`, (poses, 3 loads m, r) [m].
+
+    Returns:
+        RMS distance of a target from its prediction [m].
+    """
     first = union.unknowns.starts["geometry"]
     A = rows.reshape(-1, rows.shape[2])
+    # remove what a frame and a mount, fitted to these positions, would take up
     Q = np.linalg.svd(A[:, :first], full_matrices=False)[0]
     arm = A[:, first:] - Q @ (Q.T @ A[:, first:])
     return float(np.sqrt(3 * np.square(arm).sum() / len(arm)))
 
 
 def joint_rest(union: Union, q: Array) -> Array:
-    """RMS distance that targets are off by what joints do beyond the model, (poses,) [m]."""
+    """Compute the RMS displacement of targets by joint errors beyond the model, in every pose.
+
+    Args:
+        union: The unknowns; `rest` holds the joints' standard deviations.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        RMS distance over the targets, (poses,) [m].
+    """
     m = len(union.pose.markers)
     return np.asarray(np.sqrt(np.square(_joint_rows(union, q)[:, : 3 * m]).sum(axis=(1, 2)) / m))
 
 
 def sag(union: Union, q: Array) -> Array:
-    """RMS distance that own weight and the last load are expected to move targets, (poses,) [m]."""
+    """Compute the RMS displacement of targets by own weight and the last load, at the expected compliances.
+
+    Args:
+        union: The unknowns and where they are expected.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        RMS distance over the targets, (poses,) [m].
+    """
     series, state = at(union, q), union.state
     rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
     points = state.mount(series).points
@@ -124,11 +181,26 @@ def sag(union: Union, q: Array) -> Array:
 
 
 def candidate_set(union: Union, q: Array, poses: int) -> CandidateSet:
-    """Poses (candidates, n) [rad, m] to choose so many from, in the directions that such a plan can see."""
+    """Make poses the candidates of a plan, in the directions that such a plan can see.
+
+    A direction counts as seen where `poses` average candidates tell more than `union.little` of it.
+
+    Args:
+        union: The unknowns and how a pose is read.
+        q: Actuated joints, (candidates, n) [rad, m].
+        poses: Number of poses of the plan.
+
+    Returns:
+        The candidates, one problem for all of them.
+
+    Raises:
+        BenchError: When no direction is seen.
+    """
     mean = np.zeros((union.L.shape[1],) * 2)
     for some in _batches(q):
         A = measured_rows(union, some).reshape(-1, len(mean))
         mean += A.T @ A / len(q)
+    # directions in which `poses` average candidates tell more than the threshold
     values, V = np.linalg.eigh(mean)
     seen = poses * values > union.little
     if not seen.any():
@@ -140,7 +212,15 @@ def candidate_set(union: Union, q: Array, poses: int) -> CandidateSet:
 
 
 def information_of(union: Union, q: Array) -> Array:
-    """What readings in poses (poses, n) [rad, m] tell of the unknowns, no prior, (size, size)."""
+    """Compute the information matrix of readings in some poses, without a prior.
+
+    Args:
+        union: The unknowns and how a pose is read.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        Sum of A^T A of the whitened rows A per unit of the unknowns, (size, size).
+    """
     rows = (_whitened(union, some).reshape(-1, union.unknowns.size) for some in _batches(q))
     return np.asarray(sum(A.T @ A for A in rows))
 

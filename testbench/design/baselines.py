@@ -1,7 +1,8 @@
-"""What a plan is judged by: greedy and random plans, how much rests on the prior, observability indices.
+"""Baselines of a plan: greedy and random plans, the part that rests on the prior, observability indices.
 
 O1: Borm and Menq (IJRR 1991). O2: Driels and Pathre (J. Robotic Systems 1990). O3: Nahvi, Hollerbach and
-Hayward (ICRA 1994). O4: Nahvi and Hollerbach (ICRA 1996). O5: Sun and Hollerbach (ICRA 2008).
+Hayward (ICRA 1994). O4: Nahvi and Hollerbach (ICRA 1996). O5: Sun and Hollerbach (ICRA 2008). Reports set
+them beside the plan.
 """
 
 import math
@@ -21,9 +22,9 @@ from testbench.session import stepwise
 
 @dataclass(frozen=True)
 class Observability:
-    """Indices of the singular values s of the stacked whitened rows of a plan, no prior.
+    """Hold indices of the singular values s of the stacked whitened rows of a plan, without a prior.
 
-    The unknowns are in units of what is expected, so that s have one unit, 1; all indices are zero where the
+    The unknowns are in units of the prior, so that all s have one unit, 1. All indices are zero where the
     plan leaves a direction unseen that the candidates can show.
     """
 
@@ -37,7 +38,15 @@ class Observability:
 
 
 def observability(problem: Problem, chosen: Ids) -> Observability:
-    """Indices of a plan of candidates, (poses,)."""
+    """Compute the observability indices O1 to O5 of a plan.
+
+    Args:
+        problem: Candidates.
+        chosen: Indices of the candidates in the plan, (poses,).
+
+    Returns:
+        The indices, and how many directions the plan sees.
+    """
     s = np.linalg.svd(problem.rows[chosen].reshape(-1, problem.r), compute_uv=False)
     seen = int((s > RANK_TOLERANCE * s[0]).sum())
     if seen < problem.r:
@@ -53,21 +62,24 @@ def observability(problem: Problem, chosen: Ids) -> Observability:
     )
 
 
-RANDOM = 200  #: Random plans that the plan is compared with.
-COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses for which errors are told.
+RANDOM = 200  #: Random plans per number of poses that the plan is compared with.
+COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses for which errors are reported.
 
 
 @dataclass(frozen=True)
 class Baselines:
-    """Errors at the tasks of other plans from the same candidates; infinite where they leave them open."""
+    """Hold errors at the tasks of other plans from the same candidates.
 
-    greedy: Array  #: Of 1, 2, ... poses, each the best next one, (most,) [m].
-    random: dict[int, Array]  #: Of `RANDOM` random plans, by number of poses, (RANDOM,) [m].
+    Without a prior an error is infinite where a plan leaves a direction unseen that the candidates can show.
+    """
+
+    greedy: Array  #: RMS errors of the greedy plans of 1, 2, ... poses, (largest count,) [m].
+    random: dict[int, Array]  #: RMS errors of `RANDOM` random plans, (RANDOM,) [m], by number of poses.
 
 
 @dataclass(frozen=True)
 class PriorInfluence:
-    """What a plan's promise rests on."""
+    """Hold how far a plan's forecast rests on the prior instead of its readings."""
 
     outweighed: int  #: Directions that the plan's readings determine better than the prior does.
     #: Share of the mean square error at the tasks that the prior leaves open, not noise [1].
@@ -76,15 +88,23 @@ class PriorInfluence:
 
 
 def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
-    """What the promise rests on; rows are predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
+    """Compute how far a plan's forecast rests on the prior.
 
-    M = prior + readings: the error's covariance M^-1 is that of noise and M^-1 prior M^-1, what the prior
-    leaves open.
+    With M = prior + readings, the error's covariance M^-1 is the part of the noise plus M^-1 prior M^-1, the
+    part that the prior leaves open.
+
+    Args:
+        plan: The plan.
+        rows: Predictions at the tasks per unit of x, (tasks, 3 m, n) [m].
+
+    Returns:
+        Directions in which the readings outweigh the prior, and the prior's share of the mean square error.
     """
     problem, M = plan.examined.problem, plan.information
     I = np.linalg.inv(M)  # noqa: E741 - used on both sides
     W, hidden = mean_square(rows @ problem.lift), hidden_square(problem, rows)
     left_open = hidden + float(np.trace(W @ I @ problem.prior @ I))
+    # readings over the prior, direction by direction: generalised eigenvalues above one outweigh it
     half = np.linalg.inv(np.linalg.cholesky(problem.prior))
     against = np.linalg.eigvalsh(half @ (M - problem.prior) @ half.T)
     return PriorInfluence(
@@ -95,9 +115,17 @@ def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
 
 
 def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) -> Baselines:
-    """Greedy and random plans of the same candidates, by predictions in the tasks, (tasks, 3 m, n) [m].
+    """Compute errors at the tasks of greedy and random plans from the same candidates.
 
-    So many of those examined, the first, were drawn at random: random plans are made of them.
+    Args:
+        plan: The plan, with the candidates that were examined.
+        rows: Predictions at the tasks per unit of x, (tasks, 3 m, n) [m].
+        drawn: Number of examined candidates, the first ones, that were drawn at random; random plans use
+            these.
+        rng: Source of the random plans.
+
+    Returns:
+        Errors by number of poses.
     """
     spec, problem = plan.specification, plan.examined.problem
     error = error_after(problem, rows)
@@ -120,11 +148,27 @@ def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) 
 
 
 def error_after(problem: Problem, rows: Array) -> Callable[[Ids], float]:
-    """RMS error of predictions (poses, 3 m, n) [m] after some candidates were read [m]."""
+    """Make a function that predicts the RMS error at some predictions after some candidates were read.
+
+    Args:
+        problem: Candidates.
+        rows: Predictions per unit of x, (poses, 3 m, n) [m].
+
+    Returns:
+        Function of a plan's indices, (poses,), to its RMS error sqrt(tr(W M^-1) + hidden) [m].
+    """
     hidden, W = hidden_square(problem, rows), mean_square(rows @ problem.lift)
     return lambda plan: math.sqrt(hidden + float((np.linalg.inv(information(problem, plan)) * W).sum()))
 
 
 def hidden_square(problem: Problem, rows: Array) -> float:
-    """Mean square error in directions that no candidate shows [m^2]; rounding may fall below zero."""
+    """Compute the mean square prediction error in directions that no candidate shows.
+
+    Args:
+        problem: Candidates.
+        rows: Predictions per unit of x, (poses, 3 m, n) [m].
+
+    Returns:
+        Mean square error, at least 0 whatever rounding does [m^2].
+    """
     return max(0.0, float(np.trace(mean_square(rows) @ problem.hidden)))

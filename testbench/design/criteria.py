@@ -1,13 +1,14 @@
-"""What makes a plan good: information functions of the information matrix M, each with its certificate.
+"""Design criteria: information functions Phi of the information matrix M, each with a certificate.
 
 Every criterion Phi is concave in M and positively homogeneous (Pukelsheim 1993, ch. 5), so that its
-efficiency Phi(plan) / Phi(best) is a share. `after(M, rows)` is Phi with one more candidate, for every
-candidate, by updates of rank k; 0 where it was not worth computing. `tangent(M)` is a plane above Phi: what
-the equivalence theorem needs to bound all plans at once. M is (r, r), rows (candidates, k, r).
+efficiency Phi(plan) / Phi(best) is between 0 and 1. A criterion has three methods. `information(M)` is Phi.
+`after(M, rows)` is Phi with one more candidate, for every candidate, by updates of rank k; it is 0 for a
+candidate that was not worth computing. `tangent(M)` is a supporting plane above Phi, from which the
+equivalence theorem bounds all plans at once. M is (r, r), rows are (candidates, k, r).
 
-D: det(M)^(1/r). A: 1 / tr(M^-1). E: least eigenvalue. I and the test-pose criterion (Klimchik et al.,
-Robotics and CIM 2014; Wu et al. 2015): 1 / tr(W M^-1), W the mean of the prediction rows' squares. G: 1 /
-largest prediction variance. Formulas: Fedorov (1972), Pukelsheim (1993); for calibration poses Sun and
+D: det(M)^(1/r). A: r / tr(M^-1). E: least eigenvalue. I, and the test-pose criterion of Klimchik et al.
+(Robotics and CIM 2014) and Wu et al. (2015): 1 / tr(W M^-1), where W averages the prediction rows' squares.
+G: 1 / largest prediction variance. Formulas: Fedorov (1972), Pukelsheim (1993); for calibration poses Sun and
 Hollerbach (ICRA 2008).
 """
 
@@ -20,91 +21,165 @@ import numpy as np
 from testbench.design.rows import Problem, times
 from testbench.errors import Array, BenchError
 
-CRITERIA = ("D", "A", "E", "G", "I", "test")  #: All, by name; absolute readings have no tasks to test.
-POWER = 24  #: Sharpness of the smooth stand-in for a largest value, G and E.
-SHORTLIST = 32  #: Candidates for which G and E are computed exactly; the stand-in ranks the others.
+CRITERIA = ("D", "A", "E", "G", "I", "test")  #: Names of all criteria; absolute readings have no "test".
+POWER = 24  #: Exponent of the power mean that stands in for the largest cost of G and E [1].
+SHORTLIST = 32  #: Candidates for which G and E are computed exactly; the stand-in selects them.
 
 
 @dataclass(frozen=True)
 class Tangent:
-    """A plane above Phi, taken at some M."""
+    """Hold a supporting plane of Phi, taken at some M: Phi(M') <= <Z, M'> for every M'."""
 
-    Z: Array  #: Phi(M') <= <Z, M'> for every M', symmetric, (r, r).
-    #: What the relaxation climbs: Phi(M), or a stand-in with a gradient everywhere.
+    Z: Array  #: Matrix of the plane, symmetric, (r, r).
+    #: Value that the relaxation increases: Phi(M), or a stand-in with a gradient everywhere.
     height: float
-    #: Curvature of log det (1) or of a weighted mean of M^-1 (2) over <Z, S M^-1 S>; 0 for a stand-in.
+    #: Curvature along S over <Z, S M^-1 S> / height: 1 of log Phi for D, 2 of tr(W M^-1) over its value for a
+    #: linear criterion; 0 for a stand-in, which has no Newton step.
     bend: float = 0.0
 
 
 @dataclass(frozen=True)
 class Determinant:
-    """D: det(M)^(1/r), the volume of the confidence ellipsoid."""
+    """Implement the D-criterion det(M)^(1/r), which measures the volume of the confidence ellipsoid."""
 
     def information(self, M: Array) -> float:
-        """det(M)^(1/r)."""
+        """Compute Phi(M) = det(M)^(1/r).
+
+        Args:
+            M: Information matrix, (r, r).
+
+        Returns:
+            Phi; 0 where M is not positive definite.
+        """
         sign, size = np.linalg.slogdet(M)
         return float(np.exp(size / len(M))) if sign > 0 else 0.0
 
     def after(self, M: Array, rows: Array) -> Array:
-        """By det(M + F^T F) = det(M) det(1 + F M^-1 F^T)."""
+        """Compute Phi with one more candidate, by det(M + F^T F) = det(M) det(1 + F M^-1 F^T).
+
+        Args:
+            M: Information matrix, (r, r).
+            rows: Whitened rows F of the candidates, (candidates, k, r).
+
+        Returns:
+            Phi(M + F^T F) of every candidate, (candidates,).
+        """
         seen = times(rows, np.asarray(np.linalg.inv(M))) @ rows.swapaxes(1, 2)
         growth = np.linalg.slogdet(np.eye(rows.shape[1]) + seen)[1]
         return np.asarray(self.information(M) * np.exp(growth / len(M)))
 
     def tangent(self, M: Array) -> Tangent:
-        """Phi(M) M^-1 / r: the arithmetic mean of eigenvalues is no less than the geometric."""
+        """Compute the plane Z = Phi(M) M^-1 / r, from the inequality of arithmetic and geometric means.
+
+        Args:
+            M: Information matrix, (r, r).
+
+        Returns:
+            The supporting plane at M.
+        """
         value = self.information(M)
         return Tangent(value * np.linalg.inv(M) / len(M), value, bend=1.0)
 
 
 @dataclass(frozen=True)
 class Linear:
-    """1 / tr(W M^-1): A with W = 1, I with the workspace's W, the test-pose criterion with the tasks'."""
+    """Implement the linear criteria 1 / tr(W M^-1): A, I and the test-pose criterion, by their W.
 
-    W: Array  #: Symmetric, positive semi-definite, (r, r).
+    A has W = 1/r, I the W of the workspace, the test-pose criterion that of the tasks.
+    """
+
+    W: Array  #: Weight, symmetric, positive semi-definite, (r, r).
 
     def information(self, M: Array) -> float:
-        """1 / tr(W M^-1)."""
+        """Compute Phi(M) = 1 / tr(W M^-1).
+
+        Args:
+            M: Information matrix, (r, r).
+
+        Returns:
+            Phi, in the inverse unit of W.
+        """
         return float(1 / np.trace(np.linalg.solve(M, self.W)))
 
     def after(self, M: Array, rows: Array) -> Array:
-        """By Woodbury's formula."""
+        """Compute Phi with one more candidate, by Woodbury's formula.
+
+        Args:
+            M: Information matrix, (r, r).
+            rows: Whitened rows F of the candidates, (candidates, k, r).
+
+        Returns:
+            Phi(M + F^T F) of every candidate, (candidates,).
+        """
         return np.asarray(1 / (1 / self.information(M) - _gain(M, rows, self.W)))
 
     def tangent(self, M: Array) -> Tangent:
-        """M^-1 W M^-1 / tr(W M^-1)^2: that of a concave function that is homogeneous."""
+        """Compute the plane Z = M^-1 W M^-1 / tr(W M^-1)^2, the gradient of Phi.
+
+        A concave and homogeneous function lies below <gradient, M'>.
+
+        Args:
+            M: Information matrix, (r, r).
+
+        Returns:
+            The supporting plane at M.
+        """
         return _tangent(M, self.W)
 
 
 @dataclass(frozen=True)
 class Largest:
-    """G and E: 1 / the largest of several costs, each a `Linear` one.
+    """Implement the minimax criteria G and E: 1 / the largest of k costs, each a cost tr(W_i M^-1).
 
-    The stand-in is their power mean. It weights every cost by its size to the power `POWER` - 1; a weighted
-    mean is no larger than the maximum, so that the tangent of the weighted criterion bounds this one too.
+    Where a gradient is needed, a smooth stand-in replaces the maximum: the power mean of the costs with
+    exponent `POWER`. It weights every cost by its size to the power `POWER` - 1. A weighted mean is no larger
+    than the maximum, so the tangent of the weighted criterion bounds this one too.
     """
 
-    costs: Callable[[Array], Array]  #: At any M, (..., r, r) to (..., k).
-    #: W of their weighted mean at M, from weights whose sum is one, (k,) to (r, r).
+    costs: Callable[[Array], Array]  #: Costs at information matrices, (..., r, r) to (..., k).
+    #: W of the weighted mean of the costs at M, from M and weights (k,) whose sum is one, to (r, r).
     mix: Callable[[Array, Array], Array]
 
     def information(self, M: Array) -> float:
-        """1 / largest cost."""
+        """Compute Phi(M) = 1 / largest cost.
+
+        Args:
+            M: Information matrix, (r, r).
+
+        Returns:
+            Phi, in the inverse unit of the costs.
+        """
         return float(1 / self.costs(M).max())
 
     def after(self, M: Array, rows: Array) -> Array:
-        """Exact for the candidates that the stand-in ranks first."""
+        """Compute Phi with one more candidate, exactly for the `SHORTLIST` that the stand-in ranks first.
+
+        Args:
+            M: Information matrix, (r, r).
+            rows: Whitened rows F of the candidates, (candidates, k, r).
+
+        Returns:
+            Phi(M + F^T F) of every candidate on the short list, 0 for the others, (candidates,).
+        """
         found = np.zeros(len(rows))
         first = np.arange(len(rows))
         if len(rows) > SHORTLIST:
             gain = _gain(M, rows, self._weighted(M, self.costs(M)))
             first = np.argpartition(-gain, SHORTLIST)[:SHORTLIST]
         few = rows[first]
+        # exact costs of the short list; all others keep 0
         found[first] = 1 / self.costs(M + few.swapaxes(1, 2) @ few).max(axis=-1)
         return found
 
     def tangent(self, M: Array) -> Tangent:
-        """That of the weighted mean, and 1 / power mean of the costs."""
+        """Compute the plane of the weighted mean of the costs; its height is 1 / their power mean.
+
+        Args:
+            M: Information matrix, (r, r).
+
+        Returns:
+            A plane above Phi. It need not touch Phi at M.
+        """
         costs = self.costs(M)
         most = costs.max()
         height = 1 / (most * np.mean((costs / most) ** POWER) ** (1 / POWER))
@@ -119,7 +194,15 @@ Criterion = Determinant | Linear | Largest  #: An information function.
 
 
 def check_criterion(name: str, *, absolute: bool = False) -> None:
-    """Refuse what is not in `CRITERIA`; of absolute readings also "test"."""
+    """Refuse a criterion that is not in `CRITERIA`.
+
+    Args:
+        name: Name of the criterion.
+        absolute: Whether readings are absolute positions; these have no tasks, so "test" is refused too.
+
+    Raises:
+        BenchError: When the name is unknown.
+    """
     known = CRITERIA[: len(CRITERIA) - absolute]
     if name not in known:
         what = " of absolute readings" if absolute else ""
@@ -127,9 +210,17 @@ def check_criterion(name: str, *, absolute: bool = False) -> None:
 
 
 def criterion_of(name: str, problem: Problem, workspace: Array, tasks: Array | None = None) -> Criterion:
-    """A criterion by its name in `CRITERIA`.
+    """Build a criterion from its name.
 
-    Of predictions per unit of x, (poses, 3 m, n) [m]: I and G over the workspace, "test" at the tasks.
+    Args:
+        name: One of `CRITERIA`.
+        problem: Candidates, for the size r and the coordinates that they show.
+        workspace: Predictions per unit of x over the workspace, (poses, 3 m, n) [m]; I and G use them.
+        tasks: Predictions per unit of x at the tasks, (tasks, 3 m, n) [m]; "test" uses them, or the workspace
+            without.
+
+    Returns:
+        The criterion on information matrices (r, r).
     """
     if name == "D":
         return Determinant()
@@ -142,7 +233,7 @@ def criterion_of(name: str, problem: Problem, workspace: Array, tasks: Array | N
 
 
 def criterion_e() -> Largest:
-    """E-optimality: least eigenvalue of M; the costs are the eigenvalues of M^-1."""
+    """Build the E-criterion: the least eigenvalue of M, whose costs are the eigenvalues of M^-1."""
 
     def costs(M: Array) -> Array:
         return np.asarray(1 / np.linalg.eigvalsh(M))
@@ -155,7 +246,14 @@ def criterion_e() -> Largest:
 
 
 def criterion_g(rows: Array) -> Largest:
-    """G-optimality: worst mean square error of a pose, of predictions per unit of a, (poses, k, r) [m]."""
+    """Build the G-criterion: 1 / the worst mean square prediction error of a pose.
+
+    Args:
+        rows: Predictions per unit of a, (poses, 3 m, r) [m].
+
+    Returns:
+        The criterion on information matrices (r, r); its costs are (poses,) [m^2].
+    """
     every = squares(rows / math.sqrt(_points(rows)))
 
     def costs(M: Array) -> Array:
@@ -166,7 +264,14 @@ def criterion_g(rows: Array) -> Largest:
 
 
 def mean_square(rows: Array) -> Array:
-    """W of predictions (poses, 3 m, r) [m]: tr(W M^-1) is a target's mean square distance [m^2]."""
+    """Compute W of predictions: tr(W M^-1) is the mean square distance of a target from its prediction.
+
+    Args:
+        rows: Predictions per unit of the unknowns, (poses, 3 m, r) [m].
+
+    Returns:
+        W, (r, r) [m^2].
+    """
     A = rows.reshape(-1, rows.shape[-1])
     return np.asarray(A.T @ A / (len(rows) * _points(rows)))
 
@@ -177,19 +282,35 @@ def _points(rows: Array) -> float:
 
 
 def squares(rows: Array) -> Array:
-    """F^T F of every F, (count, k, r), flat, (count, r^2)."""
+    """Compute F^T F of every candidate, each flattened to a row.
+
+    Args:
+        rows: Rows F, (count, k, r).
+
+    Returns:
+        F^T F, (count, r^2).
+    """
     return np.asarray((rows.swapaxes(1, 2) @ rows).reshape(len(rows), -1))
 
 
 def _gain(M: Array, rows: Array, W: Array) -> Array:
-    """What each candidate (candidates, k, r) takes from tr(W M^-1), tr((1 + F I F^T)^-1 F I W I F^T).
+    """Compute the reduction of tr(W M^-1) by each candidate, tr((1 + F I F^T)^-1 F I W I F^T), I = M^-1.
 
-    By elimination row by row for all candidates together: LAPACK, one by one, takes three times as long.
+    It eliminates row by row for all candidates together: LAPACK, one by one, takes three times as long.
+
+    Args:
+        M: Information matrix, (r, r).
+        rows: Whitened rows F, (candidates, k, r).
+        W: Weight of the linear criterion, (r, r).
+
+    Returns:
+        Reductions, (candidates,).
     """
     r, I = len(M), np.linalg.inv(M)  # noqa: E741
     P, columns = times(rows, np.hstack([I, I @ W @ I])), rows.swapaxes(1, 2)
     K = np.eye(rows.shape[1])[:, :, None] + (P[:, :, :r] @ columns).transpose(1, 2, 0)
     N = np.ascontiguousarray((P[:, :, r:] @ columns).transpose(1, 2, 0))
+    # trace of K^-1 N by symmetric elimination: pivot by pivot, each leaves a smaller K and N
     found = N[0, 0] / K[0, 0]
     while len(K) > 1:
         factor = K[1:, 0] / K[0, 0]

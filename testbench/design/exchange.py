@@ -1,8 +1,8 @@
-"""Plans of whole poses: greedy start, Fedorov's exchange, several starts from the relaxed weights.
+"""Plans of whole poses: a greedy start, Fedorov's exchange, and several starts from the relaxed weights.
 
-Fedorov (1972), Mitchell's DETMAX (1974): take the pose out whose place another fills best, until no
-exchange of one pose helps. Every trial is an update of rank k of the information matrix; a tangent of the
-criterion tells which trials are worth it.
+Fedorov (1972) and Mitchell's DETMAX (1974): remove the pose that another candidate replaces best, until no
+exchange of one pose helps. Every trial is an update of rank k of the information matrix. A tangent of the
+criterion selects the trials that can help. `planning` refines the plan afterwards.
 """
 
 import itertools
@@ -16,37 +16,61 @@ from testbench.errors import Array, Ids
 from testbench.session import stepwise
 
 STARTS, FEWER, DRAWN = 12, 4, 190
-"""Most starts from the relaxed weights, beside the greedy one; those of G and E, whose trials cost more;
-and most poses of all of them."""
-SHORTLIST = 1000  #: Candidates for the starts of G and E, those that the bound finds most useful.
-SWEEPS = 30
-BETTER = 1e-7  #: Relative gain below which an exchange does not count.
-STALE = 1 / 8  #: Share of the candidates that may be left to try before the tangent is taken anew.
+"""Most random starts from the relaxed weights; the same for G and E, whose trials cost more; and the most
+poses that all random starts have together. The greedy start comes in addition."""
+SHORTLIST = 1000  #: Candidates for the starts of G and E: the most sensitive ones.
+SWEEPS = 30  #: Most passes of the exchange over all poses of a plan.
+BETTER = 1e-7  #: Relative gain of Phi below which an exchange does not count [1].
+STALE = 1 / 8  #: Share of candidates left to try from which an old tangent is taken anew [1].
 
 
 def select(
     problem: Problem, criterion: Criterion, poses: int, relaxed: Relaxed, rng: np.random.Generator
 ) -> Ids:
-    """The best plan found, indices of candidates in their order, (poses,); relaxed is for as many poses.
+    """Find the best plan from several starts, each improved by exchange.
 
-    Starts are made from those alone that have weight, by G and E, where weights are not the best ones, from
-    more; the best plan of them is exchanged with all candidates.
+    Starts come from the relaxed weights. For the smooth criteria they use only candidates with weight; for G
+    and E, whose weights are not optimal, also the most useful others. The best plan is then exchanged with
+    all candidates.
+
+    Args:
+        problem: Candidates.
+        criterion: Information function.
+        poses: Number of poses of the plan.
+        relaxed: Relaxed optimum for the same number of poses.
+        rng: Source of the random starts.
+
+    Returns:
+        Indices of the candidates of the plan, sorted, (poses,); a candidate may occur more than once.
     """
+    # candidates that the starts may use
     short, most = relaxed.support, STARTS
     if isinstance(criterion, Largest):
         useful = np.argsort(-sensitivity(problem.rows, relaxed.dual), kind="stable")[:SHORTLIST]
         short, most = np.union1d(useful, short), FEWER
+    # random starts are drawn in proportion to the relaxed weights
     rows, share = problem.rows[short], np.zeros(len(problem.rows))
     share[relaxed.support] = relaxed.weights / relaxed.weights.sum()
     starts = [greedy(problem, criterion, rows, poses)]
     starts += [rng.choice(len(short), poses, p=share[short]) for _ in range(min(most, DRAWN // poses))]
     plans = [exchange(problem, criterion, rows, start) for start in stepwise(starts, "exchanging poses")]
+    # only the best start is exchanged with all candidates
     best = max(plans, key=lambda plan: criterion.information(information(problem, short[plan])))
     return np.sort(exchange(problem, criterion, problem.rows, short[best]))
 
 
 def greedy(problem: Problem, criterion: Criterion, rows: Array, poses: int) -> Ids:
-    """One pose after the other of the candidates (candidates, k, r), each the best next one, (poses,)."""
+    """Choose one pose after the other, each the best next one.
+
+    Args:
+        problem: Candidates, for the prior's information.
+        criterion: Information function.
+        rows: Whitened rows of the candidates to choose from, (candidates, k, r).
+        poses: Number of poses.
+
+    Returns:
+        Indices into rows in the order of choice, (poses,).
+    """
     M, plan = problem.prior, np.zeros(poses, dtype=int)
     for k in stepwise(range(poses), "choosing poses"):
         plan[k] = criterion.after(M, rows).argmax()
@@ -55,23 +79,37 @@ def greedy(problem: Problem, criterion: Criterion, rows: Array, poses: int) -> I
 
 
 def exchange(problem: Problem, criterion: Criterion, rows: Array, plan: Ids) -> Ids:
-    """Exchange a pose of the plan (poses,) for a candidate (candidates, k, r) while that makes it better.
+    """Improve a plan by exchanging one pose for one candidate until no exchange helps (Fedorov 1972).
 
-    Phi of any M is at most <Z, M> with Z of a tangent, here or some exchanges ago: it tells what to try.
+    Phi of any M is at most <Z, M> with Z of a tangent taken at any point. A tangent, even one of some
+    exchanges ago, therefore tells which candidates can help.
+
+    Args:
+        problem: Candidates, for the prior's information.
+        criterion: Information function.
+        rows: Whitened rows of the candidates to choose from, (candidates, k, r).
+        plan: Indices into rows to start from, (poses,).
+
+    Returns:
+        Indices into rows of the improved plan, (poses,).
     """
     plan, left = plan.copy(), len(plan)
     M = total(problem.prior, rows[plan])
     value, Z, fresh = criterion.information(M), criterion.tangent(M).Z, True
     useful, before, after = sensitivity(rows, Z), problem.prior, behind(rows[plan])
+    # `before` and `after` sum the information of the poses before and behind k: the plan without k
     for k in itertools.islice(itertools.cycle(range(len(plan))), SWEEPS * len(plan)):
         if k == 0:
             before, after = problem.prior, behind(rows[plan])
+        # hopeful candidates: in place of k they lift the plane, an upper bound of Phi, above Phi of the plan
         floor, rest = (1 + BETTER) * value, before + after[k + 1]
         hopeful = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
+        # an old plane leaves too many: take it anew at the present M
         if not fresh and len(hopeful) > STALE * len(rows):
             Z, fresh = criterion.tangent(M).Z, True
             useful = sensitivity(rows, Z)
             hopeful = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
+        # exact Phi of the hopeful ones; if the best is better it replaces k, and all poses are tried again
         reached = criterion.after(rest, rows[hopeful]) if len(hopeful) else np.zeros(1)
         left -= 1
         if reached.max() > floor:

@@ -1,4 +1,8 @@
-"""What a plan promises: deflections to expect and the error of predicting them after identification."""
+"""Forecast of a plan: the error of predicted deflections to expect after identification, with intervals.
+
+A forecast is linear and normal: the error of a prediction is bias + spread @ N(0, 1). `widened` adds what
+nonlinear arms and wrong priors cost.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -11,24 +15,25 @@ from testbench.errors import Array, Mask
 
 DRAWS = 4000  #: Draws of the remaining error behind an interval.
 WIDER, BROAD = (0.7, 1.25), 1.2
-"""Factors on the ends of a 90 % interval, and on a standard deviation: arms bend and priors are wrong [1].
+"""Factors on the ends of a 90 % interval and on a standard deviation, for nonlinear arms and wrong priors.
 
 Measured over the family of true arms and wrong priors, every pair twice (seeds 1 to 72; 8, 12 and 20 poses,
-planned and random, on two grounds; all links and joints identified with a learnt prior). Of the RMS errors
-3 % were below the lower end then and 4 % above the upper one; on cast links none and 17 %. Of the errors of a
-deflection along an axis 97 % were within 1.2 times the normal interval of 95 %, on cast links 92 %.
+planned and random, on two grounds; all links and joints identified with a learnt prior). With these factors
+3 % of the RMS errors were below the lower end and 4 % above the upper one; on cast links none and 17 %.
+97 % of the errors of a deflection along one axis were within 1.2 times the normal interval of 95 %; on cast
+links 92 %.
 """
-OUTSIDE = 1e-6  #: Share of a prediction's rows outside what the candidates show that counts as unseen.
+OUTSIDE = 1e-6  #: Share of a prediction's norm along unseen directions from which it has no bound [1].
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """RMS distance of a predicted from a true target, pose by pose and over all, with an interval.
+    """Hold RMS distances of predicted from true targets, per pose and over all poses, with intervals.
 
-    The interval holds 90 % of the errors that noise and what the prior leaves open can make.
+    The intervals hold 90 % of the errors that noise and the remaining uncertainty of the prior produce.
     """
 
-    #: In every pose, (poses,) [m]; infinite where the loads of the plan cannot show what is asked.
+    #: RMS distance in every pose, (poses,) [m]; infinite where the prediction depends on unseen directions.
     error: Array
     low: Array  #: 5th percentile, (poses,) [m].
     high: Array  #: 95th percentile, (poses,) [m].
@@ -39,7 +44,14 @@ class Forecast:
 
 
 def widened(forecast: Forecast) -> Forecast:
-    """The same with intervals that hold where the arm bends and the prior is wrong, see `WIDER`."""
+    """Widen a forecast's intervals to hold also where the arm is nonlinear and the prior wrong, by `WIDER`.
+
+    Args:
+        forecast: A forecast of the linear model.
+
+    Returns:
+        The forecast with wider intervals; errors and deviations stay.
+    """
     below, above = WIDER
     return replace(
         forecast,
@@ -51,16 +63,33 @@ def widened(forecast: Forecast) -> Forecast:
 
 
 def open_to(problem: Problem, rows: Array) -> Mask:
-    """Predictions (poses, 3 m, n) that ask for what neither candidates show nor a prior bounds, (poses,)."""
+    """Tell which predictions depend on directions that neither the candidates show nor a prior bounds.
+
+    Args:
+        problem: Candidates.
+        rows: Predictions per unit of x, (poses, 3 m, n) [m].
+
+    Returns:
+        True where a pose's prediction error has no bound, (poses,).
+    """
     open_ = np.linalg.norm(rows @ problem.unseen, axis=(1, 2))
     return np.asarray(open_ > OUTSIDE * np.linalg.norm(rows, axis=(1, 2)))
 
 
 def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:
-    """Errors to expect of a linear model and normal noise, information matrix M (r, r).
+    """Forecast the errors of predictions after a plan, by a linear model with normal noise.
 
-    Predictions are rows per unit of x, three axes a target, (poses, 3 m, n) [m].
+    The covariance of x is lift M^-1 lift^T + hidden; a root of it spreads the predictions.
+
+    Args:
+        problem: Candidates, for lift, hidden and unseen directions.
+        M: Information matrix of the plan, (r, r).
+        rows: Predictions per unit of x, three axes per target, (poses, 3 m, n) [m].
+
+    Returns:
+        The forecast; infinite in poses that depend on unseen directions.
     """
+    # a root of the covariance of x, lift M^-1 lift^T + hidden
     half = np.linalg.solve(np.linalg.cholesky(M), problem.lift.T)
     values, V = np.linalg.eigh(half.T @ half + problem.hidden)
     found = forecast_of(np.zeros(rows.shape[:2]), rows @ (V * np.sqrt(np.maximum(values, 0))))
@@ -68,7 +97,15 @@ def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:
 
 
 def without_bound(forecast: Forecast, where: Mask) -> Forecast:
-    """The same, the errors of some poses, (poses,), being infinite."""
+    """Set the errors of some poses, and with them the overall error, to infinity.
+
+    Args:
+        forecast: A forecast.
+        where: Poses without a bound, (poses,).
+
+    Returns:
+        The forecast; unchanged where no pose is without a bound.
+    """
     if not where.any():
         return forecast
     error, low, high = (np.where(where, np.inf, end) for end in (forecast.error, forecast.low, forecast.high))
@@ -77,10 +114,19 @@ def without_bound(forecast: Forecast, where: Mask) -> Forecast:
 
 
 def forecast_of(bias: Array, spread: Array) -> Forecast:
-    """Errors of predictions that are bias + spread @ N(0, 1): (poses, 3 m) and (poses, 3 m, k) [m]."""
+    """Forecast errors that are distributed as bias + spread @ N(0, 1).
+
+    Args:
+        bias: Mean error, (poses, 3 m) [m].
+        spread: Root of its covariance, (poses, 3 m, k) [m].
+
+    Returns:
+        RMS distances with 5th and 95th percentiles over `DRAWS` draws.
+    """
     targets = bias.shape[1] / 3
     draws = _draws(spread.shape[2])
     each = zip(bias, spread, strict=True)
+    # mean square distance of every draw in every pose, (poses, draws)
     square = np.stack([np.square(b[:, None] + S @ draws).sum(axis=0) for b, S in each])  # (poses, draws)
     square /= targets
     variance = np.square(bias) + np.square(spread).sum(axis=2)
@@ -91,12 +137,20 @@ def forecast_of(bias: Array, spread: Array) -> Forecast:
 
 
 def mean_square_of(bias: Array, spread: Array) -> Array:
-    """Mean square distance of a target in every pose, of the same, (poses,) [m^2]."""
+    """Compute the mean square distance of a target in every pose, for errors bias + spread @ N(0, 1).
+
+    Args:
+        bias: Mean error, (poses, 3 m) [m].
+        spread: Root of its covariance, (poses, 3 m, k) [m].
+
+    Returns:
+        Mean square distance, (poses,) [m^2].
+    """
     variance = np.square(bias) + np.square(spread).sum(axis=2)
     return np.asarray(variance.sum(axis=1) / (bias.shape[1] / 3))
 
 
 @lru_cache(maxsize=4)
 def _draws(k: int) -> Array:
-    """The same normal numbers for every forecast, (k, DRAWS); drawing them takes as long as using them."""
+    """Draw the normal numbers that all forecasts share, (k, DRAWS); drawing takes as long as using them."""
     return np.random.Generator(np.random.Philox(0)).standard_normal((k, DRAWS))

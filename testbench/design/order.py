@@ -1,12 +1,14 @@
-"""The order of measuring: the shortest way through all poses; of very many, by legs to near ones.
+"""The order of measuring: the shortest way through all poses, as an integer program.
 
-A travelling salesman problem as an integer program: every pose has two of the chosen legs, and subtours are
-forbidden as they show up (Dantzig, Fulkerson and Johnson 1954). A place at no distance from all others is
-where the round trip is cut open. Legs to near places come first, and parts of legs before whole ones: these
-cheaper programs show most subtours, and most surcharges, sooner.
+It is a travelling salesman problem. Every pose has two of the chosen legs, and subtours are forbidden as they
+appear (Dantzig, Fulkerson and Johnson 1954). A place at distance zero from all others is where the round trip
+is cut open. Programs over legs to near places come first, and linear relaxations before integer ones: these
+cheaper programs show most subtours, and most surcharges, sooner. More than `EXACT` places use legs to near
+places only.
 
-What is costly to ask of a leg, its surcharge, is asked only of legs that a best trip would take. Without it a
-trip seems no longer than it is, so that the best one of which every leg was asked is the shortest.
+A surcharge of a leg, such as a collision check, is expensive to compute. It is asked only for legs that a
+best trip uses. Without it a trip seems no longer than it is. So the best trip whose legs were all asked is
+the shortest.
 """
 
 import itertools
@@ -19,23 +21,37 @@ from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from testbench.errors import Array, Ids, Mask
 
-NEAR = 12  #: Nearest other places whose legs come first.
-TINY = 1e-7  #: Part of a leg that counts as none.
-EXACT = 101  #: Most places, 100 poses and the cut, of which all legs are tried.
+NEAR = 12  #: Nearest other places of each place whose legs come first.
+TINY = 1e-7  #: Part of a leg that counts as zero in a linear relaxation [1].
+EXACT = 101  #: Most places whose legs are all tried: 100 poses and the cut.
 
 Surcharge = Callable[[int, int], float]
 """What a leg between two places costs beyond its travel, 0 or more."""
 
 
 def joint_travel(q: Array) -> Array:
-    """Travel between poses (poses, n) [rad, m]: that of the joint that turns farthest, (poses, poses)."""
+    """Compute the travel between all pairs of poses: that of the joint that moves farthest.
+
+    Args:
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        Travel, symmetric, (poses, poses) [rad, m].
+    """
     return np.asarray(np.abs(q[:, None] - q[None]).max(axis=2))
 
 
 def shortest_path(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
-    """The shortest way through all places, wherever it begins and ends, (places,); cost is symmetric.
+    """Find the shortest way through all places, whatever place it begins and ends at.
 
-    Equal places, at no distance, are one stop.
+    Places at distance zero of each other are visited together.
+
+    Args:
+        cost: Length of every leg, symmetric, zero on the diagonal, (places, places).
+        surcharge: Function of two places that gives what their leg costs beyond its length, 0 or more.
+
+    Returns:
+        Indices of the places in order, (places,). Optimal up to `EXACT` - 1 places.
     """
     first = (cost == 0).argmax(axis=1)
     stops = np.unique(first)
@@ -48,7 +64,16 @@ def shortest_path(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids
 
 
 def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
-    """The shortest round trip, (places,): it begins at place 0 and ends before it; cost is symmetric."""
+    """Find the shortest round trip through all places.
+
+    Args:
+        cost: Length of every leg, symmetric, (places, places).
+        surcharge: Function of two places that gives what their leg costs beyond its length, 0 or more.
+
+    Returns:
+        Indices of the places in order, from place 0 to the last one before it, (places,). Optimal up to
+        `EXACT` places; beyond, the shortest that uses legs to near places only.
+    """
     n = len(cost)
     if n <= 3:
         return np.arange(n)
@@ -57,23 +82,28 @@ def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
     parts: list[Mask] = []  # places that no subtour may join, (places,) each
     near = _near(cost)[every[:, 0], every[:, 1]]
     legs = (near, np.ones_like(near)) if n <= EXACT else (near,)
+    # near legs relaxed, then whole; all legs relaxed, then whole: each keeps the rules found before
     for chosen, whole in itertools.product(legs, (False, True)):
         while True:
+            # the best trip under the subtours and surcharges known so far
             used = np.flatnonzero(chosen)[_best_legs(every[chosen], price[chosen], parts, n, whole)]
             before = price[used].sum()
+            # its legs that were not asked yet get their surcharge
             for k in used[~asked[used]]:
                 price[k] += surcharge(*map(int, every[k]))
             asked[used] = True
+            # every part that is no round trip through all places becomes a forbidden subtour
             graph = coo_array((np.ones(len(used)), every[used].T), shape=(n, n))
             count, part = connected_components(graph, directed=False)
             parts += [part == k for k in range(count) if count > 1]
+            # one trip whose surcharges were known: no other is shorter
             if count == 1 and price[used].sum() <= before:
                 break
     return np.asarray(depth_first_order(graph, 0, directed=False, return_predecessors=False))
 
 
 def _near(cost: Array) -> Mask:
-    """Legs to the nearest places and, so that there is a round trip, from each place to the next."""
+    """Select legs to the nearest places and, so that there is a round trip, from each place to the next."""
     n = len(cost)
     rank = np.argsort(np.where(np.eye(n, dtype=bool), np.inf, cost), axis=1, kind="stable")
     near = np.zeros((n, n), dtype=bool)
@@ -83,7 +113,10 @@ def _near(cost: Array) -> Mask:
 
 
 def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, whole: bool) -> Ids:
-    """The cheapest legs (legs, 2), two at every place, no subtour in any of the parts; or parts of legs."""
+    """Choose the cheapest legs, (legs, 2), two per place, without a subtour in any of the parts.
+
+    Where whole is False, legs may be used in part: the linear relaxation.
+    """
     ends = np.zeros((n, len(legs)))
     ends[legs.T, np.arange(len(legs))] = 1
     inside = np.array([part[legs].all(axis=1) for part in parts], dtype=float).reshape(-1, len(legs))

@@ -1,4 +1,8 @@
-"""A measurement plan: from candidates to the poses that pay, with certificate, promise and order."""
+"""A measurement plan: from candidate poses to those that pay, with certificate, forecast and order.
+
+`make_plan` joins the parts of this room: relaxation, exchange, local refinement, order of measuring. The
+relaxed bound certifies how far the plan is from the best one over all poses examined.
+"""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -25,59 +29,66 @@ from testbench.design.rows import (
 from testbench.errors import Array, BenchError, Ids
 
 ASCENTS, CLIMBERS = 2, 60
-"""Rounds in which the poses that carry the bound are improved, and how many of them."""
+"""Rounds in which the poses with most relaxed weight are improved, and how many poses in a round."""
 DETOUR = 10.0
-"""What a leg that would collide adds to its travel [rad]: it is taken only where nothing else is left."""
+"""Surcharge on the travel of a leg that would collide [rad]: it is used only where no other is left."""
 
 
 @dataclass(frozen=True)
 class CandidateSet:
-    """Candidates: a pose and a load each."""
+    """Hold the candidates of a plan, one pose and one load each, and what their readings tell."""
 
-    q: Array  #: Joint angles, (candidates, n) [rad, m].
+    q: Array  #: Actuated joints, (candidates, n) [rad, m].
     load: Ids  #: Index into the specification's loads, (candidates,).
-    problem: Problem  #: What they tell.
+    problem: Problem  #: Their whitened rows, and the prior.
 
 
 @dataclass(frozen=True, kw_only=True)
 class Chosen:
-    """Poses to measure, in the order of measuring."""
+    """Hold the chosen poses in the order of measuring, with the certificate of the choice."""
 
-    criterion: Criterion  #: What was asked for.
-    q: Array  #: Joint angles, (poses, n) [rad, m].
+    criterion: Criterion  #: Information function Phi that the plan maximises.
+    q: Array  #: Actuated joints, (poses, n) [rad, m].
     load: Ids  #: Index into the specification's loads, (poses,).
     #: Whether the arm can go straight to each pose from the one before, (poses - 1,).
     clear: tuple[bool, ...]
     examined: CandidateSet  #: All candidates examined, those of the plan among them.
-    chosen: Ids  #: Which of them the plan is, (poses,).
+    chosen: Ids  #: Indices of the plan's poses among the examined, (poses,).
     value: float  #: Phi of the plan.
-    #: The relaxed optimum over all examined: its bound is that of all plans of as many poses.
+    #: Relaxed optimum over all examined poses: its bound holds for all plans of as many poses.
     relaxed: Relaxed
 
     @property
     def efficiency(self) -> float:
-        """At least this share of the best Phi that as many of the examined poses reach [1]."""
+        """Return a lower bound on Phi(plan) / Phi(best plan of as many of the examined poses) [1]."""
         return self.value / self.relaxed.bound
 
     @property
     def information(self) -> Array:
-        """Information matrix M, prior included, (r, r)."""
+        """Compute the plan's information matrix M, prior included, (r, r)."""
         return information(self.examined.problem, self.chosen)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan(Chosen):
-    """Poses under loads that are hung and taken off, and what they are for."""
+    """Hold the poses to measure under loads that are hung and taken off, and the specification they serve."""
 
-    specification: Specification  #: What it is for.
+    specification: Specification  #: Specification that the plan serves.
 
 
 def candidate_set(spec: Specification, q: Array) -> CandidateSet:
-    """Every pose (poses, n) [rad, m] under every load.
+    """Make every pose under every load a candidate.
+
+    Args:
+        spec: Loads, prior and number of poses of the plan.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        The candidates, poses times loads, all poses under the first load first.
 
     Raises:
-        BenchError: When no load moves a target, or without a prior there are fewer poses than directions to
-            see: says what is lost.
+        BenchError: When no load moves a target; or when without a prior the plan has too few poses for all
+            directions that the loads can show: the message counts the directions that would be lost.
     """
     load = np.repeat(np.arange(len(spec.loads)), len(q))
     every = np.tile(q, (len(spec.loads), 1))
@@ -93,14 +104,21 @@ def candidate_set(spec: Specification, q: Array) -> CandidateSet:
 
 
 def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.random.Generator) -> Plan:
-    """The best plan by one of `CRITERIA`, certified against all poses examined.
+    """Find the best plan by one of `CRITERIA`, certified against all poses examined.
 
     Args:
-        spec: What the plan is for.
-        name: One of CRITERIA; BenchError for any other, and for too few poses without a prior.
+        spec: Specification of the plan.
+        name: One of `CRITERIA`.
         q: Feasible poses, (candidates, n) [rad, m].
-        reach: Which poses near the candidates are feasible, and which ways between them are clear.
+        reach: Tells which poses near the candidates are feasible, and which ways between them are clear.
         rng: Source of starts and steps.
+
+    Returns:
+        The plan in the order of measuring.
+
+    Raises:
+        BenchError: When the criterion is unknown, no load moves a target, or there are too few poses without
+            a prior.
     """
     check_criterion(name)
     examined = candidate_set(spec, q)
@@ -111,11 +129,22 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.ra
 
 
 def choose(search: Search, criterion: Criterion, examined: CandidateSet) -> Chosen:
-    """The best poses by a criterion, certified against all poses examined."""
+    """Find the best poses by a criterion, certified against all poses examined.
+
+    Args:
+        search: Measurement, number of poses, limits and feasibility.
+        criterion: Information function.
+        examined: Candidates to begin with.
+
+    Returns:
+        The plan; its examined poses include those found on the way.
+    """
+    # relaxed optimum; its heaviest poses, improved locally, join the candidates
     relaxed = relax(examined.problem, criterion, search.poses)
     for _ in range(ASCENTS):
         examined = _climb(search, examined, relaxed)
         relaxed = relax(examined.problem, criterion, search.poses, relaxed)
+    # whole poses by exchange, then a local search in their joint angles
     chosen = select(examined.problem, criterion, search.poses, relaxed, search.rng)
     load = examined.load[chosen]
 
@@ -123,6 +152,7 @@ def choose(search: Search, criterion: Criterion, examined: CandidateSet) -> Chos
         return times(search.measured(trial, load[places]), examined.problem.lift)
 
     q = refine(examined.q[chosen], examined.problem.prior, criterion, rows, search)
+    # the order of measuring, and the bound over all poses examined, those of the plan among them
     order = _order(q, load, search.reach)
     found = _add(search, examined, q[order], load[order])
     chosen = np.arange(len(found.q) - search.poses, len(found.q))
@@ -131,7 +161,16 @@ def choose(search: Search, criterion: Criterion, examined: CandidateSet) -> Chos
 
 
 def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet) -> Chosen:
-    """Each pose the best next one of those examined: quick for many unknowns, its bound is loose."""
+    """Choose each pose as the best next one of those examined: fast for many unknowns, with a loose bound.
+
+    Args:
+        search: Number of poses and feasibility of ways.
+        criterion: Information function.
+        examined: Candidates.
+
+    Returns:
+        The plan in the order of measuring, with the bound of the tangent at the plan itself.
+    """
     problem, poses = examined.problem, search.poses
     chosen = greedy(problem, criterion, problem.rows, poses)
     chosen = chosen[_order(examined.q[chosen], examined.load[chosen], search.reach)]
@@ -144,7 +183,7 @@ def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet
 def _measured(
     search: Search, criterion: Criterion, examined: CandidateSet, chosen: Ids, relaxed: Relaxed
 ) -> Chosen:
-    """Some of the poses examined, in the order of measuring."""
+    """Assemble a plan from some of the poses examined, which are in the order of measuring."""
     q = examined.q[chosen]
     return Chosen(
         criterion=criterion,
@@ -159,7 +198,7 @@ def _measured(
 
 
 def _climb(search: Search, examined: CandidateSet, relaxed: Relaxed) -> CandidateSet:
-    """The poses that carry the relaxed optimum, improved, as further candidates."""
+    """Improve the poses that carry most weight of the relaxed optimum, and add them as candidates."""
     top = relaxed.support[np.argsort(-relaxed.weights, kind="stable")[:CLIMBERS]]
     load = examined.load[top]
 
@@ -171,14 +210,14 @@ def _climb(search: Search, examined: CandidateSet, relaxed: Relaxed) -> Candidat
 
 
 def _add(search: Search, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
-    """More candidates; what only they show is left out."""
+    """Add candidates; directions that only they show are left out."""
     rows = search.measured(q, load) @ examined.problem.lift
     problem = replace(examined.problem, rows=np.concatenate([examined.problem.rows, rows]))
     return CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], problem)
 
 
 def _order(q: Array, load: Ids, reach: Reach) -> Ids:
-    """Order of measuring: one load after the other, each on the shortest way through its poses."""
+    """Order the poses: one load after the other, each on the shortest way through its poses, (poses,)."""
     found: list[int] = []
     for kind in np.unique(load):
         own = q[load == kind]
@@ -191,5 +230,13 @@ def _order(q: Array, load: Ids, reach: Reach) -> Ids:
 
 
 def promise(plan: Chosen, rows: Array) -> Forecast:
-    """Errors to expect after the plan was measured and identified, of predictions such as `task_rows`."""
+    """Forecast the errors of predictions after the plan was measured and the model identified.
+
+    Args:
+        plan: A chosen plan.
+        rows: Predictions per unit of x, such as `task_rows`, (poses, 3 m, n) [m].
+
+    Returns:
+        The forecast of the linear model.
+    """
     return forecast(plan.examined.problem, plan.information, rows)

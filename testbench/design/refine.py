@@ -1,8 +1,8 @@
-"""From the best candidates to better angles: a local search in the joint angles, pose after pose.
+"""Local refinement of a plan: from the best candidates to better joint angles, pose after pose.
 
-A random search with a shrinking step (an evolution strategy with one parent): many neighbours of a pose are
-judged at once by updates of the information matrix, and only those that would help are asked whether they
-are feasible.
+It is a random search with a shrinking step, an evolution strategy with one parent. Many neighbours of a pose
+are judged at once by updates of the information matrix. Only those that would help are checked for
+feasibility.
 """
 
 from collections.abc import Callable
@@ -16,24 +16,28 @@ from testbench.design.rows import behind, total
 from testbench.errors import Array, Ids, Mask
 from testbench.session import stepwise
 
-NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time.
-FEWER = 16  #: The same where many poses climb at once.
-ROUNDS, ASCENT = 22, 14  #: Rounds for a plan, and where many poses climb at once.
+NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time by `refine`.
+FEWER = 16  #: Neighbours of a pose that are judged at a time by `ascend`, where many poses climb at once.
+ROUNDS, ASCENT = 22, 14  #: Rounds of `refine` and of `ascend`.
 STEP, SHRINK = 0.25, 0.7
 """First standard deviation of a joint's step [rad], and its factor after a round without gain."""
-TRIES = 8  #: Neighbours, the best first, that are asked for feasibility in a round.
-BETTER = 1e-6  #: Relative gain below which a step does not count.
+TRIES = 8  #: Neighbours, the best first, whose feasibility is checked in a round.
+BETTER = 1e-6  #: Relative gain below which a step does not count [1].
 
-TOGETHER = 32  #: Poses of the plan whose neighbours' rows are found together.
+TOGETHER = 32  #: Poses of the plan whose neighbours' rows are computed together.
 
 Rows = Callable[[Array, Ids], Array]
-"""Whitened rows (poses, k, r) of angles (poses, n), each measured as the pose in its place of the plan is."""
+"""Function of joints (poses, n) [rad, m] and places in the plan (poses,) to whitened rows (poses, k, r).
+
+Each pose is measured as the pose in its place of the plan is, such as under the same load.
+"""
 Feasible = Callable[[Array], Mask]
+"""Function of joints (poses, n) [rad, m] to whether each pose is feasible, (poses,)."""
 
 
 @dataclass(frozen=True)
 class Reach:
-    """Where the arm can go."""
+    """Tell where the arm can go: which poses are feasible, and which ways between two poses are clear."""
 
     feasible: Feasible  #: Which poses (poses, n) [rad, m] the arm can take and the tracker can see.
     #: Whether the arm can go straight from one pose (n,) to another [rad].
@@ -42,36 +46,54 @@ class Reach:
 
 @dataclass(frozen=True)
 class Search:
-    """How poses are looked for, whatever they are measured for."""
+    """Describe how poses are searched for, whatever they are measured for."""
 
-    measured: Rows  #: What a pose tells per unit of x, each under its own load (poses,).
-    poses: int  #: How many may be measured.
-    limits: Array  #: Lower and upper joint limits, (2, n joints) [rad, m].
+    measured: Rows  #: Whitened rows of poses per unit of x, each under its own load, whose index is given.
+    poses: int  #: Number of poses to measure.
+    limits: Array  #: Lower and upper joint limits, (2, n) [rad, m].
     reach: Reach  #: Which poses near the candidates are feasible, and which ways between them are clear.
     rng: np.random.Generator  #: Source of starts and steps.
-    #: Poses (..., n) with joints that follow others where these bring them [rad, m].
+    #: Function that moves dependent joints of poses, (..., n) [rad, m], to where the others bring them.
     followed: Callable[[Array], Array] = lambda q: q
 
     def around(self, q: Array, step: Array) -> Array:
-        """Poses drawn around q within the limits; q and step broadcast to the shape of the draw."""
+        """Draw poses around others within the joint limits, with normal steps.
+
+        Args:
+            q: Actuated joints, (..., n) [rad, m].
+            step: Standard deviation of the step; broadcasts with q to the shape of the draw [rad, m].
+
+        Returns:
+            Poses, (..., n) [rad, m].
+        """
         shape = np.broadcast_shapes(q.shape, step.shape)
         return self.followed(np.clip(q + step * self.rng.standard_normal(shape), *self.limits))
 
 
 def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Search) -> Array:
-    """Better joint angles for every pose of a plan (poses, n) [rad, m], none of them worse.
+    """Improve the joint angles of every pose of a plan; no step makes the criterion worse.
 
-    The prior is the information before any reading, (r, r); rows are what a pose tells.
+    Args:
+        q: Poses of the plan, (poses, n) [rad, m].
+        prior: Information before any reading, (r, r).
+        criterion: Information function.
+        rows: Function that gives whitened rows of poses, each measured as the pose in its place of the plan.
+        search: Limits, feasibility and source of the steps.
+
+    Returns:
+        Improved poses, (poses, n) [rad, m].
     """
     q, step, own = q.copy(), np.full(len(q), STEP), rows(q, np.arange(len(q)))
     M = total(prior, own)
     for _ in stepwise(range(ROUNDS), "refining poses"):
         before, after = prior, behind(own)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // TOGETHER)):
+            # neighbours of some poses at once, (places, NEIGHBOURS, n), and what they would tell
             trials = search.around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
             seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, NEIGHBOURS))
             for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
                 rest = before + after[k + 1]
+                # the best feasible neighbour that helps replaces the pose; without one its step shrinks
                 better = _better(criterion, M, own[k], tells, rest)
                 allowed = better[search.reach.feasible(trial[better])] if len(better) else better
                 if len(allowed):
@@ -84,10 +106,19 @@ def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Sea
 
 
 def _better(criterion: Criterion, M: Array, own: Array, rows: Array, rest: Array) -> Ids:
-    """Which of some rows (trials, k, r) make Phi larger than that of M, the best first, `TRIES` at most.
+    """Find the trials that increase Phi in the place of a pose, the best first, at most `TRIES`.
 
-    In the place of M's own rows (k, r); the rest is the information without them, (r, r). Only those are
-    tried that a tangent leaves hope: Phi(M') is no more than <Z, M'>.
+    Only trials are computed that a tangent leaves hope: Phi(M') is no more than <Z, M'>.
+
+    Args:
+        criterion: Information function.
+        M: Information of the plan, (r, r).
+        own: Rows of the pose that would be replaced, (k, r).
+        rows: Rows of the trials, (trials, k, r).
+        rest: Information of the plan without that pose, (r, r).
+
+    Returns:
+        Indices of trials, (found,).
     """
     floor, Z = (1 + BETTER) * criterion.information(M), criterion.tangent(M).Z
     without = (Z * M).sum() - sensitivity(own[None], Z)
@@ -100,10 +131,22 @@ def _better(criterion: Criterion, M: Array, own: Array, rows: Array, rest: Array
 
 
 def ascend(q: Array, usefulness: Callable[[Array], Array], search: Search) -> Array:
-    """Poses (poses, n) [rad, m] more useful than their starts q, by a measure that asks one pose alone."""
+    """Improve poses by a measure that judges each pose alone.
+
+    Args:
+        q: Poses to start from, (poses, n) [rad, m].
+        usefulness: Function of poses, (count, n) with a multiple of (poses,) rows, to their usefulness,
+            (count,).
+        search: Limits, feasibility and source of the steps.
+
+    Returns:
+        Poses at least as useful as their starts, (poses, n) [rad, m].
+    """
     q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
     for _ in range(ASCENT):
         trial = search.around(q, np.tile(step[:, None], (FEWER, 1, 1)))
+        # every pose is replaced by its most useful neighbour if that is better and feasible; else its step
+        # shrinks
         reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(FEWER, -1)
         best = reached.argmax(axis=0)
         trial, reached = trial[best, np.arange(len(q))], reached.max(axis=0)

@@ -1,4 +1,8 @@
-"""What a plan is for, and what a reading in a pose tells of the unknowns before it is taken."""
+"""Specification of a plan, and whitened rows: what a reading in a pose tells before it is taken.
+
+Rows are the observation matrix of Eq. (12) over the noise of a deflection, per unit x of the prior's metric,
+pi = L x. `build_problem` restricts them to the directions that the candidates can show.
+"""
 
 import math
 from collections.abc import Sequence
@@ -16,110 +20,164 @@ from testbench.model.load import Load
 from testbench.model.vjm import Vjm, skew
 
 SCALE_UNCERTAINTY = 10.0
-"""Relative uncertainty of the scale common to all compliances [1]: left to the data, but finite."""
+"""Relative uncertainty of the scale common to all compliances [1]: finite, but so large that data decide."""
 RIDGE = 1e-13
-"""Information without a prior, over the mean of the candidates: only keeps the first poses invertible.
+"""Information in every direction without a prior, over the candidates' mean [1]: keeps M invertible.
 
-The weakest direction that MGCO56 shows under gravity has 2e-11 of the strongest one's information.
+It is small enough: the weakest direction that MGCO56 shows under gravity has 2e-11 of the strongest one's
+information.
 """
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """How every pose is measured."""
+    """Describe how every pose is measured: model, unknowns in the prior's metric, targets and noise."""
 
-    vjm: Vjm  #: The model.
-    metric: Metric  #: The unknowns in units of what a prior expects.
+    vjm: Vjm  #: Kinematics of the arm.
+    metric: Metric  #: Unknowns in units x of what the prior expects, pi = L x.
     targets: Array  #: Points that the tracker reads, in the tool's frame, (m, 3) [m].
     sigma: float  #: Standard deviation of one reading along one axis [m].
 
 
 @dataclass(frozen=True)
 class Tasks:
-    """Where the robot works, and under which load."""
+    """Describe where the robot works and under which load; predictions are wanted there."""
 
     q: Array  #: Actuated joints, (tasks, n) [rad, m].
-    load: Load  #: In each of them; a wrench of the process or a hung weight.
+    load: Load  #: Load in each of them: a wrench of the process or a hung weight.
 
 
 @dataclass(frozen=True)
 class Specification:
-    """What a plan is for."""
+    """Specify a plan: the measurement, possible loads, tasks, workspace, prior and number of poses."""
 
     experiment: Experiment  #: How poses are measured.
-    loads: tuple[Load, ...]  #: What may be hung; a plan chooses for every pose.
+    loads: tuple[Load, ...]  #: Possible loads; a plan chooses one for every pose.
     tasks: Tasks  #: Where predictions are wanted.
     #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
     workspace: Array
     #: Relative uncertainty of the prior [1]; None to plan for an identification without one.
     uncertainty: float | None
-    poses: int  #: How many may be measured.
+    poses: int  #: Number of poses to measure.
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Candidates to choose from, in the coordinates that their loads can show.
+    """Hold candidates in the coordinates a that their loads can show.
 
-    The unknowns are x = expected + lift a + what no candidate shows; a has the prior's information.
+    The unknowns are x = expected + lift a + a part that no candidate shows. The prior's information on a is
+    `prior`.
     """
 
     rows: Array  #: Readings per unit of a over their standard deviation, (candidates, k, r) [1].
     prior: Array  #: Information on a before any reading, (r, r).
     lift: Array  #: x per unit of a, (n, r).
-    #: Covariance of x that stays whatever is measured, (n, n); infinite entries are left at zero.
+    #: Covariance of x that stays whatever is measured, (n, n) [1]; zero without a prior, see `unseen`.
     hidden: Array
-    #: Directions of x that no candidate shows and no prior bounds, (n, n - r); (n, 0) with a prior.
+    #: Directions of x that no candidate shows and no prior bounds, (n, n - r); none with a prior, (n, 0).
     unseen: Array
 
     @property
     def r(self) -> int:
-        """Number of directions that the candidates can show."""
+        """Return the number of directions that the candidates can show."""
         return int(self.prior.shape[0])
 
 
 def reading_rows(experiment: Experiment, q: Array, load: Load) -> Array:
-    """Whitened rows of a loaded and an unloaded reading of all targets in every pose.
+    """Compute whitened rows of one loaded and one unloaded reading of all targets in every pose, Eq. (12).
 
-    In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist; the
-    triangular factor of that matrix leaves at most six rows a pose, Eq. (12): (poses, k, n) [1].
+    In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist. The
+    triangular factor of that matrix leaves at most six rows per pose.
+
+    Args:
+        experiment: How every pose is measured.
+        q: Actuated joints, (poses, n_joints) [rad, m].
+        load: Load, the same in all poses or with one row per pose.
+
+    Returns:
+        Rows over sqrt(2) sigma per unit of x, (poses, k, n) with k at most 6 [1].
+
+    Raises:
+        BenchError: When the load has rows for another number of poses.
     """
     G: Array = np.asarray(np.linalg.qr(marker_motion(experiment.targets), mode="r"))
     return _rows(experiment, q, load, G / (math.sqrt(2) * experiment.sigma))
 
 
 def deflection_rows(experiment: Experiment, q: Array, load: Load) -> Array:
-    """Deflections of the targets per unit of x, in the tool's axes, (poses, 3 m, n) [m]."""
+    """Compute deflections of the targets per unit of x, in the tool's axes.
+
+    Args:
+        experiment: Model, metric and targets.
+        q: Actuated joints, (poses, n_joints) [rad, m].
+        load: Load, the same in all poses or with one row per pose.
+
+    Returns:
+        Rows, three per target, (poses, 3 m, n) [m].
+
+    Raises:
+        BenchError: When the load has rows for another number of poses.
+    """
     return _rows(experiment, q, load, marker_motion(experiment.targets))
 
 
 def task_rows(spec: Specification) -> Array:
-    """Deflections in the tasks per unit of x, (tasks, 3 m, n) [m]."""
+    """Compute deflections at the tasks per unit of x, (tasks, 3 m, n) [m]."""
     return deflection_rows(spec.experiment, spec.tasks.q, spec.tasks.load)
 
 
 def workspace_rows(spec: Specification) -> Array:
-    """The same over the workspace under the first load, (poses, 3 m, n) [m]."""
+    """Compute deflections over the workspace under the first load per unit of x, (poses, 3 m, n) [m]."""
     return deflection_rows(spec.experiment, spec.workspace, spec.loads[0])
 
 
 def loads_of(spec: Specification, load: Ids) -> Load:
-    """The load of every pose, from its index into the specification's loads, (poses,)."""
+    """Collect the load of every pose from its index.
+
+    Args:
+        spec: Specification with its loads.
+        load: Index into the specification's loads, (poses,).
+
+    Returns:
+        One load with a row per pose.
+    """
     wrench, point = (np.stack([getattr(each, part) for each in spec.loads]) for part in ("wrench", "point"))
     return Load(wrench[load], point[load])
 
 
 def measured_rows(spec: Specification, q: Array, load: Ids) -> Array:
-    """Whitened rows of poses (poses, n) [rad, m], each under its own load (poses,), (poses, k, n) [1]."""
+    """Compute whitened rows of poses, each under its own load.
+
+    Args:
+        spec: Specification with its loads.
+        q: Actuated joints, (poses, n_joints) [rad, m].
+        load: Index into the specification's loads, (poses,).
+
+    Returns:
+        Rows per unit of x, (poses, k, n) [1].
+    """
     return reading_rows(spec.experiment, q, loads_of(spec, load))
 
 
 def problem_of(spec: Specification, q: Array, load: Ids) -> Problem:
-    """Poses (poses, n) [rad, m] as candidates, each under its own load (poses,)."""
+    """Make poses candidates, each under its own load.
+
+    Args:
+        spec: Specification with its loads and prior.
+        q: Actuated joints, (poses, n_joints) [rad, m].
+        load: Index into the specification's loads, (poses,).
+
+    Returns:
+        The candidates in the coordinates that they can show.
+
+    Raises:
+        BenchError: When no candidate moves a target.
+    """
     return build_problem(spec.experiment, measured_rows(spec, q, load), spec.uncertainty)
 
 
 def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
-    """Of the tool's twist, motion (k, 6), per unit of x: in its own axes, (poses, k, n)."""
+    """Compute motion (k, 6) times the tool's twist per unit of x, in the tool's own axes, (poses, k, n)."""
     told, metric = straight(experiment.vjm, q, [load.over(len(q))]), experiment.metric
     unknowns = compliances(experiment.vjm, metric.structure)
     A = jacobian(unknowns, told, np.zeros((1, 3)), turned=True)[:, :, :-1]
@@ -128,22 +186,47 @@ def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
 
 
 def marker_motion(points: Array) -> Array:
-    """How markers at (m, 3) [m] move per unit twist of the tool, all in the tool's frame, (3 m, 6) [1, m]."""
+    """Compute how points of a rigid tool move per unit twist of the tool, all in the tool's frame.
+
+    Args:
+        points: Points in the tool's frame, (m, 3) [m].
+
+    Returns:
+        Matrix G with motion = G @ twist, (3 m, 6) [1, m].
+    """
     turns = np.array([skew(point).T for point in points])
     return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)
 
 
 def times(rows: Array, X: Array) -> Array:
-    """Rows (poses, k, n) times (n, r), as one product: one a pose takes two to three times as long."""
+    """Multiply rows by a matrix as one product: one product per pose takes two to three times as long.
+
+    Args:
+        rows: Rows, (poses, k, n).
+        X: Matrix, (n, r).
+
+    Returns:
+        rows @ X, (poses, k, r).
+    """
     return np.asarray((rows.reshape(-1, len(X)) @ X).reshape(*rows.shape[:2], -1))
 
 
 def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None) -> Problem:
-    """Candidates, whitened rows (candidates, k, n), in the coordinates that they can show.
+    """Restrict candidates to the directions that they can show, and project the prior on these.
 
-    The prior's uncertainty is relative [1], None for no prior. BenchError where no candidate moves a target.
+    Args:
+        experiment: Metric of the prior.
+        rows: Whitened rows per unit of x, (candidates, k, n) [1].
+        uncertainty: Relative uncertainty of the prior [1]; None for no prior.
+
+    Returns:
+        The candidates in coordinates a, (candidates, k, r).
+
+    Raises:
+        BenchError: When no candidate moves a target.
     """
     n = rows.shape[-1]
+    # directions of x that the candidates show, and the rest
     R: Array = np.asarray(np.linalg.qr(rows.reshape(-1, n), mode="r"))
     _, s, Vt = np.linalg.svd(R)
     if not s[0] > 0:
@@ -155,6 +238,7 @@ def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None
         return Problem(times(rows, seen), ridge, seen, np.zeros((n, n)), rest)
     B, _ = precision_root(experiment.metric, Strength(uncertainty, SCALE_UNCERTAINTY))
     M = B.T @ B
+    # the rest follows the seen part in the prior's mean; its Schur complement is the prior on the seen part
     covariance = np.linalg.inv(rest.T @ M @ rest)
     follow = covariance @ (rest.T @ M @ seen)
     prior = seen.T @ M @ seen - (seen.T @ M @ rest) @ follow
@@ -163,15 +247,29 @@ def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None
 
 
 def information(problem: Problem, chosen: Sequence[int] | Ids) -> Array:
-    """Information matrix M of a plan, prior included, (r, r); a candidate may be chosen several times."""
+    """Compute the information matrix of a plan, M = prior + sum F^T F.
+
+    Args:
+        problem: Candidates.
+        chosen: Indices of candidates, (poses,); one may be chosen several times.
+
+    Returns:
+        M, prior included, (r, r).
+    """
     return total(problem.prior, problem.rows[np.asarray(chosen, dtype=int)])
 
 
 def behind(rows: Array) -> Array:
-    """What the poses from each one on tell, and from none, rows (poses, k, r) to (poses + 1, r, r).
+    """Compute the information of the poses from each one on, without the prior: suffix sums of F^T F.
 
-    With what those before tell, information without one pose after the other is a sum: a difference would
+    The information without one pose is the sum of what those before and those behind tell. A difference would
     lose the digits of what that pose alone tells.
+
+    Args:
+        rows: Whitened rows F of a plan, (poses, k, r).
+
+    Returns:
+        Suffix sums, the last one zero, (poses + 1, r, r).
     """
     r = rows.shape[2]
     found = np.zeros((len(rows) + 1, r, r))
@@ -181,6 +279,14 @@ def behind(rows: Array) -> Array:
 
 
 def total(prior: Array, rows: Array) -> Array:
-    """Information after rows (poses, k, r) were read, prior included, (r, r)."""
+    """Compute the information after some rows were read, prior + sum F^T F.
+
+    Args:
+        prior: Information before, (r, r).
+        rows: Whitened rows F, (poses, k, r).
+
+    Returns:
+        M, (r, r).
+    """
     A = rows.reshape(-1, prior.shape[0])
     return np.asarray(prior + A.T @ A)

@@ -1,8 +1,8 @@
-"""What a plan promises on an arm of which every link and joint gives, as most models leave some of them out.
+"""Forecast of a plan on an arm of which every link and joint is elastic, where the model leaves some out.
 
-The arm's unknowns are x ~ N(e, u^2 1) in the metric of the prior that it is drawn from; its readings are
-y = A x + noise, whitened. A model's fit is affine in them, x_m = K y + k, and so is its error at the tasks,
-T x - T_m x_m = D x - T_m (K noise + k) with D = T - T_m K A: normal, its mean and covariance known.
+The arm's unknowns are x ~ N(e, u^2 1) in the metric of the prior from which it is drawn. Its whitened
+readings are y = A x + noise. A model's fit is affine in them, x_m = K y + k. So its error at the tasks is T x
+- T_m x_m = D x - T_m (K noise + k) with D = T - T_m K A: normal, with known mean and covariance.
 """
 
 from dataclasses import dataclass
@@ -28,25 +28,28 @@ from testbench.model.load import Load
 
 @dataclass(frozen=True)
 class Fitted:
-    """A model, fitted to what a plan reads of an arm that has more unknowns."""
+    """Hold the affine fit of a model to what a plan reads of an arm that has more unknowns, x_m = K y + k."""
 
     whole: Experiment  #: The measurement with every unknown of the arm.
-    uncertainty: float  #: Of the arm's compliances around its metric's expectation, relative [1].
-    model: Experiment  #: The measurement with the model's unknowns.
-    scatter: Array  #: K of the fit x_m = K y + k, or no more than n columns with the same K K^T, (n, ...).
-    k: Array  #: (n,).
-    gain: Array  #: K A: what is found of each of the arm's unknowns, (n, all).
+    uncertainty: float  #: Relative uncertainty u of the arm's compliances around their expectation [1].
+    model: Experiment  #: The measurement with the model's unknowns, n of them.
+    scatter: Array  #: K of the fit, or a matrix of at most n columns with the same K K^T, (n, columns) [1].
+    k: Array  #: Constant k of the fit, (n,) [1].
+    gain: Array  #: K A, response of the fit to each of the arm's unknowns, (n, unknowns of the arm) [1].
 
 
 def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array, load: Ids) -> Fitted:
-    """A specification's model, with its prior or without, after a plan was measured on the whole arm.
+    """Fit a specification's model, with or without its prior, to a plan that is measured on the whole arm.
 
     Args:
         whole: The same measurement with every unknown of the arm.
-        uncertainty: Of the arm's compliances around its metric's expectation, relative [1].
-        spec: The model.
-        q: Poses measured, (poses, n) [rad, m].
-        load: Which of the loads hangs in each, (poses,).
+        uncertainty: Relative uncertainty of the arm's compliances around their expectation [1].
+        spec: Specification with the model's unknowns and its prior.
+        q: Poses measured, (poses, n_joints) [rad, m].
+        load: Index of the load in each pose, (poses,).
+
+    Returns:
+        The fit x_m = K y + k.
     """
     A = _flat(reading_rows(whole, q, loads_of(spec, load)))
     K, k = _fit(spec, _flat(measured_rows(spec, q, load)))
@@ -54,17 +57,36 @@ def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array,
 
 
 def promise_on(fit: Fitted, q: Array, load: Load) -> Forecast:
-    """Errors to expect of the fit's predictions in poses, (poses, n) [rad, m], under a load."""
+    """Forecast the errors of the fit's predictions, with intervals.
+
+    Args:
+        fit: The fit.
+        q: Poses of the predictions, (poses, n_joints) [rad, m].
+        load: Load there, the same in all poses or with one row per pose.
+
+    Returns:
+        RMS distances with their intervals.
+    """
     return forecast_of(*_error(fit, q, load))
 
 
 def error_on(fit: Fitted, q: Array, load: Load) -> Array:
-    """The same without intervals, which take most of the time, (poses,) [m]."""
+    """Compute the RMS errors of the fit's predictions without intervals, which take most of the time.
+
+    Args:
+        fit: The fit.
+        q: Poses of the predictions, (poses, n_joints) [rad, m].
+        load: Load there, the same in all poses or with one row per pose.
+
+    Returns:
+        RMS distance of a target, (poses,) [m].
+    """
     return np.sqrt(mean_square_of(*_error(fit, q, load)))
 
 
 def _error(fit: Fitted, q: Array, load: Load) -> tuple[Array, Array]:
-    """Bias and spread of the predictions, see `forecast_of`."""
+    """Compute bias and spread of the predictions, as `forecast_of` takes them."""
+    # D = T - T_m K A acts on the arm's unknowns, T_m K on the noise
     T, own = (deflection_rows(experiment, q, load) for experiment in (fit.whole, fit.model))
     D = T - own @ fit.gain
     bias = D @ fit.whole.metric.expected - own @ fit.k
@@ -72,7 +94,7 @@ def _error(fit: Fitted, q: Array, load: Load) -> tuple[Array, Array]:
 
 
 def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
-    """K and k of a fit x = K y + k from whitened rows (readings, n)."""
+    """Compute K and k of a fit x = K y + k from whitened rows, (readings, n)."""
     own = spec.experiment.metric
     if spec.uncertainty is None:
         return np.asarray(np.linalg.pinv(A, rcond=RANK_TOLERANCE)), np.zeros(len(own.expected))
@@ -82,7 +104,7 @@ def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
 
 
 def _narrow(K: Array) -> Array:
-    """A matrix with the same K K^T and no more columns than rows: noise of many readings is drawn as fast."""
+    """Return a matrix with the same K K^T and no more columns than rows, so that noise is drawn as fast."""
     return K if K.shape[1] <= K.shape[0] else np.asarray(np.linalg.qr(K.T, mode="r")).T
 
 

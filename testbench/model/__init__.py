@@ -1,9 +1,13 @@
-"""The virtual joint model: kinematics, structure of the unknowns, loaded stiffness, poses.
+"""The virtual joint method (VJM): kinematics, model structures, loaded stiffness, joint laws, poses.
 
-Arguments are the same everywhere: q are actuated joints, (runs, n) [rad, m]; wrench is force and moment in
-world axes, (runs, 6) [N, N m]; point is where it acts, in the tool's frame, (runs, 3) [m];
-targets are points that are read, in the tool's frame, (m, 3) [m]. theta are virtual joints, (runs, n_theta)
-[m, rad]; C_theta is their compliance, may be singular, (n_theta, n_theta) [m/N, rad/(N m)]; K_w is the force
-term of Eq. (7), (runs, n_theta, n_theta) [N/m, N, N m]. What has another shape or is not finite is a
-`BenchError`.
+This room turns an arm into the linear model dX = A(q, w) pi of Eq. (11) and (12), and into the loaded
+equilibrium behind Eq. (7). `identify`, `design` and `correct` build on it; it shares no code with the
+simulated truth.
+
+Arguments are the same everywhere. q: actuated joints, (runs, n) [rad, m]. wrench: force and moment in world
+axes, (runs, 6) [N, N m]. point: where the wrench acts, in the tool's frame, (runs, 3) [m]. targets: points
+that the tracker reads, in the tool's frame, (m, 3) [m]. theta: virtual joint coordinates, (runs, n_theta) [m,
+rad]. C_theta: compliance of the virtual joints, which may be singular, (n_theta, n_theta) [m/N, rad/N, rad/(N
+m)]. K_w: force term of Eq. (7), (runs, n_theta, n_theta) [N/m, N, N m]. An array of another shape, or with a
+number that is not finite, raises a `BenchError`.
 """

@@ -1,9 +1,9 @@
-"""The rigid arm as a kinematic tree of Pinocchio, built joint by joint from the poses in its MJCF.
+"""Kinematics of the rigid arm: joint placements and axes by Pinocchio, from the poses in the arm's MJCF.
 
-Pinocchio's own reader of MJCF (4.1.0) puts a root body without a joint at the world's origin, whatever pose
-the file gives it, and takes the axis of an axisangle as it stands, not as a direction. So it is given frames
-and joints only, each with the pose that is read here. MuJoCo reads the file itself: the two share no code.
-Its reader of URDF serves to read back what we write.
+`build_vjm` is where the model side begins: it turns an `Arm` into the `Vjm` that all later steps evaluate.
+Bodies are placed by our own reading of MJCF, because Pinocchio's reader (4.1.0) moves a root body without a
+joint to the world's origin and does not normalise the axis of an axisangle. MuJoCo reads the same file by
+itself, so truth and model share no code. Pinocchio's reader of URDF checks the URDF files that we write.
 """
 
 import xml.etree.ElementTree as ET
@@ -21,15 +21,21 @@ from testbench.errors import Array, InputError
 from testbench.model.vjm import Vjm
 
 ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
-PLACED = ("origin", "parent", "child", "axis")  #: What places a joint of a URDF.
-LEAST = 1e-10  #: A direction shorter than this is none.
+PLACED = ("origin", "parent", "child", "axis")  #: Elements of a URDF's joint that place it.
+LEAST = 1e-10  #: Least length of a vector that gives a direction [unit of the vector].
 
 
 def build_vjm(arm: Arm) -> Vjm:
-    """The kinematics of an arm, by Pinocchio.
+    """Build the extended kinematic chain of an arm, Eq. (1): placements, axes, tool, load point and markers.
+
+    Args:
+        arm: Description of the arm; its rigid.xml is read.
+
+    Returns:
+        The kinematics at q = 0, without joint laws.
 
     Raises:
-        InputError: When a body of the MJCF has no pose that can be read.
+        InputError: When the MJCF cannot be read, or a body has no pose that can be read.
     """
     model = build_tree(arm)
     data, q0 = model.createData(), pin.neutral(model)
@@ -38,9 +44,11 @@ def build_vjm(arm: Arm) -> Vjm:
     def pose(body: str) -> pin.SE3:
         return data.oMf[model.getFrameId(body, pin.FrameType.BODY)]
 
+    # poses of all bodies at q = 0; load point and markers in the tool's frame
     bodies = [pose(link.name) for link in arm.links]
     tool = pose(arm.tool)
     local = [tool.actInv(pose(name).translation) for name in (arm.load, *arm.markers)]
+    # axis of every joint in its own body: the one column of its Jacobian
     jacobians = [pin.computeJointJacobian(model, data, q0, i + 1) for i in range(arm.n_joints)]
     motion = [J.reshape(6, -1)[:, i] for i, J in enumerate(jacobians)]  # of one joint a vector
     axes = [m[:3] if joint.prismatic else m[3:] for m, joint in zip(motion, arm.joints, strict=True)]
@@ -56,10 +64,16 @@ def build_vjm(arm: Arm) -> Vjm:
 
 
 def build_tree(arm: Arm) -> pin.Model:
-    """Pinocchio's model of an arm: its joints, and a frame in every link, tool, load point and marker.
+    """Build Pinocchio's model of the rigid arm: joints, and frames of links, tool, load point and markers.
+
+    Args:
+        arm: Description of the arm; its rigid.xml is read.
+
+    Returns:
+        The kinematic tree. It has no inertias and no limits.
 
     Raises:
-        InputError: When a body of the MJCF has no orientation that can be read.
+        InputError: When the MJCF cannot be read, or a body has no orientation that can be read.
     """
     root = read_mjcf(arm.rigid)
     unit, model = angle_unit(root), pin.Model()
@@ -71,11 +85,13 @@ def build_tree(arm: Arm) -> pin.Model:
     def add(name: str, joint: int, placement: pin.SE3) -> None:
         model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.BODY))
 
+    # pose of the base in the world, through all bodies above it
     base = find_body(arm.rigid, root, arm.links[0].name)
     placement, mount = pose(base), above[base]
     while mount.tag == "body":
         placement, mount = pose(mount) * placement, above[mount]
     add(arm.links[0].name, 0, placement)
+    # joints and links from the base on, each placed in the body before it
     last = 0
     for joint, link in zip(arm.joints, arm.links[1:], strict=True):
         body = find_body(arm.rigid, root, link.name)
@@ -85,6 +101,7 @@ def build_tree(arm: Arm) -> pin.Model:
         last = model.addJoint(last, kind(axis / np.linalg.norm(axis)), placement * pose(body), joint.name)
         placement = pin.SE3.Identity()
         add(link.name, last, placement)
+    # tool, load point and markers move with the last joint
     tool = placement * pose(find_body(arm.rigid, root, arm.tool))
     add(arm.tool, last, tool)
     for name in {arm.load: None, **dict.fromkeys(arm.markers)}:
@@ -93,17 +110,20 @@ def build_tree(arm: Arm) -> pin.Model:
 
 
 def urdf_poses(file: Path, text: str, joints: Sequence[str], link: str, q: Array) -> Array:
-    """Poses of a link in the first one, by Pinocchio's own reader of URDF, (poses, 4, 4) [m].
+    """Compute poses of a URDF's link in its root link, by Pinocchio's own reader of URDF.
 
     Args:
-        file: The URDF, for messages.
-        text: Its text; its links and joints are known to be a tree.
-        joints: Names of the joints that move; all others stand at zero.
-        link: The link.
-        q: Joints, (poses, n) [rad, m].
+        file: Path of the URDF, for messages.
+        text: Text of the URDF; its links and joints must form a tree.
+        joints: Names of the joints that move, n; all others are held at zero.
+        link: Name of the link.
+        q: Values of the joints that move, (poses, n) [rad, m].
+
+    Returns:
+        Homogeneous transforms, root link from link, (poses, 4, 4) [1, m].
 
     Raises:
-        InputError: When Pinocchio refuses it, or finds no such joint or link.
+        InputError: When Pinocchio refuses the text, or it has no such joint or link.
     """
     try:
         model = pin.buildModelFromXML(_bare(parse_xml(file, text), joints))
@@ -127,7 +147,7 @@ def urdf_poses(file: Path, text: str, joints: Sequence[str], link: str, q: Array
 
 
 def _bare(root: ET.Element, joints: Sequence[str]) -> str:
-    """A URDF's links and joints alone: shapes, masses and limits are no matter here, and may be wrong."""
+    """Keep the links and joints of a URDF alone: shapes, masses and limits may be wrong here."""
     bare = ET.Element("robot", name="bare")
     for link in root.findall("link"):
         ET.SubElement(bare, "link", name=link.get("name", ""))
@@ -141,15 +161,18 @@ def _bare(root: ET.Element, joints: Sequence[str]) -> str:
 
 
 def body_pose(arm: Arm, body: ET.Element, unit: float) -> Array:
-    """Pose of a body in its parent, (4, 4) [1, m].
+    """Read the pose of an MJCF body in its parent.
 
     Args:
-        arm: For messages.
-        body: The element.
-        unit: Radians in one unit of the file's angles.
+        arm: The arm, for messages.
+        body: The <body> element.
+        unit: Size of one unit of the file's angles [rad].
+
+    Returns:
+        Homogeneous transform, parent from body, (4, 4) [1, m].
 
     Raises:
-        InputError: When its orientation cannot be read.
+        InputError: When its position or orientation cannot be read.
     """
     pose = np.eye(4)
     pose[:3, :3] = _rotation(arm, body, unit)
@@ -159,12 +182,18 @@ def body_pose(arm: Arm, body: ET.Element, unit: float) -> Array:
 
 
 def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:
-    """Parent from body, (3, 3), of MJCF's five notations.
+    """Read the rotation parent from body of an MJCF element, in any of the five notations.
 
     Args:
-        arm: For messages.
-        body: The element.
-        unit: Radians in one unit of the file's angles.
+        arm: The arm, for messages.
+        body: The <body> element.
+        unit: Size of one unit of the file's angles [rad].
+
+    Returns:
+        Rotation matrix, (3, 3) [1]; the identity without an orientation.
+
+    Raises:
+        InputError: When there are two orientations, or one that is no direction.
     """
     named = [key for key in ORIENTATIONS if key in body.attrib]
     where = f"<body name={body.get('name')!r}>"
@@ -195,14 +224,14 @@ def _unit(vector: Array) -> Array:
 
 
 def _of_axes(x: Array, y: Array) -> Array:
-    """Of the new x axis and a vector in the half plane of the new y axis."""
+    """Build the rotation whose first column is x and whose second lies in the half plane of y, (3, 3)."""
     x = _unit(x)
     y = _unit(y - (x @ y) * x)
     return np.column_stack([x, y, np.cross(x, y)])
 
 
 def _of_z(z: Array) -> Array:
-    """The shortest turn that takes the z axis to a direction; about x where it is the opposite one."""
+    """Build the shortest rotation that takes the z axis to a direction; about x where that is -z."""
     across = np.cross([0.0, 0.0, 1.0], z)
     sine = float(np.linalg.norm(across))
     axis = np.array([1.0, 0.0, 0.0]) if sine < LEAST else across / sine

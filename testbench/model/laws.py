@@ -1,21 +1,26 @@
-"""What joints do beyond a linear spring: they stiffen, have play, and stick.
+"""Joint laws: what actuated joints do beyond a linear spring. They stiffen, have backlash, and stick.
 
-Each effect is one more virtual joint in series with the joint's own. How it turns with the torque before and
-under the load has a known shape; its size, at least zero, is an unknown like a compliance. So the model stays
-linear in all unknowns, and every matrix of it positive semi-definite. With x = c tau, c the joint's nominal
-compliance, the shapes are
+Each law is one more virtual joint in series with the joint's own spring. How it turns with the torque before
+and under the load has a known shape. Its size, at least zero, is an unknown like a compliance. So the model
+stays linear in all unknowns, and every block of C_theta stays positive semi-definite. `identify` learns the
+sizes, `correct` uses them.
 
-- stiffening: f(x_1) - x_1 less f(x_0) - x_0, with f + beta f^3 / phi^2 = x the turn of a spring that is
-  1 + beta times as stiff at the turn phi;
-- backlash: half its width, the side taken from the torque's sign where |x| is well above it;
-- friction: half the width of its loop, against the turn; no more than the turn itself. Of a load that was
-  put on in the pose and then taken off all of the width, as the joint that it left was held back too;
-- compensator, of joint 2 alone: what a strut takes off as the arm deflects, K s^2 / (1 + K s^2) of x_1 - x_0,
-  K its stiffness over the joint's at its longest lever, s its lever over that.
+With x = c tau, c the nominal compliance of the joint, the shapes are:
 
-tau_0 is the torque of the arm's own weight, less what a compensator carries, tau_1 that under the load too.
-Backlash and friction of a gear: Ruderman et al., Modeling and identification of elastic robot joints with
-hysteresis and backlash, IEEE Trans. Ind. Electron. 56 (2009); stiffening: catalogues of strain wave gears.
+- stiffening: f(x_1) - x_1 - (f(x_0) - x_0), where f + beta f^3 / phi^2 = x is the turn of a spring that is 1
+  + beta times as stiff at the turn phi;
+- backlash: b (tanh(x_1 / b) - tanh(x_0 / b)), half a width b to the side that the sign of the torque gives;
+- friction: -h clip((x_1 - x_0) / h, -1, 1), half the width h of the hysteresis loop against the turn, and no
+  more than the turn itself. For a load that was put on in the pose and then taken off the full width counts,
+  because the joint was held back both times;
+- compensator, on joint 2 alone: -(x_1 - x_0) K s^2 / (1 + K s^2), the part of the turn that a strut prevents
+  as the arm deflects. K is its stiffness over that of the joint at its longest lever, s its lever over the
+  longest.
+
+tau_0 is the torque of the arm's own weight, less what a compensator carries; tau_1 adds the torque of the
+load. Backlash and friction of a gear: Ruderman et al., Modeling and identification of elastic robot joints
+with hysteresis and backlash, IEEE Trans. Ind. Electron. 56 (2009). Stiffening: catalogues of strain wave
+gears.
 """
 
 from dataclasses import dataclass, replace
@@ -30,47 +35,60 @@ from testbench.model.vjm import Chain, Vjm, cross
 from testbench.model.weights import Weights, own_weight, read_weights
 
 KINDS = ("stiffening", "backlash", "friction")
-STRUT = "compensator"  #: Kind of joint 2 alone, where there is one.
+STRUT = "compensator"  #: Kind of law of joint 2 alone, where the arm has a compensator.
 TURN, STIFFER = 1e-3, 0.1
-"""Turn phi [rad, m] and share beta [1] of a joint whose stiffening has the size one."""
-PLAY, STICK = 5e-5, 3e-5  #: Half-widths of backlash and of a loop of friction of size one [rad, m].
-BESIDE = 0.3  #: Stiffness K of a compensator of size one over that of joint 2 [1].
+"""Turn phi [rad, m] and beta [1] of stiffening of size one: at phi the spring is 1 + beta times as stiff.
+
+These and the sizes below are units of the unknowns: a prior expects sizes of order one.
+"""
+PLAY, STICK = 5e-5, 3e-5  #: Half-widths b of backlash and h of the friction loop of size one [rad, m].
+BESIDE = 0.3  #: Stiffness K of a compensator of size one over the stiffness of joint 2 [1].
 UNIT_SIZES = {**dict(zip(KINDS, (STIFFER, PLAY, STICK), strict=True)), STRUT: BESIDE / (1 + BESIDE)}
-"""What a size of one means [1, rad, rad, 1]; of a compensator the largest share that it takes off a turn."""
+"""Meaning of a size of one, by kind [1, rad, rad, 1; m for a slide].
+
+For a compensator it is the largest share of a turn that it prevents, K / (1 + K).
+"""
 TIED = " + joints coupled"  #: End of the name of a structure with couplings between joints.
-VJMS = STRUCTURES = 32  #: How many models with laws, and structures without them, are remembered.
+VJMS = STRUCTURES = 32  #: Number of models with laws, and of structures, that are remembered.
 
 
 @dataclass(frozen=True)
 class JointLaws:
-    """The shapes of the laws of an arm's joints."""
+    """Hold the shapes of the laws of an arm's joints: three per joint, and one of a compensator.
 
-    compliance: Array  #: Nominal, of every joint, (n,) [rad/(N m), m/N].
-    weights: Weights | None  #: What the arm weighs; None where nobody knows.
-    compensator: Compensator | None  #: From link 1 to link 2.
-    widths: Array | float = 1.0  #: Of friction's loop in half widths, one a run or of all, (runs,) [1].
+    The laws are ordered by kind: stiffening of all joints, backlash of all, friction of all. Their number is
+    3 n, or 3 n + 1 with a compensator.
+    """
+
+    compliance: Array  #: Nominal compliance c of every joint, (n,) [rad/(N m), m/N].
+    weights: Weights | None  #: Masses of the arm; None where they are unknown.
+    compensator: Compensator | None  #: Spring from link 1 to link 2; None where there is none.
+    widths: Array | float = 1.0  #: Width of friction's loop in half widths, one for all or (runs,) [1].
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Of every law's virtual joint."""
+        """Name the kind of every law, (laws,), each one of `KINDS` or `STRUT`."""
         every = tuple(np.repeat(KINDS, len(self.compliance)).tolist())
         return every if self.compensator is None else (*every, STRUT)
 
     @property
     def joints(self) -> Ids:
-        """Joint that each of them turns with, (laws,)."""
+        """Return the index of the actuated joint that each law turns with, (laws,)."""
         every = np.tile(np.arange(len(self.compliance)), len(KINDS))
         return every if self.compensator is None else np.append(every, 1)
 
     def load(self, where: Chain, u: Array) -> Array:
-        """Turn of every law's virtual joint per unit of its size, (laws, runs) [rad, m].
+        """Compute the turn of every law per unit of its size, by the shapes of the module.
 
         Args:
-            where: The arm, in the poses.
-            u: Torques of the load, (n, runs) [N m, N].
+            where: The arm in its poses, with origins and axes of its bodies.
+            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
+
+        Returns:
+            Turn per unit of size, (laws, runs) [rad, m].
         """
         c, before = self.compliance[:, None], self.before(where)
-        x, end = c * before, c * (before + u)
+        x, end = c * before, c * (before + u)  # nominal turns x_0 before and x_1 under the load
         stiffened = (_spring(end) - end) - (_spring(x) - x)
         taken = PLAY * (np.tanh(end / PLAY) - np.tanh(x / PLAY))
         width = self.widths * STICK
@@ -78,7 +96,14 @@ class JointLaws:
         return np.concatenate([stiffened, taken, held, self._beside(where) * (c * u)[1]])
 
     def before(self, where: Chain) -> Array:
-        """Torques of own weight and compensator, (n, runs) [N m, N]."""
+        """Compute the torques at the joints before the load: own weight, less what a compensator carries.
+
+        Args:
+            where: The arm in its poses.
+
+        Returns:
+            Torques tau_0, (n, runs) [N m, N]; without the weight's share where weights are unknown.
+        """
         n, links = len(self.compliance), 6 * (len(self.compliance) + 1)
         if self.weights is None:
             found = np.zeros((n, len(where.position)))
@@ -90,16 +115,24 @@ class JointLaws:
         return found
 
     def slope(self, where: Chain, u: Array) -> Array:
-        """Change of these turns with the torques, (laws, runs) [rad/(N m), m/N]."""
+        """Compute the derivative of the laws' turns with respect to the torque of their joint.
+
+        Args:
+            where: The arm in its poses.
+            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
+
+        Returns:
+            Turn per unit of size and torque, (laws, runs) [rad/(N m), m/N].
+        """
         c, before = self.compliance[:, None], self.before(where)
-        x, end = c * before, c * (before + u)
-        stiffened = 1 / (1 + 3 * STIFFER * (_spring(end) / TURN) ** 2) - 1
+        x, end = c * before, c * (before + u)  # nominal turns x_0 before and x_1 under the load
+        stiffened = 1 / (1 + 3 * STIFFER * (_spring(end) / TURN) ** 2) - 1  # f' - 1 at x_1
         taken = 1 - np.tanh(end / PLAY) ** 2
         held = -1.0 * (np.abs(end - x) < STICK)
         return np.concatenate([c * stiffened, c * taken, c * held, c[1] * self._beside(where)])
 
     def _beside(self, where: Chain) -> Array:
-        """What a compensator of size one adds to the turn of joint 2, over that turn, (1 or 0, runs) [1]."""
+        """Compute a compensator's share of joint 2's turn, -K s^2 / (1 + K s^2), (1 or 0, runs) [1]."""
         if self.compensator is None:
             return np.zeros((0, len(where.position)))
         lever, longest, _ = _levers(self.compensator, where)
@@ -108,7 +141,7 @@ class JointLaws:
 
 
 def _levers(spring: Compensator, where: Chain) -> tuple[Array, Array, Array]:
-    """Of a spring from link 1 to link 2 its lever about joint 2, the longest one, its length, (runs,) [m]."""
+    """Compute a strut's lever about joint 2, its longest lever, and its length, (runs,) [m] each."""
     (foot, R_1), (joint, R_2) = where.bodies[1], where.bodies[2]
     axis, arm = where.J_theta[3:, 6 * (len(where.bodies) - 1) + 1], spring.head @ R_2
     along = foot + spring.foot @ R_1 - joint - arm
@@ -118,19 +151,33 @@ def _levers(spring: Compensator, where: Chain) -> tuple[Array, Array, Array]:
 
 
 def _spring(x: Array) -> Array:
-    """The real root f of f + STIFFER f^3 / TURN^2 = x."""
+    """Solve f + STIFFER f^3 / TURN^2 = x for its real root f, by the hyperbolic form of Cardano's formula."""
     a = np.sqrt(3 * STIFFER) / TURN
     return np.asarray(2 / a * np.sinh(np.arcsinh(1.5 * a * x) / 3))
 
 
 @lru_cache(maxsize=VJMS)
 def lawful(vjm: Vjm) -> Vjm:
-    """The model with its joints' laws, their virtual joints behind all others."""
+    """Add the laws of its joints to a model; their virtual joints come after all others.
+
+    Args:
+        vjm: Kinematics, with or without laws.
+
+    Returns:
+        The kinematics with laws, n_theta = 7 n + 6 + number of laws; remembered for the next call.
+    """
     return replace(vjm, laws=laws_of(vjm.arm))
 
 
 def laws_of(arm: Arm) -> JointLaws:
-    """The laws of an arm's joints, as its folder tells their shapes."""
+    """Build the joint laws of an arm from its folder: compliances, weights and compensator.
+
+    Args:
+        arm: Description of the arm.
+
+    Returns:
+        The laws. Weights are None where masses cannot be read from the MJCF.
+    """
     try:
         weights = read_weights(arm)
     except InputError:  # only MuJoCo can weigh its shapes: as if it weighed nothing
@@ -139,7 +186,15 @@ def laws_of(arm: Arm) -> JointLaws:
 
 
 def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
-    """Sizes of laws by joint and kind, from C_theta (n_theta, n_theta) of a model that may have some."""
+    """Read the sizes of joint laws from the diagonal of C_theta.
+
+    Args:
+        vjm: Kinematics, with or without laws.
+        C_theta: Compliances and, after them, sizes of laws, (n_theta, n_theta) [m/N, rad/(N m), 1].
+
+    Returns:
+        Size by joint's name and kind of law [1], in units of `UNIT_SIZES`; empty for a model without laws.
+    """
     if vjm.laws is None:
         return {}
     found: dict[str, dict[str, float]] = {joint.name: {} for joint in vjm.arm.joints}
@@ -150,27 +205,48 @@ def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
 
 
 def as_loaded(vjm: Vjm, taken_off: Mask | None, some: Ids | slice = slice(None)) -> Vjm:
-    """The model for some runs of a load put on, or taken off again where a mask, (runs,), says so."""
+    """Adapt the friction law to runs in which the load was put on, or put on and taken off again.
+
+    Args:
+        vjm: Kinematics, with or without laws.
+        taken_off: Runs whose load was taken off again, (all runs,); None for none.
+        some: Indices of the runs that are wanted, (runs,), or a slice; all by default.
+
+    Returns:
+        The model with a loop of two half widths in those runs and of one in the others; unchanged without
+        laws.
+    """
     if taken_off is None or not isinstance(vjm.laws, JointLaws):
         return vjm
     return replace(vjm, laws=replace(vjm.laws, widths=np.where(taken_off[some], 2.0, 1.0)))
 
 
 def vjm_of(vjm: Vjm, structure: Structure) -> Vjm:
-    """The model that a structure is of: with laws where it has sizes of them."""
+    """Choose the model that fits a structure: with joint laws where the structure has sizes of them.
+
+    Args:
+        vjm: Kinematics of the arm.
+        structure: Structure of the unknowns.
+
+    Returns:
+        The kinematics, with laws or as given.
+    """
     return lawful(vjm) if structure.laws else vjm
 
 
 def tangent(vjm: Vjm, C_theta: Array, where: Chain, u: Array) -> Array:
-    """Compliance of links and joints for a small further load, one a run, (runs, 7 n + 6, 7 n + 6).
+    """Compute the tangent compliance of links and joints at a loaded equilibrium, joint laws included.
 
-    That of a joint is at least zero: one that sticks does not turn back.
+    The compliance of a joint is its own plus the sum of size times slope of its laws, and at least zero.
 
     Args:
-        vjm: The model.
-        C_theta: Its compliances, and sizes of laws if it has some, (n_theta, n_theta).
-        where: The arm at rest.
-        u: Load of links and joints there, beside own weight, (7 n + 6, runs) [N, N m].
+        vjm: Kinematics, with or without laws.
+        C_theta: Compliances and, after them, sizes of laws, (n_theta, n_theta) [m/N, rad/N, rad/(N m), 1].
+        where: The arm at its loaded equilibrium.
+        u: Load of links and joints there, own weight excluded, (7 n + 6, runs) [N, N m].
+
+    Returns:
+        Compliance for a small further load, (runs, 7 n + 6, 7 n + 6) [m/N, rad/N, rad/(N m)].
     """
     n, plain = vjm.arm.n_joints, vjm.arm.n_theta
     C = np.tile(C_theta[:plain, :plain], (len(where.position), 1, 1))
@@ -184,7 +260,16 @@ def tangent(vjm: Vjm, C_theta: Array, where: Chain, u: Array) -> Array:
 
 
 def with_laws(structure: Structure, arm: Arm) -> Structure:
-    """A structure with the laws of an arm's joints; itself where it has them, or the arm has no joints."""
+    """Add the sizes of all joint laws to a structure's unknowns.
+
+    Args:
+        structure: Structure of the compliances.
+        arm: Description of the arm.
+
+    Returns:
+        The structure with the laws as its last parameters; unchanged if it has them, or the arm has no
+        joints.
+    """
     if structure.laws or not arm.joints:
         return structure
     laws = laws_of(arm)
@@ -203,7 +288,14 @@ def with_laws(structure: Structure, arm: Arm) -> Structure:
 
 @lru_cache(maxsize=STRUCTURES)
 def with_ties(structure: Structure) -> Structure:
-    """A structure of single joints with couplings between all of them, its last parameters."""
+    """Add couplings between all pairs of joints to a structure, as its last parameters.
+
+    Args:
+        structure: A structure of uncoupled joints.
+
+    Returns:
+        The structure with n (n - 1) / 2 more parameters; remembered for the next call.
+    """
     joints = 6 * structure.links + np.arange(structure.links - 1)
     a, b = (joints[end] for end in np.triu_indices(len(joints), 1))
     name = structure.name + TIED * (len(a) > 0)
@@ -212,14 +304,28 @@ def with_ties(structure: Structure) -> Structure:
 
 @lru_cache(maxsize=STRUCTURES)
 def without_ties(structure: Structure) -> Structure:
-    """The structure without couplings between joints."""
+    """Remove the couplings between joints from a structure.
+
+    Args:
+        structure: Any structure.
+
+    Returns:
+        The structure whose joints are uncoupled; remembered for the next call.
+    """
     keep = np.flatnonzero((structure.a < 6 * structure.links) | (structure.a == structure.b))
     return structure if len(keep) == structure.n else structure.keep(keep, structure.name.removesuffix(TIED))
 
 
 @lru_cache(maxsize=STRUCTURES)
 def without_laws(structure: Structure) -> Structure:
-    """The structure of links, and of joints each by itself, the same one for every fit: found once."""
+    """Remove joint laws and couplings between joints from a structure.
+
+    Args:
+        structure: Any structure.
+
+    Returns:
+        The structure of compliances of links and single joints; remembered for the next call.
+    """
     structure = without_ties(structure)
     if not structure.laws:
         return structure

@@ -1,4 +1,8 @@
-"""What hangs or pushes at the tool."""
+"""Loads at the tool: hung weights and process forces, and what they do to the virtual joints.
+
+A `Load` is a wrench w and its point of action. `on_joints` turns loads into the generalised loads J^T w of
+Eq. (10), which the linear model and the equilibrium take.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,16 +16,22 @@ from testbench.model.vjm import Chain, Vjm, plain_load, with_laws
 
 @dataclass(frozen=True)
 class Load:
-    """What hangs or pushes at the tool, in every pose the same or in each its own."""
+    """Describe a wrench at the tool: one for all poses, or one per pose."""
 
     wrench: Array  #: Force and moment, world axes, (6,) or (poses, 6) [N, N m].
     point: Array  #: Where it acts, in the tool's frame, (3,) or (poses, 3) [m].
 
     def over(self, poses: int) -> "Load":
-        """The same with a row a pose.
+        """Expand the load to one row per pose.
+
+        Args:
+            poses: Number of poses.
+
+        Returns:
+            The load with a wrench (poses, 6) [N, N m] and a point (poses, 3) [m].
 
         Raises:
-            BenchError: When it has another number of poses, or a number that is not finite.
+            BenchError: When it has rows for another number of poses, or a number that is not finite.
         """
         try:
             wrench, point = np.broadcast_to(self.wrench, (poses, 6)), np.broadcast_to(self.point, (poses, 3))
@@ -34,19 +44,26 @@ class Load:
         return Load(wrench, point)
 
     def of(self, some: slice | Ids) -> "Load":
-        """That of some poses, where there is a row a pose."""
+        """Take the rows of some poses from a load that has one row per pose.
+
+        Args:
+            some: Indices of poses, (k,), or a slice.
+
+        Returns:
+            The load with k rows.
+        """
         return Load(self.wrench[some], self.point[some])
 
 
 def weight(vjm: Vjm, mass: float | Array) -> Load:
-    """Make the load of a mass that hangs from the arm's load point, w = (0, 0, -m g, 0, 0, 0).
+    """Make the load of a mass hung from the arm's load point: force -m g along world z.
 
     Args:
-        vjm: The arm.
-        mass: Mass, or one for each pose, (poses,) [kg].
+        vjm: Kinematics, for the load point.
+        mass: Mass, one number or one per pose, (poses,) [kg].
 
     Returns:
-        The load, the same in all poses or with a row for each pose.
+        The load: wrench (6,) or (poses, 6) [N, N m], point (3,) or (poses, 3) [m].
     """
     wrench = np.zeros((*np.shape(mass), 6))
     wrench[..., 2] = -GRAVITY * mass
@@ -54,11 +71,17 @@ def weight(vjm: Vjm, mass: float | Array) -> Load:
 
 
 def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
-    """Sum of all loads, the moment about the tool's origin, world axes, (poses, 6) [N, N m].
+    """Sum all loads to one wrench, its moment about the tool's origin.
 
     Args:
-        rotation: World from tool, (poses, 3, 3).
-        loads: What acts.
+        rotation: Orientation of the tool, world from tool, (poses, 3, 3) [1].
+        loads: Loads that act together, each the same in all poses or with one row per pose.
+
+    Returns:
+        Force and moment, world axes, (poses, 6) [N, N m].
+
+    Raises:
+        BenchError: When a load has rows for another number of poses.
     """
     total = np.zeros((len(rotation), 6))
     for load in loads:
@@ -70,7 +93,19 @@ def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
 
 
 def on_joints(where: Chain, loads: Sequence[Load]) -> Array:
-    """Sum of J_F^T w of every virtual joint, (n_theta, runs) [N, N m]; every load has a row a pose."""
+    """Sum the generalised loads J_F^T w of all loads on every virtual joint, Eq. (10).
+
+    Args:
+        where: Tool and Jacobian of every run.
+        loads: Loads that act together, each with one row per run.
+
+    Returns:
+        Load of every virtual joint, (n_theta, runs) [N, N m]; for a joint law the turn per unit of its size
+        [rad, m].
+
+    Raises:
+        BenchError: When a load does not have one row per run.
+    """
     u = np.zeros((7 * len(where.bodies) - 8, len(where.position)))
     for load in loads:
         u += plain_load(where, load.wrench, load.point)

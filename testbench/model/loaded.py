@@ -1,9 +1,9 @@
-"""The loaded stiffness of Eq. (7), on the model side, batched over runs.
+"""Stiffness of the loaded arm, Eq. (7), on the model side, batched over runs.
 
 The springs are at rest at theta = 0, links weigh nothing, and the load is one wrench at the tool. Under it
-the arm rests where K_theta theta = J_theta(theta)^T w; the tangent there is K_theta - K_w, with K_w the
-change of the load's generalised force with theta. Compliances are used, never their inverses: a stiff
-direction is a zero in C_theta.
+the arm rests where K_theta theta = J_theta(theta)^T w. The tangent there is K_theta - K_w, with K_w the
+derivative of the generalised load with respect to theta. Formulas use compliances and never invert C_theta: a
+rigid direction is a zero in C_theta.
 """
 
 import numpy as np
@@ -13,16 +13,24 @@ from testbench.model.vjm import Chain, Vjm, chain, cross, generalised_load, tran
 
 
 def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
-    """Force term K_w = d(J_theta^T w) / d theta of Eq. (7), in closed form.
+    """Compute the force term K_w = d(J_theta^T w) / d theta of Eq. (7), in closed form.
 
-    A joint i carries all that lies behind it. So for i before j in the chain, or i = j, the column J_v,j
-    turns with i: d J_v,j / d theta_i = omega_i x J_v,j, and the change of J_v,i with theta_j is the same. A
-    force of fixed direction therefore has a symmetric K_w, the Hessian of its potential g^T f. A moment of
-    fixed direction has none: omega_j turns with i, but omega_i does not turn with j. Such a moment is not
-    conservative, and its part of K_w is not symmetric.
+    A virtual joint i carries everything behind it in the chain. So for i before j in the chain, or i = j, the
+    column J_v,j turns with i: d J_v,j / d theta_i = omega_i x J_v,j. The derivative of J_v,i with respect to
+    theta_j is the same. A force of fixed direction therefore has a symmetric K_w, the Hessian of its
+    potential g^T f. A moment of fixed direction has none: omega_j turns with i, but omega_i does not turn
+    with j. Such a moment is not conservative, and its part of K_w is not symmetric.
+
+    Args:
+        where: Tool and Jacobian of every run, without joint laws.
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
 
     Returns:
-        Row j, column i holds d(J_j^T w) / d theta_i, (runs, n_theta, n_theta) [N/m, N, N m].
+        K_w, (runs, n_theta, n_theta) [N/m, N, N m]; row j, column i holds d(J_j^T w) / d theta_i.
+
+    Raises:
+        BenchError: When an array has another shape or is not finite.
     """
     runs = len(where.position)
     wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
@@ -32,23 +40,34 @@ def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
     of_force, of_moment = (cross(part.T[:, None], turns).transpose(2, 1, 0) for part in np.hsplit(wrench, 2))
     forces = of_force @ v  # [i, j]: f . (omega_i x J_v,j)
     moments = omega @ of_moment.swapaxes(1, 2)  # [j, i]: m . (omega_i x omega_j)
+    # joint j behind i: column j turns with i, so row j also holds f . (omega_i x J_v,j) and the moment's part
     rank = _rank_in_chain(J.shape[2])
     behind = rank[:, None] > rank
     return np.where(behind, forces.swapaxes(1, 2) + moments, forces)
 
 
 def _rank_in_chain(n_theta: int) -> Ids:
-    """Place of every virtual joint in the chain: the hinges of joints are last in theta, not in the chain."""
+    """Return the place of every virtual joint in the chain, (n_theta,).
+
+    In theta the springs of the actuated joints come last; in the chain each stands between two links.
+    """
     n = (n_theta - 6) // 7
     links = 7 * np.arange(n + 1)[:, None] + np.arange(6)
     return np.concatenate([links.ravel(), 7 * np.arange(n) + 6])
 
 
 def load_jacobian(where: Chain, point: Array) -> Array:
-    """Jacobian J_theta at the point where the load acts, Eq. (3).
+    """Compute the Jacobian J_theta = dg / d theta of Eq. (2) at the point where the load acts.
+
+    Args:
+        where: Tool and Jacobian of every run.
+        point: Where the load acts, in the tool's frame, (runs, 3) [m].
 
     Returns:
-        Translation rows first, world axes, (runs, 6, n_theta) [1, m].
+        J_theta, translation rows first, world axes, (runs, 6, n_theta) [1, m].
+
+    Raises:
+        BenchError: When point has another shape or is not finite.
     """
     point = check_array(point, (len(where.position), 3), "point [m]")
     arm, (v, omega) = np.einsum("rxy,ry->xr", where.rotation, point), np.split(where.J_theta, 2)
@@ -57,16 +76,23 @@ def load_jacobian(where: Chain, point: Array) -> Array:
 
 
 def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:
-    """Cartesian compliance of the loaded arm, Eq. (7) as J (I - C_theta K_w)^-1 C_theta J^T.
+    """Compute the Cartesian compliance of the loaded arm, Eq. (7) as C = J (I - C_theta K_w)^-1 C_theta J^T.
 
-    Equal to J (K_theta - K_w)^-1 J^T where K_theta exists. With J and K_w at the loaded equilibrium it is the
-    tangent there: d(twist) = C d(wrench). With K_w = 0 it is Eq. (6). C_theta may be one or one a run.
+    This equals J (K_theta - K_w)^-1 J^T where K_theta exists. With J and K_w at the loaded equilibrium it is
+    the tangent there: d(twist) = C d(wrench). With K_w = 0 it is Eq. (6), C = J C_theta J^T.
+
+    Args:
+        J_theta: Jacobian of the virtual joints, translation first, (runs, 6, n_theta) [1, m].
+        C_theta: Compliance of the virtual joints, (n_theta, n_theta) or (runs, n_theta, n_theta) [m/N, rad/N,
+            rad/(N m)].
+        K_w: Force term of Eq. (7), (runs, n_theta, n_theta) [N/m, N, N m].
 
     Returns:
-        (runs, 6, 6) [m/N, rad/N, rad/(N m)].
+        Compliance C, (runs, 6, 6) [m/N, rad/N, rad/(N m)].
 
     Raises:
-        NoEquilibrium: When the load is exactly a buckling load.
+        NoEquilibrium: When K_theta - K_w is exactly singular: the load is a buckling load.
+        BenchError: When an array has another shape or is not finite.
     """
     J = check_array(J_theta, (None, 6, None), "J_theta [1, m]")
     runs, _, n_theta = J.shape
@@ -77,7 +103,7 @@ def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:
 
 
 def _solve_springs(C_theta: Array, K_w: Array, right: Array) -> Array:
-    """(I - C_theta K_w)^-1 right, (runs, n_theta, columns)."""
+    """Solve (I - C_theta K_w) x = right, (runs, n_theta, columns)."""
     try:
         return np.asarray(np.linalg.solve(np.eye(C_theta.shape[-1]) - C_theta @ K_w, right))
     except np.linalg.LinAlgError:
@@ -85,13 +111,23 @@ def _solve_springs(C_theta: Array, K_w: Array, right: Array) -> Array:
 
 
 def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array | None = None) -> Array:
-    """Virtual joints if one stiffness held for the whole load: Eq. (6), or Eq. (7) where K_w is given.
+    """Compute virtual joints as if the stiffness of theta = 0 held for the whole load, Eq. (5) to (7).
+
+    Without K_w, theta = C_theta J^T w, Eq. (6). With it, theta = (I - C_theta K_w)^-1 C_theta J^T w, Eq. (7).
+
+    Args:
+        where: Tool and Jacobian of every run, the springs at zero.
+        C_theta: Compliance of the virtual joints, (n_theta, n_theta) [m/N, rad/N, rad/(N m)].
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
+        K_w: Force term of Eq. (7), (runs, n_theta, n_theta) [N/m, N, N m]; None for Eq. (6).
 
     Returns:
-        (runs, n_theta) [m, rad] of the unloaded chain; `displacement` makes deflections of them.
+        Virtual joint coordinates, (runs, n_theta) [m, rad]; `displacement` makes deflections of them.
 
     Raises:
-        NoEquilibrium: When the load is exactly a buckling load.
+        NoEquilibrium: When K_theta - K_w is exactly singular: the load is a buckling load.
+        BenchError: When an array has another shape or is not finite.
     """
     n_theta, runs = where.J_theta.shape[1:]
     C = check_array(C_theta, (n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
@@ -103,17 +139,38 @@ def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array
 
 
 def displacement(where: Chain, theta: Array, targets: Array) -> Array:
-    """How far points of the tool move to first order, world axes, (runs, m, 3) [m]."""
+    """Compute deflections of points of the tool to first order, dp = J_p theta.
+
+    Args:
+        where: Tool and Jacobian of every run.
+        theta: Virtual joint coordinates, (runs, n_theta) [m, rad].
+        targets: Points in the tool's frame, (m, 3) [m].
+
+    Returns:
+        Deflections, world axes, (runs, m, 3) [m].
+
+    Raises:
+        BenchError: When targets have another shape or are not finite.
+    """
     targets = check_array(targets, (None, 3), "targets [m]")
     moved = np.einsum("ptr,rt->rp", translation_rows(where, targets), theta)
     return np.asarray(moved.reshape(len(theta), len(targets), 3))
 
 
 def loaded_deflection(vjm: Vjm, q: Array, theta: Array, targets: Array) -> Array:
-    """How far points of the tool have moved from theta = 0, without linearisation.
+    """Compute deflections of points of the tool from theta = 0 to theta by Eq. (2), without linearisation.
+
+    Args:
+        vjm: Kinematics of the extended chain.
+        q: Actuated joints, (runs, n) [rad, m].
+        theta: Virtual joint coordinates, (runs, n_theta) [m, rad].
+        targets: Points in the tool's frame, (m, 3) [m].
 
     Returns:
-        World axes, (runs, m, 3) [m].
+        Deflections, world axes, (runs, m, 3) [m].
+
+    Raises:
+        BenchError: When an array has another shape or is not finite.
     """
     targets = check_array(targets, (None, 3), "targets [m]")
     start, end = chain(vjm, q), chain(vjm, q, theta)

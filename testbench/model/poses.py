@@ -1,4 +1,7 @@
-"""Poses to measure: random ones that the arm can take, inside a work area or anywhere."""
+"""Random poses inside the joint limits: the candidates that a measurement plan or a simulation draws from.
+
+Poses may be limited to a work area of the tool; a caller's check keeps them free of collision.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,13 +12,13 @@ from testbench.errors import Array, Mask, PoseError
 from testbench.model.vjm import Vjm, tool_pose
 
 BATCH = 4096  #: Poses drawn at a time.
-PIECE = 512  #: Poses looked at before it is asked whether there are enough.
-MAX_BATCHES = 400
+PIECE = 512  #: Poses checked at a time; drawing stops after a piece that completes the count.
+MAX_BATCHES = 400  #: Batches drawn before the search is given up.
 
 
 @dataclass(frozen=True)
 class WorkArea:
-    """Where the tool has to be, and where it has to point."""
+    """Describe where the tool must be and where its x axis must point."""
 
     lower: tuple[float, float, float]  #: Lower corner of the tool's position, world, (3,) [m].
     upper: tuple[float, float, float]  #: Upper corner, (3,) [m].
@@ -25,7 +28,19 @@ class WorkArea:
 
 
 def in_area(vjm: Vjm, area: WorkArea, q: Array) -> Mask:
-    """Which poses have their tool in the area, (poses,)."""
+    """Tell which poses have their tool in a work area, the arm rigid.
+
+    Args:
+        vjm: Kinematics of the arm.
+        area: The work area.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        True where position and direction both fit, (poses,).
+
+    Raises:
+        BenchError: When q has another shape or is not finite.
+    """
     position, rotation = tool_pose(vjm, q)
     inside = ((position >= area.lower) & (position <= area.upper)).all(axis=1)
     cosine = rotation[:, :, 0] @ np.array(area.direction)
@@ -39,17 +54,21 @@ def random_poses(
     clear: Callable[[Array], Mask],
     rng: np.random.Generator,
 ) -> Array:
-    """Poses drawn evenly over the joint limits, kept if in the area and clear, (count, n) [rad, m].
+    """Draw poses evenly over the joint limits; keep those in the work area that are clear of collision.
 
     Args:
-        vjm: The model, for its nominal kinematics.
-        area: Where the tool has to be; None for anywhere.
-        count: How many.
-        clear: Tells which of the poses, (poses, n) [rad, m], are free of collision.
+        vjm: Nominal kinematics of the arm.
+        area: Where the tool must be; None for anywhere.
+        count: Number of poses to return.
+        clear: Function that tells which of the poses, (poses, n) [rad, m], are free of collision, (poses,).
         rng: Source of the poses.
 
+    Returns:
+        Actuated joints, (count, n) [rad, m], in the order in which they were drawn.
+
     Raises:
-        PoseError: When too few can be found; says which condition emptied the set.
+        PoseError: When `MAX_BATCHES` times `BATCH` draws yield too few; the message counts what each
+            condition left.
     """
     kept: list[Array] = []
     drawn = reached = 0

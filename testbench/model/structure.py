@@ -1,10 +1,11 @@
-"""Which compliances are unknown: model structures as lists of entries of C_theta.
+"""Model structures: which compliances are unknown, as lists of entries of C_theta.
 
-A parameter is one entry C_theta[a, b] = C_theta[b, a]. MGCO147, MGCO69, ... of the paper, and your own:
+A parameter is one entry C_theta[a, b] = C_theta[b, a]; the parameter vector is pi of Eq. (11). Here are
+MGCO147, MGCO69 and the other structures of the paper; a structure of your own is made by
 
     Structure.of(arm, links=["link_2", "link_3"], joints=["joint_2", "joint_3"])
 
-Only least squares of section 5.1 leaves the symmetry open: 36 free entries a link.
+Only the least squares of section 5.1 leaves the symmetry open: 36 free entries per link.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -30,38 +31,38 @@ TEMPLATE: Pairs = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4
 
 @dataclass(frozen=True)
 class Group:
-    """The blocks of one size: what is asked of every block is asked of all of them at once."""
+    """Collect the blocks of C_theta that have one size, so that an operation serves all of them at once."""
 
-    at: Ids  #: Their places among all blocks, (k,).
-    rows: Ids  #: Their rows of C_theta, (k, size).
-    #: Where their upper triangles stand in `Structure.triangles`, (k, size (size + 1) / 2).
+    at: Ids  #: Indices of the blocks in `Structure.blocks`, (k,).
+    rows: Ids  #: Rows of C_theta of each block, (k, size).
+    #: Indices of their upper triangles in `Structure.triangles`, (k, size (size + 1) / 2).
     entries: Ids
 
     @cached_property
     def index(self) -> tuple[Ids, Ids]:
-        """Where the blocks stand in C_theta: C[index] is (k, size, size)."""
+        """Return index arrays of the blocks, so that C[index] has shape (k, size, size)."""
         return self.rows[:, :, None], self.rows[:, None, :]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Structure(Displayed):
-    """The unknown entries of C_theta.
+    """Describe the unknown entries of C_theta: the parameter vector pi of Eq. (11), entry by entry.
 
-    What follows from them, such as the blocks, is found when it is first asked for, once a structure.
+    Properties such as the blocks are computed when they are first asked for, once per structure.
     """
 
-    name: str  #: For reports, such as MGCO68.
-    n_theta: int  #: Size of C_theta.
+    name: str  #: Name for reports, such as MGCO68.
+    n_theta: int  #: Number of rows of C_theta.
     a: Ids  #: Row of each parameter in C_theta, (n,).
     b: Ids  #: Column of each parameter, (n,).
     #: A name for each row of C_theta, (n_theta,), such as "link_2.phi_x".
     labels: tuple[str, ...] = field(repr=False)
-    #: Whether a parameter is C_theta[b, a] as well; otherwise that is another one, or zero.
+    #: Whether a parameter is also C_theta[b, a]; if not, that entry is another parameter, or zero.
     symmetric: bool = True
-    laws: int = 0  #: Virtual joints of joints' laws, the last ones.
+    laws: int = 0  #: Number of virtual joints of joint laws, the last ones.
 
     def about(self) -> dict[str, object]:
-        """Name and number of unknowns."""
+        """Summarise the structure by its name, its number of unknowns, and whether it is symmetric."""
         return {"name": self.name, "unknowns": self.n, "symmetric": self.symmetric}
 
     @classmethod
@@ -74,18 +75,23 @@ class Structure(Displayed):
         entries: Pairs = FULL,
         name: str = "own",
     ) -> "Structure":
-        """The structure with these links and joints unknown, everything else rigid.
+        """Build a structure whose named links and joints are elastic; everything else is rigid.
 
         Args:
-            arm: The arm.
+            arm: Description of the arm.
             links: Names of the elastic links.
             joints: Names of the elastic joints.
-            entries: Entries of every link's compliance that are unknown, in its beam frame; a <= b for a
-                symmetric one, every pair with its mirror to leave the symmetry open.
-            name: For reports.
+            entries: Unknown entries (a, b) of every link's compliance, 0 to 5, in its beam frame: a <= b for
+                a symmetric one, or every pair with its mirror to leave the symmetry open.
+            name: Name for reports.
+
+        Returns:
+            The structure; parameters of the links come first, in the order of their names, then those of the
+            joints.
 
         Raises:
-            BenchError: When the arm has no such link or joint, no such entry, or nothing is unknown.
+            BenchError: When the arm has no such link or joint, an entry is wrong or repeated, or nothing is
+                unknown.
         """
         symmetric = all(a <= b for a, b in entries)
         mirrored = {(b, a) for a, b in entries} == set(entries)
@@ -107,29 +113,30 @@ class Structure(Displayed):
 
     @property
     def n(self) -> int:
-        """Number of parameters."""
+        """Return the number of parameters."""
         return len(self.a)
 
     @property
     def plain(self) -> int:
-        """Virtual joints of links and joints; those of the joints' laws come after them."""
+        """Return the number of virtual joints of links and joints, 7 n + 6; joint laws come after them."""
         return self.n_theta - self.laws
 
     @property
     def links(self) -> int:
-        """Links of the arm: six virtual joints each, and one joint less than links."""
+        """Return the number of links of the arm, n + 1, from the 7 n + 6 virtual joints."""
         return (self.plain + 1) // 7
 
     @cached_property
     def mirrored(self) -> Mask:
-        """Which parameters stand at two places of C_theta, (n,)."""
+        """Tell which parameters fill two places of C_theta, C[a, b] and C[b, a], (n,)."""
         return np.asarray(self.symmetric & (self.a != self.b))
 
     @cached_property
     def block_of(self) -> Ids:
-        """Place of every row of C_theta among the blocks, (n_theta,); -1 where no parameter is."""
+        """Return the index of the block of every row of C_theta, (n_theta,); -1 where no parameter is."""
+        # connected components: every row takes the least label it is coupled to, until none changes
         label = np.arange(self.n_theta)
-        while (label[self.a] != label[self.b]).any():  # the least row that a row is coupled to
+        while (label[self.a] != label[self.b]).any():
             least = np.minimum(label[self.a], label[self.b])
             np.minimum.at(label, self.a, least)
             np.minimum.at(label, self.b, least)
@@ -140,12 +147,15 @@ class Structure(Displayed):
 
     @cached_property
     def blocks(self) -> tuple[Ids, ...]:
-        """Rows of C_theta that no parameter couples to other rows: each block must be PSD by itself."""
+        """Return the rows of C_theta of every block, the sets that no parameter couples to other rows.
+
+        A symmetric C_theta is positive semi-definite, and so conservative, exactly where every block is.
+        """
         return tuple(np.flatnonzero(self.block_of == k) for k in range(self.block_of.max() + 1))
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        """The blocks by size."""
+        """Collect the blocks by size, smallest first."""
         sizes = np.array([len(block) for block in self.blocks])
         entries = sizes * (sizes + 1) // 2
         first = np.cumsum(entries) - entries
@@ -158,7 +168,7 @@ class Structure(Displayed):
 
     @cached_property
     def triangles(self) -> tuple[Ids, Ids]:
-        """Rows and columns in C_theta of the upper triangles, by column, of one block after the other."""
+        """Return rows and columns in C_theta of the upper triangles, column by column, block after block."""
         block = self.block_of
         column, row = np.nonzero(np.tril((block[:, None] == block) & (block >= 0)))
         order = np.argsort(block[column], kind="stable")
@@ -166,24 +176,25 @@ class Structure(Displayed):
 
     @cached_property
     def parameter(self) -> Ids:
-        """Parameter of every such entry, -1 where none is."""
+        """Return the parameter of every entry of `triangles`, (entries,); -1 for an entry that is known."""
         place = np.full((self.n_theta,) * 2, -1)
         place[self.a, self.b] = place[self.b, self.a] = np.arange(self.n)
         return np.asarray(place[self.triangles])
 
     @cached_property
     def whole(self) -> bool:
-        """Whether every block has all its entries: a prior speaks of whole blocks."""
+        """Tell whether every block has all its entries as parameters, which a prior on whole blocks needs."""
         return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n
 
     def matrix(self, pi: Array) -> Array:
-        """C_theta of a parameter vector.
+        """Build C_theta from a parameter vector.
 
         Args:
-            pi: Parameters, (n,) [m/N, rad/(N m) or rad/N].
+            pi: Parameters, (n,) [m/N, rad/N, rad/(N m)].
 
         Returns:
-            Symmetric where the structure is, (n_theta, n_theta).
+            C_theta, (n_theta, n_theta), symmetric where the structure is; entries outside the structure are
+            zero.
         """
         C = np.zeros((self.n_theta, self.n_theta))
         if self.symmetric:
@@ -192,27 +203,42 @@ class Structure(Displayed):
         return C
 
     def entries(self, C: Array) -> Array:
-        """Parameter vector of a C_theta, (n,); entries outside the structure are dropped."""
+        """Read the parameter vector from a C_theta; entries outside the structure are dropped.
+
+        Args:
+            C: Compliance C_theta, (n_theta, n_theta) [m/N, rad/N, rad/(N m)].
+
+        Returns:
+            Parameters pi, (n,).
+        """
         return np.asarray(C[self.a, self.b])
 
     def gradient(self, g: Array) -> Array:
-        """Gradient with respect to C_theta of a function whose gradient with respect to pi is g.
+        """Convert a gradient with respect to pi into one with respect to C_theta.
 
         Args:
-            g: Gradient, (n,).
+            g: Gradient with respect to pi, (n,).
 
         Returns:
-            S with <S, C> = g . pi, symmetric where the structure is, (n_theta, n_theta).
+            S with <S, C> = g . pi, (n_theta, n_theta), symmetric where the structure is.
         """
         return self.matrix(np.where(self.mirrored, g / 2, g))
 
     def keep(self, columns: Ids, name: str) -> "Structure":
-        """The structure with only these parameters unknown; the dropped ones are zero."""
+        """Keep some parameters; the dropped ones become zero.
+
+        Args:
+            columns: Indices of the parameters to keep, (k,).
+            name: Name of the new structure.
+
+        Returns:
+            The structure with k parameters, in the order of columns.
+        """
         return replace(self, name=name, a=self.a[columns], b=self.b[columns])
 
 
 def labels_of(arm: Arm) -> tuple[str, ...]:
-    """A name for each row of C_theta, (n_theta,): link and axis, then the joints."""
+    """Name every row of C_theta, (n_theta,): link and axis such as "link_2.phi_x", then the joints."""
     links = [
         f"{link.name}.{axis}" for link in arm.links for axis in ("x", "y", "z", "phi_x", "phi_y", "phi_z")
     ]
@@ -232,9 +258,10 @@ def _indices(kind: str, wanted: Iterable[str], names: Sequence[str], arm: str) -
 def _named(
     name: str, links: tuple[int, ...] | None = None, joints: slice | None = None, entries: Pairs = FULL
 ) -> Callable[[Arm], Structure]:
-    """A structure of the paper: links by number, None for all; of the joints a slice, None for none.
+    """Make a builder of one of the paper's structures.
 
-    It is named by its parameters: MGCO56 of the paper's arm is MGCO64 of an arm of seven joints.
+    Links are given by number, None for all; joints by a slice, None for none. A structure is named after its
+    number of parameters: MGCO56 of the paper's arm is MGCO64 on an arm of seven joints.
     """
 
     def make(arm: Arm) -> Structure:
@@ -263,10 +290,18 @@ mgco47 = _named("MGCO47", (2, 3), slice(1, None))  #: Links 2 and 3 in full and 
 
 
 def joints_only(arm: Arm) -> Structure:
-    """All joints, links rigid: the model of most calibrations."""
+    """Build the structure of joint stiffness only, links rigid: the model of most calibrations."""
     return Structure.of(arm, joints=[joint.name for joint in arm.joints], name="Joints")
 
 
 def template56(arm: Arm, name: str = "MGCO56") -> Structure:
-    """All links with the beam template (7 x 8 for six joints), joints aggregated; MGCO56 and MLS56."""
+    """Build the structure of all links with the beam template, joints aggregated: the paper's MGCO56.
+
+    Args:
+        arm: Description of the arm.
+        name: Name of the structure, such as MLS56; its number is replaced by the number of parameters.
+
+    Returns:
+        The structure of 8 parameters per link, 56 for six joints.
+    """
     return _named(name, entries=TEMPLATE)(arm)

@@ -1,4 +1,7 @@
-"""How the joints move the tool of the drawn arm, and how far apart orientations are, as rotation vectors."""
+"""Rigid tool motion and rotation vectors: how joints move the tool, and how far orientations are apart.
+
+`correct` uses these for inverse kinematics and for the rotation part of its errors.
+"""
 
 import numpy as np
 
@@ -7,14 +10,30 @@ from testbench.model.vjm import Vjm, body_poses, cross, skew
 
 
 def turn_between(start: Array, end: Array) -> Array:
-    """Rotation vectors in the world that take orientations (points, 3, 3) to others, (points, 3) [rad]."""
+    """Compute rotation vectors that take orientations to others, log(R_end R_start^T).
+
+    Args:
+        start: First orientations, world from tool, (points, 3, 3) [1].
+        end: Second orientations, world from tool, (points, 3, 3) [1].
+
+    Returns:
+        Rotation vectors, world axes, (points, 3) [rad]; zero for a turn of exactly 180 degrees, whose axis
+        the formula loses.
+    """
     R = end @ start.swapaxes(1, 2)
     sine = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
     return _vectors(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
 
 
 def turned(turn: Array) -> Array:
-    """Rotations (points, 3, 3) of rotation vectors (points, 3) [rad], by Rodrigues' formula."""
+    """Compute rotation matrices of rotation vectors by Rodrigues' formula, exp([r]_x).
+
+    Args:
+        turn: Rotation vectors r, (points, 3) [rad].
+
+    Returns:
+        Rotation matrices, (points, 3, 3) [1].
+    """
     angle = np.linalg.norm(turn, axis=1)[:, None, None]
     K = skew(turn)
     half = np.sinc(angle / (2 * np.pi))
@@ -22,7 +41,15 @@ def turned(turn: Array) -> Array:
 
 
 def turn_of_axis(start: Array, end: Array) -> Array:
-    """The same of the shortest turns that take unit vectors (points, 3) to others."""
+    """Compute rotation vectors of the shortest turns that take unit vectors to others.
+
+    Args:
+        start: First unit vectors, (points, 3) [1].
+        end: Second unit vectors, (points, 3) [1].
+
+    Returns:
+        Rotation vectors, (points, 3) [rad]; zero for opposite vectors, whose axis is undefined.
+    """
     return _vectors(np.cross(start, end), np.einsum("px,px->p", start, end))
 
 
@@ -34,15 +61,18 @@ def _vectors(sine: Array, cosine: Array) -> Array:
 
 
 def tool_motion(vjm: Vjm, q: Array) -> tuple[Array, Array, Array]:
-    """Where the tool is, and how every joint moves it, in world axes, all links and springs rigid.
+    """Compute the tool's pose and the Jacobian of the actuated joints at its origin, the arm rigid.
 
     Args:
-        vjm: The model.
+        vjm: Kinematics of the arm.
         q: Actuated joints, (runs, n) [rad, m].
 
     Returns:
-        Positions, (runs, 3) [m], orientations, world from tool, (runs, 3, 3), and Jacobians of the joints at
-        the tool's origin, translation first, (runs, 6, n) [m, 1].
+        Positions, world, (runs, 3) [m]; orientations, world from tool, (runs, 3, 3) [1]; and Jacobians,
+        translation rows first, world axes, (runs, 6, n) [m, 1].
+
+    Raises:
+        BenchError: When q has another shape or is not finite.
     """
     _, *bodies, (position, rotation) = body_poses(vjm, q)
     J = np.zeros((6, vjm.arm.n_joints, len(q)))

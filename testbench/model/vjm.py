@@ -1,8 +1,8 @@
-"""The model side: the virtual joint method on Pinocchio's kinematics of the rigid arm, batched over runs.
+"""The virtual joint method on the kinematics of the rigid arm, batched over runs, Eq. (1) to (13).
 
-`kinematics.py` has joint placements and axes; from there on every quantity is a product of arrays over all
-runs at once. Where nothing else is said virtual joints are at zero: the model is linear (Eq. 5-6,
-10-13). Away from zero they serve the loaded stiffness of Eq. (7), `loaded.py`.
+`kinematics.py` gives joint placements and axes; from there every quantity is a product of arrays over all
+runs at once. Virtual joints are at zero unless theta is given: the linear model of Eq. (5), (6) and (10) to
+(13). Away from zero they serve the loaded stiffness of Eq. (7) in `loaded.py`.
 """
 
 from collections.abc import Iterator
@@ -19,72 +19,95 @@ from testbench.model.structure import Structure
 
 
 class Laws(Protocol):
-    """What joints do beyond a linear spring: virtual joints in series with each joint's own (`laws.py`)."""
+    """Define what the model asks of joint laws: virtual joints in series with each joint's own spring."""
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """What each does, (laws,)."""
+        """Name the kind of every law, (laws,)."""
 
     @property
     def joints(self) -> Ids:
-        """Joint that each turns with, (laws,)."""
+        """Return the index of the actuated joint that each law turns with, (laws,)."""
 
     def load(self, where: "Chain", u: Array) -> Array:
-        """Turn of each per unit of its size, (laws, runs) [rad, m], under torques u, (n, runs)."""
+        """Compute the turn of every law per unit of its size.
+
+        Args:
+            where: The arm in its poses.
+            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
+
+        Returns:
+            Turn per unit of size, (laws, runs) [rad, m].
+        """
 
     def slope(self, where: "Chain", u: Array) -> Array:
-        """Change of these with the torques, (laws, runs) [rad/(N m), m/N]."""
+        """Compute the derivative of the laws' turns with respect to the torque of their joint.
+
+        Args:
+            where: The arm in its poses.
+            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
+
+        Returns:
+            Turn per unit of size and torque, (laws, runs) [rad/(N m), m/N].
+        """
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Vjm(Displayed):
-    """Kinematics of the extended chain."""
+    """Hold the kinematics of the extended chain, Eq. (1): base, joints, links with virtual joints, tool.
 
-    arm: Arm  #: Its description.
-    base: Array  #: Pose of the base link's body in the world, (4, 4).
-    placements: Array  #: Pose of each joint's body in the body before it at q = 0, (n, 4, 4).
-    axes: Array  #: Unit axis of each joint in its body, about or along which it moves, (n, 3).
-    tool: Array  #: Pose of the tool in the last link's body, (4, 4) [m].
+    The arm has n actuated joints and n + 1 elastic links. Virtual joints theta are ordered: six per link from
+    the base on, three slides and three hinges in its beam frame; then one per actuated joint; then those of
+    the joint laws.
+    """
+
+    arm: Arm  #: Description of the arm.
+    base: Array  #: Pose of the base link's body in the world, (4, 4) [1, m].
+    placements: Array  #: Pose of each joint's body in the body before it at q = 0, (n, 4, 4) [1, m].
+    axes: Array  #: Unit axis of each joint in its body, about or along which it moves, (n, 3) [1].
+    tool: Array  #: Pose of the tool in the last link's body, (4, 4) [1, m].
     load: Array  #: Load point in the tool's frame, (3,) [m].
     markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
-    laws: Laws | None = None  #: What joints do beyond a linear spring; None for nothing.
+    laws: Laws | None = None  #: Laws of its joints beyond a linear spring; None for none.
 
     @property
     def n_theta(self) -> int:
-        """Number of virtual joints, those of the laws last."""
+        """Return the number of virtual joints, 7 n + 6 and one per joint law."""
         return self.arm.n_theta + (len(self.laws.joints) if self.laws else 0)
 
     @property
     def own(self) -> slice:
-        """Where the virtual joints of joints are among all."""
+        """Return the slice of theta that holds the springs of the actuated joints."""
         return slice(6 * len(self.arm.links), self.arm.n_theta)
 
     def about(self) -> dict[str, object]:
-        """The arm, and how many virtual joints it has."""
+        """Summarise the model by the arm's name and its number of virtual joints."""
         return {"arm": self.arm.name, "virtual_joints": self.arm.n_theta}
 
     @cached_property
     def beam_axes(self) -> Array:
-        """Unit axis of each joint in the beam frame of the link before it, (n, 3)."""
+        """Compute the unit axis of each joint in the beam frame of the link before it, (n, 3) [1]."""
         frames = np.array([link.frame for link in self.arm.links[:-1]]).reshape(-1, 3, 3)
         return np.asarray(np.einsum("jxb,jxy,jy->jb", frames, self.placements[:, :3, :3], self.axes))
 
     @cached_property
     def steps(self) -> Array:
-        """From each joint to the next one, to the tool at last, in the link's axes, (n + 1, 3) [m]."""
+        """Return vectors from each body to the next, base to tool, in the former's axes, (n + 1, 3) [m]."""
         return np.array([pose[:3, 3] for pose in (*self.placements, self.tool)])
 
     @property
     def reach(self) -> float:
-        """Stretched length from the first joint to the tool; of an arm without joints, of its link [m]."""
+        """Compute the stretched length from the first joint to the tool [m]; without joints, of the link."""
         lengths = np.linalg.norm(self.steps, axis=1)
         return float(lengths[1:].sum() or lengths.sum())
 
     @cached_property
     def links(self) -> tuple[tuple[Array, Array, Array], ...]:
-        """Of every link its beam axes in those of its body, (3, 3), the arm to the next body, (3,) [m].
+        """Precompute the constant transforms of every link, a tuple of three arrays per link.
 
-        Last the axes of that body in the beam's, (3, 3).
+        They are the beam axes as rows in the body's axes, (3, 3); the vector from the body's origin to the
+        next body's, or to the tool, in the body's axes, (3,) [m]; and the rotation next body from beam frame,
+        (3, 3).
         """
         poses = (*self.placements, self.tool)
         frames = [link.frame for link in self.arm.links]
@@ -92,9 +115,10 @@ class Vjm(Displayed):
 
     @cached_property
     def joints(self) -> tuple[Array, ...]:
-        """Of every hinge what turns with the sine, what with one less the cosine, and its axis, (7, 3).
+        """Precompute the factors of Rodrigues' formula of every joint, (7, 3) each.
 
-        All are products with the axes of its body (Rodrigues). Of a slide the axis alone counts.
+        Rows 0 to 2 are multiplied by sin(q), rows 3 to 5 by 1 - cos(q), and row 6 is the joint's axis. A
+        slide uses the axis alone.
         """
         turns = [skew(axis) for axis in self.axes]
         return tuple(np.vstack([W.T, (W @ W).T, axis]) for W, axis in zip(turns, self.axes, strict=True))
@@ -102,30 +126,45 @@ class Vjm(Displayed):
 
 @dataclass(frozen=True)
 class Chain:
-    """Where the tool of every run is, and how the virtual joints move it, in world axes."""
+    """Hold the tool's pose and the Jacobian of the virtual joints of every run, in world axes."""
 
-    #: Jacobian of the virtual joints at the tool's origin, Eq. (3), (6, n_theta, runs) [1, m]. Runs are last
-    #: in all arrays of the hot path: every product is one long loop.
+    #: Jacobian dg / d theta of Eq. (2) at the tool's origin, translation rows first, (6, n_theta, runs)
+    #: [1, m]. Runs are last in all arrays of the hot path: every product is one long loop.
     J_theta: Array
     position: Array  #: Tool position, (runs, 3) [m].
     rotation: Array  #: Tool orientation, world from tool, (runs, 3, 3).
-    #: Of the links' bodies from the base on and of the tool: origin, (3, runs) [m], and axes, (3, 3, runs).
+    #: Origin, (3, runs) [m], and axes, world from body, (3, 3, runs), of the links' bodies from the base on
+    #: and of the tool, n + 2 of them.
     bodies: tuple[tuple[Array, Array], ...]
-    laws: Laws | None = None  #: As of the model.
+    laws: Laws | None = None  #: Joint laws of the model.
 
     def points(self, points: Array) -> Array:
-        """Points of the tool's frame, (k, 3) [m], in the world, (runs, k, 3) [m]."""
+        """Transform points from the tool's frame to the world.
+
+        Args:
+            points: Points in the tool's frame, (k, 3) [m].
+
+        Returns:
+            Points in the world, (runs, k, 3) [m].
+        """
         return on_tool((self.position, self.rotation), points)
 
 
 def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
-    """Tool and virtual joints of every run, Eq. (1) and (3).
+    """Evaluate the extended chain: tool pose X = g(q, theta) of Eq. (1) and (2), and J_theta = dg / d theta.
 
     Args:
-        vjm: The model.
+        vjm: Kinematics of the extended chain.
         q: Actuated joints, (runs, n) [rad, m].
-        theta: Virtual joint coordinates, (runs, n_theta) [m, rad]: of each link its slides x, y, z and its
-            hinges phi_x, phi_y, phi_z in the beam frame, then one a joint; None for zero.
+        theta: Virtual joint coordinates, (runs, n_theta) [m, rad]: per link its slides x, y, z and its hinges
+            phi_x, phi_y, phi_z in the beam frame, then one per joint, then those of joint laws; None for
+            zero.
+
+    Returns:
+        Pose, Jacobian and bodies of every run.
+
+    Raises:
+        BenchError: When an array has another shape or is not finite.
     """
     q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
     runs, n = len(q), vjm.arm.n_joints
@@ -140,6 +179,7 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     bodies = []
     for i, (frame, arm, behind) in enumerate(vjm.links):
         bodies.append((p, R))
+        # the link's virtual joint sits at its end: slides move along the beam axes, hinges turn about them
         p = p + arm @ R
         beam = hinges = J[:3, 6 * i : 6 * i + 3] = frame @ R
         if bent is not None:
@@ -147,7 +187,7 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
         J[3:, 6 * i + 3 : 6 * i + 6] = hinges
         of_links[:, i, 0] = p
         R = behind @ beam
-        if i < n:
+        if i < n:  # the actuated joint: R (1 + sin W + (1 - cos) W^2), or a way along its axis
             of = vjm.joints[i] @ R
             of_joints[:, i] = p
             if vjm.arm.joints[i].prismatic:
@@ -156,17 +196,27 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
                 continue
             J[3:, links + i] = of[:, 6]
             R = R + sine[i] * of[:, :3] + less[i] * of[:, 3:6]
+    # lever arms now that the tool's origin p is known: v = omega x (p - place of the hinge)
     turning = J[:, :links].reshape(6, n + 1, 6, runs)[:, :, 3:]
     turning[:3] = cross(turning[3:], p[:, None, None] - of_links)
     joints = J[:, links : links + n]
     joints[:3] += cross(joints[3:], p[:, None] - of_joints)
+    # a joint law turns with its joint: the same column
     if vjm.laws is not None:
         J[:, links + n :] = J[:, links + vjm.laws.joints]
     return Chain(J, p.T, R.transpose(2, 0, 1), (*bodies, (p, R)), vjm.laws)
 
 
 def turns(vjm: Vjm, theta: Array) -> Array:
-    """Coordinates of links and joints, (runs, 7 n + 6), the turns of laws added to those of their joints."""
+    """Add the turns of joint laws to those of their joints.
+
+    Args:
+        vjm: Kinematics, with or without laws.
+        theta: Virtual joint coordinates, (runs, n_theta) [m, rad].
+
+    Returns:
+        Coordinates of links and joints, (runs, 7 n + 6) [m, rad].
+    """
     if vjm.laws is None:
         return theta
     plain, links = theta[:, : vjm.arm.n_theta].copy(), 6 * len(vjm.arm.links)
@@ -175,23 +225,65 @@ def turns(vjm: Vjm, theta: Array) -> Array:
 
 
 def tool_pose(vjm: Vjm, q: Array) -> tuple[Array, Array]:
-    """Tool positions, (runs, 3) [m], and orientations, world from tool, (runs, 3, 3), as of `chain`."""
+    """Compute poses of the tool of the rigid arm.
+
+    Args:
+        vjm: Kinematics of the arm.
+        q: Actuated joints, (runs, n) [rad, m].
+
+    Returns:
+        Positions, world, (runs, 3) [m], and orientations, world from tool, (runs, 3, 3) [1].
+
+    Raises:
+        BenchError: When q has another shape or is not finite.
+    """
     return body_poses(vjm, q)[-1]
 
 
 def tool_points(vjm: Vjm, q: Array, points: Array) -> Array:
-    """Points of the tool's frame, (k, 3) [m], in the world, the arm rigid, (runs, k, 3) [m]."""
+    """Compute world positions of points of the tool, the arm rigid.
+
+    Args:
+        vjm: Kinematics of the arm.
+        q: Actuated joints, (runs, n) [rad, m].
+        points: Points in the tool's frame, (k, 3) [m].
+
+    Returns:
+        Points in the world, (runs, k, 3) [m].
+
+    Raises:
+        BenchError: When q has another shape or is not finite.
+    """
     return on_tool(tool_pose(vjm, q), points)
 
 
 def on_tool(pose: tuple[Array, Array], points: Array) -> Array:
-    """The same of tool positions, (runs, 3) [m], and orientations, (runs, 3, 3)."""
+    """Compute world positions of points of the tool from the tool's poses.
+
+    Args:
+        pose: Tool positions, world, (runs, 3) [m], and orientations, world from tool, (runs, 3, 3) [1].
+        points: Points in the tool's frame, (k, 3) [m].
+
+    Returns:
+        Points in the world, (runs, k, 3) [m].
+    """
     position, rotation = pose
     return np.asarray(position[:, None] + points @ rotation.transpose(0, 2, 1))
 
 
 def marker_points(vjm: Vjm, names: tuple[str, ...]) -> Array:
-    """Positions of these markers in the tool's frame, (m, 3) [m]; BenchError when the arm lacks one."""
+    """Return the positions of named markers in the tool's frame.
+
+    Args:
+        vjm: Kinematics of the arm.
+        names: Names of the markers, m.
+
+    Returns:
+        Marker positions, (m, 3) [m], in the order of the names.
+
+    Raises:
+        BenchError: When the arm has no marker of that name.
+    """
     have = vjm.arm.markers
     for name in names:
         if name not in have:
@@ -200,7 +292,18 @@ def marker_points(vjm: Vjm, names: tuple[str, ...]) -> Array:
 
 
 def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
-    """Poses of the links' bodies from the base on and of the tool, each as of `tool_pose`, theta zero."""
+    """Compute poses of all links' bodies, from the base on, and of the tool, the arm rigid.
+
+    Args:
+        vjm: Kinematics of the arm.
+        q: Actuated joints, (runs, n) [rad, m].
+
+    Returns:
+        n + 2 pairs of origins, world, (runs, 3) [m], and orientations, world from body, (runs, 3, 3) [1].
+
+    Raises:
+        BenchError: When q has another shape or is not finite.
+    """
     q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
     R = np.tile(vjm.base[:3, :3, None], len(q))
     p = np.tile(vjm.base[:3, 3:], len(q))
@@ -218,15 +321,16 @@ def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
 
 
 def bend(p: Array, beam: Array, theta: Array) -> tuple[Array, Array, Array]:
-    """A link's virtual joint away from zero: three slides, then three hinges, each carried by those before.
+    """Move a link's virtual joint away from zero: slides x, y, z, then hinges x, y, z in series.
 
     Args:
         p: World position of the virtual joint, (3, runs) [m].
-        beam: World from beam, (3, 3, runs).
-        theta: Of this link, (runs, 6) [m, rad].
+        beam: Beam frame, world from beam, (3, 3, runs) [1].
+        theta: Coordinates of this link, (runs, 6) [m, rad].
 
     Returns:
-        Position behind the slides, axes of the hinges in the world as columns, beam behind the hinges.
+        Position behind the slides, (3, runs) [m]; axes of the hinges in the world as columns, (3, 3, runs)
+        [1]; and the beam frame behind the hinges, world from beam, (3, 3, runs) [1].
     """
     p = p + np.einsum("xbr,rb->xr", beam, theta[:, :3])
     beam, hinges, sine, cosine = beam.copy(), np.empty_like(beam), np.sin(theta[:, 3:]), np.cos(theta[:, 3:])
@@ -238,25 +342,43 @@ def bend(p: Array, beam: Array, theta: Array) -> tuple[Array, Array, Array]:
 
 
 def turn(R: Array, axis: Array, angle: Array) -> Array:
-    """Frames turned about an axis of their own (Rodrigues), (3, 3, runs).
+    """Turn frames about an axis of their own, by Rodrigues' formula R (1 + sin W + (1 - cos) W^2).
 
     Args:
-        R: World from body, (3, 3, runs).
-        axis: Unit axis in the body, (3,).
+        R: World from body, (3, 3, runs) [1].
+        axis: Unit axis in the body, (3,) [1].
         angle: Angles, (runs,) [rad].
+
+    Returns:
+        World from turned body, (3, 3, runs) [1].
     """
     W = skew(axis)
     return np.asarray(R + np.sin(angle) * (W.T @ R) + (1 - np.cos(angle)) * ((W @ W).T @ R))
 
 
 def rotation(axis: Array, angle: float) -> Array:
-    """Turn by an angle [rad] about a unit axis (Rodrigues), (3, 3)."""
+    """Compute the rotation about a unit axis by an angle, by Rodrigues' formula 1 + sin W + (1 - cos) W^2.
+
+    Args:
+        axis: Unit axis, (3,) [1].
+        angle: Angle [rad].
+
+    Returns:
+        Rotation matrix, (3, 3) [1].
+    """
     W = skew(axis)
     return np.asarray(np.eye(3) + np.sin(angle) * W + (1 - np.cos(angle)) * W @ W)
 
 
 def skew(vectors: Array) -> Array:
-    """Return W with W v = vectors x v, (..., 3, 3), of (..., 3); its rows are the axes times vectors."""
+    """Build the matrices W of vector products, W x = v x x; row k of W is the k-th unit axis times v.
+
+    Args:
+        vectors: Vectors v, (..., 3).
+
+    Returns:
+        Skew-symmetric matrices, (..., 3, 3), in the unit of the vectors.
+    """
     W = np.zeros((*vectors.shape, 3))
     for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         W[..., x, y], W[..., x, z] = -vectors[..., z], vectors[..., y]
@@ -264,41 +386,105 @@ def skew(vectors: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Vector products along the first axis; np.cross is four times slower there."""
+    """Compute vector products along the first axis; np.cross is four times slower there.
+
+    Args:
+        a: First vectors, (3, ...).
+        b: Second vectors, (3, ...), which broadcast with the first.
+
+    Returns:
+        a x b, (3, ...).
+    """
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def translation_rows(where: Chain, points: Array) -> Array:
-    """Translational rows of J_theta at points fixed in the tool, world axes, (3 p, n_theta, runs) [1, m]."""
+    """Compute the translational rows J_p of J_theta at points fixed to the tool.
+
+    Args:
+        where: Tool and Jacobian of every run.
+        points: Points in the tool's frame, (p, 3) [m].
+
+    Returns:
+        J_p, world axes, three rows per point, (3 p, n_theta, runs) [1, m].
+    """
     v, omega = where.J_theta[:3], where.J_theta[3:]
     arms = [(where.rotation @ point).T[:, None] for point in points]
     return np.concatenate([v + cross(omega, arm) for arm in arms])
 
 
 def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
-    """Load J_F^T w of every virtual joint, (n_theta, runs) [N, N m]; of laws what turns per unit of size."""
+    """Compute the load J_F^T w of every virtual joint, Eq. (10), J_F the Jacobian where the wrench acts.
+
+    Args:
+        where: Tool and Jacobian of every run.
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
+
+    Returns:
+        Load of links and joints [N, N m], then the turn per unit of size of joint laws [rad, m], (n_theta,
+        runs).
+
+    Raises:
+        BenchError: When an array has another shape or is not finite.
+    """
     return with_laws(where, plain_load(where, wrench, point))
 
 
 def plain_load(where: Chain, wrench: Array, point: Array) -> Array:
-    """Load J_F^T w of the virtual joints of links and joints, (7 n + 6, runs) [N, N m]."""
+    """Compute the load J_F^T w of the virtual joints of links and joints, joint laws left out.
+
+    Args:
+        where: Tool and Jacobian of every run.
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
+
+    Returns:
+        Generalised loads, (7 n + 6, runs) [N, N m].
+
+    Raises:
+        BenchError: When an array has another shape or is not finite.
+    """
     runs, plain = len(where.position), 7 * len(where.bodies) - 8
     wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = check_array(point, (runs, 3), "point [m]")
+    # the wrench moved to the tool's origin, then J_theta^T w
     force, arm = wrench[:, :3].T, np.einsum("rxy,ry->xr", where.rotation, point)
     at_tool = np.concatenate([force, wrench[:, 3:].T + cross(arm, force)])
     return np.asarray(np.einsum("xtr,xr->tr", where.J_theta[:, :plain], at_tool))
 
 
 def with_laws(where: Chain, u: Array) -> Array:
-    """Loads of all virtual joints, (n_theta, runs), from those of links and joints, (7 n + 6, runs)."""
+    """Append the turns of joint laws per unit of size to the loads of links and joints.
+
+    Args:
+        where: Tool and Jacobian of every run, with the laws if there are some.
+        u: Loads of links and joints, (7 n + 6, runs) [N, N m].
+
+    Returns:
+        Loads of all virtual joints, (n_theta, runs) [N, N m; rad, m for laws].
+    """
     if where.laws is None:
         return u
     return np.concatenate([u, where.laws.load(where, u[6 * (len(where.bodies) - 1) :])])
 
 
 def observation(where: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:
-    """Observation matrix A of Eq. (12), so that deflection = A @ pi, (runs, m, 3, n_par)."""
+    """Compute the observation matrix A of Eq. (12), so that the deflection of Eq. (11) is A @ pi.
+
+    Args:
+        where: Tool and Jacobian of every run.
+        structure: Structure of the unknowns, n_par of them.
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
+        targets: Points that are read, in the tool's frame, (m, 3) [m].
+
+    Returns:
+        A, world axes, (runs, m, 3, n_par) [m per unit of pi].
+
+    Raises:
+        BenchError: When an array has another shape or is not finite, or the structure is of another arm.
+    """
     targets = check_array(targets, (None, 3), "targets [m]")
     J, u = translation_rows(where, targets), generalised_load(where, wrench, point)
     A = np.stack([*parameter_rows(structure, J, u)])
@@ -306,15 +492,15 @@ def observation(where: Chain, structure: Structure, wrench: Array, point: Array,
 
 
 def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
-    """Observation matrix of readings that are linear in the virtual joints, Eq. (12), row by row.
+    """Compute the observation matrix of readings that are linear in the virtual joints, Eq. (12), row by row.
 
-    A row is linear in the load u = J_F^T w: the parameter C_theta[a, b] moves the reading by
-    J[a] u[b] + J[b] u[a] (once on the diagonal, and where C_theta[b, a] is another one).
+    A row is linear in the load u = J_F^T w. The parameter C_theta[a, b] moves the reading by J[a] u[b] + J[b]
+    u[a]; the second term is absent on the diagonal, and where C_theta[b, a] is another parameter or zero.
 
     Args:
-        structure: The unknown entries, n_par of them.
+        structure: Structure of the unknowns, n_par of them.
         J: Readings per unit of each virtual joint, (rows, n_theta, runs).
-        u: Load of each virtual joint, (n_theta, runs) [N, N m].
+        u: Load of each virtual joint, (n_theta, runs) [N, N m; rad, m for laws].
 
     Yields:
         One row of every run, (n_par, runs): the transpose of what LAPACK wants.

@@ -1,7 +1,8 @@
-"""The arm's own weight on the virtual joints: masses and centres as rigid.xml says, by our own reading.
+"""The arm's own weight on the virtual joints: masses and centres of mass, read from rigid.xml.
 
-Every body bends what lies before it in the chain. The load J^T m g of a virtual joint is linear in the mass
-of each body and in its first moments, mass times centre; so masses can be fitted as well as taken.
+A body loads every virtual joint before it in the chain. The load J^T m g is linear in each body's mass and
+first moments, mass times centre; so `identify` can take masses from the file or fit them. Joint laws and the
+equilibrium under own weight use these loads.
 """
 
 import xml.etree.ElementTree as ET
@@ -19,27 +20,36 @@ from testbench.model.vjm import Chain
 
 @dataclass(frozen=True)
 class Weights:
-    """What the links from the base on and the tool weigh, with all that is fixed to them: n + 2 bodies."""
+    """Hold masses and centres of the n + 2 bodies: the links from the base on, and the tool.
 
-    mass: Array  #: (bodies,) [kg].
+    The mass of a body includes everything that is fixed to it.
+    """
+
+    mass: Array  #: Mass, (bodies,) [kg].
     centre: Array  #: Centre of mass in the body's own axes, (bodies, 3) [m].
 
     @property
     def parameters(self) -> Array:
-        """Mass and first moments of every body, (bodies, 4) [kg, kg m]."""
+        """Return mass and first moments m, m c_x, m c_y, m c_z of every body, (bodies, 4) [kg, kg m]."""
         return np.column_stack([self.mass, self.mass[:, None] * self.centre])
 
 
 def no_weights(arm: Arm) -> Weights:
-    """Those of an arm that weighs nothing."""
+    """Make the weights of an arm whose links weigh nothing."""
     return Weights(np.zeros(arm.n_joints + 2), np.zeros((arm.n_joints + 2, 3)))
 
 
 def read_weights(arm: Arm) -> Weights:
-    """Masses and centres of an arm's MJCF.
+    """Read masses and centres of mass from an arm's MJCF.
+
+    Args:
+        arm: Description of the arm; its rigid.xml is read.
+
+    Returns:
+        Masses and centres of the links and the tool, with all bodies fixed to them.
 
     Raises:
-        InputError: When MuJoCo would take a mass from shapes, which only MuJoCo can weigh.
+        InputError: When MuJoCo would take a mass from shapes, which this reader does not weigh.
     """
     root = read_mjcf(arm.rigid)
     from_shapes = [c.get("inertiafromgeom", "auto") for c in root.iter("compiler")][-1:] or ["auto"]
@@ -75,7 +85,7 @@ def weights_known(arm: Arm) -> tuple[Weights, list[str]]:
 def _fixed(
     arm: Arm, root: ET.Element, body: ET.Element, chain_bodies: list[ET.Element]
 ) -> Iterator[tuple[ET.Element, Array]]:
-    """A body and all that is fixed to it, each with its pose in the body, (4, 4) [m]."""
+    """Yield a body and all bodies fixed to it, each with its pose in the body, (4, 4) [1, m]."""
     pending = [(body, np.eye(4))]
     while pending:
         part, pose = pending.pop()
@@ -85,7 +95,7 @@ def _fixed(
 
 
 def _own(arm: Arm, body: ET.Element, light: set[ET.Element], pose: Array) -> Array:
-    """Mass and first moments of one body in the axes of the one it is fixed to, (4,) [kg, kg m]."""
+    """Read mass and first moments of one body in the axes of the one it is fixed to, (4,) [kg, kg m]."""
     inertial = body.find("inertial")
     if inertial is not None:
         [mass] = numbers(arm.rigid, inertial, "mass", 1)
@@ -98,12 +108,12 @@ def _own(arm: Arm, body: ET.Element, light: set[ET.Element], pose: Array) -> Arr
 
 
 def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
-    """The shapes that weigh nothing by their own mass or by that of their class."""
+    """Find the shapes whose mass is zero, by their own attribute or by that of their class."""
     above = {child: parent for parent in root.iter() for child in parent}
     classes = {d.get("class", "main"): d for d in root.iter("default")}
 
     def stated(geom: ET.Element) -> ET.Element | None:
-        """Where the mass of a shape stands."""
+        """Find the element that states the mass of a shape: itself, its class, or a parent class."""
         if "mass" in geom.attrib:
             return geom
         body = above[geom]
@@ -121,17 +131,22 @@ def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
 
 
 def weight_columns(where: Chain) -> Array:
-    """Load of every virtual joint per unit of mass and of each first moment of every body.
+    """Compute the load of every virtual joint per unit of mass and of each first moment of every body.
 
-    Of joint t, where it carries body k with origin p and axes R: J_t(p)^T g, and (omega_t x R e_x,y,z)^T g.
+    For a virtual joint t that carries body k with origin p and axes R these are J_t(p)^T g, and (omega_t x R
+    e)^T g for e = x, y, z. All others are zero, also those of joint laws.
+
+    Args:
+        where: Tool, bodies and Jacobian of every run.
 
     Returns:
-        (n_theta, runs, bodies, 4) [N, N m per kg and per kg m]; their sum times `Weights.parameters` is
-        `own_weight`.
+        Columns, (n_theta, runs, bodies, 4) [N/kg, N m/kg; N/(kg m), N m/(kg m)]; their sum times
+        `Weights.parameters` is `own_weight`.
     """
     _, n_theta, runs = where.J_theta.shape
     columns = np.zeros((len(where.bodies), 4, n_theta, runs))  # runs last: every product is one long loop
     for k, (p, R) in enumerate(where.bodies):
+        # the Jacobian at the body's origin: v_z(p) = v_z + (omega x (p - tool))_z
         arm = p - where.position.T
         for some in _before(k, where):
             v_z, (x, y) = where.J_theta[2, some], where.J_theta[3:5, some]
@@ -143,16 +158,23 @@ def weight_columns(where: Chain) -> Array:
 
 
 def _before(body: int, where: Chain) -> tuple[slice, slice]:
-    """Virtual joints that carry a body, of links and of joints: a link's at its end, a joint's before it."""
+    """Return slices of the virtual joints that carry a body: those of links, and those of joints."""
     links, joints = 6 * (len(where.bodies) - 1), len(where.bodies) - 2
     return slice(0, 6 * body), slice(links, links + min(body, joints))
 
 
 def own_weight(where: Chain, weights: Weights) -> Array:
-    """Load of every virtual joint under the arm's own weight, (n_theta, runs) [N, N m].
+    """Compute the load of every virtual joint under the arm's own weight, sum_k J_k^T m_k g.
 
-    What lies behind a virtual joint pulls as one: summed up from the tool on. The base link lies before every
-    virtual joint: its mass bends nothing.
+    Everything behind a virtual joint pulls as one body: masses and moments are summed from the tool on. The
+    base link lies before every virtual joint, so its mass loads none. Loads of joint laws are zero.
+
+    Args:
+        where: Tool, bodies and Jacobian of every run.
+        weights: Masses and centres of the bodies.
+
+    Returns:
+        Generalised loads, (n_theta, runs) [N, N m].
     """
     _, n_theta, runs = where.J_theta.shape
     load, mass, moment = np.zeros((n_theta, runs)), 0.0, np.zeros((3, runs))
