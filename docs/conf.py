@@ -52,7 +52,6 @@ def write_help(_: object) -> None:
         "next",
         "plan",
         "predict",
-        "score",
         "simulate",
         "view",
     ]

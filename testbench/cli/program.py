@@ -23,7 +23,6 @@ COMMANDS = {
     "identify": "Identify stiffness models from measured runs.",
     "calibrate": "Calibrate an arm by absolute readings: geometry, gears, elasticity.",
     "export": "Write the identified geometry into the robot's URDF.",
-    "score": "Say how far a calibrated arm is from readings.",
     "predict": "Say where loads bring the tool, how sure that is, how stiff it is.",
     "compensate": "Correct a robot's program for what loads do to the arm.",
     "demo": "Calibrate a heavy arm in simulation.",
