@@ -106,8 +106,7 @@ def command(asked: Options) -> None:
     if asked.score:
         _score(asked, files)
         return
-    arm = find_arm(asked.arm)
-    given = [arm, *asked.readings, *filter(None, asked.mapping or [])]
+    given = [find_arm(asked.arm), *asked.readings, *filter(None, asked.mapping or [])]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         cell = build_cell(asked.arm)
         series, notes = read_all(files, cell.arm)
@@ -247,8 +246,5 @@ def seen(cell: Cell, found: Calibrated, left: counted.Left) -> draw.Seen:
     title += f" Sag of the calibrated arm x {M:g}." if soft else ""
     labels, note = [str(k) for k in rows.row], draw.of_all(len(rows.q), len(known), "poses")
     chart = draw.RunChart("Pose by pose (mm)", 0, "row of the file", labels, marks, note=note)
-    return draw.Seen(
-        draw.Scene(cell, title, [group]),
-        draw.PlaceMap("Distance of reading and arm, worst target (mm)", 0, rows.tool, marks),
-        [chart],
-    )
+    errors = draw.PlaceMap("Distance of reading and arm, worst target (mm)", 0, rows.tool, marks)
+    return draw.Seen(draw.Scene(cell, title, [group]), errors, [chart])
