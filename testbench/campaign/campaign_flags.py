@@ -52,8 +52,7 @@ Payload = Annotated[
         "--load",
         parser=mass_or_none,
         metavar="MASS",
-        help="Load assumed where the file gives none, such as 240 or 530lb; 0 for no load. Default: the "
-        "arm's stated payload.",
+        help="Load where the file gives none, 0 for none; default: the arm's payload.",
     ),
 ]
 TrueArmFlag = Annotated[
