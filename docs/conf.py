@@ -42,7 +42,6 @@ def write_help(_: object) -> None:
         "compare",
         "compensate",
         "data check",
-        "dataset build",
         "demo",
         "elastic",
         "export",
