@@ -42,7 +42,6 @@ def write_help(_: object) -> None:
         "compare",
         "compensate",
         "data check",
-        "dataset build",
         "demo",
         "elastic",
         "export",
@@ -52,7 +51,6 @@ def write_help(_: object) -> None:
         "next",
         "plan",
         "predict",
-        "score",
         "simulate",
         "view",
     ]

@@ -111,7 +111,7 @@ CASES = {
     "identify": command("identify kr500_l480 ../inputs/data.csv --out out"),
     "calibrate": command("calibrate ur10 ../inputs/readings.csv --orders 1 --out out"),
     "export": command("export ../inputs/calibrated --urdf out.urdf", "out.*"),
-    "score": command("score ../inputs/calibrated ../inputs/readings.csv", ""),
+    "score": command("calibrate ../inputs/calibrated ../inputs/readings.csv --score", ""),
     "predict": command(f"predict ../inputs/model {ROOT}/docs/tasks.csv --load 460 --out out"),
     "compensate": command(f"compensate ../inputs/model {ROOT}/docs/program.csv --out out.csv", "out*"),
     "compare": command("compare ../inputs/model ../inputs/other --out out"),

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
 from testbench.trials.rows import Row
 
+T = TypeVar("T")
 FRAME_POSES = 50
 """Rows that tell frame and mount of a series that the calibration has not seen, half of a short one."""
 DRIFT = 45e-6
@@ -68,6 +70,34 @@ class File:
     mapping: Path | None = None  #: A map of its names; None where it uses ours.
     load: float | None = None  #: Mass that hangs in loaded rows where the file gives none [kg].
     sigma_um: float | None = None  #: Noise of a reading along an axis, where the file lacks it.
+
+
+def files_of(
+    paths: Sequence[Path],
+    mappings: Sequence[Path] | None,
+    loads: Sequence[float] | None,
+    sigma_um: float | None,
+) -> list[File]:
+    """Pair files of readings with their maps and loads.
+
+    Args:
+        paths: Files of absolute readings.
+        mappings: Their maps, one for all or one for each; None for none.
+        loads: Masses that hang in loaded rows without one, the same way [kg].
+        sigma_um: Noise of a reading along an axis, where a file lacks it [um].
+
+    Raises:
+        BenchError: When maps or loads are neither one nor as many as the files.
+    """
+
+    def each(flag: str, given: Sequence[T] | None) -> Sequence[T | None]:
+        count = len(paths)
+        if given and len(given) not in (1, count):
+            raise BenchError(f"{flag}: expected it once, or once for each of {count} files, got {len(given)}")
+        return given if given and len(given) == count else [given[0] if given else None] * count
+
+    both = zip(each("--map", mappings), each("--load", loads), strict=True)
+    return [File(path, *own, sigma_um) for path, own in zip(paths, both, strict=True)]
 
 
 def read_all(given: Sequence[File], arm: Arm) -> tuple[tuple[Series, ...], tuple[str, ...]]:

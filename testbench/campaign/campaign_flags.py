@@ -28,13 +28,15 @@ def mass_or_none(text: str) -> float:
     return 0.0 if is_decimal(text) and float(text) == 0 else mass(text)
 
 
-ArmName = Annotated[str, typer.Argument(help="Folder with rigid.xml and elastic.toml, or one of our arms.")]
+ArmName = Annotated[str, typer.Argument(help="Folder of an arm, or one of ours.")]
 MapFile = Annotated[
-    Path | None, typer.Option("--map", help="TOML file that says how the table names our quantities.")
+    Path | None, typer.Option("--map", metavar="TOML", help="How the table names our quantities.")
 ]
 SigmaUm = Annotated[
     float | None,
-    typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis, where the file lacks it."),
+    typer.Option(
+        min=0.001, max=10_000, metavar="UM", help="Noise of a reading along an axis, where the file lacks it."
+    ),
 ]
 Load = Annotated[
     float | None,
@@ -50,8 +52,7 @@ Payload = Annotated[
         "--load",
         parser=mass_or_none,
         metavar="MASS",
-        help="Load assumed where the file gives none, such as 240 or 530lb; 0 for no load. Default: the "
-        "arm's stated payload.",
+        help="Load where the file gives none, 0 for none; default: the arm's payload.",
     ),
 ]
 TrueArmFlag = Annotated[

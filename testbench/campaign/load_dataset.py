@@ -37,7 +37,7 @@ def load_dataset(
     """Read the public dataset.
 
     Args:
-        folder: Of `testbench dataset build`; `build_cell(folder / "arms" / "kr500_l480")` is the cell.
+        folder: Of `tools/build_dataset.py`; `build_cell(folder / "arms" / "kr500_l480")` is the cell.
         split: Which part; None for all.
 
     Returns:

@@ -9,22 +9,26 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.campaign.campaign import Cell, clear_poses, stream
-from testbench.campaign.plan_input import read_loads
+from testbench.campaign.plan_input import place, read_loads
 from testbench.correct.beyond import Extent, extent
 from testbench.correct.compensated import Compensated, Refusal, compensate
 from testbench.correct.inverse import joints_along
-from testbench.correct.newton import Aim
+from testbench.correct.newton import Aim, Hold
+from testbench.correct.newton import Asked as Meant
 from testbench.correct.predicted import Prediction, predict
 from testbench.correct.process import process_wrench
 from testbench.correct.stiffness import Stiffness, give_halves, stiffness
 from testbench.data.dataset import in_order
+from testbench.data.motion import CSV, WRITERS, format_of, write_moves
 from testbench.data.program import Program, read_poses, read_program, refuse_joint_jumps, unread
 from testbench.data.table import read_table
+from testbench.data.write import write_program
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load, weight
 from testbench.model.poses import WorkArea
 from testbench.model.vjm import tool_pose
+from testbench.output.place import Kind, inside
 from testbench.plant.site import Site
 
 T = TypeVar("T")
@@ -113,6 +117,79 @@ def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Lo
     hung = [weight(model.vjm, program.mass)] if program.mass.any() else []
     pulls = [Load(wrench, at).over(len(q))] if wrench.any() or not hung else []
     return (*pulls, *hung)
+
+
+def destination(out: Path, report: Path | None) -> tuple[str, Kind, Path]:
+    """Tell what a corrected program is written as, and where its report goes.
+
+    Args:
+        out: File of the corrected program.
+        report: Folder of the report; None for one beside the file.
+
+    Returns:
+        "csv" or a robot's language, the kind of file that may be replaced, the folder of the report.
+
+    Raises:
+        InputError: When the file has no name, or lies in the folder of the report.
+        BenchError: When its suffix is unknown.
+    """
+    if not out.name:
+        raise InputError(out, "", "expected the name of a file, got a folder")
+    if report and inside(out, report):
+        raise InputError(out, "", f"expected a place outside of {report}, the folder of --report")
+    form, named = format_of(out), out.stem if out.suffix == ".csv" else out.name.replace(".", "_")
+    kind = Kind("a corrected program", rb"[^\n]*correction_")
+    if form != CSV:
+        kind = Kind(f"a program in {WRITERS[form].title}", WRITERS[form].begins.encode())
+    return form, kind, report or out.with_name(f"{named}_report")
+
+
+def refuse_unreached(found: CorrectedProgram) -> None:
+    """Refuse a program with points that cannot be put right.
+
+    Raises:
+        InputError: Names the first points with their reasons, and the flag that leaves them as they are.
+    """
+    if found.unreached:
+        named, more = "; ".join(found.unreached[:NAMED]), len(found.unreached) - NAMED
+        named += f"; and {more} more" if more > 0 else ""
+        problem = f"{named}; --keep-unreachable leaves such points as they are"
+        raise InputError(found.program.path, "", problem)
+
+
+def aim_of(hold: Hold, asked: Meant | None, tip: str, spindle: str) -> Aim:
+    """Make an aim of flags.
+
+    Args:
+        hold: What is corrected.
+        asked: What the program means; None for the default of the model.
+        tip: Tool point in the frame of the tool, x,y,z [m].
+        spindle: Where the spindle points in that frame, an axis with its sign.
+
+    Raises:
+        BenchError: Names the flag and what was expected.
+    """
+    signs = (("", 1.0), ("-", -1.0))
+    axes = {f"{sign}{name}": s * np.eye(3)[k] for sign, s in signs for k, name in enumerate("xyz")}
+    if spindle not in axes:
+        raise InputError(Path("--spindle"), "", f"expected one of {', '.join(axes)}, got {spindle!r}")
+    x, y, z = axes[spindle].tolist()
+    return Aim(hold, asked, place(tip, "--tip x,y,z [m]"), (x, y, z))
+
+
+def write_corrected(found: CorrectedProgram, file: Path, form: str) -> None:
+    """Write a corrected program, as a table or in a robot's language.
+
+    Args:
+        found: The corrected program.
+        file: Where it goes.
+        form: "csv" or a language, by `format_of`.
+    """
+    arm, program, q = found.model.arm, found.program, found.found.q
+    if form == CSV:
+        write_program(file, program, q, more_columns(found))
+    else:
+        write_moves(file, WRITERS[form], arm.to_file(q), arm.file_joints, program.labels)
 
 
 def more_columns(found: CorrectedProgram) -> dict[str, Array | Sequence[str]]:

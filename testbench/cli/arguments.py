@@ -42,7 +42,7 @@ def absolute_alone(flags: "DataclassInstance") -> None:
 
 
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
-ArmCheck = Annotated[str | None, typer.Option(help="The arm, to check that the model belongs to it.")]
+ArmCheck = Annotated[str | None, typer.Option(metavar="ARM", help="Refuse a model of another arm.")]
 ShownFolder = Annotated[Path | None, typer.Option(help="Folder for picture, recording and page.")]
 Orientations = Annotated[
     bool, typer.Option("--orientations", help="Read one target, and how it is turned, to as many urad.")

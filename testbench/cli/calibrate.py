@@ -1,31 +1,61 @@
 """testbench calibrate ARM READINGS.csv ... --out MODEL: geometry, gears, elasticity by absolute readings."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated
 
+import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.absolute import File, calibrated, read_all
-from testbench.campaign.campaign import build_cell
+from testbench.campaign import calibration_numbers as counted
+from testbench.campaign.absolute import Calibrated, File, calibrated, files_of, read_all, score
+from testbench.campaign.arm_models import read_model, write_model
+from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.campaign_flags import ArmName, SigmaUm, mass
 from testbench.campaign.plan import gain_of_more
+from testbench.campaign.rows import MM
 from testbench.cli.arguments import plain
-from testbench.commands.calibrate import COMMAND, PICTURE, report, seen, write
-from testbench.commands.calibrate_numbers import left_of
-from testbench.errors import BenchError, PoseError
-from testbench.identify.absolute.fit import NAMES, ORDERS
-from testbench.identify.absolute.fit import Options as Tried
+from testbench.errors import BenchError, PoseError, sheet_of
+from testbench.files import digest
+from testbench.identify.absolute import fit
 from testbench.identify.absolute.posterior import model_of
+from testbench.identify.registration import POSES
 from testbench.output.place import claim_folder
+from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report.badge import decide
+from testbench.report.columns import columns
+from testbench.report.leave import Asked, leave
+from testbench.report.report import Report, bullets, say
+from testbench.report.table import Row
 from testbench.shell.options import Force, of_flag, takes
+from testbench.views import scene as draw
+from testbench.views.colours import GCO, MEASURED, NOMINAL, Look
+from testbench.views.markdown import Markdown
+from testbench.views.schema import Table
 from testbench.views.terminal import looked_at, plain_console, print_words
 
-EACH = "Again: one for each file."
-T = TypeVar("T")
+COMMAND, PICTURE = "testbench calibrate", "calibration.png"
+TABLES = {
+    "steps": ("What improves held-out readings, calibrated", "tried verdict after_mm series_after_mm"),
+    "errors": ("Fitted readings", "what error.mean_mm error.rms_mm error.p95_mm error.max_mm"),
+    "series": ("Series", "series after.n before.mean_mm after.mean_mm after.max_mm"),
+    "values": ("Compliances and geometry", "what value half_95 unit folder"),
+    "numbers": ("Other numbers", "what value"),
+    "spectrum": (
+        "Periodic errors of the joints",
+        "joint rms_urad largest.order largest.amplitude_urad largest.deviation_urad significant",
+    ),
+    "pattern": ("One periodic error that joints share", "joint turn_deg mirrored"),
+    "ranges": ("Ranges of joints with the largest errors, calibrated", "what rms_mm"),
+    "outliers": ("Readings that hardly count", "series row marker error_mm pull"),
+}
+"""Titles and columns of the report's tables."""
+LONGEST, BENT = 0.3, 0.12  #: Length of most arrows and of most sags over the reach [1].
+LOOKS = {"as drawn": Look(NOMINAL, 1, prior=True), "calibrated": Look(GCO, 0, prior=True)}
 
 
 @dataclass(frozen=True)
@@ -33,77 +63,188 @@ class Options:
     """Flags of the command."""
 
     arm: ArmName
-    readings: Annotated[
-        list[Path], typer.Argument(help="Absolute readings, CSV, any other text table, or FILE.xlsx#SHEET.")
-    ]
-    out: Annotated[Path, typer.Option(help="Folder of the calibrated arm.")] = Path("runs/calibrate")
+    readings: Annotated[list[Path], typer.Argument(help="Absolute readings: table or FILE.xlsx#SHEET.")]
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the calibrated arm.")] = Path(
+        "runs/calibrate"
+    )
     mapping: Annotated[
         list[Path] | None,
-        typer.Option("--map", help="TOML file that says how tables name our quantities. " + EACH),
+        typer.Option("--map", metavar="TOML", help="Names of columns, once or once per file."),
     ] = None
     sigma_um: SigmaUm = None
     load: Annotated[
         list[float] | None,
-        typer.Option(
-            parser=mass, metavar="MASS", help="Hangs in loaded rows where a file gives none. " + EACH
-        ),
+        typer.Option(parser=mass, metavar="MASS", help="Load in loaded rows, once or once per file."),
     ] = None
     without: Annotated[
-        list[str] | None, typer.Option(help=f"Errors not to try: {', '.join(NAMES)}; again for more.")
+        list[str] | None, typer.Option(metavar="ERROR", help=f"Not to try: {', '.join(fit.NAMES)}.")
     ] = None
     orders: Annotated[
-        int, typer.Option(min=1, max=400, help="Highest order of periodic errors; too low biases the fit.")
-    ] = ORDERS
-    least_squares: Annotated[
-        bool, typer.Option("--least-squares", help="Least squares, not GCO: compliances may be negative.")
+        int, typer.Option(min=1, max=400, metavar="N", help="Highest order of periodic errors.")
+    ] = fit.ORDERS
+    least_squares: Annotated[bool, typer.Option("--least-squares", help="Least squares instead of GCO.")] = (
+        False
+    )
+    score: Annotated[
+        bool, typer.Option("--score", help="ARM is calibrated: print its error at new readings.")
     ] = False
+    frame_poses: Annotated[
+        int | None, typer.Option(min=POSES, metavar="N", help="--score: poses for the frame alone.")
+    ] = None
+    at_most: Annotated[
+        float | None, typer.Option(min=0, metavar="MM", help="--score: exit 1 above this mean.")
+    ] = None
     force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
-    """Calibrate an arm by where a tracker saw its tool; write the model."""
-    arm = find_arm(asked.arm)
-    given = [arm, *asked.readings, *filter(None, asked.mapping or [])]
+    """Calibrate an arm by where a tracker saw its tool, and write the model; or score one."""
+    if not asked.score and (asked.frame_poses or asked.at_most is not None):
+        raise BenchError("--frame-poses, --at-most: expected --score with them")
+    files = files_of(asked.readings, asked.mapping, asked.load, asked.sigma_um)
+    if asked.score:
+        _score(asked, files)
+        return
+    given = [find_arm(asked.arm), *asked.readings, *filter(None, asked.mapping or [])]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         cell = build_cell(asked.arm)
-        series, notes = read_all(_files(asked), cell.arm)
+        series, notes = read_all(files, cell.arm)
         with of_flag("--without"):
-            tried = Tried(orders=asked.orders, without=frozenset(asked.without or ()))
-        if asked.least_squares:
-            tried = replace(tried, constraint="none")
-        console = plain_console()
+            without = frozenset(asked.without or ())
+            tried = fit.Options("none" if asked.least_squares else "psd", asked.orders, without)
         found = calibrated(cell.vjm, series, tried, notes)
-        left = left_of(found)
-        more = None
+        left, more, console = counted.left_of(found), None, plain_console()
         with suppress(PoseError):  # an arm that can be nowhere has no workspace
             more = gain_of_more(cell, model_of(found.calibration), series[0].sigma)
-        said = report(found, left, more)
+        said, lines = report(found, left, more), [f"- {note}" for note in found.notes]
         if said.numbers["rejected"]:
             nothing = "rejected   nothing is written: such a model is worse than none"
-            print_words(console, said, [], [*(f"- {note}" for note in found.notes), nothing])
+            print_words(console, said, [], [*lines, nothing])
             raise typer.Exit(1)
-        drawn = seen(cell, found, left)
-        write(found, said, drawn, plain(asked, read="readings", without=("arm",)), asked.out)
-        out = asked.out
-        lines = [
-            *(f"- {note}" for note in found.notes),
-            f"model      {out / 'model.json'}",
-            f"report     {out / 'report.md'}, {out / 'report.json'}, {out / PICTURE}",
-            *looked_at(out),
-        ]
+        flags = plain(asked, read="readings", without=("arm", "score", "frame_poses", "at_most"))
+        write = partial(write_model, found.calibration, flags["readings"], said.numbers["doubts"])
+        run = Asked(COMMAND, cell.arm.name, flags, [cell.arm.rigid.parent], PICTURE, more=write)
+        leave(asked.out, run, said, seen(cell, found, left))
+        places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE))
+        lines += [f"model      {asked.out / 'model.json'}", f"report     {places}", *looked_at(asked.out)]
         print_words(console, said, [said.tables["steps"]], lines)
 
 
-def _files(asked: Options) -> list[File]:
-    """The files of readings, each with its map and load."""
-    count = len(asked.readings)
-    both = zip(_each("--map", asked.mapping, count), _each("--load", asked.load, count), strict=True)
-    return [File(path, *own, asked.sigma_um) for path, own in zip(asked.readings, both, strict=True)]
+def _score(asked: Options, files: Sequence[File]) -> None:
+    """Print how far readings are from a calibrated arm; of a new series fit frame and target only."""
+    model = read_model(Path(asked.arm))
+    series, notes = read_all(files, model.arm)
+    if any(digest(sheet_of(file.path)[0]) in model.about.data.values() for file in files):
+        notes += ("the fit had these very readings: only others say how far it can be believed",)
+    found = score(model, series, asked.frame_poses)
+    failed = asked.at_most is not None and not found.mean_mm <= asked.at_most
+    verdict = f"{'Do not use' if failed else 'Holds'}: mean {found.mean_mm:.3f} mm, limit {asked.at_most} mm"
+    sizes = f"{found.mean_mm:.3f} mm mean, {found.rms_mm:.3f} mm RMS, {found.p95_mm:.3f} mm for 95 %"
+    lines = [
+        *([] if asked.at_most is None else [verdict]),
+        *notes,
+        f"{found.n} positions: {sizes}, {found.max_mm:.3f} mm at most",
+        f"inside their 95 % interval: {100 * found.coverage_95:.1f} %",
+    ]
+    plain_console().print("\n".join(lines), soft_wrap=True)
+    if failed:
+        raise typer.Exit(1)
 
 
-def _each(flag: str, given: Sequence[T] | None, count: int) -> Sequence[T | None]:
-    """What a flag says of every file; BenchError where it stands neither once nor once a file."""
-    if given and len(given) not in (1, count):
-        raise BenchError(f"{flag}: expected it once, or once for each of {count} files, got {len(given)}")
-    return given if given and len(given) == count else [given[0] if given else None] * count
+def report(found: Calibrated, left: counted.Left, more: tuple[float, float] | None = None) -> Report:
+    """Report a calibration; see `numbers` for the arguments."""
+    f, chosen = counted.numbers(found, left, more), found.calibration.chosen
+    plain_mm, own_mm = (MM * np.sqrt(3) * x for x in chosen.held_out)
+    rival = (chosen.plain or "as drawn", plain_mm)
+    alone, every = f.held_out_mm or (f.total_before.rms_mm, f.total_after.rms_mm)
+    answer = "Held-out readings, RMS: {every:.3f} mm calibrated, {alone:.3f} mm by geometry alone."
+    if not f.held_out_mm:
+        answer = "Fitted readings, RMS: {every:.3f} mm calibrated, {alone:.3f} mm as drawn. None is held out."
+    heads = (("What stays open", f.left_open), ("How the readings were understood", f.notes))
+    lists = [Markdown(f"## {head}\n\n{bullets(texts) or 'Nothing.'}") for head, texts in heads]
+    tables = _tables(f)
+    return Report(
+        scenario="calibrate",
+        question=say("How far is {arm} from its drawing, and how far once calibrated?", f),
+        title=say("{arm}, {total_after.n:counted position} of {k} series", f, k=len(f.series)),
+        answer=say(answer, every=every, alone=alone),
+        claims=[say("**{name}**: {text}", name=name, text=text) for name, text in counted.doubts(f)],
+        numbers=f,
+        tables=tables,
+        body=[*tables, *lists, Markdown("What each table means: docs/calibration.md, *The report*.")],
+        badge=decide(("calibrated", own_mm), rival, "block held out", counted.unusable(f)),
+    )
+
+
+def _tables(f: Row) -> dict[str, Table]:
+    start = {"name": "geometry", "kept": True}
+    first = [Row(r, **start, after_mm=r.before_mm, series_after_mm=r.series_before_mm) for r in f.steps[:1]]
+    tried = [Row(row, tried=row.name, verdict="kept" if row.kept else "dropped") for row in first + f.steps]
+    far = sorted((row for row in f.places if row.n), key=lambda row: -float(row.after_mm))[:5]
+    totals = zip(LOOKS, (f.total_before, f.total_after), strict=True)
+    rows = {
+        "steps": tried,
+        "errors": [Row(what=name, error=own) for name, own in totals],
+        "series": f.series,
+        "values": [Row(row, what=row.name) for row in (*f.compliances, *f.geometry)],
+        "numbers": [Row(what=name, value=own) for name, own in _others(f) if own is not None],
+        "spectrum": f.spectrum,
+        "pattern": f.pattern,
+        "ranges": [Row(what=counted.range_words(row), rms_mm=row.after_mm) for row in far],
+        "outliers": f.outliers,
+    }
+    looks = {"steps": {row.tried: Look(GCO, 0, prior=row.kept) for row in tried}, "errors": LOOKS}
+    heads = {"steps": "after_mm", "series": "after.mean_mm"}
+    return {
+        name: Table(columns(keys), rows[name], title, headline=heads.get(name, ""), looks=looks.get(name, {}))
+        for name, (title, keys) in TABLES.items()
+    }
+
+
+def _others(f: Row) -> Iterator[tuple[str, object]]:
+    """Numbers that stand in no other table, with their units."""
+    yield "solver", f"{f.program.method}: {f.program.status}" if f.program else "the arm is rigid"
+    yield "smallest eigenvalue of the compliances, SI", min((row.smallest for row in f.blocks), default=None)
+    yield "stated noise of a reading along an axis, um", f.noise.sigma_um
+    yield "error that the model leaves beside it, um", f.noise.open_position_um
+    yield "error that the model leaves of orientations, urad", f.noise.open_rotation_urad or None
+    yield "scatter of the readings over both of these", f.noise.position_factor
+    yield "positions that count less than sound ones, % (0.7 % expected)", f.less_pull_percent
+    if f.more:
+        yield "expected error over the workspace now, mm", f.more.now_mm
+        yield f"expected error after {f.more.poses} more poses of a plan, mm", f.more.after_mm
+
+
+def seen(cell: Cell, found: Calibrated, left: counted.Left) -> draw.Seen:
+    """Draw the readings on the arm: from where the arm should have its targets to where they were read."""
+    known = np.flatnonzero((size := counted.largest_left(found, left)) >= 0)
+    rows, reach = counted.rows_of(found, left, draw.picked(size, known)), cell.vjm.reach
+    sizes = [MM * np.nanmax(np.linalg.norm(x, axis=2), axis=1) for x in (rows.before, rows.after)]
+    marks = [draw.Line(name, look, mm) for (name, look), mm in zip(LOOKS.items(), sizes, strict=True)]
+    A = draw.arrow_scale(rows.before, LONGEST * reach)
+    straight, soft = rigid_frames(cell.room, rows.q), bool(rows.sag.any())
+    moved = elastic_frames(cell.plant, rows.q, rows.sag).positions - straight.positions
+    M = draw.arrow_scale(moved[:, -1], BENT * reach)
+    arrows = [
+        draw.Layer(f"error {name}", look.colour, "arrows", rows.read - A * error, rows.read)
+        for (name, look), error in zip(LOOKS.items(), (rows.before, rows.after), strict=True)
+    ]
+    group = draw.Poses(
+        name="Readings",
+        names=[f"{name}, row {row}" for name, row in zip(rows.name, rows.row, strict=True)],
+        words=[
+            f"{b:.3f} mm as drawn, {a:.3f} mm calibrated. {cell.arm.words(q)}."
+            for b, a, q in zip(*sizes, rows.q, strict=True)
+        ],
+        rigid=straight,
+        bent=elastic_frames(cell.plant, rows.q, M * rows.sag) if soft else None,
+        layers=[*arrows, draw.Layer("target as read", MEASURED, "dots", rows.read)],
+        first=int(np.argmax(sizes[1])),
+    )
+    title = f"Arrows from where the arm should have its target to the reading x {A:g}."
+    title += f" Sag of the calibrated arm x {M:g}." if soft else ""
+    labels, note = [str(k) for k in rows.row], draw.of_all(len(rows.q), len(known), "poses")
+    chart = draw.RunChart("Pose by pose (mm)", 0, "row of the file", labels, marks, note=note)
+    errors = draw.PlaceMap("Distance of reading and arm, worst target (mm)", 0, rows.tool, marks)
+    return draw.Seen(draw.Scene(cell, title, [group]), errors, [chart])

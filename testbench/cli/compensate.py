@@ -1,78 +1,75 @@
 """testbench compensate MODEL PROGRAM.csv --out CORRECTED.csv: joints that put the loaded tool right."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
+from testbench.campaign import correction_numbers as counted
+from testbench.campaign import program as programs
 from testbench.campaign.arm_models import load_model
-from testbench.campaign.campaign import build_cell
+from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.campaign_flags import MapFile, Payload
-from testbench.campaign.plan_input import joints_of, payload_of, place
-from testbench.campaign.program import NAMED, correct_program, with_payload
+from testbench.campaign.plan_input import joints_of, payload_of
+from testbench.campaign.program import CorrectedProgram
 from testbench.cli.arguments import ArmCheck, plain
-from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
-from testbench.correct.newton import Aim, Asked, Hold
-from testbench.data.motion import CSV, WRITERS, format_of
+from testbench.correct.newton import Asked as Meant
+from testbench.correct.newton import Hold
 from testbench.data.program import read_program
-from testbench.errors import BenchError, InputError
-from testbench.output.place import Kind, check_file, claim_folder, inside
+from testbench.errors import BenchError, Ids
+from testbench.files import digest
+from testbench.output.place import check_file, claim_folder
+from testbench.output.whole import whole_file
+from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report.badge import Badge, decide
+from testbench.report.columns import columns
+from testbench.report.leave import Asked, leave
+from testbench.report.report import Report, say
+from testbench.report.table import Row
 from testbench.shell.options import Force, of_flag, takes
+from testbench.trials.spread import ENOUGH
+from testbench.views import scene as draw
+from testbench.views.colours import GCO, LOAD, MEASURED, TASK, Look
+from testbench.views.markdown import Markdown, capital, ended
+from testbench.views.markdown import counted as number_of
+from testbench.views.schema import Table
 from testbench.views.terminal import looked_at, plain_console, print_words
 
-SIGNS = {"": 1.0, "-": -1.0}
-AXES = {f"{sign}{name}": s * np.eye(3)[k] for sign, s in SIGNS.items() for k, name in enumerate("xyz")}
-"""Directions in the tool's frame."""
+COMMAND, WRITTEN = "testbench compensate", ("report.md", "report.json", "compensation.png")
+SURE = 0.95  #: Chance that the median point gets better from which on the correction is sure to help [1].
+BEFORE, CORRECTED = "uncorrected program", "corrected program"
+WITHIN, EXPECTED, AFTER = f"{BEFORE}, within (95 %)", f"{BEFORE}, expected", f"{CORRECTED}, within (95 %)"
+LOOKS = dict.fromkeys((EXPECTED, WITHIN), Look(MEASURED, 1, prior=True)) | {AFTER: Look(GCO, 0, prior=True)}
+SHARE, LEAST, FORCE = 0.15, 0.3, 0.25
+"""Length of most errors over the size of the path, which counts this at least [m]; of the force's arrow."""
 
 
 @dataclass(frozen=True)
 class Options:
     """Flags of the command."""
 
-    model: Annotated[Path, typer.Argument(help="Folder of a model, of identify or calibrate.")]
-    program: Annotated[
-        Path, typer.Argument(help="Set-points and their loads, any text table or FILE.xlsx#SHEET.")
-    ]
-    out: Annotated[Path, typer.Option(help="Corrected: .csv, .src (KRL), .mod (RAPID), .script (URScript).")]
-    format: Annotated[
-        str | None, typer.Option(help="csv, krl, rapid or urscript, if the suffix does not say.")
-    ] = None
-    report: Annotated[Path | None, typer.Option(help="Folder of the page; default: beside --out.")] = None
+    model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
+    program: Annotated[Path, typer.Argument(help="Set-points and loads: table or FILE.xlsx#SHEET.")]
+    out: Annotated[Path, typer.Option(metavar="FILE", help=".csv, .src (KRL), .mod (RAPID), .script (UR).")]
+    report: Annotated[Path | None, typer.Option(metavar="DIR", help="Of the report; else by --out.")] = None
     arm: ArmCheck = None
     mapping: MapFile = None
     payload: Payload = None
-    asked: Annotated[
-        Asked | None,
-        typer.Option(
-            help="What the program means: where the tool is unloaded (default of models of identify), or "
-            "where the drawn arm has it (of calibrate)."
-        ),
-    ] = None
-    hold: Annotated[
-        Hold, typer.Option(help="What to correct: pose, axis (the spindle may turn), or position.")
-    ] = "pose"
-    tool_point: Annotated[
-        str, typer.Option("--tip", help="Tool point in the frame of the tool, x,y,z in m.")
-    ] = "0,0,0"
-    spindle: Annotated[str, typer.Option(help="Where the spindle points in the tool's frame: x, -x ...")] = (
-        "x"
+    asked: Annotated[Meant | None, typer.Option(metavar="HOW", help="Tool is meant: unloaded or drawn.")] = (
+        None
     )
-    start: Annotated[
-        str | None,
-        typer.Option(help="Joints near the first pose, in deg and mm, commas between."),
-    ] = None
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            min=0,
-            help="Largest error that passes, in mm, interval counted; exits with 1 if a point fails.",
-        ),
-    ] = None
-    keep_unreachable: Annotated[
-        bool, typer.Option("--keep-unreachable", help="Leave points that cannot be corrected unchanged.")
-    ] = False
+    hold: Annotated[Hold, typer.Option(metavar="WHAT", help="pose, axis or position is corrected.")] = "pose"
+    tool_point: Annotated[str, typer.Option("--tip", metavar="X,Y,Z", help="Tool point, m.")] = "0,0,0"
+    spindle: Annotated[str, typer.Option(metavar="AXIS", help="Of the spindle in the tool's frame.")] = "x"
+    start: Annotated[str | None, typer.Option(metavar="Q", help="Joints near the first pose, deg, mm.")] = (
+        None
+    )
+    tolerance: Annotated[float | None, typer.Option(min=0, metavar="MM", help="Exit 1 beyond it.")] = None
+    keep_unreachable: Annotated[bool, typer.Option("--keep-unreachable", help="Leave such points.")] = False
     jumps: Annotated[bool, typer.Option("--jumps", help="Accept points far apart.")] = False
     force: Force = False
 
@@ -80,55 +77,175 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Correct a program for what the process load does to the arm; write it, and a page beside it."""
-    to = program_to, form, folder = _places(asked)
+    with of_flag("--out"):
+        form, kind, folder = programs.destination(asked.out, asked.report)
     given = [asked.model, asked.program, *([asked.mapping] if asked.mapping else [])]
-    kind = Kind("a corrected program", rb"[^\n]*correction_")
-    if form != CSV:
-        kind = Kind(f"a program in {WRITERS[form].title}", WRITERS[form].begins.encode())
-    check_file(program_to, kind, inputs=given, force=asked.force)
+    check_file(asked.out, kind, inputs=given, force=asked.force)
     with claim_folder(folder, COMMAND, own=frozenset(), inputs=given, force=asked.force):
-        aim = _aim(asked)
+        aim = programs.aim_of(asked.hold, asked.asked, asked.tool_point, asked.spindle)
         model = load_model(asked.model, asked.arm)
         if not model.arm.joints:
             raise BenchError(f"{model.arm.name} has no joints: nothing could correct it")
         cell = build_cell(asked.model)
         program = read_program(asked.program, model.arm, asked.mapping, jumps=asked.jumps)
-        program, notes = with_payload(model, program, lambda: payload_of(model.arm, asked.payload, "--load"))
+        hung = partial(payload_of, model.arm, asked.payload, "--load")
+        program, notes = programs.with_payload(model, program, hung)
         start = None if asked.start is None else joints_of(asked.start, model.arm)
-        found = correct_program(model, program, aim, cell.room, start=start)
-        if found.unreached and not asked.keep_unreachable:
-            named, more = "; ".join(found.unreached[:NAMED]), len(found.unreached) - NAMED
-            named += f"; and {more} more" if more > 0 else ""
-            problem = f"{named}; --keep-unreachable leaves such points as they are"
-            raise InputError(asked.program, "", problem)
+        found = programs.correct_program(model, program, aim, cell.room, start=start)
+        if not asked.keep_unreachable:
+            programs.refuse_unreached(found)
         said = report(found, asked.tolerance)
-        write(cell, found, said, plain(asked, read="program", without=("model",)), to)
-        console = plain_console()
-        for note in notes:
-            console.print(note, soft_wrap=True)
-        lines = [
-            f"corrected  {program_to}",
-            f"report     {', '.join(str(folder / name) for name in WRITTEN)}",
-            *looked_at(folder),
-        ]
-        print_words(console, said, [said.tables["worst"]], lines)
+        flags, arm = plain(asked, read="program", without=("model",)), cell.arm.rigid.parent
+        with whole_file(asked.out) as part:
+            programs.write_corrected(found, part, form)
+            more = {"corrected": {asked.out.name: digest(part)}}  # a kill may leave the earlier one
+            run = Asked(COMMAND, program.path.name, flags, [arm], WRITTEN[-1], more=lambda _: more)
+            leave(folder, run, said, seen(cell, found, said))
+        places = ", ".join(str(folder / name) for name in WRITTEN)
+        lines = [*notes, f"corrected  {asked.out}", f"report     {places}", *looked_at(folder)]
+        print_words(plain_console(), said, [said.tables["worst"]], lines)
     if any(row.verdict == "fail" for row in said.numbers["rows"]):
         raise typer.Exit(1)
 
 
-def _places(asked: Options) -> Places:
-    if not asked.out.name:
-        raise InputError(asked.out, "", "expected the name of a file, got a folder")
-    named = asked.out.stem if asked.out.suffix == ".csv" else asked.out.name.replace(".", "_")
-    beside = asked.out.with_name(f"{named}_report")
-    if asked.report and inside(asked.out, asked.report):
-        raise InputError(asked.out, "", f"expected a place outside of {asked.report}, the folder of --report")
-    with of_flag("--format" if asked.format else "--out"):
-        return asked.out, format_of(asked.out, asked.format), asked.report or beside
+def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report:
+    """Report a corrected program; of a tolerance [mm] which points keep it."""
+    f = counted.numbers(found, tolerance_mm)
+    answer = "Nothing acts at any point: the program stays as it is."
+    if f.loaded:
+        bound = "within {most_mm.median:.3f} mm (95 %)" if f.most_mm else "not bounded at {unseen} points"
+        answer = f"Error of the tool, median: {{before_mm.median:.3f}} mm as programmed, corrected {bound}."
+    tables = _tables(f)
+    return Report(
+        scenario="compensate",
+        question=Markdown("Where does the loaded tool go, and what puts it right?"),
+        title=say("{program} corrected for {arm}, {points:counted point}", f),
+        answer=say(answer, f),
+        claims=[say("{text}", text=ended(capital(text))) for text in counted.warnings(f)],
+        numbers=f,
+        tables=tables,
+        body=[*tables, Markdown("What each table means: docs/correction.md, *Correct*.")],
+        badge=badge_of(f),
+    )
 
 
-def _aim(asked: Options) -> Aim:
-    if asked.spindle not in AXES:
-        raise InputError(Path("--spindle"), "", f"expected one of {', '.join(AXES)}, got {asked.spindle!r}")
-    x, y, z = AXES[asked.spindle].tolist()
-    return Aim(asked.hold, asked.asked, place(asked.tool_point, "--tip x,y,z [m]"), (x, y, z))
+def badge_of(f: Row) -> Badge | None:
+    """Compare 95 % bounds, corrected and not, over the points where something acts; None without any."""
+    loaded = [row for row in f.rows if row.before_mm > 0]
+    if not loaded:
+        return None
+    sizes = [np.array([row[key] for row in loaded], dtype=float) for key in ("most_mm", "before_most_mm")]
+    why = "the model does not know enough to promise an improvement" if f.harmful else ""
+    if not why and f.tolerance and f.tolerance.failed:
+        why = f"{number_of(f.tolerance.failed, 'point')} may be off by more than {f.tolerance.mm:g} mm"
+    own = replace(decide((CORRECTED, sizes[0]), (BEFORE, sizes[1]), "point", why), what="95 % bound")
+    likely = own.verdict == "holds" and f.chance < SURE
+    return replace(own, verdict="likely", chance=f.chance) if likely else own
+
+
+def _tables(f: Row) -> dict[str, Table]:
+    """How far the tool is off, the points that are not corrected or worst, and all other numbers."""
+    errors = {WITHIN: f.before_most_mm, AFTER: f.most_mm}
+    if f.most_mm is None:
+        errors = {EXPECTED: f.before_mm, AFTER: None}
+    off = [Row({f"{k}_mm": mm for k, mm in (own or {}).items()}, what=name) for name, own in errors.items()]
+    sizes = columns(f"what median_mm {'p95_mm' if f.loaded >= ENOUGH else ''} max_mm")
+    turn, reason = "turn_left_mrad" if f.turned else "", "reason" if f.corrected < f.points else ""
+    verdict, key = ("verdict", "most_mm") if f.tolerance else ("", "before_mm")
+    points = columns(f"line label before_mm before_most_mm most_mm {verdict} {turn} {reason}")
+    worst = sorted(f.rows, key=lambda row: (not row.reason, -(np.inf if row[key] is None else row[key])))[:12]
+    others = [Row(what=name, value=own) for name, own in _others(f) if own is not None]
+    return {
+        "sizes": Table(sizes, off, "How far the loaded tool is off", headline="median_mm", looks=LOOKS),
+        "worst": Table(points, worst, f"Worst points, {len(worst)} of {f.points:,}", headline="before_mm"),
+        "numbers": Table(columns("what value"), others, "Other numbers"),
+    }
+
+
+def _others(f: Row) -> Iterator[tuple[str, object]]:
+    """Numbers that stand in no other table, with their units."""
+    yield "model", f.method
+    yield "the program means the tool", f.asked
+    yield "what is held", f.hold
+    yield "points where something acts", f.loaded
+    yield "points corrected", f.corrected
+    yield "largest force, N", f.force_n[1]
+    yield "error as programmed, expected, median, mm", f.before_mm.median
+    yield "error as programmed, expected, largest, mm", f.before_mm.max
+    yield "chance that a point gets better, median, %", f.chance and 100 * f.chance
+    yield "half width relative to one another, median, mm", f.half_fitted_mm and f.half_fitted_mm.median
+    yield "half width relative to one another, largest, mm", f.half_fitted_mm and f.half_fitted_mm.max
+    if f.open:
+        yield f"share of the open variance from {f.open.name}, %", 100 * f.open.share
+    yield "turn of the tool that is not held, largest, mrad", f.turns_mrad or None
+    if f.tolerance:
+        yield "tolerance, mm", f.tolerance.mm
+        yield "points that fail it as programmed", f.tolerance.failed_before
+        yield "points that fail it corrected", f.tolerance.failed
+    if f.jump:
+        yield f"largest step of a correction, {f.jump.unit}", f.jump.size
+        yield "its joint and line", f"{f.jump.joint}, line {f.jump.line}"
+
+
+def seen(cell: Cell, found: CorrectedProgram, said: Report) -> draw.Seen:
+    """Draw the path, where loads draw the tool off it, and the arm that does so."""
+    points, tolerance = said.numbers["rows"], said.numbers["tolerance"]
+    some = draw.picked(np.linalg.norm(found.found.before, axis=1), np.arange(len(points)), far=1)
+    rows = [points[k] for k in some]
+    bounded = any(row.most_mm is not None for row in rows)  # bound beside bound: a residual is no success
+    keys = {WITHIN: "before_most_mm"} if bounded else {EXPECTED: "before_mm"}
+    errors = [
+        draw.Line(name, LOOKS[name], np.array([row[key] for row in rows], dtype=float))
+        for name, key in (keys | {AFTER: "most_mm"}).items()
+    ]
+    note, labels = draw.of_all(len(some), len(points), "points"), [row.label for row in rows]
+    off, limit = "How far the loaded tool is off at each point (mm)", tolerance and tolerance.mm
+    runs = [draw.RunChart(off, 0, "point", labels, errors, limit, note, limit_is="tolerance")]
+    scale, near = _path(cell, found, rows, some)
+    groups = [replace(near, bent=None), replace(near, name="Whole arm", near=None)]
+    title = f"What is off, and how the arm bends, x {scale:g}."
+    return draw.Seen(draw.Scene(cell, title, groups), runs=runs)
+
+
+def _path(cell: Cell, found: CorrectedProgram, rows: Sequence[Row], some: Ids) -> tuple[float, draw.Poses]:
+    """The arm along its program, seen from near; how much is magnified."""
+    own, q = found.found, found.found.start[some]
+    asked = own.target.position[some]
+    size = max(LEAST, float(np.linalg.norm(np.ptp(asked, axis=0))))
+    M = draw.arrow_scale(own.before[some], SHARE * size)
+    off, back = (asked + M * metres[some] for metres in (own.before, own.after))
+    force = np.sum([load.wrench[some, :3] for load in found.loads], axis=0)
+    most = float(np.linalg.norm(force, axis=1).max()) or 1.0
+    ways = {"path asked": (asked, TASK), BEFORE: (off, MEASURED), f"{CORRECTED}, by the model": (back, GCO)}
+    half = M * np.where(np.isfinite(own.half[some]), own.half[some], np.nan)
+    spans = half[:, None, :] * np.eye(3)  # along each axis of the world
+    low, high = ((back[:, None] + side * spans).reshape(1, -1, 3) for side in (-1, 1))
+    layers = [
+        draw.Layer("where it may be, 95 %", (150, 205, 190), "lines", low, high),
+        *(draw.Layer(name, colour, "lines", x[None, :-1], x[None, 1:]) for name, (x, colour) in ways.items()),
+        draw.Layer("tool asked", TASK, "dots", asked[:, None]),
+        draw.Layer("tool drawn off", MEASURED, "arrows", asked[:, None], off[:, None]),
+        draw.Layer("force", LOAD, "arrows", (off - FORCE * size / most * force)[:, None], off[:, None]),
+    ]
+    for verdict, colour in (("pass", GCO), ("fail", MEASURED)):
+        if judged := [k for k, row in enumerate(rows) if row.verdict == verdict]:
+            name, at = f"{CORRECTED}, points that {verdict}", asked[None, judged]
+            layers.append(draw.Layer(name, colour, "specks" if verdict == "pass" else "dots", at))
+    return M, draw.Poses(
+        name="Path, from near",
+        names=[f"Point {row.label}, line {row.line}" for row in rows],
+        words=[_words(row) for row in rows],
+        rigid=rigid_frames(cell.room, q),
+        bent=elastic_frames(cell.plant, q, M * counted.bent(found, some)),
+        layers=layers,
+        first=int(np.argmax([row.before_mm for row in rows])),
+        near=np.vstack([asked, off, asked.mean(axis=0) + LEAST / 2 * np.vstack([np.eye(3), -np.eye(3)])]),
+    )
+
+
+def _words(row: Row) -> str:
+    """What the page says of a point that it shows."""
+    bound = "without a bound" if row.half_95_mm is None else f"within {row.half_95_mm:.3f} mm (95 %)"
+    after = f"left as it is: {row.reason}" if row.reason else f"corrected {bound}"
+    judged = f" Tolerance: {row.verdict}." if row.verdict else ""
+    return f"{row.before_mm:.3f} mm off as programmed; {after}.{judged}"

@@ -1,22 +1,46 @@
 """testbench predict MODEL POSES.csv --out DIR: where loads bring the tool, how sure, how stiff it is."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.arm_models import load_model
 from testbench.campaign.campaign_flags import MapFile, Payload
 from testbench.campaign.plan_input import box, overloads, payload_of
-from testbench.campaign.program import FORCE, predicted, read_asked
+from testbench.campaign.prediction_numbers import TABLE, numbers, write_predictions
+from testbench.campaign.program import FORCE, Predicted, direction_words, predicted, read_asked
+from testbench.campaign.rows import MM
 from testbench.cli.arguments import ArmCheck, plain
-from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
+from testbench.correct.rest import rest
+from testbench.errors import Array, Ids
 from testbench.model.poses import WorkArea
+from testbench.model.vjm import turns
 from testbench.output.place import claim_folder
+from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report.columns import columns
+from testbench.report.leave import Asked, leave
+from testbench.report.report import Report, say
+from testbench.report.table import Row
 from testbench.shell.options import Force, takes
+from testbench.views import scene as draw
+from testbench.views.colours import GCO, MEASURED, NOMINAL, Look
+from testbench.views.markdown import Markdown, capital, ended
+from testbench.views.schema import Table
 from testbench.views.terminal import looked_at, plain_console, print_words
+
+COMMAND, PICTURE = "testbench predict", "predict.png"
+POSES = (
+    "pose deflection_mm half_words deflections_mm.0 deflections_mm.1 deflections_mm.2 turn_mrad "
+    "stiffness_n_per_um.0 softest"
+)
+MOVED, GIVE = 0.15, 0.25  #: Length of most deflections and of most ways by a force over the reach [1].
+TOOL = Look(GCO, 0, prior=True)
 
 
 @dataclass(frozen=True)
@@ -24,22 +48,18 @@ class Options:
     """Flags of the command."""
 
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
-    poses: Annotated[Path, typer.Argument(help="Poses and their loads: a program, tasks or a plan.")]
-    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/predict")
+    poses: Annotated[Path, typer.Argument(help="Poses and loads: a program, tasks or a plan.")]
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")] = Path("runs/predict")
     arm: ArmCheck = None
     mapping: MapFile = None
     payload: Payload = None
-    linear: Annotated[
-        bool, typer.Option("--linear", help="By Eq. (6) instead of the loaded equilibrium of Eq. (7).")
-    ] = False
+    linear: Annotated[bool, typer.Option("--linear", help="By Eq. (6) instead of Eq. (7).")] = False
     push: Annotated[
         float | None,
-        typer.Option(
-            "--push", min=0.001, max=1e6, help="Force of the map in N; default: the weight of the payload."
-        ),
+        typer.Option(min=0.001, max=1e6, metavar="N", help="Force of the map; else the payload's weight."),
     ] = None
     box: Annotated[
-        str | None, typer.Option(help="Corners of the map in m, x0,y0,z0,x1,y1,z1; else the workspace.")
+        str | None, typer.Option(metavar="BOX", help="Corners of the map in m: x0,y0,z0,x1,y1,z1.")
     ] = None
     force: Force = False
 
@@ -54,16 +74,167 @@ def command(asked: Options) -> None:
         poses = read_asked(
             asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.payload, "--load")
         )
-        console = plain_console()
         push = asked.push or (GRAVITY * model.arm.payload if model.arm.payload else FORCE)
         made = predicted(model, poses, push, area, linear=asked.linear)
-        said, out = report(made), asked.out
-        write(made, said, plain(asked, read="poses") | {"model": asked.model.name}, out)
-        heavy = overloads(model.arm, poses.hung.tolist())
+        said, flags = report(made), plain(asked, read="poses") | {"model": asked.model.name}
+        write = partial(write_predictions, made)
+        run = Asked(COMMAND, poses.path.name, flags, [model.arm.rigid.parent], PICTURE, more=write)
+        leave(asked.out, run, said, seen(made))
+        places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE))
         lines = [
-            *(f"- {words}" for words in heavy),
-            f"poses      {out / TABLE}",
-            f"report     {out / 'report.md'}, {out / 'report.json'}, {out / PICTURE}",
-            *looked_at(out, model=asked.model),
+            *(f"- {words}" for words in overloads(model.arm, poses.hung.tolist())),
+            f"poses      {asked.out / TABLE}",
+            f"report     {places}",
+            *looked_at(asked.out, model=asked.model),
         ]
-        print_words(console, said, [printed(said)], lines)
+        print_words(plain_console(), said, [printed(said)], lines)
+
+
+def report(made: Predicted) -> Report:
+    """Report a prediction."""
+    f = numbers(made)
+    first = f.worst[0]
+    tables = {
+        "worst": Table(columns(POSES), f.worst, "Poses that move most", headline="deflection_mm"),
+        "numbers": Table(
+            columns("what value"),
+            [Row(what=name, value=own) for name, own in _others(f) if own is not None],
+            "Other numbers",
+        ),
+    }
+    sure = "which the readings do not determine" if first.half_mm is None else "+- {half_mm:.3f} mm (95 %)"
+    return Report(
+        scenario="predict",
+        question=say("Where does the tool of {arm} go under {loads}, and how stiff is it?", f),
+        title=say("Deflection under load: {arm}, {poses:counted pose} of {file}", f),
+        answer=say(
+            f"Under {{loads}} the tool moves by at most {{deflection_mm:.3f}} mm, {sure}, in pose {{pose}}.",
+            first,
+            loads=f.loads,
+        ),
+        claims=[say("{text}", text=ended(capital(text))) for text in _warnings(f)],
+        numbers=f,
+        tables=tables,
+        body=[*tables, Markdown("What each table means: docs/correction.md, *Predict*.")],
+    )
+
+
+def _warnings(f: Row) -> Iterator[str]:
+    """How the file was read, loads beyond the readings, what no reading has seen, doubts of the model."""
+    yield from (*f.notes, *f.extrapolated)
+    if any(row.half_mm is not None and 2 * row.half_mm > row.deflection_mm > 0 for row in f.worst[:1]):
+        yield "Hardly seen: the interval of the largest deflection is wider than half of it"
+    if f.map.half_mm is not None and 2 * f.map.half_mm > f.map.worst_mm:
+        yield "Hardly seen: the interval at the worst place of the map is wider than half of the number"
+    if f.unseen_percent:
+        yield f"Not seen: {f.unseen_percent:.0f} % of the deflections have no interval"
+    if f.map.unseen_percent:
+        yield f"Not seen: some direction of the force in {f.map.unseen_percent:.0f} % of the map's poses"
+    yield from (f"Doubt of the model: {text}" for text in f.doubts)
+
+
+def _others(f: Row) -> Iterator[tuple[str, object]]:
+    """Numbers that stand in no other table, with their units."""
+    field, soft = f.map, f.softest
+    yield "model", f.method
+    yield "positions", "calibrated" if f.absolute else "of the arm as drawn, with its sag"
+    yield "their half width at the tool, 95 %, median, mm", f.position_half_mm if f.absolute else None
+    yield "largest force about the tool's origin, N", f.force_n
+    yield "largest moment, N m", f.moment_nm
+    yield "that force over the largest identified one", f.force_ratio
+    yield "that moment over the largest identified one", f.moment_ratio
+    yield "deflection, least, mm", f.least_mm
+    yield "deflection, median, mm", f.median_mm
+    yield f"change of the deflection by Eq. ({7 if f.linear else 6}), at most, mm", f.other_off_mm
+    yield "softest pose of the file", soft.pose
+    yield "least stiffness there, N/um", soft.stiffness_n_per_um[0]
+    yield "its direction", soft.softest
+    yield "force of the map, N", field.force_n
+    yield "it moves the tool in the softest pose by, mm", soft.push_mm
+    yield "half width of that, 95 %, mm", soft.push_half_mm or "not seen"
+    yield "poses of the map", field.places
+    yield "the force moves the tool in the worst direction, median of the map, mm", field.median_mm
+    yield "the same, 95 % of the map, mm", field.p95_mm
+    yield "the same, worst place of the map, mm", field.worst_mm
+    yield "half width of that, 95 %, mm", field.half_mm or "not seen"
+    yield "worst place of the map, x, y, z, m", ", ".join(f"{x:.3f}" for x in field.at_m)
+    yield "joints there", field.joints
+    yield "softest direction there", field.softest
+
+
+def printed(said: Report) -> Table:
+    """Take the first five poses, for a terminal."""
+    table = said.tables["worst"]
+    own = tuple(column for column in table.columns if column.key != "turn_mrad")
+    return replace(table, columns=own, rows=table.rows[:5])
+
+
+def seen(made: Predicted) -> draw.Seen:
+    """Draw the arm bent by its loads in the poses of the file, and where it is soft."""
+    some = draw.picked(made.found.size[:, 0], np.arange(len(made.found.size)))
+    reach, field, give = made.cell.vjm.reach, made.map, made.stiffness.give[some, :1]
+    M = draw.arrow_scale(made.found.deflection[some, :1], MOVED * reach)
+    G = draw.arrow_scale(field.force * give * made.stiffness.softest[some], GIVE * reach)
+    title = f"Deflections x {M:g}; green: how far {field.force:,.0f} N move the loaded tool, x {G:g}."
+    size, half = MM * made.found.size[some, 0], MM * made.found.widest[some, 0]
+    half = np.where(np.isfinite(half), half, np.nan)
+    tool = draw.Line("tool", TOOL, size, (np.maximum(size - half, 0), size + half))
+    labels = [made.asked.labels[k] for k in some]
+    moves = "How far the tool moves in each pose, 95 % intervals (mm)"
+    note = draw.of_all(len(some), len(made.asked.q), "poses")
+    where = f"How far {field.force:,.0f} N in the worst direction move the tool (mm)"
+    soft = draw.Line("tool", TOOL, MM * field.worst)
+    return draw.Seen(
+        scene=draw.Scene(made.cell, title, [_poses(made, some, M, G), _places(made)]),
+        map=draw.PlaceMap(where, 1, field.position, [soft], heading="Where it is soft"),
+        runs=[draw.RunChart(moves, 0, "pose", labels, [tool], note=note)],
+    )
+
+
+def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.Poses:
+    """The poses of the file, bent by what acts there."""
+    found, state, q, tool = made.found, made.model.state, made.asked.q[some], made.stiffness
+    theta = rest(state, q, [load.of(some) for load in made.asked.loads]).theta - rest(state, q).theta
+    start = found.position[some] - found.deflection[some]
+    end = start + M * found.deflection[some]
+    ways = G * made.map.force * (tool.give[some][:, None] * tool.axes[some])
+    ways = ways.transpose(0, 2, 1)  # a row an axis
+    words = [
+        f"The tool moves {MM * found.size[k, 0]:.3f} mm, {_bound(MM * found.widest[k, 0])}. "
+        f"{made.map.force:,.0f} N move it up to {MM * made.map.force * tool.give[k, 0]:.3f} mm, "
+        f"{direction_words(tool.softest[k])}. {made.model.arm.words(made.asked.q[k])}."
+        for k in some
+    ]
+    return draw.Poses(
+        name="Poses of the file",
+        names=[f"Pose {made.asked.labels[k]}" for k in some],
+        words=words,
+        rigid=rigid_frames(made.cell.room, q),
+        bent=elastic_frames(made.cell.plant, q, M * turns(state.vjm, theta)),
+        layers=[
+            draw.Layer("tool and markers, unloaded", NOMINAL, "dots", start),
+            draw.Layer("deflection", MEASURED, "arrows", start, end),
+            draw.Layer("where a force moves it", GCO, "lines", end[:, :1] - ways, end[:, :1] + ways),
+        ],
+        first=int(found.size[some, 0].argmax()),
+    )
+
+
+def _bound(half: float) -> str:
+    return f"+- {half:.3f} mm" if np.isfinite(half) else "not determined by the data"
+
+
+def _places(made: Predicted) -> draw.Poses:
+    """The arm all over the workspace, and its softest direction there."""
+    field, reach = made.map, made.cell.vjm.reach
+    way: Array = field.worst[:, None] * field.direction
+    way = (way * draw.arrow_scale(way, GIVE * reach))[:, None]
+    at = field.position[:, None]
+    sizes = zip(MM * field.worst, MM * field.half.max(axis=1), field.direction, field.q, strict=True)
+    words = [
+        f"{field.force:,.0f} N {direction_words(direction)} move the tool {size:.3f} mm, {_bound(half)}. "
+        f"{made.model.arm.words(q)}."
+        for size, half, direction, q in sizes
+    ]
+    way_of = draw.Layer("softest direction", GCO, "lines", at - way, at + way)
+    return draw.workspace(made.cell, field.q, words, [way_of])

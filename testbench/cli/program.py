@@ -18,12 +18,10 @@ COMMANDS = {
     "plan": "Choose the poses to measure; say what they promise.",
     "simulate": "Measure the true arm in given poses.",
     "data": "Read a file of measured runs; say what was understood.",
-    "dataset": "Make the public dataset of simulated campaigns.",
     "identifiability": "Say what runs can tell of a model, and what would help.",
     "identify": "Identify stiffness models from measured runs.",
     "calibrate": "Calibrate an arm by absolute readings: geometry, gears, elasticity.",
     "export": "Write the identified geometry into the robot's URDF.",
-    "score": "Say how far a calibrated arm is from readings.",
     "predict": "Say where loads bring the tool, how sure that is, how stiff it is.",
     "compensate": "Correct a robot's program for what loads do to the arm.",
     "demo": "Calibrate a heavy arm in simulation.",
@@ -33,7 +31,7 @@ COMMANDS = {
     "view": "Open the newest recording of a run in the Rerun viewer.",
 }
 """What there is, one module each, and its line of help."""
-GROUPS = ("data", "dataset")  #: Those that have commands of their own.
+GROUPS = ("data",)  #: Those that have commands of their own.
 TYPED = ("COMP_WORDS", "_TYPER_COMPLETE_ARGS")  #: Where a shell that completes says what was typed.
 
 

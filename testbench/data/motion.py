@@ -120,25 +120,17 @@ _DECLARED = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding
 WRITERS: Mapping[str, Language] = {name: Language(lines, **_DECLARED[name]) for name, lines in _LINES.items()}
 
 
-def format_of(path: Path, asked: str | None = None) -> str:
-    """What a file is to be written as, "csv" or a key of `WRITERS`.
-
-    Args:
-        path: The file.
-        asked: The same, in any case; None for what the suffix says.
+def format_of(path: Path) -> str:
+    """Tell what a file is to be written as by its suffix, "csv" or a key of `WRITERS`.
 
     Raises:
-        BenchError: When neither says it.
+        BenchError: When the suffix does not say it.
     """
     known = {CSV: ".csv", **{name: language.suffix for name, language in WRITERS.items()}}
-    if asked is not None:
-        if asked.lower() not in known:
-            raise BenchError(f"format: expected {', '.join(known)}, got {asked!r}")
-        return asked.lower()
     found = [name for name, suffix in known.items() if suffix == path.suffix.lower()]
     if not found:
         pairs = ", ".join(f"{suffix} ({name})" for name, suffix in known.items())
-        raise BenchError(f"{path}: expected a file called {pairs}, or a format")
+        raise BenchError(f"{path}: expected a file called {pairs}")
     return found[0]
 
 

@@ -35,7 +35,7 @@ COMMANDS = {
     "data check": ["identify {arm} {data}{flags} --out {beside}model"],
     "identify": ["predict {run} POSES.csv", "compensate {run} PROGRAM.csv --out CORRECTED.csv"],
     "calibrate": [
-        "score {run} READINGS.csv --frame-poses 50",
+        "calibrate {run} READINGS.csv --score --frame-poses 50",
         "compensate {run} PROGRAM.csv --out CORRECTED.csv",
     ],
     "predict": ["compensate {model} PROGRAM.csv --out CORRECTED.csv"],

@@ -32,9 +32,9 @@ LONG = {
     "compare": "compare model again --out made",
     "demo": "demo --quick --seeds 2 --workers 1 --out made",
 }
-SILENT = {"next", "score", "view"}  #: They write nothing.
-ELSEWHERE = {"bench", "dataset", "init"}
-"""A shot's viewer writes beside it; a bench writes as a study, the other two as others here."""
+SILENT = {"next", "view"}  #: They write nothing.
+ELSEWHERE = {"bench", "init"}
+"""A bench writes as a study, a project file as others here."""
 ASKED = QUICK | LONG if os.environ.get("TESTBENCH_FULL_DISK") else QUICK
 
 

@@ -177,4 +177,4 @@ def test_models_of_other_arms_and_of_earlier_versions_are_refused(small, tmp_pat
     with pytest.raises(InputError, match=r"fits of an earlier version and no model\.json: identify again"):
         tb.load_model(tmp_path)
     said = "expected a model of testbench calibrate, got one of testbench identify"
-    refused("score", small, "none.csv", said=said)
+    refused("calibrate", small, "none.csv", "--score", said=said)

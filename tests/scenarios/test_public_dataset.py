@@ -7,8 +7,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from build_dataset import build
 from pyarrow import parquet
-from run_here import ROOT, fine, refused
+from run_here import ROOT, held
 
 import testbench as tb
 from testbench.campaign.campaign import build_cell, draw_poses, simulate_at
@@ -19,13 +20,12 @@ from testbench.campaign.true_arms import TRUTHS, true_cell
 SAMPLE = ROOT / "docs/dataset_sample"
 CODE = re.findall(r"```python\n(.*?)```", (ROOT / "docs/dataset.md").read_text(encoding="utf-8"), re.DOTALL)
 SEED = 7
-BUILD = ("dataset", "build", "--seed", SEED)
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("public") / "set"
-    fine(*BUILD, out, "--campaigns", GRID, "--workers", 1)
+    build(out, range(SEED, SEED + GRID), 1)
     return out
 
 
@@ -37,10 +37,11 @@ def digests(folder):
 @pytest.mark.study
 def test_one_worker_writes_the_same_bytes_as_two(tmp_path):
     for workers in (1, 2):
-        fine(*BUILD, tmp_path / f"{workers}", "--campaigns", 2 * GRID, "--workers", workers)
+        build(tmp_path / f"{workers}", range(SEED, SEED + 2 * GRID), workers)
     assert digests(tmp_path / "1") == digests(tmp_path / "2")
 
 
+@pytest.mark.study
 def test_manifest_and_croissant_have_the_digests_of_all_files(made):
     known = digests(made)
     del known["manifest.json"]
@@ -50,6 +51,7 @@ def test_manifest_and_croissant_have_the_digests_of_all_files(made):
     assert said.items() == {(k, v) for k, v in known.items() if k != "croissant.json"}
 
 
+@pytest.mark.study
 def test_a_campaign_is_read_back_bit_by_bit(made):
     number = 4 * len(PRIORS) + 3  # the fifth kind, the fourth prior
     own = tb.load_dataset(made)[number]
@@ -64,8 +66,8 @@ def test_a_campaign_is_read_back_bit_by_bit(made):
     assert own.campaign.seed == seed
 
 
-def test_no_arm_is_in_two_splits_and_every_cell_of_the_grid_is_there(made):
-    arms = parquet.read_table(made / "truth_arms.parquet").to_pydict()
+def test_no_arm_is_in_two_splits_and_every_cell_of_the_grid_is_there():
+    arms = parquet.read_table(SAMPLE / "truth_arms.parquet").to_pydict()
     splits, numbers = {}, {}
     for links, joints, split, arm in zip(
         arms["links"], arms["joints"], arms["split"], arms["arm"], strict=True
@@ -78,7 +80,7 @@ def test_no_arm_is_in_two_splits_and_every_cell_of_the_grid_is_there(made):
     assert {*arms["split"]} == {"train", "dev", "test"}
     grid = zip(arms["true_arm"], arms["prior_error"], strict=True)
     assert {*grid} == {(kind, error) for kind in TRUTHS for error in PRIORS}
-    readings = parquet.read_table(made / "readings.parquet").to_pydict()
+    readings = parquet.read_table(SAMPLE / "readings.parquet").to_pydict()
     assert dict(zip(readings["campaign"], readings["split"], strict=True)) == dict(
         zip(arms["campaign"], arms["split"], strict=True)
     )
@@ -134,10 +136,10 @@ def test_mlcroissant_reads_every_record(made):
         assert {key.removeprefix(f"{name}/") for key in rows[0]} == {*known.column_names}
 
 
-def test_croissant_names_every_column(made):
-    records = json.loads((made / "croissant.json").read_text())["recordSet"]
+def test_croissant_names_every_column():
+    records = json.loads((SAMPLE / "croissant.json").read_text())["recordSet"]
     found = {own["name"]: [field["name"] for field in own["field"]] for own in records}
-    schemas = {table.removesuffix(".parquet"): parquet.read_schema(made / table).names for table in TABLES}
+    schemas = {table.removesuffix(".parquet"): parquet.read_schema(SAMPLE / table).names for table in TABLES}
     assert found == schemas
 
 
@@ -197,7 +199,10 @@ def test_a_wrong_number_of_campaigns_and_a_folder_of_others_are_refused(tmp_path
         (tmp_path / "set", GRID + 1, f"--campaigns: expected a multiple of {GRID}"),
         (tmp_path, GRID, "notes.txt"),
     ):
-        refused(*BUILD, folder, "--campaigns", count, said=said, below=tmp_path)
+        before = held(tmp_path)
+        with pytest.raises(tb.BenchError, match=said):
+            build(folder, range(SEED, SEED + count))
+        assert held(tmp_path) == before
 
 
 def test_datacite_s_own_schema_takes_its_record():

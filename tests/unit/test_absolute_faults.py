@@ -10,10 +10,9 @@ from serial_arms import write_arm
 
 from testbench.campaign.absolute import calibrated, explained
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.campaign.calibration_numbers import left_of, numbers
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.doubt import said
-from testbench.commands.calibrate import report
-from testbench.commands.calibrate_numbers import left_of
 from testbench.data.series import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.align import align, aligned, alike
@@ -406,9 +405,9 @@ def test_a_zero_that_geometry_hides_is_a_doubt_with_its_joint_and_size(ur10, hun
     some = select_rows(hundred, np.arange(ROWS))
     one = replace(some, q=some.q + np.radians(5) * np.eye(6)[4])
     every = [calibrated(ur10.vjm, [own], ONLY) for own in (some, one)]
-    sound, numbers = (report(found, left_of(found)).numbers for found in every)
+    sound, off = (numbers(found, left_of(found)) for found in every)
     assert sound.far_geometry == ""
-    assert numbers.total_after.mean_mm < 0.3
-    (doubt,) = [text for text in numbers.doubts if text.startswith("Geometry no arm has: ")]
+    assert off.total_after.mean_mm < 0.3
+    (doubt,) = [text for text in off.doubts if text.startswith("Geometry no arm has: ")]
     size = re.search(r"the zero of wrist_2_joint is off by (\S+) deg", doubt)
     assert float(size[1]) == pytest.approx(-5, abs=0.3)  # the arm's own errors are tenths of a degree there

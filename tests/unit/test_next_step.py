@@ -35,7 +35,7 @@ def bare(lines):
         ("testbench plan", ABSOLUTE | {"given": ["a.csv", "b 2.csv"]}, f"calibrate {GIVEN} --out runs/model"),
         ("testbench data check", {"data": "export.csv"}, "identify ../arms/a export.csv --out runs/model"),
         ("testbench identify", {}, "compensate runs/one PROGRAM.csv --out CORRECTED.csv"),
-        ("testbench calibrate", {}, "score runs/one READINGS.csv --frame-poses 50"),
+        ("testbench calibrate", {}, "calibrate runs/one READINGS.csv --score --frame-poses 50"),
         ("scenarios/regimes.py", {}, "compare runs/one OTHER_RUN"),
     ],
 )

@@ -1,4 +1,4 @@
-"""What `testbench calibrate` found, in numbers: how far readings are off, what was tried, what the arm is."""
+"""Numbers of a calibration: how far readings are off, which errors were tried, what the arm is."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -9,10 +9,11 @@ import numpy as np
 from testbench.arm.folder import Joint
 from testbench.campaign.absolute import Calibrated, distances, hidden
 from testbench.campaign.named_parameters import Part, intervals
+from testbench.campaign.plan import MORE
 from testbench.campaign.rows import MM, UM
 from testbench.campaign.unobservable import LOOSE as LOOSE_FRAME
 from testbench.campaign.unobservable import unobservable
-from testbench.data.series import Series
+from testbench.data.series import Series, select_rows
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.choose import Step
@@ -22,14 +23,14 @@ from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.state import nominal
+from testbench.identify.absolute.state import State, forward, nominal
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.estimate import Estimate
 from testbench.model.joint_errors import JointErrors
-from testbench.report.badge import decide
-from testbench.report.table import Row
+from testbench.trials.rows import Row
 
-FAR = 1.5  #: Error of a range over that of all readings, of held-out ones over the drawing, that is said.
+NEGATIVE = "No arm bends against its load: the model explains the sag by other errors. Do not use it."
+FAR = 1.5  #: Error of held-out readings over that of the arm as drawn from which poses are too few [1].
 SOUND = 0.8  #: Share of the readings that are sound: more outliers are a misfit [1].
 ABOVE, CONTRADICTED = 1.05, 2.0
 """Fitted error over that of the arm as drawn, and over that of held-out readings, from which a calibrated arm
@@ -49,7 +50,7 @@ Left = tuple[list[Array], list[Array]]
 
 
 def left_of(found: Calibrated) -> Left:
-    """What both arms leave of the readings; zero where a target was lost."""
+    """Find what the arms as drawn and as calibrated leave of the readings; zero where a target was lost."""
     state, series = found.calibration.state, found.series
     drawn = aligned(nominal(state.vjm, state.weights, state.torque_scale), series)
     before, after = (
@@ -59,8 +60,17 @@ def left_of(found: Calibrated) -> Left:
     return before, after
 
 
-def numbers(found: Calibrated, left: Left) -> Row:
-    """All that is told of a calibration; the keys are those of report.json."""
+def numbers(found: Calibrated, left: Left, more: tuple[float, float] | None = None) -> Row:
+    """Collect all numbers of a calibration.
+
+    Args:
+        found: The calibration.
+        left: What both arms leave of the readings, by `left_of`.
+        more: Expected errors over the workspace now, and after further poses, by `gain_of_more` [m].
+
+    Returns:
+        Numbers by their keys in report.json, lengths in mm.
+    """
     calibration, series = found.calibration, found.series
     before, after = (
         [np.linalg.norm(x, axis=2)[one.seen] for one, x in zip(series, every, strict=True)] for every in left
@@ -100,12 +110,50 @@ def numbers(found: Calibrated, left: Left) -> Row:
     f["models"] = [_model(estimate, f)]
     f["rejected"] = _rejected(f, *(_nearest(x) for x in every))
     f["pressed"] = calibration.pressed > max(PRESSED[0], PRESSED[1] * 3 * f.total_after.n)
-    why = f.rejected or ("its compliances want to be negative" if f.pressed else "")
-    why = why or ("too few poses, held-out positions do not get better" if f.worse else "")
-    chosen = calibration.chosen
-    plain, own = (MM * np.sqrt(3) * x for x in chosen.held_out)
-    badge = decide(("calibrated", own), (chosen.plain or "as drawn", plain), "block held out", why)
-    return Row(f, badge=badge)
+    f["more"] = more and Row(poses=MORE, now_mm=MM * more[0], after_mm=MM * more[1])
+    f["doubts"] = [f"{name}: {text}" for name, text in doubts(f)]
+    return f
+
+
+def unusable(f: Row) -> str:
+    """Say why a calibrated arm must not be used; empty where nothing speaks against it."""
+    if f.rejected:
+        return str(f.rejected)
+    if f.pressed:
+        return "its compliances want to be negative"
+    return "too few poses, held-out positions do not get better" if f.worse else ""
+
+
+def doubts(f: Row) -> Iterator[tuple[str, str]]:
+    """List what may be wrong with the calibrated arm, the gravest first: a name and a sentence each."""
+    if f.mounting:
+        yield "Mounting", f"{f.mounting}."
+    if f.pressed:
+        scale = "gravity reversed, is the arm hung?" if f.weight_alone else "is a force's sign reversed?"
+        yield "The compliances want to be negative", f"{scale} {NEGATIVE}"
+    if f.worse:
+        far = "none could be held out, so that nothing says how far others are off"
+        if f.held_out_mm:
+            arms = f"from the calibrated arm, {f.total_before.rms_mm:.3f} mm from the arm as drawn"
+            far = f"held-out ones are {f.held_out_mm[1]:.3f} mm RMS {arms}"
+        yield "Too few poses", f"{far}. Do not use it; read more."
+    if f.far_geometry:
+        yield "Geometry no arm has", f"{f.far_geometry}."
+    if ranges := [range_words(row) for row in unread(f)]:
+        yield "Not read, hence extrapolated", f"{', '.join(ranges)}."
+    if f.weight_alone and f.compliances:
+        scale = "compliances have the scale of the masses in rigid.xml"
+        words = "Masses 10 % too small make them 10 % too large; positions stay right."
+        yield "Own weight is the only load", f"{scale}. {words}"
+    if f.program and not f.program.conservative:
+        yield "Not conservative", "a block of the compliances has a negative eigenvalue."
+    if f.program and f.program.status != "solved":
+        yield "Compliances", f"{f.program.method}, {f.program.status}."
+
+
+def range_words(row: Row) -> str:
+    """Name a range of a joint."""
+    return f"{row.joint} {row.low:.0f} to {row.high:.0f} {row.unit}"
 
 
 def _nearest(distances: Array) -> float:
@@ -215,7 +263,7 @@ def _ranges(joint: Joint, own: Array, q: Array, before: Array, after: Array) -> 
 
 
 def unread(f: Row) -> list[Row]:
-    """Ranges without a reading, neighbours as one."""
+    """List the ranges of joints without a reading, neighbours as one."""
     found: list[Row] = []
     for row in f.places:
         if not row.n and found and (found[-1].joint, found[-1].high) == (row.joint, row.low):
@@ -340,3 +388,49 @@ def _slow(own: Choice) -> tuple[Unknowns, Ids]:
     if own.elastic is not None:
         structure, after = own.elastic.structure, own.columns[own.rigid :]
     return replace(unknowns, errors=few, structure=structure), np.concatenate([before, at.ravel(), after])
+
+
+def rows_of(found: Calibrated, left: Left, some: Ids) -> Row:
+    """Collect some readings of all series with the calibrated arm at each.
+
+    Args:
+        found: The calibration.
+        left: What both arms leave of the readings, by `left_of`.
+        some: Numbers of the rows, from the first series to the last one, (rows,).
+
+    Returns:
+        Names of the series and numbers of the rows in their files, (rows,); joints `q`, (rows, n) [rad, m];
+        tool position `tool`, (rows, 3) [m]; virtual joints `sag`, (rows, n_theta) [m, rad]; targets as read,
+        and reading minus arm as drawn (`before`) and calibrated (`after`), (rows, targets, 3) [m]. NaN where
+        a target was lost, or where another series has more targets.
+    """
+    state, first, parts = found.calibration.state, 0, []
+    targets = max(len(one.markers) for one in found.series)
+    for one, *both in zip(found.series, *left, strict=True):
+        at = some[(first <= some) & (some < first + one.rows)] - first
+        parts.append(_rows_of_one(state, select_rows(one, at), [x[at] for x in both], targets))
+        first += one.rows
+    return Row({key: np.concatenate([part[key] for part in parts]) for key in parts[0]})
+
+
+def _rows_of_one(state: State, series: Series, left: Sequence[Array], targets: int) -> Row:
+    told = forward(state, series)
+    read = told.where.points(state.mount(series).points) + left[1]
+    before, after, at = (np.full((series.rows, targets, 3), np.nan) for _ in range(3))
+    for values, own in ((before, left[0]), (after, left[1]), (at, read)):
+        values[:, : len(series.markers)] = np.where(series.seen[..., None], own, np.nan)
+    sag = (state.C_theta @ told.u).T
+    names = np.full(series.rows, series.name, dtype=object)
+    return Row(
+        **{"name": names, "row": series.row, "q": series.q, "tool": told.where.position, "sag": sag},
+        **{"read": at, "before": before, "after": after},
+    )
+
+
+def largest_left(found: Calibrated, left: Left) -> Array:
+    """Find the largest error of the calibrated arm in every row, (rows,) [m]; -1 of unread rows."""
+    sizes = [
+        np.where(one.seen, np.linalg.norm(x, axis=2), -1.0).max(axis=1)
+        for one, x in zip(found.series, left[1], strict=True)
+    ]
+    return np.concatenate(sizes)

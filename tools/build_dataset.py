@@ -1,22 +1,25 @@
-"""testbench dataset build: the public dataset, all or nothing, with its card, Croissant 1.1 and DataCite.
+"""Build the public dataset of simulated campaigns: readings, truth, card, Croissant 1.1 and DataCite.
 
-Words and constants are those of the files in `public_dataset`, so that they stand in one place.
+    python tools/build_dataset.py DIR [--campaigns 3600] [--seed 100000] [--workers N] [--force]
+
+The same seed gives the same bytes, whatever the number of workers. All files or none are written. The texts
+of card and metadata are in `tools/public_dataset`.
 """
 
+import argparse
 import json
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from rich.console import Console
-
 from testbench import files
 from testbench.arm.folder import find_arm, load_arm
 from testbench.campaign.model_folder import copy_arm, digests
 from testbench.campaign.perturbed_prior import PRIORS_CALLED
-from testbench.campaign.public_dataset import ARM, GRID, SCENARIO, TABLES, write_rounds
+from testbench.campaign.public_dataset import ARM, GRID, ROUNDS, SCENARIO, TABLES, write_rounds
 from testbench.campaign.true_arms import CALLED, TRUTHS
 from testbench.errors import BenchError
 from testbench.output.place import claim_folder
@@ -26,17 +29,23 @@ from testbench.trials.cores import on_cores
 from testbench.trials.engine import Chunks
 from testbench.trials.tables import join_tables, kinds
 
-COMMAND = "testbench dataset build"
+COMMAND = "tools/build_dataset.py"
 
 
-def build(out: Path, seeds: range, workers: int | None, console: Console, *, force: bool) -> None:
-    """Simulate a campaign a seed and write the folder.
+def build(out: Path, seeds: range, workers: int | None = None, *, force: bool = False) -> None:
+    """Simulate one campaign per seed and write the folder.
+
+    Args:
+        out: Folder of the dataset.
+        seeds: Of the campaigns, a multiple of the kinds of arms times the errors of the prior.
+        workers: Processes; None for one per core.
+        force: Whether a folder with other files may be replaced.
 
     Raises:
         BenchError: When seeds are no whole number of rounds, or the folder cannot be written.
     """
     rounds = range(len(seeds) // GRID)
-    if len(seeds) % GRID:
+    if not seeds or len(seeds) % GRID:
         problem = f"expected a multiple of {GRID}, kinds of arm times errors of prior"
         raise BenchError(f"--campaigns: {problem}, got {len(seeds)}")
     with (
@@ -55,9 +64,6 @@ def build(out: Path, seeds: range, workers: int | None, console: Console, *, for
         describe(folder, {name: kinds(folder / name) for name in TABLES}, seeds)
         scenario = SCENARIO.model_dump(mode="json")
         files.write_manifest(folder, command=COMMAND, scenario=scenario, seeds=seeds, models=digests([home]))
-    size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
-    text = f"{out}: {len(seeds)} campaigns, {size / 1e6:.1f} MB; README.md says what is in it"
-    console.print(text, soft_wrap=True)
 
 
 def _counted(chunks: Chunks) -> Iterator[int]:
@@ -147,3 +153,24 @@ def _records(table: str, kinds: Mapping[str, str], words: Mapping[str, str]) -> 
         for column, kind in kinds.items()
     ]
     return {"@type": "cr:RecordSet", "@id": name, "name": name, "field": fields}
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("out", type=Path, metavar="DIR")
+    parser.add_argument("--campaigns", type=int, default=GRID * ROUNDS, help=f"a multiple of {GRID}")
+    parser.add_argument("--seed", type=int, default=100_000, help="of the first campaign")
+    parser.add_argument("--workers", type=int, help="processes; default: one per core")
+    parser.add_argument("--force", action="store_true", help="replace a folder with other files")
+    asked = parser.parse_args()
+    seeds = range(asked.seed, asked.seed + asked.campaigns)
+    try:
+        build(asked.out, seeds, asked.workers, force=asked.force)
+    except BenchError as err:
+        sys.exit(f"error: {err}")
+    print(f"{asked.out}: {len(seeds)} campaigns; README.md says what is in it")
+
+
+if __name__ == "__main__":
+    main()
