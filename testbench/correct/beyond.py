@@ -1,4 +1,4 @@
-"""Loads beyond those that a model was identified under: what it tells of them is extrapolated."""
+"""Extrapolation: how far loads exceed those under which a model was identified."""
 
 import math
 from collections.abc import Sequence
@@ -15,17 +15,29 @@ from testbench.model.vjm import tool_pose
 
 @dataclass(frozen=True)
 class Extent:
-    """The largest loads of some poses beside those of a model's data."""
+    """Hold the largest loads of some poses, and their ratios to those of the model's data."""
 
     force: float  #: Largest force in a pose, all loads together [N].
     moment: float  #: Largest moment about the tool's origin [N m].
-    force_ratio: float | None  #: Over the largest that the model was identified under; None if unknown [1].
-    moment_ratio: float | None  #: The same of the moment [1].
-    payload_ratio: float | None  #: Of the force over the weight of the arm's payload; None if unknown [1].
+    force_ratio: float | None  #: Largest force over that of the model's data [1]; None if unknown.
+    moment_ratio: float | None  #: Largest moment over that of the model's data [1]; None if unknown.
+    payload_ratio: float | None  #: Largest force over the weight of the rated payload [1]; None if unknown.
 
 
 def extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> Extent:
-    """How large loads are, and how many times those of the model's data; q (poses, n) [rad, m]."""
+    """Compute the largest force and moment over some poses, and their ratios to those of the model's data.
+
+    Args:
+        model: The model, with the largest loads of its data where these are known.
+        q: Actuated joints, (poses, n) [rad, m].
+        loads: Loads that act together, each the same in all poses or with one row per pose.
+
+    Returns:
+        Sizes and ratios; a ratio is None where the data's load is unknown or there is no load.
+
+    Raises:
+        BenchError: When q has another shape or is not finite, or a load has rows for another number of poses.
+    """
     total = resultant(tool_pose(model.vjm, q)[1], loads)
     largest = [float(np.linalg.norm(x, axis=1).max(initial=0)) for x in np.hsplit(total, 2)]
     known = (model.about.force, model.about.moment)
@@ -36,7 +48,7 @@ def extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> Extent:
 
 
 def _over(value: float, known: float | None) -> float | None:
-    """How many times what is known; infinite where that is nothing."""
+    """Divide by what is known; infinite where that is zero, None where nothing is known or to be divided."""
     if known is None or not value:
         return None
     return value / known if known else math.inf

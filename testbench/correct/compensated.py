@@ -1,4 +1,8 @@
-"""A program compensated: joints within limits, what is left, and which points cannot be put right."""
+"""Compensation of a program: corrected joints inside the limits, the remaining error, and refused points.
+
+`compensate` is the last step of the flow: model, programmed joints and loads in, joints to command out.
+Points that cannot be corrected keep their programmed joints and say why.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,35 +20,36 @@ from testbench.model.load import Load
 from testbench.plant.site import Site, collisions
 
 Why = Literal["reach", "equilibrium", "limit", "collision"]
+"""Reasons to refuse a point: out of reach, no equilibrium, beyond a joint's limit, or a new collision."""
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a point cannot be put right."""
+    """State why a point cannot be corrected."""
 
-    why: Why  #: Out of reach, without an equilibrium, beyond a joint's limit, or into something.
-    names: tuple[str, ...] = ()  #: The joint that would pass its limit, or the two that would collide.
-    size: float = 0.0  #: What is left [m], or how far beyond the limit [rad, m].
+    why: Why  #: The reason.
+    names: tuple[str, ...] = ()  #: The joint that would pass its limit, or the two parts that would collide.
+    size: float = 0.0  #: Remaining distance [m], or how far beyond the limit [rad, m].
 
 
 @dataclass(frozen=True)
 class Compensated:
-    """Joints to command so that the loaded tool is where it was asked to be, and what is left."""
+    """Hold the joints that put the loaded tool where the program asks it to be, and the errors."""
 
-    q: Array  #: Joints to command; those of the program where `refused` says why not, (points, n) [rad, m].
+    q: Array  #: Joints to command, those of the program at refused points, (points, n) [rad, m].
     start: Array  #: Joints of the program, (points, n) [rad, m].
-    target: Target  #: Where the tool point was asked to be.
-    before: Array  #: Foretold minus asked position without correction, world, (points, 3) [m].
-    after: Array  #: The same with it: what the solver leaves, (points, 3) [m].
-    turned: Array  #: What is left of the turn, a rotation vector, world, (points, 3) [rad].
-    half: Array  #: Half the interval of the error that remains, world, (points, 3) [m]; infinite if unseen.
+    target: Target  #: Poses that the program asks for.
+    before: Array  #: Predicted minus asked position without correction, world, (points, 3) [m].
+    after: Array  #: Predicted minus asked position with it, world, (points, 3) [m].
+    turned: Array  #: Remaining rotation, a rotation vector, world, (points, 3) [rad].
+    half: Array  #: Half width of the error's 95 % interval, world, (points, 3) [m]; infinite if unseen.
     held: Mask  #: Joints that a limit stopped, (points, n).
-    refused: tuple[Refusal | None, ...]  #: Why a point cannot be put right; None where it is.
-    asked: Asked  #: What joints of the program were taken to mean.
+    refused: tuple[Refusal | None, ...]  #: Why a point is refused; None for a corrected one.
+    asked: Asked  #: Meaning that the program's joints were given.
 
     @property
     def corrected(self) -> Mask:
-        """Which points are put right, (points,)."""
+        """Tell which points are corrected, (points,)."""
         return np.array([reason is None for reason in self.refused], dtype=bool)
 
 
@@ -55,22 +60,22 @@ def compensate(
     aim: Aim | None = None,
     room: Site | None = None,
 ) -> Compensated:
-    """Joints that put the loaded tool where a program asks it to be.
+    """Find joints that put the loaded tool where a program asks it to be.
 
     Args:
-        model: The arm, as of `load_model`.
+        model: Identified model of the arm, such as `load_model` reads.
         q: Joints of the program, (points, n) [rad, m].
-        loads: What acts at the points, each the same at all or with a row a point.
-        aim: Tool point, what of its pose is put right, and what joints of the program mean; the whole pose of
-            the tool's origin if not given.
-        room: Where the arm stands, for collisions; None leaves them unchecked.
+        loads: Loads at the points, each the same at all or with one row per point.
+        aim: Tool point, the part of its pose to correct, and what joints of the program mean; None for the
+            whole pose of the tool's origin.
+        room: Surroundings of the arm, for collisions; None leaves collisions unchecked.
 
     Returns:
-        Corrected joints inside the limits, and what is left.
+        Corrected joints inside the limits, remaining errors and their intervals.
 
     Raises:
-        BenchError: When shapes do not fit.
-        NoEquilibrium: When the arm cannot bear a load; names the pose.
+        BenchError: When shapes do not fit, or there is no point.
+        NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
     if not len(q):
@@ -78,15 +83,18 @@ def compensate(
     aim, loads = aim or Aim(), [load.over(len(q)) for load in loads]
     point = np.array(aim.point)
     meant: Asked = aim.asked or ("drawn" if model.absolute else "unloaded")
+    # the target of the program, and how far the uncorrected tool is from it
     target = asked(model.state, q, meant, point)
     before = rest(model.state, q, loads).at(point) - target.position
     found, held = within_limits(model, q, loads, target, aim)
     refused = _refused(model.arm, found, q, room)
     bad = np.array([reason is not None for reason in refused], dtype=bool)
+    # refused points keep their joints, and their error before correction
     left = np.where(bad[:, None], before, -found.left)
     corrected = np.where(bad[:, None], q, found.q)
     acts = np.asarray(before.any(axis=1))
     corrected = np.where(acts[:, None], corrected, q)  # where nothing acts, as it was to the last digit
+    # interval of the error: of a position, or of the motion from the programmed to the corrected pose
     start = None if model.absolute and meant == "drawn" else Poses(q)
     end = Poses(corrected, loads, heavy=meant == "drawn")
     half = half_widths(model, end, start, point[None])[:, 0]
@@ -96,10 +104,20 @@ def compensate(
 def within_limits(
     model: ArmModel, q: Array, loads: Sequence[Load], target: Target, aim: Aim
 ) -> tuple[Corrected, Mask]:
-    """As `solve`; a joint that would pass its limit stays there, and the others do what they can.
+    """Solve all points as `solve` does, with joints kept inside their limits.
+
+    A joint that would pass its limit is held there, and the points are solved again with the other joints,
+    until no further joint passes its limit.
+
+    Args:
+        model: Identified model of the arm.
+        q: Joints to start from, (points, n) [rad, m].
+        loads: Loads at the points, each with one row per point.
+        target: Where the tool point has to be.
+        aim: Tool point and the part of its pose to correct.
 
     Returns:
-        The joints, and which of them a limit stopped, (points, n).
+        The solution, and which joints a limit stopped, (points, n).
     """
     arm, (lower, upper) = model.arm, model.arm.limits
     free_joints = True if arm.moves is None else arm.moves.any(axis=0)
@@ -110,6 +128,7 @@ def within_limits(
         some = np.flatnonzero(beyond.any(axis=1) & found.solved)
         if not len(some):
             break
+        # hold the joints that passed a limit there, and solve these points again
         free = points.free * ~(beyond & found.solved[:, None])
         start = arm.followed(np.where(free > 0, points.start, np.clip(found.q, lower, upper)))
         points = replace(points, start=start, free=free)
@@ -118,7 +137,7 @@ def within_limits(
 
 
 def _refused(arm: Arm, found: Corrected, q: Array, room: Site | None) -> list[Refusal | None]:
-    """Why points cannot be put right."""
+    """Find why points cannot be corrected: reach, equilibrium, a limit, or a collision that is new."""
     lower, upper = arm.limits
     reasons: list[Refusal | None] = [None] * len(q)
     for k in np.flatnonzero(~found.solved):

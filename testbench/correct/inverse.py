@@ -1,8 +1,10 @@
-"""Joints of the drawn arm along a path of the tool: continuous, within limits, with least motion.
+"""Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits.
 
-`reach` puts the tool into poses by damped Newton within limits, all poses at once. Supports of a path are
-guessed at once, then every one is found again from its left neighbour, until none changes: the same joints as
-one by one, for only those behind a change are open. The points between start from their supports' joints.
+`reach` puts the tool into poses by damped Newton steps within limits, all poses at once. A path has supports,
+a stride apart. They are guessed at once; then every one is solved again from its left neighbour until none
+changes. That gives the same joints as one after the other, because only supports behind a change are solved
+again. The points between start from joints interpolated between their supports. `compensate` uses such joints
+for programs in Cartesian coordinates.
 """
 
 import math
@@ -17,40 +19,44 @@ from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.model.tool_motion import tool_motion, turn_between
 from testbench.model.vjm import Vjm
 
-THERE = 1e-9  #: A tool this close to its pose has reached it [m, rad].
-TINY = 1e-12  #: Error at which a pose is left alone [m].
-LEVER = 0.25  #: Radius at which a wrong orientation counts, over the arm's reach [1].
-DAMPING = 1e-2  #: Of the first step, over the squared error: it fades as the tool comes near [1].
+THERE = 1e-9  #: Distance and angle to its pose within which the tool has reached it [m, rad].
+TINY = 1e-12  #: Error, rotation times lever included, below which a pose takes no further step [m].
+LEVER = 0.25  #: Radius that turns an angle of orientation into a length, over the arm's reach [1].
+DAMPING = 1e-2  #: Damping of the first step over the squared error [1]: it fades as the tool comes near.
 FLOOR = 1e-14  #: Damping that stays, over the square of the lever [1].
 LARGEST = 0.5  #: Largest motion of a joint in one step [rad, m].
 STALLED, PATIENCE = 1e-4, 4
-"""Relative gain of a step that leads nowhere [1], and how many of these it takes to give a pose up."""
-MOST = 60  #: Steps.
+"""Relative gain below which a step counts as stalled [1], and stalled steps in a row that end a pose."""
+MOST = 60  #: Most steps.
 
 
 @dataclass(frozen=True)
 class Reached:
-    """Joints, and how far the tool stays away."""
+    """Hold joints, and how far the tool stays away from its poses."""
 
-    q: Array  #: Within the limits, (poses, n) [rad, m].
-    distance: Array  #: From the tool to where it should be, (poses,) [m].
-    angle: Array  #: Between its orientation and what it should be, (poses,) [rad].
+    q: Array  #: Joints within the limits, (poses, n) [rad, m].
+    distance: Array  #: Distance of the tool from its target, (poses,) [m].
+    angle: Array  #: Angle between the tool's orientation and its target, (poses,) [rad].
 
     @property
     def there(self) -> Mask:
-        """Which poses are reached, (poses,)."""
+        """Tell which poses are reached within `THERE`, (poses,)."""
         return np.asarray((self.distance <= THERE) & (self.angle <= THERE))
 
 
 def reach(vjm: Vjm, target: Target, start: Array) -> Reached:
-    """Joints near others that put the tool's origin into poses; where none do, as near as these lead.
+    """Find joints near others that put the tool's origin into poses; where none do, as near as these lead.
 
-    Damped least squares with least motion. A joint at its limit that would go on stays there.
+    It minimises the squared error by damped least squares, d = J^T (J J^T + weight 1)^-1 e, whose motion is
+    short. A joint at its limit whose step would leave it stays there.
 
     Args:
-        vjm: The arm as drawn.
+        vjm: Kinematics of the rigid arm.
         target: Poses of the tool's origin.
         start: Joints to start from, (poses, n) [rad, m].
+
+    Returns:
+        Joints within the limits, and the remaining distance and angle.
     """
     lever = LEVER * vjm.reach
     q = vjm.arm.within(start)
@@ -60,10 +66,12 @@ def reach(vjm: Vjm, target: Target, start: Array) -> Reached:
         some = np.flatnonzero((cost > TINY**2) & (dull < PATIENCE))
         if not len(some):
             break
+        # Levenberg's damping, in proportion to the squared error
         weight = damping[some] * cost[some] + FLOOR * lever**2
         trial = vjm.arm.within(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits))
         e_trial, J_trial = _error(vjm, lever, trial, in_order(target, some))
         gain = 1 - _square(e_trial) / cost[some]
+        # accept what comes nearer: less damping after a gain, more after none (Levenberg-Marquardt)
         better = gain > 0
         taken = some[better]
         q[taken], e[taken], J[taken] = trial[better], e_trial[better], J_trial[better]
@@ -78,7 +86,7 @@ def _square(e: Array) -> Array:
 
 
 def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Array]:
-    """What is left to the pose, (poses, 6) [m], and how the joints take it away, (poses, 6, n)."""
+    """Compute the pose's error, rotation times lever, (poses, 6) [m], and its Jacobian, (poses, 6, n)."""
     p, R, J = tool_motion(vjm, q)
     J[:, 3:] *= lever
     if vjm.arm.moves is not None:  # joints that follow others have no column of their own
@@ -87,8 +95,9 @@ def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Arr
 
 
 def _step(J: Array, e: Array, weight: Array, q: Array, limits: Array) -> Array:
-    """Least motion of the joints that takes most of the error away, (poses, n) [rad, m]."""
+    """Compute the damped step, blocked joints held, each joint's at most `LARGEST`, (poses, n) [rad, m]."""
     step = _damped(J, e, weight)
+    # a joint at its limit that would leave it is held, and the others take the step
     blocked = ((q <= limits[0]) & (step < 0)) | ((q >= limits[1]) & (step > 0))
     some = np.flatnonzero(blocked.any(axis=1))
     if len(some):
@@ -105,38 +114,43 @@ def _damped(J: Array, e: Array, weight: Array) -> Array:
 
 
 STRIDE, TURN = 0.1, 0.2
-"""Way from one support of a path to the next, over the arm's reach [1], and the turn that is as far [rad]."""
+"""Distance between supports of a path over the arm's reach [1], and the rotation that counts as far [rad]."""
 STEADY, FASTEST = 0.1, 3.0
-"""Motion between two points that needs no second look, beyond what their supports say [rad, m], a stride."""
-REPEATS = 4  #: Times that a part of a path is done again.
-SEEDS = 256  #: Configurations that the first point is looked for from.
-TRIED = 8  #: Configurations of the first point that are tried,
-SAMPLE = 400  #: and at most so many points of the path with each.
-CLEAR = 0.05  #: Room to the limits that the first point should have [rad, m].
-SAME = 0.05  #: Joints that differ by less are one configuration [rad, m].
-APART = 0.5  #: Motion of a joint from one support to the next beyond which one is put between them [rad, m].
-CLOSER = 0.9  #: What a pose out of reach must come closer for another configuration to count [1].
-HALVINGS = 20  #: More than any program's points between two supports have.
+"""Motion between two points that is no jump: this one [rad, m] beyond twice that of the joints interpolated
+between supports, which counts up to `FASTEST` per stride [rad, m]."""
+REPEATS = 4  #: Most repairs of a path.
+SEEDS = 256  #: Random configurations from which the first point is solved.
+TRIED = 8  #: Configurations of the first point with which the path is tried.
+SAMPLE = 400  #: Most points of the path that such a trial uses.
+CLEAR = 0.05
+"""Distance to the limits that the first point should keep, and between configurations to try [rad, m]."""
+SAME = 0.05  #: Largest difference of joints that count as one configuration [rad, m].
+APART = 0.5  #: Motion of a joint between two supports from which one is added between them [rad, m].
+CLOSER = 0.9  #: Share of its error to which an unreached pose must come for new joints to replace it [1].
+HALVINGS = 20  #: Most rounds that add supports: more than the points between two supports allow.
 
 
 def joints_along(
     vjm: Vjm, position: Array, rotation: Array, *, start: Array | None = None, point: Array | None = None
 ) -> Reached:
-    """Joints that put a point of the tool where it should be, along a path.
+    """Find joints that keep a point of the tool on a path, continuous from point to point.
 
     Supports are solved one after the other, each from the last one, and all points between them at once.
     Points that cannot be reached are left as near as the configuration of their neighbours leads.
 
     Args:
-        vjm: The arm as drawn.
-        position: Of the point, world, (points, 3) [m].
-        rotation: World from tool, (points, 3, 3).
-        start: Joints near the first point, (n,), or near every point, (points, n) [rad, m]. Without any,
-            configurations are tried, the nearest to zero first, until the whole path is reached.
-        point: In the tool's frame, (3,) or (points, 3) [m]; its origin if not given.
+        vjm: Kinematics of the rigid arm.
+        position: Positions of the point, world, (points, 3) [m].
+        rotation: Orientations, world from tool, (points, 3, 3) [1].
+        start: Joints near the first point, (n,), or near every point, (points, n) [rad, m]. None tries
+            configurations, the nearest to zero first, until one reaches the whole path.
+        point: The point in the tool's frame, (3,) or (points, 3) [m]; None for its origin.
 
     Returns:
-        The joints, (points, n) [rad, m], and how far the tool stays away where it cannot reach.
+        Joints, (points, n) [rad, m], and how far the tool stays away where it cannot reach.
+
+    Raises:
+        BenchError: When an array has another shape or is not finite, or there is no point.
     """
     position = check_array(position, (None, 3), "position [m]")
     rotation = check_array(rotation, (len(position), 3, 3), "rotation")
@@ -153,7 +167,7 @@ def joints_along(
 
 
 def _chosen(vjm: Vjm, target: Target, tries: Array) -> Array:
-    """The first of some joints of the first point from which most of the path is reached, (n,) [rad, m]."""
+    """Choose the first of some start configurations from which most of the path is reached, (n,) [rad, m]."""
     if len(tries) == 1:
         return np.asarray(tries[0])
     some = np.arange(0, len(target.position), math.ceil(len(target.position) / SAMPLE))
@@ -166,7 +180,7 @@ def _chosen(vjm: Vjm, target: Target, tries: Array) -> Array:
 
 
 def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
-    """Joints of the first point, the best first, (tries, n) [rad, m]."""
+    """Find joints of the first point, the best first, (tries, n) [rad, m]."""
     arm, (lower, upper) = vjm.arm, vjm.arm.limits
     if start is not None:
         start = check_array(start, (arm.n_joints,), "start [rad, m]")
@@ -190,17 +204,18 @@ def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
 
 
 def _unwound(vjm: Vjm, q: Array, near: Array) -> Array:
-    """The same with whole turns taken out of hinges, as far as limits let them come near."""
+    """Take whole turns out of hinges, as far as the limits let them come nearer to given joints."""
     lower, upper = vjm.arm.limits
     other = q - 2 * np.pi * np.round((q - near) / (2 * np.pi)) * vjm.arm.turns
     return np.where((other >= lower) & (other <= upper), other, q)
 
 
 def _track(vjm: Vjm, target: Target, first: Array) -> Reached:
-    """Joints along a path from those near its first point on.
+    """Follow a path from joints near its first point, and repair jumps.
 
-    Where branches nearly meet, a support may lie on another branch than the points before it. Then the rest
-    is done again from these points; if that leads nowhere, the points before are, from the support back.
+    Where branches of the inverse kinematics nearly meet, a support may lie on another branch than the points
+    before it. Then the rest is solved again from these points. If that leads nowhere, the points before are
+    solved again, backwards from the support.
     """
     found, rough = _pass(vjm, target, first)
     tried = -1
@@ -209,10 +224,12 @@ def _track(vjm: Vjm, target: Target, first: Array) -> Reached:
         if i is None:
             break
         tried, after = i, np.arange(i, len(target.position))
+        # forwards: the rest of the path from the joints before the jump
         rest, more = _pass(vjm, in_order(target, after), found.q[i])
         if rest.there.sum() >= found.there[after].sum() and 0 not in more:
             found, rough = replaced(found, after, rest), i + more
             continue
+        # backwards: from the joints behind the jump to where both branches meet
         before = np.arange(i + 1, -1, -1)
         back, _ = _pass(vjm, in_order(target, before), found.q[i + 1])
         gap = np.abs(back.q[::-1][1:] - found.q[: i + 1]).max(axis=1)
@@ -224,12 +241,13 @@ def _track(vjm: Vjm, target: Target, first: Array) -> Reached:
 
 
 def _pass(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
-    """Joints along a path, and the points, (jumps,), behind which they jump."""
+    """Find joints along a path once, and the points, (jumps,), behind which they jump."""
     turn = np.linalg.norm(turn_between(target.rotation[:-1], target.rotation[1:]), axis=1)
     step = np.linalg.norm(np.diff(target.position, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(step / (STRIDE * vjm.reach) + turn / TURN + 1e-9)])
     places, q = supported(vjm, target, _strides(way), first)
     start = np.stack([np.interp(way, way[places], own) for own in q.T], axis=1)
+    # a motion well beyond the interpolated one is a jump to another branch
     steady = STEADY + np.minimum(2 * np.abs(np.diff(start, axis=0)), FASTEST * np.diff(way)[:, None])
     found = _again(vjm, target, reach(vjm, target, start))
     jumps = (np.abs(np.diff(found.q, axis=0)) > steady).any(axis=1)
@@ -237,7 +255,7 @@ def _pass(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
 
 
 def _strides(way: Array) -> Ids:
-    """Points about one apart along the way, with the first and the last one."""
+    """Select points about one stride apart along the way, the first and the last one among them."""
     found = [0]
     while found[-1] < len(way) - 1:
         found.append(max(found[-1] + 1, int(np.searchsorted(way, way[found[-1]] + 1, side="right")) - 1))
@@ -245,7 +263,7 @@ def _strides(way: Array) -> Ids:
 
 
 def _again(vjm: Vjm, target: Target, found: Reached) -> Reached:
-    """What was not reached, tried once more from the nearest points that were."""
+    """Try unreached points once more from the nearest points that were reached."""
     there = np.flatnonzero(found.there)
     lost = np.flatnonzero(~found.there)
     if not len(there) or not len(lost):
@@ -258,15 +276,19 @@ def _again(vjm: Vjm, target: Target, found: Reached) -> Reached:
 
 
 def settle(vjm: Vjm, target: Target, found: Reached, open_: Ids) -> Reached:
-    """Joints of poses such that each follows from the one before; one that was reached stays so.
+    """Solve poses again, each from the one before, until none changes; a reached pose stays reached.
 
     Args:
-        vjm: The arm as drawn.
-        target: Of the tool's origin, the poses.
-        found: A guess of each.
-        open_: Which are looked at first, (k,), not the first pose.
+        vjm: Kinematics of the rigid arm.
+        target: Poses of the tool's origin.
+        found: A guess of every pose.
+        open_: Indices of the poses to solve first, (k,), the first pose not among them.
+
+    Returns:
+        Joints and remaining errors of all poses.
     """
     while len(open_):
+        # solve from the left neighbour; where that changes a pose, the pose behind it is open again
         own, old = reach(vjm, in_order(target, open_), found.q[open_ - 1]), in_order(found, open_)
         moved = np.abs(own.q - old.q).max(axis=1) > SAME
         nearer = own.distance + own.angle * vjm.reach < CLOSER * (old.distance + old.angle * vjm.reach)
@@ -278,22 +300,27 @@ def settle(vjm: Vjm, target: Target, found: Reached, open_: Ids) -> Reached:
 
 
 def supported(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids, Array]:
-    """Supports of a path, more where joints turn fast, and their joints, (supports,) and (supports, n).
+    """Find supports of a path and their joints; where joints turn fast, supports are added.
 
     Args:
-        vjm: The arm as drawn.
-        target: Of the tool's origin, the path.
-        places: Which points are supports, (k,).
+        vjm: Kinematics of the rigid arm.
+        target: Poses of the tool's origin along the path.
+        places: Indices of the first supports, (k,).
         first: Joints near the first point, (n,) [rad, m].
+
+    Returns:
+        Indices of all supports, (supports,), and their joints, (supports, n) [rad, m].
     """
     found = reach(vjm, in_order(target, places), np.tile(first, (len(places), 1)))
     open_ = np.arange(1, len(places))
     for _ in range(HALVINGS):
+        # the supports so far, each from the one before
         found = settle(vjm, in_order(target, places), found, open_)
         far = np.abs(np.diff(found.q, axis=0)).max(axis=1, initial=0) > APART
         wide = np.flatnonzero(far & found.there[1:] & found.there[:-1] & (np.diff(places) > 1))
         if not len(wide):
             break
+        # halfway between supports whose joints are far apart a new one is added
         between = (places[wide] + places[wide + 1]) // 2
         own = reach(vjm, in_order(target, between), found.q[wide])
         order = np.argsort(np.concatenate([places, between]))

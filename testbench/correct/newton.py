@@ -1,21 +1,23 @@
-"""Joints for which the loaded tool is where it was asked to be, many points at once.
+"""Joints for which the loaded tool is on its target, solved by Newton's method for many points at once.
 
-Both unknowns go together: the virtual joints theta to the equilibrium of `rest`, the commanded joints q to
-the target. Every step evaluates the bent arm once; it foretells by J_theta where the new theta brings the
-tool, and moves q by what is left then. What it neglects is a hundredth on heavy arms, so five steps reach
-1e-10 m. The operator of a step is that of the start: what is met, and what is damped, follows from where a
-point starts alone, so neighbours on a path stay neighbours. Steps are of bounded length, and get shorter
-where they do not end (a damped Newton). What has not come to rest by then takes a new operator in every step.
+Both unknowns move together: the virtual joints theta towards the equilibrium of `rest`, the commanded joints
+q towards the target. Every step evaluates the deflected arm once. It predicts by J_theta where the new theta
+brings the tool, and moves q by the remaining error. What it neglects is a hundredth on heavy arms, so five
+steps reach 1e-10 m. The operator of a step is that of the start, so the directions that are met or damped
+follow from the start of a point alone, and neighbours on a path stay neighbours. Steps have bounded length,
+and get shorter where they do not converge (a damped Newton method). Points that have not converged by then
+get a new operator in every step.
 
-A step puts position right first, then as much of the turn as is asked. With d the joints' motion, J_p and J_r
-the rows of the Jacobian for position and turn, and Z a base of what leaves the position alone:
+A step corrects position first, then as much of the rotation as is asked. With d the joints' motion, J_p and
+J_r the rows of the Jacobian for position and rotation, b_p and b_r the errors, and Z a base of the motions
+that leave the position unchanged:
 
     d = J_p^+ b_p + Z z,    z of least |J_r Z z - (b_r - J_r J_p^+ b_p)|
 
-so the position is met in any pose in which it can be met at all. Near a singular pose of the wrist a turn
-costs any motion: there every direction z of small singular value s is damped, s / (s^2 + l^2) for 1 / s, with
-l growing smoothly from zero at s = SMALL (Nakamura & Hanafusa 1986); what is not turned is said. Where joints
-are left over, d is the shortest.
+So the position is met in any pose in which it can be met at all. Near a singular pose of the wrist a rotation
+costs large motions. There every direction z of small singular value s is damped, s / (s^2 + l^2) in place of
+1 / s, with l growing smoothly from zero at s = SMALL (Nakamura & Hanafusa 1986); the remaining rotation is
+reported. Where joints are redundant, d is the shortest.
 """
 
 from collections.abc import Sequence
@@ -33,20 +35,29 @@ from testbench.model.tool_motion import turn_between, turn_of_axis
 from testbench.model.vjm import Chain, chain, cross, tool_pose
 
 Hold = Literal["pose", "axis", "position"]
-"""What of the tool is put right: all, all but its turn about the spindle, or its position alone."""
+"""Part of the tool's pose to correct: all, all but its rotation about the spindle, or its position alone."""
 SMALL = 0.05
-"""Singular value [rad a rad] below which turns are damped: there a milliradian costs a degree and more."""
-RANK = 1e-7  #: Singular value of J_p over its largest below which a direction cannot be gone.
+"""Singular value [rad/rad] below which rotations are damped.
+
+There a rotation of one milliradian moves the joints by 20 mrad, more than a degree.
+"""
+RANK = 1e-7  #: Singular value of J_p over its largest below which the tool cannot move in a direction [1].
 
 
 def solutions(J: Array, hold: Hold, axis: Array) -> Array:
-    """Operator G with d = G b, (points, n, 6) [rad/m, rad/rad].
+    """Compute the operator G of a Newton step, d = G b, that meets position first and then rotation.
 
     Args:
-        J: Jacobian of the joints at the tool point, translation first, world axes, (points, 6, n) [m, 1].
-        hold: What is put right.
-        axis: Unit vector of the spindle in the world, (points, 3).
+        J: Jacobian of the actuated joints at the tool point, translation first, world axes, (points, 6, n)
+            [m, 1].
+        hold: The part of the pose to correct.
+        axis: Unit vector of the spindle in the world, (points, 3) [1].
+
+    Returns:
+        G, (points, n, 6) [rad/m, rad/rad]; its columns of rotation are zero for "position" and for arms of at
+        most three joints.
     """
+    # position: pseudo-inverse J_p^+ without directions in which the tool cannot move
     U, s, Vt = np.linalg.svd(J[:, :3])
     r = s.shape[1]
     keep = s > RANK * s[:, :1]
@@ -56,9 +67,11 @@ def solutions(J: Array, hold: Hold, axis: Array) -> Array:
     G[:, :, :3] = position
     if hold == "position" or r == J.shape[2]:
         return G
+    # rotation in the null space Z of J_p; without the component about the spindle where that is free
     Z, turns = Vt[:, r:].swapaxes(1, 2), J[:, 3:]
     if hold == "axis":
         turns = turns - axis[:, :, None] * (axis[:, None] @ turns)
+    # z of least |J_r Z z - (b_r - J_r J_p^+ b_p)|, damped, as columns of G for b_p and b_r
     turning = Z @ _damped(turns @ Z)
     G[:, :, :3] -= turning @ (turns @ position)
     G[:, :, 3:] = turning
@@ -68,7 +81,7 @@ def solutions(J: Array, hold: Hold, axis: Array) -> Array:
 
 
 def _damped(B: Array) -> Array:
-    """Inverses of (points, 3, k) matrices, damped where they are nearly singular, (points, k, 3)."""
+    """Invert (points, 3, k) matrices, damped where they are nearly singular, (points, k, 3)."""
     U, s, Vt = np.linalg.svd(B, full_matrices=False)
     scarce = np.maximum(0, 1 - s / SMALL)
     gain = s / np.maximum(s**2 + (SMALL * scarce) ** 2, np.finfo(float).tiny)
@@ -76,34 +89,34 @@ def _damped(B: Array) -> Array:
 
 
 Asked = Literal["unloaded", "drawn"]
-"""Where the model has the tool under its own weight alone, a taught point; or as drawn and rigid."""
-TOLERANCE = 1e-10  #: Of the position of a point, and of its equilibrium [m, rad].
-FEW, MOST = 5, 60  #: Steps that do for most points, and in all.
-SHORTER = 10  #: Steps after which they are half as long, then a quarter.
-STILL = 1e-9  #: A step of all joints below this is the last [rad, m].
-LONGEST = 0.1  #: Of a step of one joint [rad, m].
+"""Meaning of programmed joints: the pose under own weight alone, as taught; or of the nominal rigid arm."""
+TOLERANCE = 1e-10  #: Largest error of a point's position and of its equilibrium [m, rad].
+FEW, MOST = 5, 60  #: Steps that suffice for most points, and most steps.
+SHORTER = 10  #: Number of steps after which steps are halved; after twice as many they are quartered.
+STILL = 1e-9  #: Largest motion of the joints in the last step [rad, m].
+LONGEST = 0.1  #: Largest motion of a joint in one step [rad, m].
 FARTHEST, UNIT = 10.0, 1e-6
-"""Farthest that a tool point can be from the tool's origin [m], and rounding of a unit vector."""
-SPINDLE = (1.0, 0.0, 0.0)  #: Its axis in the tool's frame, where nothing else is said.
+"""Largest coordinate of a tool point in the tool's frame [m], and rounding of a unit vector's length [1]."""
+SPINDLE = (1.0, 0.0, 0.0)  #: Default axis of the spindle in the tool's frame [1].
 
 
 @dataclass(frozen=True)
 class Target:
-    """Where the tool point is asked to be."""
+    """Hold the poses in which the tool point is asked to be."""
 
-    position: Array  #: World, (points, 3) [m].
-    rotation: Array  #: World from tool, (points, 3, 3).
+    position: Array  #: Position of the tool point, world, (points, 3) [m].
+    rotation: Array  #: Orientation, world from tool, (points, 3, 3) [1].
 
 
 @dataclass(frozen=True)
 class Aim:
-    """What is put right, and about which point of the tool."""
+    """State which part of the tool's pose is corrected, and about which point of the tool."""
 
-    hold: Hold = "pose"
-    #: What joints of a program mean; "drawn" to an absolute model, "unloaded" to any other if not given.
+    hold: Hold = "pose"  #: Part of the pose to correct.
+    #: Meaning of programmed joints; None is "drawn" for an absolute model, "unloaded" for any other.
     asked: Asked | None = None
-    point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Tool point in the tool's frame [m].
-    spindle: tuple[float, float, float] = SPINDLE  #: Unit vector in the tool's frame.
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Tool point in the tool's frame, (3,) [m].
+    spindle: tuple[float, float, float] = SPINDLE  #: Unit vector of the spindle in the tool's frame, (3,).
 
     def __post_init__(self) -> None:
         """Refuse other words, a point that is none and a spindle of another length, by BenchError."""
@@ -117,13 +130,21 @@ class Aim:
 
 
 def asked(state: State, q: Array, meant: Asked, point: Array) -> Target:
-    """What programmed joints ask for.
+    """Compute the target poses that programmed joints ask for.
 
     Args:
-        state: The arm.
+        state: The identified arm.
         q: Joints of the program, (points, n) [rad, m].
-        meant: "unloaded" corrects what loads do; "drawn" also geometry, joint errors and own weight.
+        meant: "unloaded": the pose under own weight alone, so that only the effect of loads is corrected.
+            "drawn": the pose of the nominal rigid arm, so that geometry, joint errors and own weight are
+            corrected too.
         point: Tool point in the tool's frame, (3,) [m].
+
+    Returns:
+        Target poses of the tool point.
+
+    Raises:
+        NoEquilibrium: When the unloaded arm has no equilibrium; the message names the pose.
     """
     if meant == "drawn":
         position, rotation = tool_pose(state.vjm, q)
@@ -134,51 +155,58 @@ def asked(state: State, q: Array, meant: Asked, point: Array) -> Target:
 
 @dataclass(frozen=True)
 class Corrected:
-    """Joints that put the tool right."""
+    """Hold corrected joints, and the errors that remain."""
 
-    q: Array  #: To command, (points, n) [rad, m].
-    left: Array  #: Asked minus foretold position of the tool point, world, (points, 3) [m].
-    #: The same of its turn, or of the turn of its spindle's axis, rotation vectors, world, (points, 3) [rad].
+    q: Array  #: Joints to command, (points, n) [rad, m].
+    left: Array  #: Asked minus predicted position of the tool point, world, (points, 3) [m].
+    #: Remaining rotation of the tool, or of its spindle's axis: rotation vectors, world, (points, 3) [rad].
     turned: Array
-    balance: Array  #: Largest virtual joint out of its equilibrium, (points,) [m, rad].
-    steps: Ids  #: Evaluations of the bent arm, (points,).
+    balance: Array  #: Largest distance of a virtual joint from its equilibrium, (points,) [m, rad].
+    steps: Ids  #: Evaluations of the deflected arm, (points,).
 
     @property
     def solved(self) -> Mask:
-        """Which points are met within `TOLERANCE`, (points,); a turn that was damped is not counted."""
+        """Tell which points are met within `TOLERANCE`, (points,); a damped rotation does not count."""
         far = np.maximum(np.linalg.norm(self.left, axis=1), self.balance)
         return np.asarray(far <= TOLERANCE)
 
 
 @dataclass(frozen=True)
 class Points:
-    """Points to be solved."""
+    """Describe the points to solve: start, loads, target and joints that may move."""
 
     state: State  #: The arm.
     start: Array  #: Joints to start from, (points, n) [rad, m].
     loads: Sequence[Load]  #: Each with a row a point.
     target: Target  #: Where the tool point has to be.
-    aim: Aim  #: What is put right.
-    free: Array  #: One of a joint that may move, zero of one that is held, (points, n).
+    aim: Aim  #: Tool point, and the part of its pose to correct.
+    free: Array  #: 1 for a joint that may move, 0 for one that is held, (points, n).
 
     def of(self, some: slice | Ids) -> "Points":
-        """Some of them."""
+        """Take some of the points.
+
+        Args:
+            some: Indices of points, (k,), or a slice.
+
+        Returns:
+            k points.
+        """
         loads, target = [load.of(some) for load in self.loads], in_order(self.target, some)
         return replace(self, start=self.start[some], loads=loads, target=target, free=self.free[some])
 
 
 @dataclass(frozen=True)
 class _Off:
-    """How far points are off."""
+    """Hold how far points are from their targets and from equilibrium."""
 
-    where: Chain
-    left: Array  #: Asked minus foretold, (points, 3) [m].
-    turned: Array  #: (points, 3) [rad].
-    springs: Array  #: Where the springs want theta minus where it is, (points, n_theta).
+    where: Chain  #: Tool and Jacobian of the deflected arm.
+    left: Array  #: Asked minus predicted position, (points, 3) [m].
+    turned: Array  #: Remaining rotation, (points, 3) [rad].
+    springs: Array  #: Equilibrium of theta under its loads minus theta, (points, n_theta) [m, rad].
 
 
 def _off(points: Points, q: Array, theta: Array) -> _Off:
-    """One evaluation of the bent arm."""
+    """Evaluate the deflected arm once."""
     state = points.state
     where = chain(state.vjm, q, theta)
     u = loads_at(state, where, points.loads)
@@ -189,7 +217,7 @@ def _off(points: Points, q: Array, theta: Array) -> _Off:
 
 
 def _turned(points: Points, rotation: Array) -> Array:
-    """What of the turn is left; where the spindle may turn about itself, the turn of its axis alone."""
+    """Compute the remaining rotation; where the spindle may turn about itself, that of its axis alone."""
     if points.aim.hold != "axis":
         return turn_between(rotation, points.target.rotation)
     spindle = np.array(points.aim.spindle)
@@ -197,17 +225,26 @@ def _turned(points: Points, rotation: Array) -> Array:
 
 
 def solve(points: Points) -> Corrected:
-    """Joints for which the loaded tool is on its target, without regard to limits; some may be held.
+    """Find joints for which the loaded tool is on its target, without regard to joint limits.
 
-    `Corrected.solved` says which points were reached. Those that take more than a few steps take them
-    together, whatever batch they come from. Where the arm is stretched, turns may keep the position from
-    being met: there it is met alone.
+    Most points converge in `FEW` steps of the constant operator. Late ones are solved together, whatever
+    batch they come from. Points that still do not converge are tried with an operator renewed in every step,
+    and then for their position alone: where the arm is stretched, rotation may keep the position from being
+    met.
+
+    Args:
+        points: Start, loads, target, aim and which joints may move.
+
+    Returns:
+        The joints and the remaining errors; `Corrected.solved` tells which points were reached.
     """
+    # most points, then the late ones together
     found = _in_batches(points, FEW)
     late = np.flatnonzero(found.steps > FEW)
     if len(late):
         put(found, late, _in_batches(points.of(late), MOST))
     alone = replace(points.aim, hold="position")
+    # what is left: with a renewed operator, then position alone, with the first operator and a renewed one
     for aim, renewed in ((points.aim, True), (alone, False), (alone, True)):
         bad = np.flatnonzero(~found.solved)
         if len(bad):
@@ -218,25 +255,29 @@ def solve(points: Points) -> Corrected:
 
 
 def _in_batches(points: Points, most: int, *, renewed: bool = False) -> Corrected:
-    """After so many steps at most; `steps` is one more where that did not do."""
+    """Solve points in batches with at most so many steps; `steps` is one more where these did not do."""
     some = batches(len(points.start))
     return joined([_correct(points.of(part), most, renewed=renewed) for part in some])
 
 
 def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
+    """Take at most so many Newton steps, with the operator of the start or renewed in every step."""
     runs = len(points.start)
     q, theta = points.start.copy(), unbent(points.state, points.start, points.loads)
     found = Corrected(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
     moving, now, moves = np.arange(runs), points, points.state.vjm.arm.moves
     G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))
     for step in range(most):
+        # errors of position, rotation and equilibrium at the present q and theta
         off = _off(now, q[moving], theta[moving])
         found.left[moving], found.turned[moving] = off.left, off.turned
         found.balance[moving], found.steps[moving] = np.abs(off.springs).max(axis=1), step + 1
+        # the operator of this step; a joint that is held has no column
         if step == 0 or renewed:
             J = _jacobian(now.aim, off.where, now.state.vjm.own)
             J = (J if moves is None else J @ moves) * now.free[:, None]
             G = solutions(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
+        # q by the operator, theta to its springs' equilibrium; points that stand still or diverge drop out
         move = _move(now, off, q[moving], G, J) / 2 ** min(2, step // SHORTER)
         still = found.solved[moving] & (np.abs(move).max(axis=1) <= STILL)
         go = np.flatnonzero(~still & np.isfinite(off.left).all(axis=1))
@@ -251,17 +292,19 @@ def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
 
 
 def _jacobian(aim: Aim, where: Chain, columns: slice) -> Array:
-    """Of some virtual joints at the tool point, translation first, (points, 6, k) [1, m]."""
+    """Compute the Jacobian of some virtual joints at the tool point, translation first, (points, 6, k)."""
     v, omega = where.J_theta[:3, columns], where.J_theta[3:, columns]
     arm = (where.rotation @ np.array(aim.point)).T[:, None]
     return np.ascontiguousarray(np.concatenate([v + cross(omega, arm), omega]).transpose(2, 0, 1))
 
 
 def _move(points: Points, off: _Off, q: Array, G: Array, J: Array) -> Array:
-    """How far to move the joints, (points, n): by what is left when the springs have followed."""
+    """Compute the step of the joints, (points, n), for the errors left when the springs have followed."""
+    # the errors that remain once theta has followed its springs, to first order
     arm = (off.where.rotation @ np.array(points.aim.point)).T
     v, omega = np.einsum("xtr,rt->xr", off.where.J_theta, off.springs).reshape(2, 3, -1)
     left = np.hstack([off.left - (v + cross(omega, arm)).T, off.turned - omega.T])
+    # the whole motion from the start solves the start's linear equations: q = start + G (errors + J gone)
     gone = q - points.start
     move = np.matvec(G, left + np.matvec(J, gone)) - gone
     if points.state.vjm.arm.moves is not None:  # joints that follow others move as these do

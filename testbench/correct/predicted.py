@@ -1,4 +1,7 @@
-"""Where the tool goes under its loads, and how sure that is."""
+"""Prediction: where the tool goes under its loads, with 95 % intervals.
+
+`predict` evaluates an identified model, by the equilibrium behind Eq. (7) or by the linear model of Eq. (6).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,27 +23,30 @@ from testbench.model.vjm import chain
 
 @dataclass(frozen=True)
 class Prediction:
-    """Points of the tool, its origin first, with and without loads; own weight acts in both."""
+    """Hold deflections and positions of points of the tool, its origin first, with intervals.
 
-    deflection: Array  #: Loaded minus unloaded, world axes, (poses, 1 + m, 3) [m].
-    half: Array  #: Half widths of its intervals, the same shape [m]; infinite where nothing was seen.
-    turn: Array  #: Rotation vector of the tool, loaded against unloaded, world axes, (poses, 3) [rad].
-    position: Array  #: Loaded, in the world, (poses, 1 + m, 3) [m]; as drawn where the model is.
-    #: Half widths of its intervals, the same shape [m]; infinite of a model that knows deflections alone.
+    Own weight acts both with and without loads.
+    """
+
+    deflection: Array  #: Loaded minus unloaded position, world axes, (poses, 1 + m, 3) [m].
+    half: Array  #: Half widths of its 95 % intervals, (poses, 1 + m, 3) [m]; infinite where unobservable.
+    turn: Array  #: Rotation vector from unloaded to loaded tool, world axes, (poses, 3) [rad].
+    position: Array  #: Loaded position, world, (poses, 1 + m, 3) [m]; on nominal geometry if not absolute.
+    #: Half widths of its 95 % intervals, (poses, 1 + m, 3) [m]; infinite for a model of deflections alone.
     position_half: Array
-    rotation: Array  #: Of the loaded tool, world from tool, (poses, 3, 3).
-    #: How far the other of Eq. (6) and Eq. (7) has the loaded tool from there, (poses,) [m].
+    rotation: Array  #: Orientation of the loaded tool, world from tool, (poses, 3, 3) [1].
+    #: Distance between the loaded tool's origin by Eq. (6) and by Eq. (7), (poses,) [m].
     apart: Array
-    theta: Array  #: Virtual joints of the loaded arm, by Eq. (7), (poses, n_theta) [m, rad].
+    theta: Array  #: Virtual joints of the loaded arm at its equilibrium, (poses, n_theta) [m, rad].
 
     @cached_property
     def size(self) -> Array:
-        """Lengths of the deflections, (poses, 1 + m) [m]."""
+        """Compute the lengths of the deflections, (poses, 1 + m) [m]."""
         return np.asarray(np.linalg.norm(self.deflection, axis=2))
 
     @cached_property
     def widest(self) -> Array:
-        """Widest half width of every point's three, (poses, 1 + m) [m]."""
+        """Return the largest half width over the three axes of every point, (poses, 1 + m) [m]."""
         return np.asarray(self.half.max(axis=2))
 
 
@@ -52,20 +58,20 @@ def predict(
     points: Array | None = None,
     linear: bool = False,
 ) -> Prediction:
-    """Where loads bring the tool: by the equilibrium of Eq. (7), or by Eq. (6).
+    """Predict where loads bring the tool: by the equilibrium behind Eq. (7), or by Eq. (6).
 
     Args:
-        model: Of either kind, such as `load_model` reads it.
+        model: Identified model, of deflections alone or absolute, such as `load_model` reads.
         q: Joints as commanded, (poses, n) [rad, m].
-        loads: What acts beside own weight, each in all poses alike or with a row a pose.
-        points: Of the tool, in its own frame, (m, 3) [m]; the arm's markers if not given.
-        linear: Whether by Eq. (6), the compliance of the unloaded arm.
+        loads: Loads besides own weight, each the same in all poses or with one row per pose.
+        points: Points in the tool's frame, (m, 3) [m]; None for the arm's markers.
+        linear: Whether to use Eq. (6), the compliance of the unloaded arm.
 
     Returns:
-        Deflections of the tool's origin and the points, their intervals of 95 %, and where the tool is.
+        Deflections of the tool's origin and the points, their 95 % intervals, and where the tool is.
 
     Raises:
-        NoEquilibrium: When the arm cannot bear the loads; names the pose.
+        NoEquilibrium: When the arm cannot carry the loads; the message names the pose.
         BenchError: When an array has another shape or is not finite.
     """
     q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
@@ -76,7 +82,7 @@ def predict(
 
 
 def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool) -> Prediction:
-    """The same of few poses."""
+    """Predict a few poses, as `predict`."""
     before, after = rest(model.state, loaded.q), loaded.at_rest(model.state)
     loaded, free = replace(loaded, rest=after), Poses(loaded.q, rest=before)
     half = half_widths(model, loaded, free, points)
@@ -86,6 +92,8 @@ def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool) -> Pre
     start = before.points(points)
     rotation = after.rotation
     if linear:
+        # Eq. (6) is off by its curvature: once for an absolute model, CURVED times for one of deflections,
+        # whose half width has it once already
         curved = curvature(model, loaded, free, points)
         half = np.hypot(half, curved * (1.0 if model.absolute else np.sqrt(CURVED**2 - 1)))
         deflection, turn = straight
@@ -95,7 +103,7 @@ def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool) -> Pre
 
 
 def _linear(model: ArmModel, stand: Poses, points: Array) -> tuple[Array, Array]:
-    """The same to first order, Eq. (6), of the arm that no load has bent."""
+    """Compute deflections and rotations to first order, Eq. (6), of the arm that no load has deflected."""
     state = model.state
     where = chain(model.vjm, stand.q, np.tile(state.theta_0, (len(stand.q), 1)))
     theta = (state.C_theta @ on_joints(where, stand.loads)).T

@@ -1,4 +1,7 @@
-"""Forces of a process that turn with the tool's way: along the feed, across it, along the spindle."""
+"""Process forces that turn with the tool's path: along the feed, across it, and along the spindle.
+
+They become loads of `predict` and `compensate`.
+"""
 
 from collections.abc import Sequence
 
@@ -6,27 +9,31 @@ import numpy as np
 
 from testbench.errors import Array, BenchError, Mask, check_array
 
-SAME = 1e-7  #: Points closer than this are one [m]: the tool waits there.
-LEAST = 1e-3  #: Sum of two directions, or sine between feed and spindle, below which they tell none [1].
+SAME = 1e-7  #: Distance of points that count as one [m]: the tool waits there.
+LEAST = 1e-3  #: Length of a sum of unit vectors, or sine of feed and spindle, that defines no direction [1].
 
 
 def process_wrench(
     along: Array, position: Array, spindle: Array, names: Sequence[str] | None = None
 ) -> Array:
-    """Force of a process on the tool at every point of a path, (points, 6) [N, N m]; its moment is zero.
+    """Compute the force of a process on the tool at every point of a path; its moment is zero.
 
-    f = feed t + cross (s x t) / |s x t| + axial s, with the tangent t of the path and the spindle s. Seen
-    against s, a positive cross force points to the left of the feed. Resistance to the feed is negative; so
-    is the thrust of a drill whose s points into the work.
+    f = f_feed t + f_cross (s x t) / norm(s x t) + f_axial s, with the tangent t of the path and the spindle
+    s. Seen against s, a positive cross force points to the left of the feed. Resistance to the feed is
+    negative; so is the thrust of a drill whose s points into the work.
 
     Args:
-        along: Forces along the feed, across it, along the spindle, (points, 3) [N].
-        position: Where they act, world, (points, 3) [m].
-        spindle: Unit vector of the spindle's axis, world, (points, 3).
-        names: Of the points, for messages.
+        along: Forces along the feed, across it, and along the spindle, (points, 3) [N].
+        position: Points of the path, world, (points, 3) [m].
+        spindle: Unit vector of the spindle's axis, world, (points, 3) [1].
+        names: Names of the points for messages, or None.
+
+    Returns:
+        Force and zero moment, world axes, (points, 6) [N, N m].
 
     Raises:
-        BenchError: At the first point with a force along or across a feed that the path does not tell.
+        BenchError: When an array has another shape or is not finite; or at the first point with a force along
+            or across a feed that the path does not define.
     """
     along = check_array(along, (None, 3), "forces along feed, across, axial [N]")
     position = check_array(position, (len(along), 3), "position [m]")
@@ -50,14 +57,18 @@ def process_wrench(
 
 
 def tangents(position: Array, acts: Mask) -> Array:
-    """Unit tangent of a path at every point, (points, 3); zero where there is none.
+    """Compute the unit tangent of a path at every point; zero where the path defines none.
 
-    Halfway between the directions to and from a point; where the tool waits, of the nearest points that
-    differ. A cut ends where its force does: ways that lead into it and out of it do not count there.
+    The tangent is halfway between the directions to and from a point. Where the tool waits, the nearest
+    points that differ count. A cut ends where its force does: path segments that lead into it and out of it
+    do not count there.
 
     Args:
-        position: Of the points, (points, 3) [m].
-        acts: At which points a force acts, (points,).
+        position: Points of the path, (points, 3) [m].
+        acts: Points at which a force acts, (points,).
+
+    Returns:
+        Unit tangents, (points, 3) [1].
     """
     step = np.diff(position, axis=0)
     length = np.linalg.norm(step, axis=1)
@@ -71,7 +82,7 @@ def tangents(position: Array, acts: Mask) -> Array:
 
 
 def _halfway(unit: Array) -> Array:
-    """Directions between those before and behind, (points, 3); zero where these are opposite, or none."""
+    """Compute directions between those before and behind, (points, 3); zero where opposite or missing."""
     both = np.zeros((len(unit) + 1, 3))
     both[:-1] += unit
     both[1:] += unit

@@ -1,4 +1,7 @@
-"""Where the tool rests under its loads, in any number of poses: in parts that are joined."""
+"""Static equilibrium of the loaded arm in any number of poses, computed in batches that are joined.
+
+All predictions and corrections of this room start from `rest`.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,18 +19,40 @@ TOGETHER = 512  #: Poses computed side by side: enough for numpy, few for its ca
 
 
 def batches(poses: int) -> Iterator[slice]:
-    """Places of some poses at a time; one empty part of none."""
+    """Split poses into slices of at most `TOGETHER`, and report progress; one empty slice for no poses.
+
+    Args:
+        poses: Number of poses.
+
+    Returns:
+        The slices, in order.
+    """
     return stepwise([slice(k, k + TOGETHER) for k in range(0, max(poses, 1), TOGETHER)], "solving poses")
 
 
 def put(rows: Rows, where: Ids, others: Rows) -> None:
-    """Others in place of some, (k,)."""
+    """Overwrite some rows of arrays that belong together, in place.
+
+    Args:
+        rows: Dataclass of arrays with one row per pose.
+        where: Indices of the rows to overwrite, (k,).
+        others: Dataclass of the same type with k rows.
+    """
     for name, values in arrays(rows).items():
         values[where] = arrays(others)[name]
 
 
 def replaced(rows: Rows, where: Ids, others: Rows) -> Rows:
-    """The same, of a copy."""
+    """Copy arrays that belong together, with some rows overwritten.
+
+    Args:
+        rows: Dataclass of arrays with one row per pose.
+        where: Indices of the rows to overwrite, (k,).
+        others: Dataclass of the same type with k rows.
+
+    Returns:
+        The copy; the input stays as it is.
+    """
     found = joined([rows])
     put(found, where, others)
     return found
@@ -35,32 +60,52 @@ def replaced(rows: Rows, where: Ids, others: Rows) -> Rows:
 
 @dataclass(frozen=True)
 class Rest:
-    """The tool at rest."""
+    """Hold the equilibrium: virtual joints, and the tool's pose."""
 
     theta: Array  #: Virtual joints, (poses, n_theta) [m, rad].
-    position: Array  #: Of the tool's origin, world, (poses, 3) [m].
-    rotation: Array  #: World from tool, (poses, 3, 3).
+    position: Array  #: Position of the tool's origin, world, (poses, 3) [m].
+    rotation: Array  #: Orientation, world from tool, (poses, 3, 3) [1].
 
     def at(self, point: Array) -> Array:
-        """Positions of a point of the tool's frame, (3,) or (poses, 3) [m], in the world, (poses, 3) [m]."""
+        """Compute world positions of one point of the tool.
+
+        Args:
+            point: Point in the tool's frame, (3,), or one per pose, (poses, 3) [m].
+
+        Returns:
+            Positions in the world, (poses, 3) [m].
+        """
         return np.asarray(self.position + np.matvec(self.rotation, point))
 
     def points(self, points: Array) -> Array:
-        """Points of the tool's frame, (k, 3) [m], in the world, (poses, k, 3) [m]."""
+        """Compute world positions of several points of the tool.
+
+        Args:
+            points: Points in the tool's frame, (k, 3) [m].
+
+        Returns:
+            Positions in the world, (poses, k, 3) [m].
+        """
         return on_tool((self.position, self.rotation), points)
 
 
 def rest(state: State, q: Array, loads: Sequence[Load] = ()) -> Rest:
-    """The equilibrium of every pose under own weight and all loads.
+    """Solve the static equilibrium of every pose under own weight and all loads.
+
+    theta = theta_0 + C_theta u(q, theta, loads) + Phi(q) n, with u the generalised loads at theta, geometric
+    errors theta_0 and joint errors Phi n.
 
     Args:
-        state: The arm.
+        state: The identified arm.
         q: Joints as commanded, (poses, n) [rad, m].
-        loads: What acts, each in all poses alike or with a row a pose.
+        loads: Loads besides own weight, each the same in all poses or with one row per pose.
+
+    Returns:
+        Virtual joints and the tool's pose.
 
     Raises:
-        NoEquilibrium: When there is none; names the pose.
-        BenchError: When a load has another number of poses.
+        NoEquilibrium: When there is none; the message names the pose.
+        BenchError: When q has another shape or is not finite, or a load has rows for another number of poses.
     """
     q = check_array(q, (None, state.vjm.arm.n_joints), "q [rad, m]")
     loads = [load.over(len(q)) for load in loads]

@@ -1,4 +1,4 @@
-"""How stiff the loaded tool is in every direction: the compliance of Eq. (7) and its ellipsoid."""
+"""Stiffness of the loaded tool in every direction: the compliance of Eq. (7) and its ellipsoid."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,45 +20,47 @@ from testbench.model.vjm import chain
 
 @dataclass(frozen=True)
 class Stiffness:
-    """How the loaded tool gives way to a small further force at its origin."""
+    """Hold how the loaded tool yields to a small further force at its origin."""
 
-    compliance: Array  #: Twist of the tool = compliance @ wrench, world axes, (poses, 6, 6).
-    #: Semi-axes of the ellipsoid that a force of 1 N in every direction moves the tool over, the longest
-    #: first, (poses, 3) [m/N].
+    #: Compliance C of Eq. (7), twist = C @ wrench, world axes, (poses, 6, 6) [m/N, rad/N, rad/(N m)].
+    compliance: Array
+    #: Semi-axes of the ellipsoid over which a unit force moves the tool, the longest first, (poses, 3) [m/N].
     give: Array
-    axes: Array  #: Their unit vectors as columns, world axes, (poses, 3, 3).
+    axes: Array  #: Directions of the semi-axes as columns, world axes, (poses, 3, 3) [1].
 
     @cached_property
     def principal(self) -> Array:
-        """Principal stiffnesses, the softest first, (poses, 3) [N/m]; infinite where nothing gives."""
+        """Compute the principal stiffnesses, softest first, (poses, 3) [N/m]; infinite along a rigid axis."""
         with np.errstate(divide="ignore"):
             return np.asarray(1 / self.give)
 
     @cached_property
     def softest(self) -> Array:
-        """Unit vector along which it gives most, its largest component above zero, (poses, 3)."""
+        """Return the unit vector of the softest direction, its largest component positive, (poses, 3) [1]."""
         found = self.axes[:, :, 0]
         largest = np.take_along_axis(found, np.abs(found).argmax(axis=1)[:, None], axis=1)
         return np.asarray(found * np.where(largest < 0, -1.0, 1.0))
 
 
 def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Array | None = None) -> Stiffness:
-    """The tangent at the loaded equilibrium, Eq. (7), and the ellipsoid of its translations.
+    """Compute the tangent compliance at the loaded equilibrium, Eq. (7), and its ellipsoid of translations.
 
-    K_w holds the loads alone. Left out is that of the own weight, which turns with the arm too: on a KR 500
-    it changes a compliance by less than a hundredth.
+    K_w holds the loads alone. The term of the arm's own weight, which turns with the arm too, is left out: on
+    a KR 500 it changes a compliance by less than a hundredth.
 
     Args:
-        model: The arm.
+        model: Identified model of the arm.
         q: Joints as commanded, (poses, n) [rad, m].
-        loads: What acts beside own weight.
-        theta: Virtual joints under these loads, where they are known already, (poses, n_theta) [m, rad].
+        loads: Loads besides own weight, each the same in all poses or with one row per pose.
+        theta: Virtual joints under these loads, (poses, n_theta) [m, rad], if they are known; None to solve
+            them.
 
     Returns:
-        Its compliance, and the ellipsoid of its translations.
+        Compliance at the tool's origin, and the ellipsoid of its translations.
 
     Raises:
-        NoEquilibrium: When there is none, or the arm is about to buckle.
+        NoEquilibrium: When there is no equilibrium, or the load is exactly a buckling load.
+        BenchError: When a load has rows for another number of poses.
     """
     every = Poses(q, loads)
     theta = rest(model.state, q, every.loads).theta if theta is None else theta
@@ -69,6 +71,7 @@ def _stiffness(state: State, poses: Poses, theta: Array) -> Stiffness:
     vjm, n = state.vjm, state.vjm.arm.n_theta
     lawful = chain(vjm, poses.q, theta)
     where = replace(lawful, J_theta=lawful.J_theta[:, :n], laws=None)
+    # K_w of all loads together, and the tangent compliance of the springs, laws included
     K_w = np.zeros((len(poses.q), n, n))
     for load in poses.loads:
         K_w += geometric_stiffness(where, load.wrench, load.point)
@@ -79,16 +82,20 @@ def _stiffness(state: State, poses: Poses, theta: Array) -> Stiffness:
 
 
 def give_halves(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Array:
-    """Half of the 95 % interval of how far a force along each principal axis moves the tool's origin.
+    """Compute half widths of the 95 % interval of how far a force along each principal axis moves the tool.
 
     Args:
-        model: The arm.
-        q: Joints, (poses, n) [rad, m].
-        tool: Its stiffness there.
-        force: [N].
+        model: Identified model of the arm.
+        q: Joints as commanded, (poses, n) [rad, m].
+        tool: Stiffness of the tool in these poses.
+        force: Size of the force [N].
 
     Returns:
-        The widest along world x, y, z, (poses, 3) [m]; infinite where the model has not seen what gives.
+        Largest half width over world x, y, z, per principal axis, (poses, 3) [m]; infinite where the data
+        have not shown the compliance.
+
+    Raises:
+        NoEquilibrium: When the arm has no equilibrium under the force.
     """
     found, origin = np.empty((len(q), 3)), np.zeros(3)
     for some in batches(len(q)):

@@ -1,7 +1,8 @@
-"""How sure a model is of where it has the tool, and which part of it keeps it unsure.
+"""Intervals of predicted positions and deflections, and the part of a model that widens them most.
 
-A position is linear in what is unknown as far as that is still open: its rows are those of the bent arm,
-Eq. (12) for compliances. What two poses share in them cancels in their difference.
+A position is linear in the remaining errors of the unknowns. Its rows are those of the deflected arm, Eq.
+(12) for compliances; the model's posterior turns them into intervals. What two poses share cancels in their
+difference.
 """
 
 import math
@@ -23,55 +24,81 @@ from testbench.model.loaded import displacement
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import own_weight
 
-LOOKED_AT = 60  #: Poses in which the part that leaves most open is looked for, evenly picked.
-MOST = 0.5  #: Share of the variance from which a part is named.
-LEAD = 1.2  #: Times the next one's share that it must have.
+LOOKED_AT = 60  #: Most poses, evenly picked, over which the most uncertain part is found.
+MOST = 0.5  #: Least share of the variance for a part to be named [1].
+LEAD = 1.2  #: Least ratio of its share to that of the next part [1].
 
 
 @dataclass(frozen=True)
 class Poses:
-    """Poses of the arm and what acts in them."""
+    """Hold poses of the arm and the loads that act in them."""
 
     q: Array  #: Joints as commanded, (poses, n) [rad, m].
-    loads: Sequence[Load] = ()
-    #: Whether own weight counts as one of the loads, to a model of compliances alone: deflections are then
-    #: from the arm as drawn.
+    loads: Sequence[Load] = ()  #: Loads that act together, besides own weight.
+    #: Whether own weight counts as one of the loads for a model of compliances alone: deflections are then
+    #: measured from the nominal rigid arm.
     heavy: bool = False
-    rest: Rest | None = None  #: The tool under these loads, where that is known already.
+    rest: Rest | None = None  #: Equilibrium under these loads; None where it is not known yet.
 
     def __post_init__(self) -> None:
         """Give every load a row a pose; BenchError where it has another number of them."""
         object.__setattr__(self, "loads", [load.over(len(self.q)) for load in self.loads])
 
     def of(self, some: slice | Ids) -> "Poses":
-        """Some of the poses."""
+        """Take some of the poses.
+
+        Args:
+            some: Indices of poses, (k,), or a slice.
+
+        Returns:
+            k poses with their loads.
+        """
         known = None if self.rest is None else in_order(self.rest, some)
         return Poses(self.q[some], [load.of(some) for load in self.loads], self.heavy, known)
 
     def frees(self, other: "Poses") -> bool:
-        """Whether these are the poses of the other, without its loads."""
+        """Tell whether these poses are those of others, without loads.
+
+        Args:
+            other: The loaded poses.
+
+        Returns:
+            True where joints are equal and no load counts here.
+        """
         return not (self.loads or self.heavy) and np.array_equal(self.q, other.q)
 
     def at_rest(self, state: State) -> Rest:
-        """The tool under these loads; NoEquilibrium where the arm cannot bear them."""
+        """Return the equilibrium under these loads, solved if it is not known.
+
+        Args:
+            state: The identified arm.
+
+        Returns:
+            Virtual joints and the tool's pose.
+
+        Raises:
+            NoEquilibrium: When the arm cannot carry the loads; the message names the pose.
+        """
         return self.rest or rest(state, self.q, self.loads)
 
 
 def half_widths(model: ArmModel, end: Poses, start: Poses | None, points: Array) -> Array:
-    """Half the 95 % interval of where points of the tool are, or of how far they are from where they were.
+    """Compute half widths of 95 % intervals of positions, or of motions from one pose to another.
 
     Args:
-        model: The arm.
-        end: Where the tool is.
-        start: Where it was, as many poses; None for positions in the world, of an absolute model.
-        points: In the tool's frame, (k, 3) [m].
+        model: Identified model of the arm.
+        end: Poses whose positions are predicted.
+        start: Poses from which the motion is measured, as many; None for positions in the world, by an
+            absolute model.
+        points: Points in the tool's frame, (k, 3) [m].
 
     Returns:
-        Along world x, y, z, (poses, k, 3) [m]; infinite where the model has not seen what decides.
+        Half widths along world x, y, z, (poses, k, 3) [m]; infinite where the data have not shown what
+        decides.
 
     Raises:
         BenchError: When a model of compliances alone is asked for positions.
-        NoEquilibrium: When the arm cannot bear a load.
+        NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     if start is None and not model.absolute:
         raise BenchError("intervals: expected an absolute model for positions; this one knows deflections")
@@ -91,30 +118,35 @@ def half_widths(model: ArmModel, end: Poses, start: Poses | None, points: Array)
 
 
 def _scatter(model: ArmModel) -> float:
-    """Half the interval of how readings scatter about an absolute model [m]."""
+    """Compute the half width of the 95 % interval of readings about an absolute model [m]."""
     return quantile(math.inf, (1 + CONFIDENCE) / 2) * model.scatter
 
 
 def fitted_half_widths(model: ArmModel, end: Poses, point: Array) -> Array:
-    """Half 95 % intervals of where a point of the tool is, relative to its others: a frame fitted to them.
+    """Compute half widths of 95 % intervals of positions relative to each other: a frame is fitted to all.
 
-    Readings of a tracker do not tell where the base is from where its frame is: a calibrated arm knows places
-    better beside each other than in its base. What a work frame measured by the tool takes up is taken out
-    here: the rigid motion that fits all places best.
+    A tracker does not see the base, only its own frame. So an absolute model is more accurate between places
+    than against its base. The rigid motion that fits all places best is removed here, as a work frame
+    measured by the tool removes it.
 
     Args:
-        model: Absolute.
+        model: Absolute model.
         end: At least 3 poses, not all in one place.
-        point: In the tool's frame, (3,) [m].
+        point: Point in the tool's frame, (3,) [m].
 
     Returns:
-        Along world x, y, z, (poses, 3) [m].
+        Half widths along world x, y, z, (poses, 3) [m].
+
+    Raises:
+        NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     rows = rows_between(model, end, None, point[None])[:, 0]
     x = end.at_rest(model.state).at(point)
     x = x - x.mean(axis=0)
+    # F: motions of the places by a translation and a small rotation of the frame
     turns = np.stack([np.cross(axis, x) for axis in np.eye(3)], axis=2)
     F = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2).reshape(-1, 6)
+    # rows without what the best rigid motion takes up
     A = rows.reshape(len(F), -1)
     A = A - F @ np.linalg.lstsq(F, A)[0]
     half = model.posterior.half_widths(A).reshape(x.shape)
@@ -122,10 +154,19 @@ def fitted_half_widths(model: ArmModel, end: Poses, point: Array) -> Array:
 
 
 def rows_between(model: ArmModel, end: Poses, start: Poses | None, points: Array) -> Array:
-    """Positions, or how far they are from where they were, per unit of every uncertain column.
+    """Compute positions, or motions from one pose to another, per unit of every uncertain unknown.
+
+    Args:
+        model: Identified model of the arm.
+        end: Poses whose positions are predicted.
+        start: Poses from which the motion is measured; None for positions.
+        points: Points in the tool's frame, (k, 3) [m].
 
     Returns:
-        World x, y, z of every point, (poses, k, 3, c).
+        Rows along world x, y, z of every point, (poses, k, 3, c) [m per unit of the unknown].
+
+    Raises:
+        NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     rows = _rows(model, end, points)
     if start is None or not (model.absolute or start.loads or start.heavy):  # nothing bends the drawn arm
@@ -134,11 +175,12 @@ def rows_between(model: ArmModel, end: Poses, start: Poses | None, points: Array
 
 
 def _rows(model: ArmModel, poses: Poses, points: Array) -> Array:
-    """Positions per unit of every uncertain column, (poses, k, 3, c).
+    """Compute positions per unit of every uncertain unknown, (poses, k, 3, c).
 
-    Of the bent arm; of a model of compliances alone as Eq. (12) identified it, of loads on the unbent arm.
-    There bending and own weight would mix a little of every direction into every other; of one that the data
-    have not seen that little would be infinite. What is left out is in `curvature`.
+    An absolute model uses the deflected arm. A model of compliances alone uses loads on the undeflected arm,
+    as Eq. (12) identified it. There deflection and own weight would mix a little of every direction into
+    every other; where the data have not shown one of them, that little would become infinite. `curvature`
+    covers what is left out.
     """
     state, told = model.state, straight(model.vjm, poses.q, poses.loads)
     if model.absolute:
@@ -153,10 +195,21 @@ def _rows(model: ArmModel, poses: Poses, points: Array) -> Array:
 
 
 def curvature(model: ArmModel, poses: Poses, free: Poses, points: Array) -> Array:
-    """What a linear model leaves out of deflections, (poses, k, 3) [m]: what its fit put elsewhere.
+    """Compute the deflection that a linear model leaves out, which its fit put into other parameters.
 
-    Compliances are identified by Eq. (12), which is linear; the equilibrium is not. `free` are the same poses
-    without loads.
+    Compliances are identified by Eq. (12), which is linear; the equilibrium is not.
+
+    Args:
+        model: Identified model of the arm.
+        poses: Loaded poses.
+        free: The same poses without loads.
+        points: Points in the tool's frame, (k, 3) [m].
+
+    Returns:
+        Absolute difference of equilibrium and linear model along world x, y, z, (poses, k, 3) [m].
+
+    Raises:
+        NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     state, loads = model.state, poses.loads
     where, after = chain(model.vjm, poses.q), poses.at_rest(state)
@@ -172,22 +225,28 @@ def curvature(model: ArmModel, poses: Poses, free: Poses, points: Array) -> Arra
 
 @dataclass(frozen=True)
 class Open:
-    """The part of a model that leaves most open."""
+    """Name the part of a model that causes most of the remaining uncertainty."""
 
-    name: str  #: A link or a joint, "geometry" or "joint errors".
-    share: float  #: Of the variance of all positions, what knowing it would take away [1].
+    name: str  #: Name of a link or joint, "geometry" or "joint errors".
+    share: float  #: Share of the variance, or of unbounded rows, that knowing the part would remove [1].
     joint: bool  #: Whether it is the spring of a joint.
 
 
 def most_open(model: ArmModel, q: Array, loads: Sequence[Load], point: Array, absolute: bool) -> Open | None:
-    """The part whose knowledge would take most of what is open away; None where no single one stands out.
+    """Find the part whose exact knowledge would remove most of the remaining uncertainty.
 
     Args:
-        model: The arm.
-        q: Joints, (poses, n) [rad, m].
-        loads: What acts, each the same in all poses or with a row a pose.
-        point: Of the tool, in its frame, (3,) [m].
-        absolute: Whether positions count, or how far loads move them.
+        model: Identified model of the arm.
+        q: Joints as commanded, (poses, n) [rad, m].
+        loads: Loads besides own weight, each the same in all poses or with one row per pose.
+        point: Point in the tool's frame, (3,) [m].
+        absolute: Whether positions count, not how far loads move the point.
+
+    Returns:
+        The part; None where no single one stands out by `MOST` and `LEAD`.
+
+    Raises:
+        NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     some = np.unique(np.linspace(0, len(q) - 1, min(LOOKED_AT, len(q))).round().astype(int))
     end = Poses(q, loads, heavy=absolute).of(some)
@@ -202,7 +261,7 @@ def most_open(model: ArmModel, q: Array, loads: Sequence[Load], point: Array, ab
 
 
 def _taken_away(model: ArmModel, rows: Array) -> dict[str, float]:
-    """Share of the variance of functionals, rows (k, c), that is gone where a part is known."""
+    """Compute the share of the variance of functionals, rows (k, c), that is gone where a part is known."""
     k, size = len(rows), np.linalg.norm(model.posterior.root, axis=0)
     K = model.posterior.covariance(np.vstack([rows, np.diag(1 / np.where(size > 0, size, 1))]))
     whole, every = float(np.trace(K[:k, :k])), np.arange(k)
@@ -214,7 +273,7 @@ def _taken_away(model: ArmModel, rows: Array) -> dict[str, float]:
 
 
 def _unbound(model: ArmModel, rows: Array) -> dict[str, float]:
-    """Share of functionals without bound, rows (k, c), that have one where a part is known."""
+    """Compute the share of functionals without bound, rows (k, c), that have one where a part is known."""
     shares = {}
     for name, columns in _parts(model):
         rest = rows.copy()
@@ -224,7 +283,7 @@ def _unbound(model: ArmModel, rows: Array) -> dict[str, float]:
 
 
 def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
-    """Name of every part, and its columns among those that are uncertain."""
+    """Yield the name of every part, and its columns among those that are uncertain."""
     unknowns, structure = model.unknowns, model.structure
     for key, name in (("geometry", "geometry"), ("errors", "joint errors")):
         inside = np.arange(unknowns.size)[unknowns.columns(key)]
