@@ -29,9 +29,7 @@ def mass_or_none(text: str) -> float:
 
 
 ArmName = Annotated[str, typer.Argument(help="Folder of an arm, or one of ours.")]
-MapFile = Annotated[
-    Path | None, typer.Option("--map", metavar="TOML", help="How the table names our quantities.")
-]
+MapFile = Annotated[Path | None, typer.Option("--map", metavar="TOML", help="Names of the table's columns.")]
 SigmaUm = Annotated[
     float | None,
     typer.Option(

@@ -1,42 +1,57 @@
 """testbench data check ARM FILE: what is in a file of measured runs, and how it was understood."""
 
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
 from testbench.campaign.absolute import kinematic_misfit
-from testbench.campaign.campaign import build_cell
+from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.campaign_flags import ArmName, Readings
+from testbench.campaign.file_contents import column_rows, contents, farthest_off, nominal_targets, shown_runs
 from testbench.campaign.propose_map import map_text, propose
+from testbench.campaign.registration_notes import registration_notes
+from testbench.campaign.rows import MM, UM
 from testbench.campaign.runs import files_read, look_at, read, register
 from testbench.cli.arguments import ShownFolder
-from testbench.commands.data import COMMAND, column_lines, column_rows, listed, report, understand, write
+from testbench.data.dataset import Dataset
 from testbench.data.read_series import read_series
-from testbench.errors import BenchError, sheet_of
+from testbench.errors import BenchError, Ids, sheet_of
+from testbench.identify.registered import Registered
 from testbench.output.place import Kind, check_file, claim_folder
 from testbench.output.whole import whole_file
+from testbench.plant.shapes import rigid_frames
+from testbench.report.columns import columns
+from testbench.report.leave import Asked, leave
+from testbench.report.report import Report, bullets, say
+from testbench.report.table import Row
 from testbench.shell.options import Force, takes
 from testbench.shell.project import ProjectCommand
+from testbench.views import scene as draw
+from testbench.views.colours import LOAD, MEASURED, NOMINAL, SERIES, Look
+from testbench.views.markdown import Markdown, capital, ended
+from testbench.views.schema import NUMBER, Table, plain, show, written_out
 from testbench.views.terminal import looked_at, plain_console, print_words
 
-group = typer.Typer(no_args_is_help=True)
+COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
+MOST = 6  #: Loads and names that are listed.
+SHARE, ARROW = 0.15, 0.2  #: Length of deflections and of the load's arrow over the reach [1].
+COLUMNS = columns("quantity file_columns unit values rows")
+group = typer.Typer(no_args_is_help=True)
 
 
 @dataclass(frozen=True)
 class Options:
-    """Flags of the command."""
+    """Flags of `data check`."""
 
     out: ShownFolder = None
     force: Force = False
-
-
-@group.callback()
-def commands() -> None:
-    """Read a file of measured runs; say what was understood."""
 
 
 @group.command("check", cls=ProjectCommand)
@@ -45,40 +60,36 @@ def check(runs: Readings, asked: Options) -> None:
     """Say which column is which quantity, what was assumed, and show the runs on the arm."""
     given = [find_arm(runs.arm), *files_read(runs)]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
-        filed = build_cell(runs.arm)
+        filed, console = build_cell(runs.arm), plain_console()
         export = read(filed, runs)
-        found, console = understand(export), plain_console()
-        columns = "\n".join(listed(found))
+        found = contents(export)
+        found["columns"] = [Row(row, values=_written(row)) for row in found.columns]
         try:
             cell, registered = register(filed, export, runs)
         except BenchError:
-            console.print(columns, soft_wrap=True)  # what was understood helps where no frame is found
+            console.print("\n".join(_lines(found)), soft_wrap=True)  # it helps where no frame is found
             raise
         doubts, scale = look_at(filed, export, registered, runs)
         found.update(dataset=runs.dataset.name, scale=scale, doubts=[own.sentence for own in doubts])
         said = report(found, registered)
-        lines = [columns]
+        lines = _lines(Row(said.numbers), registration_notes(registered))
         if asked.out is not None:
-            write(cell, registered, said, runs.words, asked.out)
-            lines += [
-                f"picture    {asked.out / 'data.png'}",
-                *looked_at(asked.out, arm=runs.arm, data=runs.dataset),
-            ]
+            name, flags = runs.dataset.name, {"data": runs.dataset.name, "flags": runs.words}
+            run = Asked(COMMAND, name, flags, [cell.arm.rigid.parent], "data.png")
+            leave(asked.out, run, said, seen(cell, registered))
+            opened = looked_at(asked.out, arm=runs.arm, data=runs.dataset)
+            lines += [f"picture    {asked.out / 'data.png'}", *opened]
         print_words(console, said, lines=lines)
 
 
 @dataclass(frozen=True)
 class MapOptions:
-    """Flags of the command that proposes a map."""
+    """Flags of `data map`."""
 
     arm: ArmName
-    dataset: Annotated[
-        Path, typer.Argument(help="Export of an instrument, any text table, or FILE.xlsx#SHEET.")
-    ]
-    log: Annotated[
-        Path | None, typer.Option(help="The robot's joints in another file: joined by name, else by time.")
-    ] = None
-    out: Annotated[Path | None, typer.Option(help="Map to write; default: FILE.toml beside it.")] = None
+    dataset: Annotated[Path, typer.Argument(help="Export of an instrument: text table or FILE.xlsx#SHEET.")]
+    log: Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's joints, if apart.")] = None
+    out: Annotated[Path | None, typer.Option(metavar="TOML", help="Map to write.")] = None
     force: Force = False
 
 
@@ -92,20 +103,147 @@ def propose_map(asked: MapOptions) -> None:
     check_file(out, MAP, inputs=inputs, force=asked.force)
     cell = build_cell(asked.arm)
     entries = propose(asked.dataset, cell.arm, asked.log, out.parent)
+    head = f"# A map of {file.name}, proposed by testbench data map\n"
     with whole_file(out) as part:
-        part.write_text(
-            f"# A map of {file.name}, proposed by testbench data map\n{map_text(entries)}", "utf-8"
-        )
+        part.write_text(head + map_text(entries), "utf-8")
     guesses = {why: [own.key for own in entries if own.why == why] for *_, why in entries if why}
     said = (f"guess      {', '.join(keys)}: {why}" for why, keys in guesses.items())
     console.print("\n".join([f"map        {out}", *said, ""]), soft_wrap=True)
     export = read_series(asked.dataset, cell.arm, out)
-    rows = sum(one.rows for one in export.series)
-    lines = [
-        *column_lines(list(column_rows(export.columns))),
-        "",
-        *(f"- {note}" for note in export.notes),
-    ]
-    console.print("\n".join([*lines, f"{rows} readings"]), soft_wrap=True)
-    off = 1e3 * kinematic_misfit(cell.vjm, export.series)
+    rows = [Row(row, values=_written(row)) for row in column_rows(export.columns)]
+    notes = [*(f"- {note}" for note in export.notes), f"{sum(one.rows for one in export.series)} readings"]
+    console.print("\n".join([*column_lines(rows), "", *notes]), soft_wrap=True)
+    off = MM * kinematic_misfit(cell.vjm, export.series)
     console.print(f"They fit the arm as drawn to {off:.3g} mm (median).")
+
+
+def _written(row: Row) -> str:
+    """Values of a column for people: lengths below 1 mm in um."""
+
+    def length(number: re.Match[str]) -> str:
+        metres = float(number[0])
+        return f"{UM * metres:g} um" if 0 < abs(metres) < 1e-3 else plain(number[0])
+
+    return NUMBER.sub(length, str(row["values"])) if row.unit == "m" else written_out(str(row["values"]))
+
+
+def column_lines(rows: Sequence[Row]) -> list[str]:
+    """Lay out columns of a file below one another, of any width."""
+    table = [[own.heading for own in COLUMNS], *([row[own.key] for own in COLUMNS] for row in rows)]
+    widths = [2 + max(map(len, cells)) for cells in zip(*table, strict=True)]
+    return ["".join(map(str.ljust, cells, widths)).rstrip() for cells in table]
+
+
+def _lines(f: Row, more: Sequence[str] = ()) -> list[str]:
+    """Columns, numbers and notes of the file, for a terminal."""
+    notes = [f"- {note}" for note in (*f.notes, *more)]
+    return ["", *column_lines(f.columns), "", *(f"{what}: {value}" for what, value in _others(f)), *notes]
+
+
+def _others(f: Row) -> Iterator[tuple[str, str]]:
+    """Numbers of the file and its runs, with their units."""
+
+    def few(names: Sequence[str], mark: str = ", ") -> str:
+        more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
+        return (mark.join(names[:MOST]) or "none") + more
+
+    yield "rows, runs, poses, stations", f"{f.rows}, {f.runs}, {f.poses}, {f.stations}"
+    yield "markers", f"{len(f.markers)}: {few(f.markers)}"
+    yield "lost targets", f"{len(f.lost)} of {f.runs * len(f.markers)}: {few(f.lost)}"
+    yield "loads", few(f.loads, "; ")
+    yield "sigma of a reading, um", show(f.sigma_um, "g")
+    yield "columns not read", few(f.ignored)
+    if f.farthest:
+        yield "largest deflection, mm", f"{f.deflection_mm.most:.3f}, {f.farthest}"
+    if f.get("away"):
+        away = f"{f.away.distance_mm:.3f}, {f.away.target}"
+        yield "unloaded reading farthest from the arm without sag, mm", away
+    if f.get("scale") is not None:
+        yield "deflections over those of the arm's folder", f"{f.scale:.2f}"
+
+
+def report(found: Row, registered: Registered) -> Report:
+    """Report a file of measured runs.
+
+    Args:
+        found: What is in it, with its `dataset`, `doubts` and `scale`.
+        registered: The runs in the base's frame.
+    """
+    f = Row(found, arm=registered.vjm.arm.name, frame=registered.frame, away=farthest_off(registered))
+    others = [Row(what=what, value=value) for what, value in _others(f)]
+    tables = {"columns": Table(COLUMNS, f.columns, "Which column is which quantity")}
+    tables["numbers"] = Table(columns("what value"), others, "The runs")
+    notes = [ended(capital(note)) for note in (*f.notes, *registration_notes(registered))]
+    return Report(
+        scenario="data_check",
+        question=say("What was understood of {dataset}?", f),
+        title=say("{dataset} as runs of {arm}", f),
+        answer=say(
+            "{runs:counted run} in {poses:counted pose}: targets move {deflection_mm.least:.3f} to "
+            "{deflection_mm.most:.3f} mm, median {deflection_mm.median:.3f} mm. Doubts: {count}.",
+            f,
+            count=len(f.doubts),
+        ),
+        claims=[say("**Doubt**: {text}", text=ended(text)) for text in f.doubts],
+        numbers=f,
+        tables=tables,
+        body=[*tables, Markdown("## How the runs were read"), bullets(notes)],
+    )
+
+
+def seen(cell: Cell, registered: Registered) -> draw.Seen:
+    """Draw the arm run by run, its targets as read and as they should be."""
+    data = registered.data
+    hidden = np.where(data.seen, 0.0, np.nan)
+    moved = MM * np.linalg.norm(data.deflection, axis=2) + hidden
+    away = MM * np.linalg.norm(data.before - nominal_targets(registered), axis=2) + hidden
+    some = draw.picked(np.nan_to_num(moved).max(axis=1), np.flatnonzero(data.seen.any(axis=1)))
+    if not len(some):
+        return draw.Seen()
+    M = draw.arrow_scale(data.deflection[some] + hidden[some][..., None], SHARE * cell.vjm.reach)
+    labels, note = [str(data.run[k]) for k in some], draw.of_all(len(some), data.runs, "runs")
+    looks = [Look(SERIES[k % len(SERIES)], k, prior=True) for k in range(len(data.markers))]
+    charts = [
+        draw.RunChart(title, 0, "run", labels, [*map(draw.Line, data.markers, looks, mm[some].T)], note=note)
+        for title, mm in (
+            ("How far loads moved each target (mm)", moved),
+            ("Unloaded reading from where the arm without sag has the target (mm)", away),
+        )
+    ]
+    title = f"Deflections x {M:g}; loads are arrows of one length."
+    return draw.Seen(scene=draw.Scene(cell, title, [_runs(cell, registered, some, M)]), runs=charts)
+
+
+def _runs(cell: Cell, registered: Registered, some: Ids, M: float) -> draw.Poses:
+    """The arm in its runs, its targets where they should be, were read, and went under load."""
+    data, found, at = registered.data, registered.registration, shown_runs(registered, some)
+    tool = np.broadcast_to(at.tool, at.nominal.shape)
+    hung = at.hook + ARROW * cell.vjm.reach * at.way
+    layers = [
+        draw.Layer("targets of the arm without sag", NOMINAL, "dots", at.nominal),
+        draw.Layer("from the tool", NOMINAL, "lines", tool, at.nominal),
+        draw.Layer("read unloaded", MEASURED, "dots", at.before),
+        draw.Layer("deflection", MEASURED, "arrows", at.before, at.before + M * data.deflection[some]),
+        draw.Layer("load", LOAD, "arrows", at.hook, hung),
+    ]
+    if registered.frame == "tracker" and found is not None:
+        stands = np.array([-one.rotation.T @ one.translation for one in found.frames.values()])
+        names = [f"tracker {k + 1}" for k in range(len(stands))]
+        layers.append(draw.Layer("tracker", MEASURED, "dots", stands[None], labels=names))
+    return draw.Poses(
+        name="Runs",
+        names=[f"Run {run}, pose {pose}" for run, pose in zip(data.run[some], data.pose[some], strict=True)],
+        words=[_words(cell, data, int(k)) for k in some],
+        rigid=rigid_frames(cell.room, data.q[some]),
+        bent=None,
+        layers=layers,
+        first=int(np.nan_to_num(np.linalg.norm(at.before - at.nominal, axis=2)).max(axis=1).argmax()),
+    )
+
+
+def _words(cell: Cell, data: Dataset, k: int) -> str:
+    """What the page says of a run that it shows."""
+    each = zip(data.markers, MM * np.linalg.norm(data.deflection[k], axis=1), data.seen[k], strict=True)
+    moved = [f"{name} {f'moves {mm:.3f} mm' if there else 'lost'}" for name, mm, there in each]
+    force = float(np.linalg.norm(data.wrench[k, :3]))
+    return f"{force:.5g} N: {', '.join(moved)}. {cell.arm.words(data.q[k])}."

@@ -40,48 +40,28 @@ class Options:
     """Flags of the command."""
 
     arm: ArmName
-    out: Annotated[Path, typer.Option(help="Dataset to write, CSV.")]
-    file: Annotated[
-        Path | None, typer.Argument(help="CSV of poses, JOINT_deg or JOINT_rad; or a plan.csv.")
-    ] = None
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Dataset to write, CSV.")]
+    file: Annotated[Path | None, typer.Argument(help="Poses, JOINT_deg or JOINT_rad; or a plan.csv.")] = None
     poses: Annotated[
-        int | None, typer.Option(min=1, max=MOST_POSES, help="Number of random poses, instead of a file.")
+        int | None, typer.Option(min=1, max=MOST_POSES, metavar="N", help="Random poses instead.")
     ] = None
     payload_kg: Annotated[
         float | None,
-        typer.Option(
-            parser=mass,
-            metavar="MASS",
-            help="Load, such as 240 or 530lb; default: the arm's stated payload. A plan.csv has its own.",
-        ),
+        typer.Option(parser=mass, metavar="MASS", help="Load, such as 530lb; default: the payload."),
     ] = None
-    loads: Annotated[str | None, typer.Option(help="Several loads for each pose, such as 100,240kg.")] = None
+    loads: Annotated[str | None, typer.Option(metavar="MASSES", help="Several per pose: 100,240kg.")] = None
     mapping: MapFile = None
     sigma_um: Annotated[
         float | None,
-        typer.Option(
-            min=0.001,
-            max=10_000,
-            help="Noise of a reading along an axis; default: 50, for pairs by --tracker as its distance is.",
-        ),
+        typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise; default: 50, or a tracker's."),
     ] = None
     tracker: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Position of a laser tracker, x,y,z in m; it reads in its own frame. Again for more."
-        ),
+        list[str] | None, typer.Option(metavar="X,Y,Z", help="Position of a laser tracker, m; repeatable.")
     ] = None
     geometry_mm: Annotated[
-        float, typer.Option(min=0, max=10, help="Error of every joint's frame along an axis, and in mrad.")
+        float, typer.Option(min=0, max=10, metavar="MM", help="Error of joint frames, and in mrad.")
     ] = 0.0
-    seed: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            max=2**63 - 1,
-            help="Seed of poses and noise, of absolute readings of the arm too (--series: more of one).",
-        ),
-    ] = 1
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Seed of poses, noise, true arm.")] = 1
     force: Force = False
 
 
@@ -89,25 +69,11 @@ class Options:
 class Absolute:
     """Flags of absolute readings: where targets are, not how far a load moved them."""
 
-    absolute: Annotated[
-        bool,
-        typer.Option(
-            "--absolute",
-            help="Where targets are in the tracker's frame: under own weight, then under every load, if any.",
-        ),
-    ] = False
-    series: Annotated[
-        int,
-        typer.Option(
-            min=1,
-            max=50,
-            help="Set-ups, each with a frame, poses and a mount some 2 mm off; OUT_1.csv and so on.",
-        ),
-    ] = 1
+    absolute: Annotated[bool, typer.Option("--absolute", help="Positions, not deflections.")] = False
+    series: Annotated[int, typer.Option(min=1, max=50, metavar="N", help="Set-ups: OUT_1.csv ...")] = 1
     orientations: Orientations = False
     gear_urad: Annotated[
-        float,
-        typer.Option(min=0, max=10_000, help="Periodic errors of every joint, a coefficient up to order 30."),
+        float, typer.Option(min=0, max=10_000, metavar="URAD", help="Periodic errors of joints.")
     ] = 0.0
 
     def __post_init__(self) -> None:

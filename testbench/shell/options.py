@@ -15,9 +15,7 @@ from testbench.shell.follow import followed
 from testbench.shell.project import merged
 
 D = TypeVar("D")
-Force = Annotated[
-    bool, typer.Option("--force", help="Replace existing results, even those of another command.")
-]
+Force = Annotated[bool, typer.Option("--force", help="Replace results of any command.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
 QUIET = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
 CONTEXT = inspect.Parameter("ctx", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
