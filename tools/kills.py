@@ -99,7 +99,7 @@ CASES = {
     "trials": Case((sys.executable, "-c", TRIALS, "out", "--workers", "2", "--resume"), resumes=True),
     "new": command("new out --from ../inputs/robot.urdf", anew=True),
     "check": command("check kr500_l480 --out out"),
-    "elastic": command("elastic kr500_l480 out.xml", "out.xml"),
+    "elastic": command("check kr500_l480 --elastic out.xml", "out.xml"),
     "plan": command(f"plan kr500_l480 --task {ROOT}/docs/tasks.csv --poses 4 --candidates 200 --out out"),
     "plan_absolute": command("plan kr500_l480 --absolute --poses 12 --candidates 60 --out out"),
     "simulate": command("simulate kr500_l480 --poses 40 --payload-kg 460 --out out.csv", "out.csv"),

@@ -1,16 +1,40 @@
-"""testbench check ARM: what is in an arm's folder, what to confirm, what may be wrong with it."""
+"""testbench check ARM: what an arm's folder holds, what to confirm, what may be wrong with it."""
 
 from dataclasses import dataclass
 from math import ceil
+from pathlib import Path
+from typing import Annotated
 
-from testbench.arm.folder import find_arm
-from testbench.campaign.arm_check import check
+import numpy as np
+import typer
+
+from testbench.arm.elastic import JointEntry, LinkEntry
+from testbench.arm.folder import Joint, find_arm
+from testbench.arm.mjcf import GRAVITY
+from testbench.campaign.arm_check import Checked, check
 from testbench.campaign.campaign_flags import ArmName
 from testbench.cli.arguments import ShownFolder
-from testbench.commands.check import COMMAND, confirm_lines, contents, report, write
-from testbench.output.place import claim_folder
+from testbench.errors import Array, word
+from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
+from testbench.output.place import Kind, check_file, claim_folder
+from testbench.plant.elastic import write_elastic
+from testbench.plant.shapes import RING, elastic_frames, rigid_frames
+from testbench.report.columns import columns
+from testbench.report.leave import Asked, leave
+from testbench.report.report import Report, bullets, say
+from testbench.report.table import Row
 from testbench.shell.options import Force, takes
+from testbench.views.colours import GREY, LOAD, NOMINAL
+from testbench.views.markdown import Markdown, ended
+from testbench.views.scene import Layer, Poses, Scene, Seen, arrow_scale
+from testbench.views.schema import Column, Table, show
 from testbench.views.terminal import looked_at, plain_console, print_words
+
+COMMAND = "testbench check"  #: As manifest.json names it.
+ELASTIC = Kind("an elastic arm", rb"<mujoco [^>]*model=\"[^\"]*_elastic\"")
+SHOWN = 0.01  #: Least contribution to the sag of what is listed [1].
+BENT, ARROW, AXIS = 0.12, 0.2, 0.12  #: Lengths of sag, of the load's arrow and of axes over the reach [1].
+SPOKES = 4  #: Lines along a tube.
 
 
 @dataclass(frozen=True)
@@ -19,29 +43,207 @@ class Options:
 
     arm: ArmName
     out: ShownFolder = None
+    elastic: Annotated[
+        Path | None, typer.Option(help="MJCF to write: the arm with its springs, for MuJoCo's viewer.")
+    ] = None
     force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
-    """Read an arm with MuJoCo and Pinocchio, compare, say what to confirm."""
-    given = [find_arm(asked.arm)]
-    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
+    """Read an arm with MuJoCo and Pinocchio, compare, list what to confirm and warnings."""
+    folder, springs = find_arm(asked.arm), asked.elastic
+    if springs is not None:
+        check_file(springs, ELASTIC, inputs=[folder], force=asked.force)
+    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder], force=asked.force):
         checked = check(asked.arm)
-        console = plain_console()
         said, (first, *rest) = report(checked), contents(checked)
+        console = plain_console()
         console.print(first, soft_wrap=True)
-        apart = max(1, ceil(1e9 * checked.apart))
         lines = [
-            "",
-            "To confirm, by contribution to the sag:",
-            *(confirm_lines(checked) or ["  nothing"]),
-            "",
-            "Read:",
+            "\nTo confirm, by contribution to the sag:",
+            *(f"{row.hangs_percent:5.0f} %  {row.number}" for row in said.numbers["confirm"]),
+            f"         {len(checked.items) - len(said.numbers['confirm'])} more below 1 %",
+            "\nRead:",
             *rest,
-            f"MuJoCo and Pinocchio place links, tool, load and markers alike, within {apart} nm",
+            "MuJoCo and Pinocchio place links, tool, load and markers alike, within "
+            f"{max(1, ceil(1e9 * checked.apart))} nm",
         ]
+        if springs is not None:
+            write_elastic(checked.cell.arm, springs)
+            lines.append(
+                f"springs    {springs}; open it with: python -m mujoco.viewer --mjcf={word(springs)}"
+            )
         if asked.out is not None:
-            write(checked, said, find_arm(asked.arm), asked.out)
+            leave(asked.out, Asked(COMMAND, said.scenario, {}, [folder], "arm.png"), said, seen(checked))
             lines += [f"picture    {asked.out / 'arm.png'}", *looked_at(asked.out, arm=asked.arm)]
-        print_words(console, said, lines=lines)
+        print_words(console, said, [said.tables["sag"]], lines)
+
+
+def report(checked: Checked) -> Report:
+    """Report the deflection under the payload, what to confirm, and warnings."""
+    arm, sag = checked.cell.arm, checked.sag
+    names = [*(link.name for link in arm.links), *(joint.name for joint in arm.joints)]
+    parts = [Row(part=n, sag_share_percent=100 * s) for n, s in zip(names, sag.shares.tolist(), strict=True)]
+    listed = [item for item in checked.items if item.share >= SHOWN]
+    confirm = [Row(number=item.words, hangs_percent=100 * item.share) for item in listed]
+    per = 1e3 * (arm.payload or 1.0) * np.sort(sag.size)
+    low, middle, high = np.quantile(per, [0.05, 0.5, 0.95]).tolist()
+    f = Row(
+        arm=arm.name,
+        payload_kg=arm.payload,
+        what=f"{arm.payload:g} kg" if arm.payload else "1 kg",
+        sag_mm=Row(low=low, median=middle, high=high, most=float(per[-1])),
+        place_m=tool_pose(checked.vjm, sag.q[checked.worst][None])[0][0].tolist(),
+        joints=arm.words(sag.q[checked.worst]) if arm.joints else "",
+        softest=max(parts, key=lambda part: part.sag_share_percent),
+        doubts=[doubt.sentence for doubt in checked.doubts],
+        confirm=confirm,
+        parts=parts,
+        contents=contents(checked),
+    )
+    sizes = {"low": "5 %", "median": "median", "high": "95 %", "most": "largest"}
+    ends = [Column(key, heading, "mm", ".3g") for key, heading in sizes.items()]
+    where = (Column("at", "tool there, m"), Column("joints", "joints there"))
+    row = Row(f.sag_mm, load=f.what, at=_place(np.array(f.place_m)), joints=f.joints)
+    tables = {
+        "sag": Table((Column("load", "payload"), *ends), [row], "Deflection of the tool over the poses"),
+        "worst": Table(where, [row], "Where it is largest"),
+        "confirm": Table(columns("number hangs_percent"), confirm, "To confirm"),
+        "parts": Table(columns("part sag_share_percent"), parts, "What sags"),
+    }
+    return Report(
+        scenario=f.arm,
+        question=say("Is this {arm}?", f),
+        title=say("{text}", text=f.contents[0]),
+        answer=say(
+            f"{{what}} move the tool by {{sag_mm.median:.3g}} mm (median). Warnings: {len(f.doubts)}.", f
+        ),
+        claims=[say("**Doubt**: {text}", text=ended(text)) for text in f.doubts],
+        numbers=f,
+        tables=tables,
+        body=[
+            *tables,
+            Markdown("## What was understood"),
+            bullets(say("{text}", text=text.strip()) for text in f.contents),
+        ],
+    )
+
+
+def contents(checked: Checked) -> list[str]:
+    """Payload, links, joints and frames, each with its unit and origin."""
+    arm, elastic, vjm = checked.cell.arm, checked.elastic, checked.cell.vjm
+    lines = [f"{arm.name}: {arm.title}"]
+    if elastic.payload is None:
+        lines.append("  payload: not stated")
+    else:
+        lines.append(f"  payload: {elastic.payload.value:g} kg, {elastic.payload.origin}")
+    lines.append(f"  base: at {_place(vjm.base[:3, 3])} m; reach {vjm.reach:.3g} m")
+    for k, link in enumerate(elastic.link):
+        lines.append(f"  {link.name}: {_link(link)}")
+        if k < arm.n_joints:
+            lines.append(f"  {arm.joints[k].name}: {_joint(arm.joints[k], elastic.joint[k])}")
+    if found := arm.joint_map:
+        lines.append(f"  joints of files: {', '.join(found.names)}")
+        rows = [f"{joint.name} = {found.words(k)}" for k, joint in enumerate(arm.joints)]
+        lines += [
+            f"    {row}"
+            for row, joint in zip(rows, arm.joints, strict=True)
+            if row != f"{joint.name} = {joint.name}"
+        ]
+    points = zip((arm.load, *arm.markers), (vjm.load, *vjm.markers), strict=True)
+    lines.append(f"  tool {arm.tool}: {_place(vjm.tool[:3, 3])} m from {arm.links[-1].name}; in its axes:")
+    lines.append(f"  load point {arm.load}, markers {', '.join(arm.markers)}")
+    return lines + [f"    {name}: {_place(place)} m" for name, place in points]
+
+
+def _link(link: LinkEntry) -> str:
+    axis = f"along {_place(np.array(link.axis))}"
+    if link.tube is None:
+        assert link.compliance is not None
+        return f"{axis}, a compliance in full, {link.compliance.origin}"
+    t = link.tube
+    outer, inner = 1e3 * t.outer_diameter.value, 1e3 * t.inner_diameter.value
+    return (
+        f"{axis}, {1e3 * t.length.value:.0f} mm, {t.length.origin}; tube {outer:.0f}/{inner:.0f} mm, "
+        f"{1e-9 * t.youngs_modulus.value:.0f} GPa, {t.outer_diameter.origin}"
+    )
+
+
+def _joint(joint: Joint, entry: JointEntry) -> str:
+    low, high = (joint.shown * end for end in (joint.lower, joint.upper))
+    c = entry.compliance
+    value = show(1e6 * c.value, ".3g")
+    return f"{low:.0f} to {high:.0f} {joint.shown_unit}, {value} u{c.unit}, {c.origin}"
+
+
+def _place(point: Array) -> str:
+    return " ".join(f"{x:.3g}" for x in np.round(point, 3) + 0.0)
+
+
+def seen(checked: Checked) -> Seen:
+    """What the page of an arm draws."""
+    cell, q = checked.cell, checked.poses
+    theta = _sag(checked)
+    straight = rigid_frames(cell.room, q)
+    moved = elastic_frames(cell.plant, q, theta).positions[:, -1] - straight.positions[:, -1]
+    M = arrow_scale(moved, BENT * cell.vjm.reach)
+    said = f"joints at {cell.arm.words(q[0])}", f"joints at {cell.arm.words(q[1])}"
+    payload = "1 kg" if cell.arm.payload is None else f"{cell.arm.payload:g} kg"
+    group = Poses(
+        name="Poses",
+        names=["Zero, or as near as the limits let", "Pose of median sag"],
+        words=[f"{words[0].upper()}{words[1:]}." for words in said],
+        rigid=straight,
+        bent=elastic_frames(cell.plant, q, M * theta),
+        layers=[*_beams(checked), *_tool(checked)],
+        first=1,
+    )
+    title = f"Sag under {payload} by the folder's compliances x {M:g}. Tubes at their true diameter."
+    return Seen(scene=Scene(cell, title, [group]))
+
+
+def _sag(checked: Checked) -> Array:
+    """Virtual joints under the payload, a kilogram if it is not stated, (2, n_theta) [m, rad]."""
+    cell, q = checked.cell, checked.poses
+    force = -GRAVITY * (cell.arm.payload or 1.0)
+    load = np.tile([0, 0, force, 0, 0, 0], (len(q), 1)), np.tile(cell.vjm.load, (len(q), 1))
+    return np.asarray((cell.arm.C_theta @ generalised_load(chain(cell.vjm, q), *load)).T)
+
+
+def _beams(checked: Checked) -> list[Layer]:
+    """Tubes as lines, their axes as arrows, joints with their names; what is doubted has a question mark."""
+    arm, beams = checked.cell.arm, checked.beams
+    length, diameter = checked.sizes.T
+    start, along = beams[..., :3, 3], beams[..., :3, 0] * length[:, None]
+    rings = 0.5 * diameter[:, None, None] * RING[:, :2]  # (tubes, p, 2)
+    near = start[:, :, None] + np.einsum("rkxy,kpy->rkpx", beams[..., :3, 1:3], rings)
+    far, step = near + along[:, :, None], len(RING) // SPOKES
+    begin = _flat(near, far, near[:, :, ::step])
+    end = _flat(np.roll(near, -1, axis=2), np.roll(far, -1, axis=2), far[:, :, ::step])
+    links = [link.name + " ?" if checked.doubted(link.name) else "" for link in arm.links]
+    joints = [joint.name + " ?" * checked.doubted(joint.name) for joint in arm.joints]
+    return [
+        Layer("tubes", NOMINAL, "lines", begin, end),
+        Layer("beam axes", NOMINAL, "arrows", start, start + along, labels=links if any(links) else ()),
+        Layer("joints", GREY, "dots", start[:, 1:], labels=joints),
+    ]
+
+
+def _flat(*points: Array) -> Array:
+    """Points of all tubes one after the other, each (2, tubes, p, 3) to (2, k, 3)."""
+    return np.concatenate([part.reshape(len(part), -1, 3) for part in points], axis=1)
+
+
+def _tool(checked: Checked) -> list[Layer]:
+    """Markers, payload, and the axes of the base."""
+    cell, reach = checked.cell, checked.vjm.reach
+    hook = tool_points(cell.vjm, checked.poses, cell.vjm.load[None])
+    base, out = cell.vjm.base[:3, 3], AXIS * reach * cell.vjm.base[:3, :3].T
+    payload = "payload not stated" if cell.arm.payload is None else f"payload {cell.arm.payload:g} kg"
+    markers = tool_points(cell.vjm, checked.poses, cell.vjm.markers)
+    return [
+        Layer("markers", NOMINAL, "dots", markers, labels=cell.arm.markers),
+        Layer(payload, LOAD, "arrows", hook, hook - np.array([0, 0, ARROW * reach])),
+        Layer("axes of the base", GREY, "arrows", np.tile(base, (1, 3, 1)), (base + out)[None], labels="xyz"),
+    ]

@@ -1,5 +1,6 @@
 """testbench new NAME --from FILE: a robot's URDF or MJCF as an arm's folder."""
 
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,9 +16,12 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.new_arm import write_arm
 from testbench.campaign.propose import Wishes
 from testbench.errors import Array, BenchError, InputError, check_array, word
-from testbench.output.whole import new_folder
+from testbench.output.place import look
+from testbench.output.whole import new_folder, whole_file
 from testbench.plant.import_robot.chain import read_chain
 from testbench.plant.import_robot.robot import pose_of
+from testbench.shell.project import NAME as PROJECT
+from testbench.shell.project import TEMPLATE
 from testbench.views.terminal import plain_console
 
 
@@ -33,10 +37,15 @@ def command(  # noqa: PLR0913
     ] = None,
     marker: Annotated[list[str] | None, typer.Option(help="NAME=x,y,z in the tool's frame, m.")] = None,
     load: Annotated[str | None, typer.Option(help="x,y,z of the load point in the tool's frame, m.")] = None,
+    project: Annotated[
+        bool, typer.Option("--project", help=f"Also write {PROJECT}, the flags of this cell, here.")
+    ] = False,
 ) -> None:
     """Make an arm's folder from a robot's URDF or MJCF."""
     if not name.name:
         raise BenchError(f"NAME: expected the name of a new folder, got {str(name)!r}")
+    if project and look(PROJECT) is not None:
+        raise BenchError(f"{PROJECT}: exists already; edit it, or leave out --project")
     wishes = read_wishes(payload_kg, tool, marker or [], load)
     with new_folder(name) as folder:
         chain = read_chain(source, tip)
@@ -50,9 +59,27 @@ def command(  # noqa: PLR0913
     if arm.joint_map is not None:
         joints += f", {len(arm.file_joints)} of files ({', '.join(arm.joint_map.names)})"
     first = f"{name}: {joints}, tool at {chain.tip.name!r}, {chain.mass:.4g} kg"
+    if project:
+        write_project(name, source)
     last = f"next       testbench check {word(name)} --out runs/{word(Path(name.name))}"
     for line in (first, *(f"  {note}" for note in notes), last):
         console.print(line, soft_wrap=True)
+
+
+def write_project(arm: Path, robot: Path) -> None:
+    """Write the project file of a cell into the current folder: arm and URDF, other keys as comments.
+
+    Args:
+        arm: Folder of the arm.
+        robot: The robot's file; only a URDF is kept, for `export`.
+    """
+    text = TEMPLATE.read_text(encoding="utf-8")
+    found = {"arm": arm, **({"urdf": robot} if robot.suffix == ".urdf" else {})}
+    for key, path in found.items():
+        value = json.dumps(str(path), ensure_ascii=False)
+        text = re.sub(rf"^# {key} = \S+", lambda _, line=f"{key} = {value}": line, text, flags=re.MULTILINE)
+    with whole_file(PROJECT) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 LARGEST = 10.0  #: Farthest point from the tip that can be meant in metres [m].

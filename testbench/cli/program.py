@@ -12,9 +12,7 @@ from testbench.shell.project import ProjectCommand
 
 COMMANDS = {
     "new": "Make an arm's folder from a robot's URDF or MJCF.",
-    "init": "Write a project file: the flags of a cell, once.",
     "check": "Read an arm's folder; say what is in it, or what is wrong.",
-    "elastic": "Write the elastic arm as MJCF for MuJoCo's own viewer.",
     "plan": "Choose the poses to measure; say what they promise.",
     "simulate": "Measure the true arm in given poses.",
     "data": "Read a file of measured runs; say what was understood.",
@@ -27,7 +25,6 @@ COMMANDS = {
     "demo": "Calibrate a heavy arm in simulation.",
     "bench": "Rank estimators of anybody in frozen tasks.",
     "compare": "Say what differs between runs, and which errs less.",
-    "next": "Say what is missing after a run, and the next command.",
     "view": "Open the newest recording of a run in the Rerun viewer.",
 }
 """What there is, one module each, and its line of help."""
@@ -51,7 +48,7 @@ def program(arguments: Sequence[str]) -> typer.Typer:
             app.add_typer(module.group, name=name, help=line)
         else:
             command = module.command if module is not None else _elsewhere
-            app.command(name, help=line, cls=None if name == "init" else ProjectCommand)(command)
+            app.command(name, help=line, cls=ProjectCommand)(command)
     return app
 
 

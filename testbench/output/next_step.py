@@ -1,4 +1,4 @@
-"""What comes after a run: the last lines of a command, and `testbench next`."""
+"""What comes after a run: the last lines of a command."""
 
 import os
 from collections.abc import Mapping, Sequence

@@ -56,7 +56,7 @@ def instrument(arm):
     Path("program.csv").write_text("\n".join([",".join(joints), *rows]) + "\n")
 
 
-def test_from_a_urdf_and_an_instrument_s_file_to_a_corrected_program_in_seven_commands(cell):
+def test_from_a_urdf_and_an_instrument_s_file_to_a_corrected_program_in_six_commands(cell):
     """None has a flag that the project file knows; manifests say which values were taken."""
     heavy_urdf(cell)
     words = []
@@ -65,20 +65,24 @@ def test_from_a_urdf_and_an_instrument_s_file_to_a_corrected_program_in_seven_co
         words.append(args)
         return fine(*args)
 
-    step("new", "my_arm", "--from", "heavy.urdf", "--payload-kg", 300)
+    step("new", "my_arm", "--from", "heavy.urdf", "--payload-kg", 300, "--project")
     instrument("my_arm")
     step("data", "map", "my_arm", "leica.txt")
-    step("init", "payload=120kg", "sigma_um=20")
+    examples = {'# payload = "120kg"': 'payload = "120kg"', "# sigma_um = 50": "sigma_um = 20"}
+    text = NAME.read_text()
+    for example, own in examples.items():  # as with an editor
+        text = text.replace(example, own)
+    NAME.write_text(f'{text}\n[files."leica.txt"]\nmap = "leica.toml"\n')
     step("check")
     step("calibrate", "leica.txt")
     step("compensate", "runs/calibrate", "program.csv", "--out", "corrected.csv", "--jumps")
     step("export", "runs/calibrate")
-    assert len(words) == 7
+    assert len(words) == 6
     assert "error: none.yaml: " in do("export", "runs/calibrate", "--into", "none.yaml").stderr  # no --urdf
     assert Path("corrected.csv").is_file()
     assert Path("heavy_calibrated.urdf").is_file()
     flags = {word for args in words for word in args[1:] if str(word).startswith("--")}
-    assert flags == {"--from", "--payload-kg", "--out", "--jumps"}
+    assert flags == {"--from", "--payload-kg", "--project", "--out", "--jumps"}
     found = taken(Path("corrected_report"))
     assert found["taken"] == {"arm": "my_arm", "payload": "120kg"}
     assert found["sha256"] == hashlib.sha256(NAME.read_bytes()).hexdigest()
@@ -167,24 +171,14 @@ def test_words_that_are_no_arm_are_files_and_missing_ones_are_named(cell):
     assert "Missing argument 'arm'" in (NAME.unlink() or do("check").stderr)
 
 
-def test_init_writes_what_it_finds_and_is_told_and_replaces_nothing_by_itself(cell):
-    Path("may.csv").with_name("odd.csv").write_text("a")
-    Path("odd.toml").write_text("no_key_of_a_map = 1\n")
-    said = fine("init", f"arm={ARM}", "tracker=4,-2,1.5", 'load=["120kg", 460]')
-    assert 'tracker = "4,-2,1.5" # where it stands' in said
-    found = read_project()
-    assert (found.arm, found.tracker, found.files["may.csv"].map) == (ARM, "4,-2,1.5", "may.toml")
-    assert (list(found.files), found.load) == (["may.csv"], ("120kg", "460"))
+def test_new_writes_a_project_file_of_sound_examples_and_replaces_none(cell):
+    heavy_urdf(cell)
+    fine("new", "my_arm", "--from", "heavy.urdf", "--project")
+    assert read_project() == Project(arm="my_arm", urdf="heavy.urdf")
+    said = f"{NAME}: exists already; edit it, or leave out --project"
+    refused("new", "other", "--from", "heavy.urdf", "--project", said=said, below=cell)
     text = NAME.read_text()
     assert all(f"{key} = " in text for key in Project.model_fields if key != "files")
-    examples = text[: text.index("[files")].splitlines(keepends=True)
+    examples = text[: text.index("# [files")].splitlines(keepends=True)
     NAME.write_text("".join(line.removeprefix("# ") for line in examples if " = " in line))
     assert "map: expected a file, there is none" in do("check").stderr  # all examples are sound
-    assert "exists already" in do("init").stderr
-    assert "arm: expected the folder of an arm" in do("init", "--force", "arm=nowhere").stderr
-    assert (
-        "expected KEY=VALUE with a key of testbench.toml, arm, urdf, map, "
-        in do("init", "--force", "out=x").stderr
-    )
-    assert NAME.read_text() != text
-    assert do("init", "--force").returncode == 0

@@ -13,7 +13,7 @@ from testbench.output.whole import remove
 FULL = 600  #: Largest file that the disk takes [byte]: what the commands say fits, their results do not.
 QUICK = {
     "new": "new made --from robot.urdf",
-    "elastic": "elastic arm made/elastic.xml",
+    "elastic": "check arm --elastic made/elastic.xml",
     "simulate": "simulate arm poses.csv --payload-kg 1 --out made.csv",
     "series": "simulate arm --absolute --poses 9 --series 2 --out made.csv",
     "check": "check arm --out made",
@@ -32,9 +32,8 @@ LONG = {
     "compare": "compare model again --out made",
     "demo": "demo --quick --seeds 2 --workers 1 --out made",
 }
-SILENT = {"next", "view"}  #: They write nothing.
-ELSEWHERE = {"bench", "init"}
-"""A bench writes as a study, a project file as others here."""
+SILENT = {"view"}  #: It writes nothing.
+ELSEWHERE = {"bench"}  #: It writes as a study.
 ASKED = QUICK | LONG if os.environ.get("TESTBENCH_FULL_DISK") else QUICK
 
 

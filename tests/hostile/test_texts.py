@@ -152,12 +152,12 @@ def test_a_figure_has_dollars_and_letters_without_a_font_as_text(tmp_path, recwa
 
 @pytest.mark.parametrize("name", ["x[/b]", "--save=x", "=1+1", "\u202egpj", "a b|c", "`a`", "{{x}}"])
 def test_a_file_of_a_strange_name_is_written_and_named_as_text(name, attack, lab):
-    attack(lab, "elastic", "arm", "--", f"{name}.xml").done(f"{name}.xml".split("/")[0], f"{name}.xml")
+    attack(lab, "check", "arm", f"--elastic={name}.xml").done(f"{name}.xml".split("/")[0], f"{name}.xml")
 
 
 @pytest.mark.parametrize("name", ["a\x1bb", "a\nb", "a\x9bb", "a\u2028b"])
 def test_control_characters_on_the_command_line_are_refused(name, attack, lab):
-    attack(lab, "elastic", "arm", name).refused("expected no control characters")
+    attack(lab, "check", "arm", "--elastic", name).refused("expected no control characters")
     attack(lab, "check", name).refused("expected no control characters")
 
 

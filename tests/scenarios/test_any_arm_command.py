@@ -39,8 +39,7 @@ def test_every_command_goes_on_from_there(made, tmp_path):
     arm, data = made
     joints = ARMS[arm.name]
     count = 21 * (len(joints) + 1) + len(joints)
-    assert "alike, within" in run("check", arm)
-    run("elastic", arm, tmp_path / "elastic.xml")
+    assert "alike, within" in run("check", arm, "--elastic", tmp_path / "elastic.xml")
     assert "nothing" in run("identifiability", arm, data)
     fit = ("--out", tmp_path / "fit", "--model", "all", "--uncertainty-percent", 30)
     assert f"ALL{count} + prior" in run("identify", arm, data, *fit)
