@@ -5,6 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+
+from docutils import nodes
+from latex2mathml.converter import convert
+from sphinx.errors import ExtensionError
 
 import testbench
 
@@ -20,7 +25,8 @@ exclude_patterns = ["_build", "README.md"]
 html_theme = "furo"
 html_title = "testbench"
 myst_heading_anchors = 3
-myst_enable_extensions = ["deflist"]
+myst_enable_extensions = ["deflist", "dollarmath"]
+html_math_renderer = "mathml"
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 napoleon_google_docstring = True
@@ -72,8 +78,54 @@ def refuse_missing(_: object, env: Any) -> None:
         raise RuntimeError(f"docs/api.md lacks {', '.join(missing)}")
 
 
+def mathml(latex: str, display: str) -> str:
+    """Convert LaTeX to MathML, which browsers render without a script, a font or the internet.
+
+    Args:
+        latex: The formula.
+        display: "inline" or "block".
+
+    Raises:
+        ExtensionError: When it holds what latex2mathml does not know, and would print as it stands.
+    """
+    found = convert(latex, display=display)
+    try:
+        ElementTree.fromstring(found)
+    except ElementTree.ParseError:
+        found = "\\"
+    if "\\" in found:
+        raise ExtensionError(f"no MathML for {latex}")
+    return found
+
+
+def write_inline(writer: Any, node: nodes.math) -> None:
+    """Write a formula within a line."""
+    writer.body.append(mathml(node.astext(), "inline"))
+    raise nodes.SkipNode
+
+
+def write_equation(writer: Any, node: nodes.math_block) -> None:
+    """Write an equation, its label in place of a number."""
+    writer.body.append(writer.starttag(node, "div", CLASS="math"))
+    if node["label"]:
+        writer.body.append(f'<span class="eqno">({node["label"]})')
+        writer.add_permalink_ref(node, "Link to this equation")
+        writer.body.append("</span>")
+    writer.body.append(f"{mathml(node.astext(), 'block')}</div>\n")
+    raise nodes.SkipNode
+
+
+def cite_by_label(app: Any, doctree: nodes.document) -> None:
+    """Let references to equations show their labels, not numbers."""
+    for node in doctree.findall(nodes.math_block):
+        if node["label"]:
+            app.env.domaindata["math"]["objects"][node["label"]] = (app.env.docname, node["label"])
+
+
 def setup(app: Any) -> None:
     """Sphinx calls this first."""
+    app.add_html_math_renderer("mathml", (write_inline, None), (write_equation, None))
+    app.connect("doctree-read", cite_by_label)
     app.connect("env-check-consistency", refuse_missing)
     app.connect("builder-inited", refuse_undocumented)
     app.connect("builder-inited", write_help)
