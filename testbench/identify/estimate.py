@@ -91,12 +91,14 @@ class Average:
 
     weight: float  #: Of joints alone, over both that are linear: their probability given the readings [1].
     whole: "Estimate"  #: Of links and joints.
+    rigid: float = 0.0  #: Probability of joints alone, as widths count it [1].
+    alone: "Estimate | None" = None  #: Joints alone; None where they count nothing.
     laws: float = 0.0  #: Weight of the model with laws [1].
     likely: float = 0.0  #: Its probability, as widths count it [1].
     lawful: "Estimate | None" = None  #: That model; None where nobody asked for it.
     ties: float = 0.0  #: Probability and weight of the model whose joints are coupled [1].
     tied: "Estimate | None" = None  #: That model, without laws; None where it counts nothing.
-    #: All of it by one prior and by another, and how likely each is; empty where one stands for both.
+    #: All of it by one prior and by another, each with its probability as widths count it; empty of one.
     parts: "tuple[tuple[float, Estimate], ...]" = ()
 
 

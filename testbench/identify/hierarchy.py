@@ -169,8 +169,8 @@ def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Bel
         widths: Whether intervals or doubts are asked for; else what the dataset leaves open stays unknown.
 
     Returns:
-        The metric with the scale of every block, how firmly each entry is believed, and by how much the
-        parameters move with the hyperparameters.
+        The metric with the scale of every block, how firmly each entry is believed, how unsure that is, and
+        by how much the parameters move with the hyperparameters.
 
     Raises:
         BenchError: When the data want a common scale of the prior that is not above 0.
@@ -199,9 +199,9 @@ def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Bel
         return belief
     root = Q / np.sqrt(values)
     moves = (seen.metric.L @ J[:, :m] @ root).T
-    if regression.wander is not None:
-        moves = np.vstack([moves, regression.wander])
-    return replace(belief, moves=moves, scales=_scales(seen, h, root @ root.T))
+    # of a size d whose logarithm is normal of variance v the mean of d^2 is exp(2 v) times its median
+    unsure = np.exp(((seen.problem.drawn[:, :m] @ root) ** 2).sum(axis=1))
+    return replace(belief, moves=moves, unsure=unsure, scales=_scales(seen, h, root @ root.T))
 
 
 def _log_evidence(seen: Evidence, loss: float, values: Array) -> float:
@@ -237,7 +237,7 @@ def log_evidence_alone(regression: Regression, metric: Metric) -> tuple[float, B
     h = greatest(problem, np.zeros(1))
     size = 2 * n * math.log(ALONE) + math.log(metric.expected @ metric.expected / ALONE**2)
     kappa = math.exp(h[0])
-    return -posterior(problem, h).loss - size / 2, Belief(metric, Strength(LOOSE / kappa))
+    return -posterior(problem, h).loss - size / 2, Belief(metric, Strength(LOOSE / kappa), misfit=kappa)
 
 
 def _scales(seen: Evidence, h: Array, covariance: Array) -> tuple[Scale, ...]:

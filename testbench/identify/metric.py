@@ -121,6 +121,9 @@ class Belief:
     #: By how much the parameters move with what is left open of the prior, a standard deviation a row,
     #: (k, n); None where the prior is not learnt from the readings.
     moves: Array | None = None
+    #: Root of the mean square of an entry's size over the one of `strength`, as the readings tell sizes only
+    #: roughly, (n,) [1]; None where the prior is not learnt from the readings.
+    unsure: Array | None = None
     scales: tuple[Scale, ...] = ()  #: What the readings say of the prior's scales.
     #: Logarithm of the density of the readings, but for what all models share; None where nobody asks.
     log_evidence: float | None = None

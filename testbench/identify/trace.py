@@ -9,9 +9,10 @@ As chi^2 = N F_M^2 for N points, the least F_M + w tr C is the least chi^2 / 2 +
 l = w N F_M: the most probable model of normal noise, where every link has the prior density exp(-l tr C),
 of a matrix C of order m with the mean (m + 1) / (2 l) along every axis (maximum a posteriori).
 
-The readings teach l: poses are held out in turn, the mean F_M there is compared, and of the weights whose
-error is within one standard error of the least, pose by pose, the strongest is taken (Breiman, Friedman,
-Olshen, Stone 1984). One reduction serves all folds and weights.
+The readings teach l: poses are held out in turn, and the strongest weight is taken whose F_M there is not
+larger than the least by more than chance: Student's paired test of the logarithms, pose by pose, at 5 %. The
+strongest of all leaves links straight, joint stiffness only. So a link may bend only where readings held out
+ask for it. One reduction serves all folds and weights.
 """
 
 import math
@@ -20,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import nnls
+from scipy.special import stdtrit
 
 from testbench.errors import Array
 from testbench.identify import batch
@@ -27,13 +29,20 @@ from testbench.identify.certify import scaled_units
 from testbench.identify.crossval import grams, paired
 from testbench.identify.estimate import Penalty
 from testbench.identify.fold import Parts
+from testbench.identify.interior import TINY
 from testbench.identify.regression import Regression
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
 OF_A_JOINT = 1e-6  #: Price of a joint over that of a link: it holds what no reading shows at zero.
 RANK = 1e-12  #: Least eigenvalue of a Gram matrix, over the largest, that is no rounding.
-RATIO, WEIGHTS = 4.0, 7  #: Between neighbours of the weights that are tried; how many these are.
+RATIO, WEIGHTS = 5.0, 6  #: Between neighbours of the weights that are tried; how many these are.
+SURE = 0.95
+"""Probability with which a weaker weight has to predict better what is held out.
+
+The bars are 1.05 times the better of joints alone and ridge in the median. On 40 arms a kind that this was
+chosen by (`kr500_l480`, seeds 300000 to 300039) one standard error of F_M itself misses it on coupled links
+(1.08), and where their joints have friction and backlash too (1.13); this keeps to it on all twelve kinds."""
 
 
 def weighed(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
@@ -73,7 +82,9 @@ def learnt(vjm: Vjm, parts: Parts | Regression) -> Penalty | None:
     """
     one = weighed(vjm, parts.structure, 1.0)
     s, folds = one.structure, grams(parts, block_diag(one.lift, np.eye(1)))
-    strongest = _straight(s, folds.total)
+    G = np.concatenate([[folds.total], folds.total - folds.out])
+    straight = np.array([_joints(s, own) for own in G])
+    strongest = _rate(s, folds.total, straight[0])
     if not (s.whole and strongest > 0 and folds.total[-1, -1] > 0):
         return None
     weights = strongest * RATIO ** -np.arange(float(WEIGHTS))
@@ -83,7 +94,6 @@ def learnt(vjm: Vjm, parts: Parts | Regression) -> Penalty | None:
     size[s.a[diagonal]] = np.sqrt(np.diag(folds.total)[:-1][diagonal])
     d = 1 / np.sqrt(size + weights[WEIGHTS // 2] / unit * one.metric)
     scale = (d[s.a] * d[s.b])[order] * np.where(s.mirrored[order], math.sqrt(0.5), 1.0)
-    G = np.concatenate([[folds.total], folds.total - folds.out])
     problems = batch.Problems(
         R=_roots(G[:, order][:, :, order] * np.outer(scale, scale)),
         g=G[:, order, -1] * scale / unit,
@@ -91,15 +101,17 @@ def learnt(vjm: Vjm, parts: Parts | Regression) -> Penalty | None:
         c=one.price[order] * scale / unit,
         sizes=tuple(len(block) for block in s.blocks),
     )
-    x, freedom = batch.solve(problems, weights)
-    found = np.empty((*x.shape[:2], s.n))
-    found[..., order] = x * scale * unit
+    x, freedom = batch.solve(problems, weights[1:])
+    found = np.empty((len(G), WEIGHTS, s.n))
+    found[:, 0], found[:, 1:, order] = straight, x * scale * unit
+    weights[0] *= RATIO  # so that no rounding bends a link
     left = _squares(folds.total, found[0])
     if len(folds.out):
         held = np.array([_squares(out, own) for out, own in zip(folds.out, found[1:], strict=True)])
         k = _strongest(np.sqrt(held / (folds.equations[:, None] / 3)))
     else:
-        k = int(np.nanargmin(left / (folds.every - freedom[0]) ** 2))
+        spent = np.r_[np.count_nonzero(straight[0]), freedom[0]]
+        k = int(np.nanargmin(left / (folds.every - spent) ** 2))
     return replace(one, weight=float(weights[k] * folds.terms / math.sqrt(left[k] * folds.every / 3)))
 
 
@@ -111,8 +123,8 @@ def _roots(H: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))
 
 
-def _straight(s: Structure, gram: Array) -> float:
-    """Least rate l that holds all links straight beside the best joints."""
+def _joints(s: Structure, gram: Array) -> Array:
+    """Joint stiffness only by least squares, none negative, (n,)."""
     joints = np.flatnonzero(s.a >= 6 * s.links)
     joints = joints[np.diag(gram)[joints] > 0]
     pi, H, g = np.zeros(s.n), gram[:-1, :-1], gram[:-1, -1]
@@ -123,7 +135,12 @@ def _straight(s: Structure, gram: Array) -> float:
         root = np.sqrt(values[kept])[:, None] * Q[:, kept].T
         aim = Q[:, kept].T @ (unit * g[joints]) / np.sqrt(values[kept])
         pi[joints] = unit * nnls(root, aim)[0]
-    units = scaled_units(s)
+    return pi
+
+
+def _rate(s: Structure, gram: Array, pi: Array) -> float:
+    """Least rate l that holds all links straight beside the best joints, (n,)."""
+    H, g, units = gram[:-1, :-1], gram[:-1, -1], scaled_units(s)
     S = s.gradient(H @ pi - g) * np.outer(units, units)
     links = [block for block in s.blocks if block[0] < 6 * s.links]
     return max((-float(np.linalg.eigvalsh(S[np.ix_(b, b)])[0]) for b in links), default=0.0)
@@ -136,12 +153,12 @@ def _squares(gram: Array, pi: Array) -> Array:
 
 
 def _strongest(errors: Array) -> int:
-    """Place of the strongest weight that errs by one standard error more than the best, (folds, weights)."""
-    errors = np.where(np.isfinite(errors).all(axis=0), errors, np.inf)
-    best = int(errors.mean(axis=0).argmin())
+    """Place of the strongest weight that errs no more than the best but by chance, (folds, weights)."""
+    logs = np.log(np.where(np.isfinite(errors).all(axis=0), np.maximum(errors, TINY), np.inf))
+    best, chance = int(logs.mean(axis=0).argmin()), stdtrit(max(1, len(logs) - 1), SURE)
     for k in range(best):
-        if np.isfinite(errors[0, k]):
-            more, error = paired(errors[:, k] - errors[:, best])
-            if more <= error:
+        if np.isfinite(logs[0, k]):
+            more, error = paired(logs[:, k] - logs[:, best])
+            if more <= chance * error:
                 return k
     return best

@@ -18,6 +18,7 @@ from testbench.correct.rest import put
 from testbench.data.dataset import in_order
 from testbench.identify import gco, intervals, least_squares, robust, with_prior
 from testbench.identify.arm_model import of_estimate
+from testbench.identify.estimate import Average
 from testbench.identify.fold import reduce
 from testbench.identify.hierarchy import LAW, evidence
 from testbench.identify.metric import metric
@@ -183,7 +184,7 @@ def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campa
     lawful_, whole, w, s = own.average.lawful, own.average.whole, 0.4, own.structure
     pi = w * lawful_.pi
     pi[s.a < s.plain] += (1 - w) * whole.pi
-    average = replace(own.average, weight=0.0, laws=w, likely=w)
+    average = Average(0.0, whole, laws=w, likely=w, lawful=lawful_)
     mean = replace(own, pi=pi, C_theta=s.matrix(pi), average=average)
     *both, found = (deflections(kr500.vjm, e, truth) for e in (lawful_, whole, mean))
     np.testing.assert_allclose(found, w * both[0] + (1 - w) * both[1], rtol=0, atol=1e-12)
