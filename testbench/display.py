@@ -1,13 +1,13 @@
-"""How the types of `import testbench` show themselves: a line in a shell, a small table in a notebook."""
+"""Display of public types: one line in a shell, a small table in a notebook."""
 
 from html import escape
 
 
 class Displayed:
-    """A type that says what it is in a few words; a dataclass of it has `repr=False`."""
+    """Give a type a repr of one line and an HTML table, both from `about`; its dataclass has `repr=False`."""
 
     def about(self) -> dict[str, object]:
-        """What a reader wants to know of it, by name."""
+        """Return what a reader wants to know of the object, by name."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
@@ -16,7 +16,7 @@ class Displayed:
         )
 
     def _repr_html_(self) -> str:
-        """For a notebook."""
+        """Render the table for a notebook."""
         rows = "".join(
             f"<tr><th>{escape(name.replace('_', ' '))}</th><td>{escape(str(value))}</td></tr>"
             for name, value in self.about().items()

@@ -1,4 +1,7 @@
-"""What can go wrong, as few exception types as a caller can tell apart."""
+"""Exceptions and checks that all rooms share: few exception types; arrays checked for shape and finiteness.
+
+Readers of user files open them here, so that devices, pipes and oversized files are refused in one place.
+"""
 
 import contextlib
 import math
@@ -17,17 +20,23 @@ Ids = npt.NDArray[np.int_]
 Mask = npt.NDArray[np.bool_]
 
 MAX_MESSAGE = 2000
-"""Longest message about a file [characters]: a file of garbage is not repeated to its owner."""
+"""Longest message about a file [characters]: a file of garbage is not repeated."""
 
 SPREADSHEETS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 PLAIN = "expected a file, got a folder or a device"
 
 
 def shown(text: str) -> str:
-    """A stranger's text for people: one line, without what steers a terminal or turns the order of letters.
+    """Make a text from outside safe to show: one line, without control of the terminal or of text direction.
 
-    Blanks and ends of lines of any kind are a blank; every other character that prints nothing is replaced,
-    so also half of a surrogate pair, which stands for a byte of a file's name that is no text.
+    Blanks and line ends of any kind become a blank. Every other character that does not print is replaced,
+    also half of a surrogate pair, which stands for a byte of a file's name that is no text.
+
+    Args:
+        text: Any text.
+
+    Returns:
+        A printable text of one line.
     """
     if text.isprintable():
         return text
@@ -36,13 +45,27 @@ def shown(text: str) -> str:
 
 
 def word(path: Path) -> str:
-    """A path as a word of a command line that people copy: quoted for the shell, and no flag."""
+    """Quote a path as a word of a command line that people copy: for the shell, and never taken for a flag.
+
+    Args:
+        path: Any path.
+
+    Returns:
+        The quoted text.
+    """
     text = str(path)
     return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
 def sheet_of(path: Path) -> tuple[Path, str]:
-    """A file, and the sheet of it that FILE.xlsx#SHEET means; "" where none is said."""
+    """Split FILE.xlsx#SHEET into the file and the name of its sheet.
+
+    Args:
+        path: Path of a file, or of a sheet of a spreadsheet.
+
+    Returns:
+        The file, and the sheet's name; "" where none is named.
+    """
     file, mark, sheet = path.name.partition("#")
     if mark and sheet and file.lower().endswith(SPREADSHEETS):
         return path.with_name(file), sheet
@@ -50,27 +73,42 @@ def sheet_of(path: Path) -> tuple[Path, str]:
 
 
 def stem_of(path: Path) -> str:
-    """What readings are called after their file: its name without what stands for its form, and the sheet."""
+    """Name readings after their file: its name without the suffix, and the sheet if one is named.
+
+    Args:
+        path: Path of a file, or of a sheet of a spreadsheet.
+
+    Returns:
+        The name.
+    """
     file, sheet = sheet_of(path)
     return f"{file.stem} {sheet}".strip()
 
 
 def cut(text: str, most: int) -> str:
-    """A text of at most so many characters; dots stand for the rest."""
+    """Shorten a text; three dots stand for the rest.
+
+    Args:
+        text: Any text.
+        most: Largest number of characters of the result, 3 or more.
+
+    Returns:
+        The text, unchanged if it is short enough.
+    """
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 class BenchError(Exception):
-    """Anything that the user can mend; the command line prints it as one line and exits with 2."""
+    """Signal an error that the user can fix; the command line prints it as one line and exits with code 2."""
 
 
 class InputError(BenchError):
-    """A file that a user handed in is wrong.
+    """Signal a wrong file of the user; the message names file, place and problem.
 
     Args:
         file: The file at fault.
-        place: Where in the file: a line, a key, an element.
-        problem: What was expected, what was found.
+        place: Where in the file: a line, a key, an element; "" for the whole file.
+        problem: What was expected, and what was found.
     """
 
     def __init__(self, file: Path, place: str, problem: str) -> None:
@@ -80,24 +118,27 @@ class InputError(BenchError):
 
 
 class Interrupted(BenchError):
-    """Ctrl-C; says what is kept."""
+    """Signal that the user pressed Ctrl-C; the message says what is kept."""
 
 
 class NoEquilibrium(BenchError):
-    """The arm has no static equilibrium that Newton could find: too soft, or buckled."""
+    """Signal that no static equilibrium was found: the arm is too soft for its load, or buckles."""
 
 
 class PoseError(BenchError):
-    """A pose that the arm cannot take: outside its limits or in collision."""
+    """Signal a pose that the arm cannot take: outside its limits or in collision."""
 
 
 @contextlib.contextmanager
 def open_file(path: Path, max_bytes: int) -> Iterator[BufferedReader]:
-    """A file that a user handed in, to be read; no device, pipe or folder, which may have no end.
+    """Open a file of the user for reading; a device, pipe or folder is refused, because it may have no end.
 
     Args:
         path: The file, or a sheet of it.
         max_bytes: Largest size that is read [byte].
+
+    Yields:
+        The open file, at its beginning.
 
     Raises:
         InputError: When it is missing, no plain file, too large, or cannot be read in the block.
@@ -125,7 +166,7 @@ def _unreadable(path: Path, err: OSError | ValueError) -> InputError:
 
 
 def _at_once(path: str, flags: int) -> int:
-    """Open without waiting for somebody who writes into a pipe; a device is not opened: some act on it."""
+    """Open without waiting for a writer of a pipe; a device is not opened, because opening acts on some."""
     mode = os.stat(path).st_mode  # noqa: PTH116 - links are followed, as by open
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise IsADirectoryError
@@ -133,7 +174,18 @@ def _at_once(path: str, flags: int) -> int:
 
 
 def read_bytes(path: Path, max_bytes: int) -> bytes:
-    """The content of a file that a user handed in; raises what `open_file` raises."""
+    """Read the content of a file of the user.
+
+    Args:
+        path: The file, or a sheet of it.
+        max_bytes: Largest size that is read [byte].
+
+    Returns:
+        Its bytes.
+
+    Raises:
+        InputError: When it is missing, no plain file, too large, or grows while it is read.
+    """
     with open_file(path, max_bytes) as file:
         size = os.fstat(file.fileno()).st_size
         content = file.read(size + 1)
@@ -143,7 +195,18 @@ def read_bytes(path: Path, max_bytes: int) -> bytes:
 
 
 def read_text(path: Path, max_bytes: int) -> str:
-    """The text of such a file without its byte order mark; InputError also when it is not UTF-8."""
+    """Read the text of a file of the user, without its byte order mark.
+
+    Args:
+        path: The file.
+        max_bytes: Largest size that is read [byte].
+
+    Returns:
+        Its text.
+
+    Raises:
+        InputError: When it cannot be read as by `read_bytes`, or is not UTF-8.
+    """
     try:
         return read_bytes(path, max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as err:
@@ -151,18 +214,30 @@ def read_text(path: Path, max_bytes: int) -> str:
 
 
 def check_least(value: float, what: str, least: float = 0.0) -> None:
-    """Refuse a number below the least one, a NaN or infinity with a BenchError."""
+    """Refuse a number that is below a bound, NaN or infinite.
+
+    Args:
+        value: The number.
+        what: Name and unit of the quantity, for the message.
+        least: Least value that is allowed.
+
+    Raises:
+        BenchError: When the number is refused.
+    """
     if not least <= value < math.inf:
         raise BenchError(f"{what}: expected a finite number of at least {least:g}, got {value}")
 
 
 def check_array(value: object, shape: tuple[int | None, ...], what: str) -> Array:
-    """The value as a finite float64 array of the given shape.
+    """Convert a value to a float64 array, and check its shape and that it is finite.
 
     Args:
         value: Anything that numpy can read.
         shape: Expected shape; None admits any length of that axis.
         what: Name and unit of the quantity, for the message.
+
+    Returns:
+        The array, with the given shape.
 
     Raises:
         BenchError: When it is not numeric, has another shape or is not finite.

@@ -1,4 +1,4 @@
-"""TOML and XML as people hand them in: well-formed, without what may reach elsewhere; strict models."""
+"""TOML and XML of users: parsed if well-formed, without references to the outside; strict data models."""
 
 import os
 import tomllib
@@ -14,17 +14,18 @@ from testbench.errors import InputError
 
 
 class Strict(BaseModel):
-    """Tables with these keys and no other, numbers that are finite, nothing converted."""
+    """Base of data models that admit their keys alone and finite numbers, and convert nothing."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-SHOWN = 80  #: Characters of a name or value that a message repeats.
+SHOWN = 80  #: Most characters of a name or value that a message repeats.
 UNFIT = "=+-@'"
-"""What no name begins with: spreadsheets compute such a cell, and commands take it for a flag."""
+"""Characters that no name begins with: spreadsheets compute such a cell, and commands take it for a flag."""
 
 
 def _fit(name: str) -> str:
+    """Refuse a name that does not print, has blanks at an end, or begins with a character of `UNFIT`."""
     if not name.isprintable() or name != name.strip() or name[0] in UNFIT:
         problem = "expected characters that print, no blank at either end, the first none of {unfit}"
         raise PydanticCustomError("name", problem, {"unfit": " ".join(UNFIT)})
@@ -32,11 +33,19 @@ def _fit(name: str) -> str:
 
 
 Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_fit)]
-"""Of a body, joint or marker: letters of any script, and whatever else is seen."""
+"""Name of a body, joint or marker: 1 to 64 printing characters of any script."""
 
 
 def inside(folder: Path, file: Path) -> Path | None:
-    """A file of a folder, symbolic links followed; None where it lies elsewhere."""
+    """Resolve a file of a folder, symbolic links followed.
+
+    Args:
+        folder: The folder.
+        file: Path of the file from the folder.
+
+    Returns:
+        The real path; None where it lies outside the folder or cannot be a path.
+    """
     home = os.path.realpath(folder)
     try:
         real = Path(os.path.realpath(Path(home) / file))
@@ -46,14 +55,29 @@ def inside(folder: Path, file: Path) -> Path | None:
 
 
 def unique(name: str, taken: Container[str]) -> str:
-    """A name that nothing else has: underscores are put behind it."""
+    """Make a name that is not taken, by appending underscores.
+
+    Args:
+        name: Name to begin with.
+        taken: Names in use.
+
+    Returns:
+        The name, unchanged if it is free.
+    """
     while name in taken:
         name += "_"
     return name
 
 
 def parse_toml(path: Path, text: str) -> dict[str, object]:
-    """The tables of a file's text.
+    """Parse the text of a TOML file.
+
+    Args:
+        path: The file, for messages.
+        text: Its text.
+
+    Returns:
+        Its tables and values by key.
 
     Raises:
         InputError: When it is not TOML.
@@ -65,14 +89,18 @@ def parse_toml(path: Path, text: str) -> dict[str, object]:
 
 
 def parse_xml(path: Path, text: str) -> ET.Element:
-    """Parse a file's text.
+    """Parse the text of an XML file.
+
+    Args:
+        path: The file, for messages.
+        text: Its text.
 
     Returns:
         Its root element.
 
     Raises:
-        InputError: When it is not well-formed, defines entities, or has a number that is none: MuJoCo would
-            print a warning of it, and write that into a file.
+        InputError: When it is not well-formed, defines entities, or has an attribute that contains nan:
+            MuJoCo would print a warning, and write it into a file.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError(path, "", "document types and entities are not allowed")
@@ -88,6 +116,6 @@ def parse_xml(path: Path, text: str) -> ET.Element:
 
 
 def place_of(e: ET.Element) -> str:
-    """Name an element of XML for a message: its tag and its name."""
+    """Name an XML element for a message, by its tag and name attribute."""
     name = e.get("name", "")[:SHOWN]
     return f"<{e.tag} name={name!r}>" if name else f"<{e.tag}>"

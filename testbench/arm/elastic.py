@@ -1,4 +1,7 @@
-"""elastic.toml as a document: every number with its unit, its origin and a note."""
+"""The data model of elastic.toml: every number with its unit, its origin and a note.
+
+`read_elastic` checks all that can be checked without the MJCF; `folder.load_arm` checks the rest.
+"""
 
 from pathlib import Path
 from typing import Annotated, Generic, Literal, TypeVar
@@ -11,11 +14,11 @@ from testbench.arm.lines import toml_place
 from testbench.arm.stiffness import COMPLIANCE_RANGE
 from testbench.errors import Array, InputError, read_text
 
-MAX_TOML_BYTES = 100_000
+MAX_TOML_BYTES = 100_000  #: Largest size of elastic.toml [byte].
 MAX_DOTS = 200
-"""Dots in one line of elastic.toml: the time that tomllib takes grows with the square of a dotted key."""
+"""Most dots in one line of elastic.toml: tomllib's time grows with the square of a dotted key's length."""
 PAYLOAD_RANGE = 1e-3, 1e4
-"""Masses that can hang from an arm [kg]; beyond it a unit is wrong."""
+"""Least and largest payload of an arm [kg]; beyond it a unit is wrong."""
 
 COMPENSATOR_RANGES = {
     "foot": (-100.0, 100.0),
@@ -23,10 +26,10 @@ COMPENSATOR_RANGES = {
     "rate": (0.0, 1e9),
     "rest_length": (0.0, 100.0),
 }
-"""Of what is said of a compensator [m, N/m]."""
+"""Least and largest value of each quantity of a compensator [m, N/m]."""
 
 Origin = Literal["published", "inferred", "assumed", "estimated"]
-
+"""Origin of a number in elastic.toml."""
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Value = TypeVar("Value")
@@ -34,7 +37,7 @@ Unit = TypeVar("Unit")
 
 
 class Quantity(Strict, Generic[Value, Unit]):
-    """A number and where it comes from."""
+    """Hold a number with its unit, its origin and a note."""
 
     value: Value
     origin: Origin
@@ -46,7 +49,7 @@ Metre = Quantity[float, Literal["m"]]
 
 
 class TubeEntry(Strict):
-    """A straight hollow circular beam."""
+    """Describe a straight hollow circular beam."""
 
     length: Metre
     outer_diameter: Metre
@@ -56,7 +59,7 @@ class TubeEntry(Strict):
 
 
 class LinkEntry(Strict):
-    """A link: its body, its beam axes, and a tube or a compliance."""
+    """Describe a link: its body, its beam axes, and either a tube or a compliance."""
 
     name: Name
     axis: Vector
@@ -66,14 +69,14 @@ class LinkEntry(Strict):
 
 
 class JointEntry(Strict):
-    """An actuated joint."""
+    """Describe an actuated joint and its compliance."""
 
     name: Name
     compliance: Quantity[float, Literal["rad/(N m)", "m/N"]]
 
 
 class CompensatorEntry(Strict):
-    """A spring that helps joint 2: gas or coils between points of link 1 and link 2."""
+    """Describe a gas or coil spring between points of link 1 and link 2 that helps joint 2."""
 
     foot: Quantity[Vector, Literal["m"]]
     head: Quantity[Vector, Literal["m"]]
@@ -82,14 +85,14 @@ class CompensatorEntry(Strict):
 
 
 class Elastic(Strict):
-    """The whole file."""
+    """Describe the whole file elastic.toml."""
 
     format: Literal[1]
     title: str
     tool: Name
     load: Name
     markers: list[Name] = Field(min_length=1)
-    #: Which of tool, load point and markers are where nobody has confirmed them.
+    #: Names out of tool, load point and markers whose positions are not confirmed yet.
     to_confirm: list[Name] = Field(default_factory=list)
     payload: Quantity[float, Literal["kg"]] | None = None
     compensator: CompensatorEntry | None = None
@@ -103,8 +106,15 @@ class Elastic(Strict):
 def read_elastic(path: Path) -> Elastic:
     """Read elastic.toml and check what can be checked without the arm's MJCF.
 
+    Args:
+        path: The file.
+
+    Returns:
+        Its content.
+
     Raises:
-        InputError: Names the place and what was expected.
+        InputError: When the file cannot be read, is not TOML, or a value is wrong; the message names the
+            place.
     """
     text = read_text(path, MAX_TOML_BYTES)
     for number, line in enumerate(text.split("\n"), start=1):
@@ -151,15 +161,33 @@ def _check_range(path: Path, place: str, value: float, unit: str, span: tuple[fl
 
 
 def link_place(path: Path, index: int, link: LinkEntry, *keys: str) -> str:
-    """Where a link, or a value of it, stands; with its name."""
+    """Name the place of a link, or of a value of it, for a message.
+
+    Args:
+        path: The file elastic.toml.
+        index: Index of the link, from 0.
+        link: The link, for its name.
+        *keys: Keys inside the link's table that lead to the value.
+
+    Returns:
+        Line, column, keys and name of the link.
+    """
     return f"{toml_place(path, ['link', index, *keys])} ({link.name})"
 
 
 def beam_frame(path: Path, index: int, link: LinkEntry) -> Array:
-    """Beam axes x, y, z as columns, (3, 3), from axis and normal.
+    """Compute the beam axes of a link from its axis and normal, exactly orthonormal.
+
+    Args:
+        path: The file elastic.toml, for messages.
+        index: Index of the link, from 0.
+        link: The link with its axis x and normal y.
+
+    Returns:
+        Beam axes x, y and z = x cross y as columns, in the body's axes, (3, 3) [1].
 
     Raises:
-        InputError: When they are no unit vectors at right angles.
+        InputError: When axis and normal are not unit vectors at right angles within 1e-6.
     """
     x, y = np.array(link.axis), np.array(link.normal)
     orthonormal = max(abs(x).max(), abs(y).max()) < 2 and np.allclose(
@@ -168,6 +196,7 @@ def beam_frame(path: Path, index: int, link: LinkEntry) -> Array:
     if not orthonormal:
         problem = f"expected unit vectors at right angles, got {link.axis} and {link.normal}"
         raise InputError(path, link_place(path, index, link, "axis"), f"axis and normal: {problem}")
+    # Gram and Schmidt
     x = x / np.linalg.norm(x)  # written to six digits or more; exact from here on
     y = y - (x @ y) * x
     y = y / np.linalg.norm(y)

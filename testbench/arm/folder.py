@@ -1,7 +1,7 @@
 """The description of an arm that truth and model share: names, limits, frames, compliances.
 
-An arm is a folder: `rigid.xml` (MJCF: kinematics, masses, geometry) and `elastic.toml` (which body is
-which link, and the true compliances, each number with its unit and origin).
+An arm is a folder with `rigid.xml` (MJCF: kinematics, masses, geometry) and `elastic.toml` (which body is
+which link, and the true compliances, each number with its unit and origin). `load_arm` reads it.
 """
 
 import math
@@ -35,11 +35,17 @@ from testbench.errors import (
 
 PACKAGE = Path(__file__).resolve().parents[1]
 FOLDERS = (PACKAGE / "models", PACKAGE.parent / "models")
-"""Where they are: a wheel brings them inside the package."""
+"""Folders of the arms that come with testbench: a wheel has them inside the package."""
 
 
 def find_arm(name: str | Path) -> Path:
-    """The folder of an arm, by its path or the name of one that comes with testbench; it is not read.
+    """Find the folder of an arm, without reading it.
+
+    Args:
+        name: Path of the folder, or name of an arm that comes with testbench.
+
+    Returns:
+        The folder.
 
     Raises:
         InputError: When there is neither.
@@ -55,18 +61,19 @@ def find_arm(name: str | Path) -> Path:
 
 @dataclass(frozen=True)
 class Link:
-    """An elastic link; its virtual joint sits at its end, directly before the next joint (Eq. 1)."""
+    """Describe an elastic link; its virtual joint sits at its end, directly before the next joint (Eq. 1)."""
 
-    name: str  #: Its body in rigid.xml.
+    name: str  #: Name of its body in rigid.xml.
     frame: Array  #: Beam axes x, y, z as columns, in the body's axes, (3, 3) [1].
-    compliance: Array  #: True compliance in the beam frame at the link's end, (6, 6) [m/N, rad/(N m)].
+    #: True compliance in the beam frame at the link's end, (6, 6) [m/N, rad/N, rad/(N m)].
+    compliance: Array
 
 
 @dataclass(frozen=True)
 class Joint:
-    """An actuated joint with a spring beside it: a hinge, or a slide."""
+    """Describe an actuated joint, a hinge or a slide, with its spring in series."""
 
-    name: str  #: The hinge or slide in rigid.xml.
+    name: str  #: Name of the hinge or slide in rigid.xml.
     lower: float  #: Lower limit [rad, m].
     upper: float  #: Upper limit [rad, m].
     compliance: float  #: True compliance [rad/(N m), m/N].
@@ -74,42 +81,43 @@ class Joint:
 
     @property
     def unit(self) -> Literal["rad", "m"]:
-        """Unit of its coordinate."""
+        """Return the unit of its coordinate, rad or m."""
         return "m" if self.prismatic else "rad"
 
     @property
     def column(self) -> str:
-        """Name of its column in a file, such as joint_2_rad."""
+        """Name its column in a file, such as joint_2_rad."""
         return f"{self.name}_{self.unit}"
 
     @property
     def shown_unit(self) -> Literal["deg", "mm"]:
-        """Unit in which people read its coordinate."""
+        """Return the unit in which people read its coordinate, deg or mm."""
         return "mm" if self.prismatic else "deg"
 
     @property
     def shown_column(self) -> str:
-        """Name of a column in that unit, such as joint_2_deg."""
+        """Name a column in the unit that people read, such as joint_2_deg."""
         return f"{self.name}_{self.shown_unit}"
 
     @property
     def shown(self) -> float:
-        """So many of these in one of its unit."""
+        """Return the factor from its SI unit to the unit that people read, deg per rad or mm per m."""
         return 1e3 if self.prismatic else 180 / math.pi
 
 
 @dataclass(frozen=True)
 class Compensator:
-    """A spring from link 1 to link 2 that helps joint 2 to carry the arm."""
+    """Describe a spring from link 1 to link 2 that helps joint 2 to carry the arm."""
 
-    foot: Sequence[float]  #: Where it is hinged on link 1, in that body's axes, (3,) [m].
-    head: Sequence[float]  #: Where it is hinged on link 2, in that body's axes, (3,) [m].
+    foot: Sequence[float]  #: Hinge point on link 1, in that body's frame, (3,) [m].
+    head: Sequence[float]  #: Hinge point on link 2, in that body's frame, (3,) [m].
     rate: float  #: Change of force over change of length as joint 2 turns [N/m].
     rest_length: float  #: Length without force [m].
     #: Change of force over change of length as the true arm deflects [N/m]; None for the rate.
     stiffness: float | None = None
 
     def __post_init__(self) -> None:
+        """Refuse points of another shape, and negative or infinite numbers, by BenchError."""
         for name in ("foot", "head"):
             check_array(getattr(self, name), (3,), f"{name} of the compensator [m]")
         for name in ("rate", "rest_length", "stiffness"):
@@ -119,39 +127,43 @@ class Compensator:
 
 @dataclass(frozen=True, repr=False)
 class Arm(Displayed):
-    """A serial arm of n actuated joints and n + 1 elastic links."""
+    """Describe a serial arm of n actuated joints and n + 1 elastic links."""
 
-    name: str  #: The folder's name.
-    title: str  #: For people.
+    name: str  #: Name of the folder.
+    title: str  #: Title for people.
     rigid: Path  #: Path of the rigid MJCF.
     links: tuple[Link, ...]  #: From the base to the flange, n + 1.
     joints: tuple[Joint, ...]  #: From the base to the flange, n.
     tool: str  #: Body of the tool's centre point, a child of the last link.
-    load: str  #: Body at whose origin a hung weight acts.
-    markers: tuple[str, ...]  #: Bodies that the tracker reads.
+    load: str  #: Body at whose origin a hung weight acts: the load point.
+    markers: tuple[str, ...]  #: Bodies that the tracker reads, the markers.
     payload: float | None = None  #: Rated payload [kg]; None where elastic.toml states none.
     compensator: Compensator | None = None  #: Beside joint 2; None where elastic.toml states none.
-    #: What its joints are in those of files; None where they are the same.
+    #: Map from file joints to its joints; None where they are the same.
     joint_map: JointMap | None = None
 
     def about(self) -> dict[str, object]:
-        """Name, joints, markers and payload."""
+        """Summarise the arm by name, joints, markers and rated payload."""
         own = {"name": self.name, "joints": self.n_joints, "markers": " ".join(self.markers)}
         return own | ({} if self.payload is None else {"payload_kg": self.payload})
 
     @property
     def n_joints(self) -> int:
-        """Number of actuated joints, n."""
+        """Return the number of actuated joints, n."""
         return len(self.joints)
 
     @property
     def n_theta(self) -> int:
-        """Number of virtual joint coordinates: 6 a link, then 1 a joint; 48 for six joints."""
+        """Return the number of virtual joints, 7 n + 6: six per link, then one per joint; 48 for n = 6."""
         return 6 * len(self.links) + len(self.joints)
 
     @property
     def C_theta(self) -> Array:
-        """True aggregated joint compliance, block diagonal, (n_theta, n_theta), Eq. (17)."""
+        """Assemble the true aggregated joint compliance of Eq. (6), block diagonal.
+
+        Its shape is (n_theta, n_theta) [m/N, rad/N, rad/(N m)]: a 6x6 block per link, then one entry per
+        joint.
+        """
         C = np.zeros((self.n_theta, self.n_theta))
         for i, link in enumerate(self.links):
             C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = link.compliance
@@ -161,7 +173,10 @@ class Arm(Displayed):
 
     @property
     def file_joints(self) -> tuple[Joint, ...]:
-        """The joints of files, programs and pendants, m of them, without compliance; else `joints`."""
+        """Return the joints as files, programs and pendants count them, m of them.
+
+        Without a joint map they are `joints`. With one their compliance is NaN.
+        """
         if self.joint_map is None:
             return self.joints
         ends = file_limits(self.joint_map, self.joints).T.tolist()
@@ -169,32 +184,75 @@ class Arm(Displayed):
         return tuple(Joint(name, low, high, math.nan, slides) for name, (low, high), slides in rows)
 
     def to_model(self, q: Array) -> Array:
-        """Joints of the chain from those of files, L q_file + q_0, (..., m) to (..., n) [rad, m]."""
+        """Convert file joints to chain joints, q = L q_file + q_0.
+
+        Args:
+            q: File joints, (..., m) [rad, m].
+
+        Returns:
+            Chain joints, (..., n) [rad, m].
+        """
         return q if self.joint_map is None else self.joint_map.to_model(q)
 
     def to_file(self, q: Array) -> Array:
-        """Joints of files from those of the chain, (..., n) to (..., m) [rad, m]."""
+        """Convert chain joints to file joints.
+
+        Args:
+            q: Chain joints, (..., n) [rad, m].
+
+        Returns:
+            File joints, (..., m) [rad, m].
+        """
         return q if self.joint_map is None else self.joint_map.to_file(q)
 
     def change_to_file(self, change: Array) -> Array:
-        """A change of file joints from that of the chain's joints, (..., n) to (..., m) [rad, m]."""
+        """Convert a change of chain joints to a change of file joints, without offsets.
+
+        Args:
+            change: Change of chain joints, (..., n) [rad, m].
+
+        Returns:
+            Change of file joints, (..., m) [rad, m].
+        """
         return change if self.joint_map is None else self.joint_map.change_to_file(change)
 
     @property
     def scale(self) -> Array:
-        """What makes file joints those that people read, deg of rad and mm of m, (m,)."""
+        """Return the factors from file joints in SI units to those that people read, (m,) [deg/rad, mm/m]."""
         return np.array([joint.shown for joint in self.file_joints])
 
     def shown(self, q: Array) -> Array:
-        """File joints as people read them, (..., n) [rad, m] of the chain to (..., m) [deg, mm]."""
+        """Convert chain joints to file joints in the units that people read.
+
+        Args:
+            q: Chain joints, (..., n) [rad, m].
+
+        Returns:
+            File joints, (..., m) [deg, mm].
+        """
         return self.scale * self.to_file(q)
 
     def from_shown(self, values: Array) -> Array:
-        """Joints of the chain from file joints as people write them, (..., m) [deg, mm] to (..., n)."""
+        """Convert file joints in the units that people write to chain joints.
+
+        Args:
+            values: File joints, (..., m) [deg, mm].
+
+        Returns:
+            Chain joints, (..., n) [rad, m].
+        """
         return self.to_model(values / self.scale)
 
     def room(self, q: Array) -> Array:
-        """How far each file joint alone is from where a joint of the chain ends, (poses, m) [deg, mm]."""
+        """Compute how far each file joint alone may move until a chain joint reaches its limit.
+
+        Args:
+            q: Chain joints, (poses, n) [rad, m].
+
+        Returns:
+            Distance to the nearest limit, negative beyond it, (poses, m) [deg, mm].
+        """
+        # slack of every chain joint; over |L| it is the way of a file joint that uses it up
         slack = np.minimum(q - self.limits[0], self.limits[1] - q)
         if self.joint_map is not None:
             L = np.abs(self.joint_map.L)
@@ -204,7 +262,14 @@ class Arm(Displayed):
         return np.asarray(self.scale * slack)
 
     def words(self, q: Array) -> str:
-        """A pose, (n,) [rad, m], for people: file joints in degrees, and millimetres where they slide."""
+        """Write a pose for people: file joints in degrees, and in millimetres where they slide.
+
+        Args:
+            q: Chain joints of one pose, (n,) [rad, m].
+
+        Returns:
+            The text, rounded to two decimals.
+        """
         values, joints = self.shown(q).round(2).tolist(), self.file_joints
         if not any(joint.prismatic for joint in joints):
             return f"{values} deg"
@@ -213,33 +278,57 @@ class Arm(Displayed):
 
     @property
     def limits(self) -> Array:
-        """Lower and upper joint limits, (2, n) [rad, m]."""
+        """Return lower and upper limits of the chain joints, (2, n) [rad, m]."""
         return np.array([[j.lower for j in self.joints], [j.upper for j in self.joints]])
 
     @property
     def moves(self) -> Array | None:
-        """How all joints move as the free ones do, (n, n); None where none follows others."""
+        """Return how all joints move with the free ones, (n, n) [1]; None where no joint follows others."""
         return None if self.joint_map is None or self.joint_map.square else self.joint_map.moves
 
     @property
     def turns(self) -> Mask:
-        """Hinges whose full turns leave the pose of the arm as it is, (n,): those that no joint follows."""
+        """Tell which hinges may turn by whole turns without changing the arm's pose, (n,).
+
+        These are the hinges that no other joint follows.
+        """
         hinges = np.array([not joint.prismatic for joint in self.joints], dtype=bool)
         return hinges if self.moves is None else hinges & (np.count_nonzero(self.moves, axis=0) == 1)
 
     def followed(self, q: Array) -> Array:
-        """Poses, (..., n) [rad, m], with joints that follow others where these bring them."""
+        """Move dependent joints to where the joints that they follow bring them.
+
+        Args:
+            q: Chain joints, (..., n) [rad, m].
+
+        Returns:
+            Chain joints, (..., n) [rad, m]; unchanged without dependent joints.
+        """
         return q if self.joint_map is None else self.joint_map.followed(q)
 
     def within(self, q: Array) -> Array:
-        """The nearest joints within the limits, (..., n) [rad, m]; those that follow others do so."""
+        """Clip joints to their limits, then move dependent joints to where the others bring them.
+
+        Args:
+            q: Chain joints, (..., n) [rad, m].
+
+        Returns:
+            Chain joints, (..., n) [rad, m].
+        """
         return self.followed(np.clip(q, *self.limits))
 
     def drawn(self, rng: np.random.Generator, count: int) -> Array:
-        """Poses drawn evenly over the joint limits, (count, n) [rad, m].
+        """Draw poses evenly over the joint limits.
+
+        Args:
+            rng: Source of the poses.
+            count: Number of poses.
+
+        Returns:
+            Chain joints, (count, n) [rad, m], all within the limits.
 
         Raises:
-            PoseError: When joints that follow others leave their limits in nearly all poses.
+            PoseError: When dependent joints leave their limits in nearly all poses.
         """
         lower, upper = self.limits
         q = self.followed(rng.uniform(lower, upper, (count, self.n_joints)))
@@ -257,23 +346,23 @@ KINDS = "hinge", "slide"
 COMPLIANCE_UNIT = "rad/(N m)", "m/N"
 """MJCF's types of joints, and the units of their compliances."""
 
-FARTHEST = 1000.0  #: No joint turns or slides farther [rad, m].
-LONGEST_TITLE = 200  #: Characters of a title.
-REDRAWN = 300  #: Times that poses beyond the limits of joints that follow others are drawn again.
-LONGEST = 3.0  #: No tube is longer than so many times the whole arm [1].
+FARTHEST = 1000.0  #: Largest joint limit or offset [rad, m].
+LONGEST_TITLE = 200  #: Most characters of a title.
+REDRAWN = 300  #: Most times that poses with a dependent joint beyond its limits are drawn again.
+LONGEST = 3.0  #: Largest length of a tube over that of the whole arm [1].
 
 
 def load_arm(folder: str | Path) -> Arm:
     """Read and check an arm's folder.
 
     Args:
-        folder: Holds rigid.xml and elastic.toml, or the name of an arm that comes with testbench.
+        folder: Folder with rigid.xml and elastic.toml, or the name of an arm that comes with testbench.
 
     Returns:
-        The arm, every body, joint and marker known to be in the MJCF and in chain order.
+        The arm; every body, joint and marker is in the MJCF, in the order of the chain.
 
     Raises:
-        InputError: Names the file, the place and what was expected.
+        InputError: When a file or a value is wrong; the message names file, place and what was expected.
     """
     folder = find_arm(folder)
     toml_path, rigid = folder / "elastic.toml", folder / "rigid.xml"
@@ -302,11 +391,11 @@ def load_arm(folder: str | Path) -> Arm:
     return _mapped(toml_path, elastic, arm)
 
 
-OFFSETS = "offset_deg", "offset_mm"  #: Keys of a row's offset, of a hinge and of a slide.
+OFFSETS = "offset_deg", "offset_mm"  #: Keys of a row's offset, for a hinge and for a slide.
 
 
 def _mapped(path: Path, elastic: Elastic, arm: Arm) -> Arm:
-    """The arm with the joints of files that [joints] of elastic.toml states."""
+    """Give the arm the file joints that [joints] of elastic.toml states."""
     known, q_0 = {joint.name: joint for joint in arm.joints}, dict[str, float]()
     rows = {name: dict(row) for name, row in elastic.joints.items()}
     for name, row in rows.items():
@@ -377,7 +466,7 @@ def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> Joint
 
 
 def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
-    """Base, links and tool nest in order; load and markers are rigid children of the tool."""
+    """Check that base, links and tool nest in order, and that load and markers are fixed to the tool."""
     chain = [*(link.name for link in arm.links), arm.tool]
     for parent, child in pairwise(chain):
         outer, inner = find_body(rigid, root, parent), find_body(rigid, root, child)
@@ -399,7 +488,16 @@ def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
 
 
 def stretched(rigid: Path, root: ET.Element, arm: Arm) -> float:
-    """Length of the chain from the base to the tool, its slides run out [m]."""
+    """Compute the length of the chain from the base to the tool, with its slides fully extended.
+
+    Args:
+        rigid: Path of the MJCF, for messages.
+        root: Root element of the MJCF.
+        arm: Names of the bodies, and the joints' limits.
+
+    Returns:
+        Sum of all steps between bodies and of the largest ways of the slides [m].
+    """
     bodies = [find_body(rigid, root, name) for name in (*(link.name for link in arm.links[1:]), arm.tool)]
     steps = [numbers(rigid, body, "pos", 3) for body in bodies if "pos" in body.attrib]
     slides = [max(abs(j.lower), abs(j.upper)) for j in arm.joints if j.prismatic]

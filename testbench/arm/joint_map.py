@@ -1,7 +1,7 @@
-"""Joints as files and pendants count them, and as the chain turns: q_model = L q_file + q_0.
+"""Linear map from file joints to chain joints: q_model = L q_file + q_0.
 
-A pendant may count joint 3 from the horizontal, so that it moves with joint 2; a palletiser's hand is
-levelled by joints that nobody commands. Both are this one linear map. Files, programs, plans and limits that
+A pendant may count joint 3 from the horizontal, so that it moves with joint 2; a palletiser's hand is kept
+level by joints that nobody commands. Both are this one linear map. Files, programs, plans and limits that
 people read are in file joints; all mathematics is in the joints of the chain.
 """
 
@@ -13,78 +13,126 @@ import numpy as np
 
 from testbench.errors import Array, BenchError, Ids, check_array, cut
 
-ROUNDING = 1e-9  #: Singular value over the largest, or coefficient, that is rounding [1].
-LARGEST = 1000.0  #: Of a coefficient [1].
-LISTED = 100  #: Characters of names in a message.
+ROUNDING = 1e-9  #: Singular value over the largest, or coefficient, below which it counts as zero [1].
+LARGEST = 1000.0  #: Largest coefficient of a file joint [1].
+LISTED = 100  #: Most characters of joint names in a message.
 
 
 class Coordinate(Protocol):
-    """A joint of a chain, as far as a map asks."""
+    """Define what a map asks of a chain joint: name, limits and kind."""
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """Return its name."""
 
     @property
     def lower(self) -> float:
-        """Lower limit [rad, m]."""
+        """Return its lower limit [rad, m]."""
 
     @property
     def upper(self) -> float:
-        """Upper limit [rad, m]."""
+        """Return its upper limit [rad, m]."""
 
     @property
     def prismatic(self) -> bool:
-        """Whether it slides."""
+        """Tell whether it is a slide."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointMap:
-    """q_model = L q_file + q_0, for n joints of a chain and m of files, m <= n."""
+    """Hold the map q_model = L q_file + q_0 for n chain joints and m file joints, m <= n.
 
-    names: tuple[str, ...]  #: File joints, m.
-    prismatic: tuple[bool, ...]  #: Which of them are slides.
-    slides: tuple[bool, ...]  #: Which chain joints are, n.
-    L: Array  #: (n, m) [1].
-    q_0: Array  #: (n,) [rad, m].
-    #: Chain joints that the others follow, m: those that are a file joint first, then other independent rows.
+    With m < n the n - m chain joints that are not free follow the free ones.
+    """
+
+    names: tuple[str, ...]  #: Names of the file joints, m.
+    prismatic: tuple[bool, ...]  #: Which file joints are slides, m.
+    slides: tuple[bool, ...]  #: Which chain joints are slides, n.
+    L: Array  #: Coefficients, (n, m) [1].
+    q_0: Array  #: Offsets, (n,) [rad, m].
+    #: Indices of the free chain joints, which the others follow, (m,): m independent rows of L, preferably
+    #: those that are a file joint of their own.
     free: Ids
-    inverse: Array  #: Of the free rows of L, (m, m) [1].
-    #: How all joints move as the free ones do, (n, n), zero in the columns of those that follow [1].
+    inverse: Array  #: Inverse of the free rows of L, (m, m) [1].
+    #: Motion of all joints per motion of the free ones, (n, n) [1]; columns of dependent joints are zero.
     moves: Array
 
     @property
     def square(self) -> bool:
-        """Whether no joint of the chain follows others."""
+        """Tell whether no chain joint follows others, m = n."""
         return len(self.names) == len(self.q_0)
 
     def to_model(self, q: Array) -> Array:
-        """Chain joints of file joints, (..., m) to (..., n) [rad, m]."""
+        """Convert file joints to chain joints, L q + q_0.
+
+        Args:
+            q: File joints, (..., m) [rad, m].
+
+        Returns:
+            Chain joints, (..., n) [rad, m].
+        """
         return np.asarray(q @ self.L.T + self.q_0)
 
     def to_file(self, q: Array) -> Array:
-        """File joints of chain joints, (..., n) to (..., m) [rad, m]; joints that follow are not asked."""
+        """Convert chain joints to file joints, by the free joints alone.
+
+        Args:
+            q: Chain joints, (..., n) [rad, m]; values of joints that follow others do not matter.
+
+        Returns:
+            File joints, (..., m) [rad, m].
+        """
         return self.change_to_file(q - self.q_0)
 
     def change_to_file(self, change: Array) -> Array:
-        """A change of file joints from that of chain joints, (..., n) to (..., m) [rad, m]."""
+        """Convert a change of chain joints to a change of file joints, without offsets.
+
+        Args:
+            change: Change of chain joints, (..., n) [rad, m].
+
+        Returns:
+            Change of file joints, (..., m) [rad, m].
+        """
         return np.asarray(change[..., self.free] @ self.inverse.T) + 0.0
 
     def torque_to_model(self, torque: Array) -> Array:
-        """Torques of chain joints of those of file joints, (..., m) to (..., n) [N m, N].
+        """Convert torques of file joints to torques of chain joints.
 
-        Both do the same work, so torque_file = L^T torque_model. BenchError where joints follow others.
+        Both do the same work, so torque_file = L^T torque_model.
+
+        Args:
+            torque: Torques of file joints, (..., m) [N m, N].
+
+        Returns:
+            Torques of chain joints, (..., n) [N m, N].
+
+        Raises:
+            BenchError: When joints follow others: their torques cannot be told apart.
         """
         if not self.square:
             raise BenchError("torques do not tell those of joints that follow others: leave them out")
         return np.asarray(torque @ self.inverse)
 
     def torque_to_file(self, torque: Array) -> Array:
-        """Torques of file joints of those of chain joints, (..., n) to (..., m) [N m, N]."""
+        """Convert torques of chain joints to torques of file joints, L^T torque.
+
+        Args:
+            torque: Torques of chain joints, (..., n) [N m, N].
+
+        Returns:
+            Torques of file joints, (..., m) [N m, N].
+        """
         return np.asarray(torque @ self.L)
 
     def followed(self, q: Array) -> Array:
-        """The same poses, (..., n) [rad, m], with joints that follow where the free ones bring them."""
+        """Move dependent joints to where the free ones bring them.
+
+        Args:
+            q: Chain joints, (..., n) [rad, m].
+
+        Returns:
+            Chain joints, (..., n) [rad, m]; the free ones unchanged.
+        """
         if self.square:
             return q
         found = q.copy()
@@ -94,9 +142,14 @@ class JointMap:
         return found
 
     def follows(self, k: int) -> tuple[int, float, float] | None:
-        """The one free chain joint that chain joint k follows, with multiplier and offset [1; rad, m].
+        """Find the one free joint that a chain joint follows, q_k = c q_j + offset.
 
-        None where it is free itself, or follows none or several.
+        Args:
+            k: Index of the chain joint.
+
+        Returns:
+            Index j, multiplier c [1] and offset [rad, m]; None where k is free, or follows no joint or
+            several.
         """
         drivers = np.flatnonzero(self.moves[k])
         if k in self.free or len(drivers) != 1:
@@ -105,7 +158,14 @@ class JointMap:
         return j, c, float(self.q_0[k] - c * self.q_0[j])
 
     def words(self, k: int) -> str:
-        """What chain joint k is in file joints, such as "joint_3 - joint_2"."""
+        """Write a chain joint as a sum of file joints, such as "joint_3 - joint_2".
+
+        Args:
+            k: Index of the chain joint.
+
+        Returns:
+            The text; an offset is in deg or mm.
+        """
         terms = [
             f"{'-' if c < 0 else '+'} {'' if abs(c) == 1 else f'{abs(c):.6g} '}{name}"
             for name, c in zip(self.names, self.L[k].tolist(), strict=True)
@@ -121,23 +181,25 @@ class JointMap:
 def build_map(
     joints: Sequence[Coordinate], rows: Mapping[str, Mapping[str, float]], q_0: Mapping[str, float]
 ) -> JointMap | None:
-    """The map of a chain.
+    """Build the joint map of a chain.
 
-    File joints stand in the order of the chain: one named as a joint of the chain at its place, any other
+    File joints have the order of the chain: one named as a chain joint takes its place, any other the place
     where it is needed first.
 
     Args:
-        joints: Of the chain, n.
-        rows: Coefficients of file joints, by the chain joint's name; a joint without a row is a file joint
-            of its own [1].
-        q_0: Offsets, by the chain joint's name, zero where there is none [rad, m].
+        joints: Joints of the chain, n.
+        rows: Coefficients of file joints by their name [1], for each chain joint that has a row; a joint
+            without a row is a file joint of its own.
+        q_0: Offsets by the chain joint's name [rad, m]; zero where there is none.
 
     Returns:
         The map; None where every chain joint is the file joint of its name.
 
     Raises:
-        BenchError: When rows leave a file joint open, or it would turn one joint and slide another.
+        BenchError: When the rows do not determine every file joint, one would turn a hinge and move a slide,
+            or a coefficient is larger than `LARGEST` or not finite.
     """
+    # names of file joints, in the order of the chain
     known = {joint.name: k for k, joint in enumerate(joints)}
     own = {joint.name: rows.get(joint.name, {joint.name: 1.0}) for joint in joints}
     place: dict[str, tuple[int, int]] = {}
@@ -153,6 +215,7 @@ def build_map(
     L, offsets = check_array(L, (None, None), "coefficients"), check_array(offsets, (None,), "offsets")
     if np.abs(L).max(initial=0.0) > LARGEST:
         raise BenchError(f"expected coefficients up to {LARGEST:g}, got {np.abs(L).max():g}")
+    # free chain joints: m independent rows of L, those that are a file joint of their own first
     alone = [k for k, (name, row) in enumerate(own.items()) if [n for n, c in row.items() if c] == [name]]
     free = _independent(L, sorted(range(len(L)), key=lambda k: k not in alone))
     if not names or len(free) < len(names):
@@ -162,6 +225,7 @@ def build_map(
     for j, name in enumerate(names):
         if len(set(slides[L[:, j] != 0].tolist())) > 1:
             raise BenchError(f"{name}: expected a file joint of hinges or of slides, got both")
+    # all joints by the free ones: q - q_0 = L L_free^-1 (q - q_0)_free
     inverse = np.asarray(np.linalg.inv(L[free]), dtype=np.float64) + 0.0
     moves = np.zeros((len(L), len(L)))
     moves[:, free] = L @ inverse
@@ -171,7 +235,7 @@ def build_map(
 
 
 def _independent(L: Array, order: Sequence[int]) -> Ids:
-    """Rows that are independent of all before them in an order, sorted."""
+    """Find rows that are independent of all earlier ones in an order; their indices are sorted."""
     found: list[int] = []
     for k in order:
         rows = L[[*found, k]]
@@ -182,7 +246,15 @@ def _independent(L: Array, order: Sequence[int]) -> Ids:
 
 
 def file_limits(found: JointMap, joints: Sequence[Coordinate]) -> Array:
-    """The least and the largest of every file joint within the chain's limits, (2, m) [rad, m]."""
+    """Compute the least and the largest value of every file joint within the limits of the free chain joints.
+
+    Args:
+        found: The joint map.
+        joints: Joints of the chain, n.
+
+    Returns:
+        Lower and upper values, (2, m) [rad, m].
+    """
     ends = (
         np.array([[joint.lower, joint.upper] for joint in joints])[found.free] - found.q_0[found.free, None]
     )
@@ -191,7 +263,14 @@ def file_limits(found: JointMap, joints: Sequence[Coordinate]) -> Array:
 
 
 def narrowed(found: JointMap, joints: Sequence[Coordinate]) -> Array:
-    """Limits of the chain joints, (2, n) [rad, m]: a joint that one other follows ends where that one does.
+    """Narrow the limits of free joints so that joints that follow one of them stay within theirs.
+
+    Args:
+        found: The joint map.
+        joints: Joints of the chain, n.
+
+    Returns:
+        Lower and upper limits of the chain joints, (2, n) [rad, m].
 
     Raises:
         BenchError: When nothing is left between the limits of a joint.
@@ -200,6 +279,7 @@ def narrowed(found: JointMap, joints: Sequence[Coordinate]) -> Array:
     D = found.moves
     for k in np.setdiff1d(np.arange(len(D)), found.free):
         drivers = np.flatnonzero(D[k])
+        # a joint that follows several others narrows none of them
         if len(drivers) > 1:
             continue
         if not len(drivers):
@@ -207,6 +287,7 @@ def narrowed(found: JointMap, joints: Sequence[Coordinate]) -> Array:
                 raise BenchError(f"{joints[k].name}: it is held beyond its limits")
             continue
         j = int(drivers[0])
+        # its limits as values of the one joint that it follows
         ends = found.q_0[j] + (limits[:, k] - found.q_0[k]) / D[k, j]
         low, high = max(limits[0, j], ends.min()), min(limits[1, j], ends.max())
         if not low < high:

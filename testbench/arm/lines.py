@@ -1,4 +1,4 @@
-"""Where in a person's file a value stands, for the message about it: line and column, counted from 1."""
+"""Places of values in a user's file for messages: line and column, counted from 1."""
 
 import re
 from collections.abc import Sequence
@@ -6,19 +6,23 @@ from pathlib import Path
 
 from testbench.errors import InputError, read_text
 
-MAX_BYTES = 16_000_000  #: More than any file whose places are told.
+MAX_BYTES = 16_000_000  #: Largest file in which places are found [byte].
 HEADER = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
 KEY = re.compile(r"\s*([\w.-]+)\s*=")
 
 Keys = tuple[str | int, ...]
+"""Keys of nested tables, and indices into arrays from 0."""
 
 
 def toml_place(path: Path, keys: Sequence[str | int]) -> str:
-    """Line, column and name of a value in TOML, or of the table that lacks it.
+    """Find line, column and name of a value in TOML, or of the table that lacks it.
 
     Args:
-        path: The file, read before.
-        keys: Names of tables and keys, places in arrays counted from 0, such as ("link", 0, "name").
+        path: The file, already read once.
+        keys: Names of tables and keys, and indices into arrays from 0, such as ("link", 0, "name").
+
+    Returns:
+        The place as text, such as "line 12, column 1, link.0.name"; the keys alone if it cannot be found.
     """
     table: Keys = ()
     seen: dict[str, int] = {}
@@ -44,7 +48,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def _table(name: str, seen: dict[str, int], *, array: bool) -> Keys:
-    """The keys of a table from its header; of an array of tables the one that was opened last."""
+    """Return the keys of a table from its header; in an array of tables those of the last one opened."""
     if array:
         seen[name] = seen.get(name, -1) + 1
     path: Keys = ()
@@ -56,7 +60,7 @@ def _table(name: str, seen: dict[str, int], *, array: bool) -> Keys:
 
 
 def _inside(line: str, start: int, keys: Sequence[str | int]) -> int:
-    """Where keys of an inline table stand in a line, as far as they are there."""
+    """Find where keys of an inline table stand in a line, as far as they are there."""
     for key in keys:
         found = re.search(rf"\b{re.escape(str(key))}\s*=", line[start:])
         if not found:

@@ -1,21 +1,27 @@
-"""Mesh files of an arm: read up to a size before MuJoCo sees them."""
+"""Mesh files of an arm: checked for kind and size, and read, before MuJoCo sees them."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 from testbench.errors import InputError, read_bytes
 
-KINDS = ("stl", "obj", "msh")  #: What MuJoCo reads.
-MAX_BYTES = 64_000_000  #: Of one mesh file.
-MAX_TOTAL = 256_000_000  #: Of all mesh files of an arm.
+KINDS = ("stl", "obj", "msh")  #: Suffixes of mesh files that MuJoCo reads.
+MAX_BYTES = 64_000_000  #: Largest mesh file [byte].
+MAX_TOTAL = 256_000_000  #: Largest size of all mesh files of an arm together [byte].
 
 
 def read_meshes(files: Mapping[str, Path]) -> dict[str, bytes]:
-    """Read the mesh files of an arm, by the names that its MJCF has for them.
+    """Read the mesh files of an arm.
+
+    Args:
+        files: Paths by the names that the MJCF has for them.
+
+    Returns:
+        Contents by the same names.
 
     Raises:
-        InputError: When one of them is no plain file, of no kind that MuJoCo reads, or too large; or all of
-            them together are too large.
+        InputError: When a file is no plain file, of a kind that MuJoCo does not read, or too large; or when
+            all files together are too large.
     """
     found: dict[str, bytes] = {}
     for name, file in files.items():

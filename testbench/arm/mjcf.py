@@ -1,8 +1,7 @@
-"""A stranger's MJCF, read as text: what an arm may contain, and where its chain is.
+"""Untrusted MJCF, read as text: the elements that an arm may contain, and where its chain is.
 
-MJCF can include any file of the disk, replicate without end and crash a reader; so an arm's file
-passes a list of elements, and of attributes where the model reads them or gravity could go, before MuJoCo
-sees it.
+MJCF can include any file of the disk, replicate without end and crash a reader. So an arm's file must pass a
+list of elements, and of attributes where the model reads them or gravity could change, before MuJoCo sees it.
 """
 
 import math
@@ -14,12 +13,12 @@ from testbench.arm.decimal import WRITTEN, read_decimals
 from testbench.arm.document import SHOWN, inside, parse_xml, place_of
 from testbench.errors import InputError, read_text
 
-PLACED = "pos quat axisangle euler xyaxes zaxis"
+PLACED = "pos quat axisangle euler xyaxes zaxis"  #: Attributes that place an element.
 ELEMENTS = frozenset(
     "mujoco compiler option flag visual global quality headlight map scale rgba statistic asset material mesh"
     " default worldbody body inertial joint geom light camera contact exclude".split()
 )
-"""Elements of an arm: rigid bodies on joints, without files but meshes, springs, motors or wind."""
+"""Elements that an arm may contain: rigid bodies on joints; no springs, motors, wind; no files but meshes."""
 ATTRIBUTES = {
     element: frozenset(attributes.split())
     for element, attributes in {
@@ -32,25 +31,32 @@ ATTRIBUTES = {
         "joint": "name type axis pos range limited armature damping group",
     }.items()
 }
-"""Attributes of elements that the model reads too: it would miss all others, and gravity switched off."""
+"""Attributes allowed in the elements that the model reads: it would miss others, such as gravity off."""
 NUMBERS = {
     **{"pos": 3, "quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3},
     **{"diaginertia": 3, "fullinertia": 6},
 }
-"""How many numbers place a body or give its inertia."""
-LARGEST = 1e6  #: Largest angle, mass or inertia of an arm; beyond it an exponent is a slip.
+"""Count of numbers of each attribute that places a body or gives its inertia."""
+LARGEST = 1e6
+"""Largest angle, mass or inertia of an arm [deg, rad, kg, kg m^2]; beyond it an exponent is wrong."""
 LENGTH = 1000.0  #: Largest length [m].
-MOST = 20_000  #: Elements of an arm in all.
-MAX_BYTES = 4_000_000
-MAX_DEPTH = 64
+MOST = 20_000  #: Most elements of an arm.
+MAX_BYTES = 4_000_000  #: Largest size of an arm's MJCF [byte].
+MAX_DEPTH = 64  #: Most nested elements.
 GRAVITY = 9.81  #: Gravitational acceleration along -z of every cell [m/s^2]; MuJoCo's default.
 
 
 def read_mjcf(path: Path) -> ET.Element:
-    """The root element of an arm's MJCF, after the allow-list.
+    """Read an arm's MJCF and check it against the lists of elements and attributes.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its root element.
 
     Raises:
-        InputError: When it is missing, too large, not well-formed, or holds what an arm may not.
+        InputError: When it is missing, too large, not well-formed, or contains what an arm may not.
     """
     root = parse_xml(path, read_text(path, MAX_BYTES))
     if root.tag != "mujoco":
@@ -81,7 +87,7 @@ def _check_elements(path: Path, root: ET.Element) -> None:
 
 
 def _read(text: str, count: int, largest: float) -> list[float] | None:
-    """So many numbers at most, none of them larger; None where it is something else."""
+    """Read at most so many numbers, none of them larger; None where the text is something else."""
     try:
         values = read_decimals(text.split(maxsplit=count))
     except ValueError:
@@ -113,7 +119,7 @@ def _check_values(path: Path, e: ET.Element) -> None:
 
 
 def _check_files(path: Path, root: ET.Element) -> None:
-    """Every file that the MJCF names lies in the arm's folder, symbolic links followed."""
+    """Check that every file that the MJCF names lies in the arm's folder, symbolic links followed."""
     folder = _mesh_folder(path, root)
     for e in root.iter():
         for key in [key for key in ("file", "meshdir") if key in e.attrib]:
@@ -124,22 +130,38 @@ def _check_files(path: Path, root: ET.Element) -> None:
 
 
 def _mesh_folder(path: Path, root: ET.Element) -> Path:
-    """Where meshes are: the last <compiler> with a meshdir counts."""
+    """Return the folder of meshes: the last <compiler> with a meshdir counts."""
     folders = [c.attrib["meshdir"] for c in root.iter("compiler") if "meshdir" in c.attrib]
     return path.parent / (folders[-1] if folders else "")
 
 
 def mesh_files(path: Path, root: ET.Element) -> dict[str, Path]:
-    """Mesh files by the names that the MJCF has for them."""
+    """List the mesh files of an MJCF.
+
+    Args:
+        path: Path of the MJCF.
+        root: Its root element.
+
+    Returns:
+        Paths by the names that the MJCF has for them.
+    """
     folder = _mesh_folder(path, root)
     return {name: folder / name for e in root.iter("mesh") if (name := e.get("file"))}
 
 
 def assets(path: Path, root: ET.Element) -> list[str]:
-    """Files that the MJCF names, such as meshes, by their paths from its folder.
+    """List the files that the MJCF names, such as meshes.
+
+    Args:
+        path: Path of the MJCF.
+        root: Its root element.
+
+    Returns:
+        Their paths from the MJCF's folder, sorted.
 
     Raises:
-        InputError: When one is named by a path that no copy of the folder has.
+        InputError: When a path is absolute or leads out of the folder, so that a copy of the folder lacks the
+            file.
     """
     folder, found = path.parent.absolute(), set()
     for name, file in mesh_files(path, root).items():
@@ -151,10 +173,20 @@ def assets(path: Path, root: ET.Element) -> list[str]:
 
 
 def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = LARGEST) -> list[float]:
-    """An attribute of an element as so many numbers, finite and up to a size, that of an arm.
+    """Read an attribute of an element as a fixed count of numbers.
+
+    Args:
+        path: Path of the MJCF, for messages.
+        e: The element.
+        key: Name of the attribute.
+        count: Count of numbers.
+        largest: Largest absolute value of a number.
+
+    Returns:
+        The numbers, in units of the file.
 
     Raises:
-        InputError: When it is missing, is something else, or is larger.
+        InputError: When the attribute is missing, has another count, or a number is larger or not finite.
     """
     text = e.get(key)
     if text is None:
@@ -167,7 +199,7 @@ def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = LA
 
 
 def angle_unit(root: ET.Element) -> float:
-    """Radians in one unit of the file's angles: MJCF's default is the degree."""
+    """Return the size of one unit of the file's angles [rad]; MJCF's default is the degree."""
     angle = "degree"
     for compiler in root.iter("compiler"):
         angle = compiler.get("angle", angle)
@@ -175,7 +207,15 @@ def angle_unit(root: ET.Element) -> float:
 
 
 def find_body(path: Path, root: ET.Element, name: str) -> ET.Element:
-    """The body of that name.
+    """Find the body of a name.
+
+    Args:
+        path: Path of the MJCF, for messages.
+        root: Its root element.
+        name: Name of the body.
+
+    Returns:
+        Its element.
 
     Raises:
         InputError: When there is none, or more than one.

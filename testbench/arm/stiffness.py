@@ -1,6 +1,6 @@
-"""Compliances of links and joints: beam formulas, conservativeness.
+"""Compliances of links and joints: beam formulas and the check for conservativeness.
 
-Six-vectors are translation first, rotation second; SI units.
+Six-vectors are translation first, rotation second; SI units. `folder` uses both for elastic.toml.
 """
 
 from dataclasses import dataclass
@@ -13,34 +13,34 @@ SYMMETRY_TOLERANCE = 1e-9
 """Relative asymmetry up to which a matrix read from a file counts as symmetric (rounding)."""
 
 COMPLIANCE_RANGE = 1e-18, 1e3
-"""Compliances of links and joints [m/N, rad/(N m)]; beyond it unit or exponent is a slip."""
+"""Least and largest compliance of links and joints [m/N, rad/(N m)]; beyond it a unit is wrong."""
 
 TUBE_RANGES = {"length": (1e-3, 100.0), "outer_diameter": (1e-3, 100.0), "youngs_modulus": (1e6, 1e13)}
-"""Range of each dimension [m] and of Young's modulus [Pa]: millimetres and GPa are refused."""
+"""Least and largest dimension [m] and Young's modulus [Pa]: values in millimetres or GPa are refused."""
 
 
 @dataclass(frozen=True)
 class Material:
-    """An elastic material."""
+    """Describe an isotropic elastic material."""
 
     E: float  #: Young's modulus [Pa].
     nu: float  #: Poisson's ratio [1].
 
     @property
     def G(self) -> float:
-        """Shear modulus [Pa]."""
+        """Compute the shear modulus G = E / (2 (1 + nu)) [Pa]."""
         return self.E / (2 * (1 + self.nu))
 
 
 @dataclass(frozen=True)
 class Tube:
-    """A straight hollow circular beam, the equivalent of a link."""
+    """Describe a straight hollow circular beam, the equivalent of a link."""
 
     length: float  #: Length L along the beam's x axis [m].
-    outer_diameter: float  #: D [m].
-    inner_diameter: float  #: d, 0 <= d < D [m].
-    youngs_modulus: float  #: E [Pa].
-    poissons_ratio: float  #: nu [1].
+    outer_diameter: float  #: Outer diameter D [m].
+    inner_diameter: float  #: Inner diameter d, 0 <= d < D [m].
+    youngs_modulus: float  #: Young's modulus E [Pa].
+    poissons_ratio: float  #: Poisson's ratio nu [1].
 
     def __post_init__(self) -> None:
         """Refuse a tube that cannot exist: BenchError."""
@@ -58,11 +58,17 @@ class Tube:
 
 
 def tube_compliance(tube: Tube) -> Array:
-    """Compliance of a clamped Euler-Bernoulli tube, read at its free end, (6, 6) [m/N, rad/(N m)].
+    """Compute the compliance of a clamped Euler-Bernoulli tube at its free end.
 
-    The beam template of the field (Klimchik et al.): c11 = L/EA, c22 = c33 = L^3/(3 E I),
-    c44 = L/GJ, c55 = c66 = L/(E I), c26 = +L^2/(2 E I), c35 = -L^2/(2 E I), the beam along x;
-    [displacement; rotation] = C @ [force; moment].
+    This is the beam template of Klimchik et al.: c11 = L/EA, c22 = c33 = L^3/(3 E I), c44 = L/GJ, c55 = c66 =
+    L/(E I), c26 = +L^2/(2 E I), c35 = -L^2/(2 E I), with the beam along x, A = pi (D^2 - d^2)/4, I = pi (D^4
+    - d^4)/64 and J = 2 I.
+
+    Args:
+        tube: Dimensions and material.
+
+    Returns:
+        C with [displacement; rotation] = C @ [force; moment], (6, 6) [m/N, rad/N, rad/(N m)].
     """
     L, E = tube.length, tube.youngs_modulus
     D, d = tube.outer_diameter, tube.inner_diameter
@@ -78,12 +84,17 @@ def tube_compliance(tube: Tube) -> Array:
 
 
 def turned(C: Array, axis: Array, angle: float) -> Array:
-    """Compliance of a beam whose axes are turned, in the axes of before (Rodrigues).
+    """Express the compliance of a turned beam in the axes before the turn, diag(R, R) C diag(R, R)^T.
+
+    R is the rotation about the axis by the angle (Rodrigues).
 
     Args:
-        C: In the beam's own axes, (6, 6) [m/N, rad/(N m)].
-        axis: About which, of any length, (3,) [1].
-        angle: By which [rad].
+        C: Compliance in the beam's own axes, (6, 6) [m/N, rad/N, rad/(N m)].
+        axis: Axis of the rotation, of any length but zero, (3,) [1].
+        angle: Angle of the rotation [rad].
+
+    Returns:
+        Compliance in the axes before, (6, 6) [m/N, rad/N, rad/(N m)].
     """
     x, y, z = axis / np.linalg.norm(axis)
     W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -92,21 +103,33 @@ def turned(C: Array, axis: Array, angle: float) -> Array:
 
 
 def eigenvalue_scale(C: Array) -> Array:
-    """Units in which eigenvalues of a compliance mean something: the square root of its diagonal.
+    """Compute scales that make eigenvalues of a compliance independent of units: the roots of its diagonal.
 
-    Eigenvalues of a matrix that mixes m/N with rad/(N m) depend on the unit of length; those of
-    D^-1/2 C D^-1/2 with D = |diag C| do not, and have the same signs (Sylvester). C is symmetric, (n, n);
-    the scales are positive, (n,), 1 where the diagonal is zero.
+    Eigenvalues of a matrix that mixes m/N with rad/(N m) depend on the unit of length. Those of D^-1/2 C
+    D^-1/2 with D = abs(diag C) do not, and have the same signs (Sylvester).
+
+    Args:
+        C: Symmetric compliance, (n, n).
+
+    Returns:
+        Positive scales, (n,); 1 where the diagonal is zero.
     """
     d = np.sqrt(np.abs(np.diag(C)))
     return np.where(d > 0, d, 1.0)
 
 
 def check_compliance(value: object, what: str) -> Array:
-    """What numpy can read as a conservative compliance with an inverse, (6, 6) [m/N, rad/(N m)].
+    """Check that a value is a conservative, invertible compliance: symmetric and positive definite.
+
+    Args:
+        value: Anything that numpy can read as an array.
+        what: Name of the quantity, for messages.
+
+    Returns:
+        Its symmetric part, (6, 6) [m/N, rad/N, rad/(N m)].
 
     Raises:
-        BenchError: When it is not 6x6, out of COMPLIANCE_RANGE, not symmetric or not positive definite.
+        BenchError: When it is not 6x6, outside COMPLIANCE_RANGE, not symmetric or not positive definite.
     """
     C = check_array(value, (6, 6), what)
     low, high = COMPLIANCE_RANGE
@@ -115,6 +138,7 @@ def check_compliance(value: object, what: str) -> Array:
             raise BenchError(f"{what}: expected {low:g} to {high:g} on the diagonal, got {c:g} in row {row}")
     if np.abs(C).max() > high:
         raise BenchError(f"{what}: expected entries up to {high:g}, got {np.abs(C).max():g}")
+    # symmetry and definiteness of the matrix scaled to unit diagonal, which has no units
     scale = eigenvalue_scale(C)
     unitless = C / np.outer(scale, scale)
     asymmetry = np.abs(unitless - unitless.T)

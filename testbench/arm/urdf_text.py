@@ -1,4 +1,4 @@
-"""A robot's URDF as text: only origins of joints are exchanged, every other character stays."""
+"""A robot's URDF as text: only the origins of joints are replaced, every other character stays."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,17 +8,24 @@ import numpy as np
 
 from testbench.errors import Array, InputError
 
-DECIMALS = 12  #: Of a metre or radian.
+DECIMALS = 12  #: Decimals of a metre or radian.
 BESIDE = "what a URDF cannot hold is in the JSON beside it -->\n"
 STAMP = f"<!-- testbench export: origins as identified; {BESIDE}"
 NEW_STAMP = f"<!-- testbench export: a new URDF of an identified arm; {BESIDE}"
-"""What begins every URDF that we write, into a robot's own and from scratch."""
+"""First line of every URDF that we write: into a robot's own, and from scratch."""
 HEAD = rb"\s*(<\?xml[^>]*\?>)?\s*"
 BEGINS, BEGINS_NEW = HEAD + rb"<!-- testbench export: ", HEAD + rb"<!-- testbench export: a new URDF"
 
 
 def rpy_of(R: Array) -> Array:
-    """Roll, pitch and yaw of a rotation, R = Rz Ry Rx, (3,) [rad]; exact near a pitch of 90 degrees too."""
+    """Compute roll, pitch and yaw of a rotation R = Rz Ry Rx, accurate near a pitch of 90 degrees too.
+
+    Args:
+        R: Rotation matrix, (3, 3) [1].
+
+    Returns:
+        Roll, pitch, yaw, (3,) [rad].
+    """
     yaw = np.arctan2(R[1, 0], R[0, 0])
     c, s = np.cos(yaw), np.sin(yaw)
     pitch = np.arctan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
@@ -27,31 +34,42 @@ def rpy_of(R: Array) -> Array:
 
 
 def words(values: Array) -> str:
-    """Numbers as URDF has them, without needless zeros."""
+    """Write numbers as a URDF has them, with at most `DECIMALS` decimals and no needless zeros."""
     texts = (f"{x:.{DECIMALS}f}".rstrip("0").rstrip(".") for x in np.round(values, DECIMALS) + 0.0)
     return " ".join(texts)
 
 
 def origin_of(pose: Array) -> dict[str, str]:
-    """Attributes of the <origin> of a pose, (4, 4) [m]."""
+    """Write the attributes xyz and rpy of an <origin> element.
+
+    Args:
+        pose: Homogeneous transform, (4, 4) [1, m].
+
+    Returns:
+        Texts by attribute.
+    """
     return {"xyz": words(pose[:3, 3]), "rpy": words(rpy_of(pose[:3, :3]))}
 
 
 def with_origins(path: Path, text: str, poses: Mapping[str, Array]) -> str:
-    """The text with other origins of some joints, and our stamp.
+    """Replace the origins of some joints in the text of a URDF, and add our stamp.
 
     Args:
         path: The file, for messages.
-        text: A URDF that is well-formed.
-        poses: New pose of a joint in the link before it, by the joint's name, (4, 4) [m].
+        text: A well-formed URDF.
+        poses: New pose of a joint in the link before it, (4, 4) [1, m], by the joint's name.
+
+    Returns:
+        The new text.
 
     Raises:
-        InputError: When a joint is not in it.
+        InputError: When a joint is not in the URDF.
     """
     data = text.encode()
     spans = _origins(data)
     if missing := [name for name in poses if name not in spans]:
         raise InputError(path, "", f"no joint {missing[0]!r}")
+    # from the end of the text on, so that earlier places stay where they are
     for name in sorted(poses, key=spans.__getitem__, reverse=True):
         start, end = spans[name]
         closes = b">" if start < end and data[end - 2 : end - 1] != b"/" else b"/>"
@@ -62,7 +80,7 @@ def with_origins(path: Path, text: str, poses: Mapping[str, Array]) -> str:
 
 
 def _origins(data: bytes) -> dict[str, tuple[int, int]]:
-    """Where the <origin> of every joint begins and ends, or where one can stand if there is none."""
+    """Find the bytes of the <origin> of every joint, or where one can stand if there is none."""
     found: dict[str, tuple[int, int]] = {}
     above: list[tuple[str, str]] = []
     seen: set[str] = set()
@@ -89,7 +107,7 @@ def _origins(data: bytes) -> dict[str, tuple[int, int]]:
 
 
 def _end_of_tag(data: bytes, start: int) -> int:
-    """Behind the `>` that closes a tag: values in quotes may hold one too."""
+    """Find the byte behind the `>` that closes a tag; values in quotes may hold one too."""
     quote: bytes = b""
     for at in range(start, len(data)):
         here = data[at : at + 1]

@@ -12,7 +12,7 @@ A step corrects position first, then as much of the rotation as is asked. With d
 J_r the rows of the Jacobian for position and rotation, b_p and b_r the errors, and Z a base of the motions
 that leave the position unchanged:
 
-    d = J_p^+ b_p + Z z,    z of least |J_r Z z - (b_r - J_r J_p^+ b_p)|
+    d = J_p^+ b_p + Z z,    z of least norm(J_r Z z - (b_r - J_r J_p^+ b_p))
 
 So the position is met in any pose in which it can be met at all. Near a singular pose of the wrist a rotation
 costs large motions. There every direction z of small singular value s is damped, s / (s^2 + l^2) in place of

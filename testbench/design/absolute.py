@@ -230,7 +230,10 @@ def _batches(q: Array) -> Iterator[Array]:
 
 
 def _whitened(union: Union, q: Array) -> Array:
-    """Rows over the root of their covariance, (poses, k, size) [1/m, 1/rad]."""
+    """Compute whitened rows of poses per unit of the unknowns, (poses, k, size) [1/m, 1/rad].
+
+    The covariance of a pose's readings is that of the tracker plus that of joint errors beyond the model.
+    """
     one = union.pose
     A = rows_of(union.unknowns, union.state, at(union, q))[:, :, :-1]
     A = A.transpose(3, 0, 1, 2).reshape(len(q), -1, A.shape[2])
@@ -242,9 +245,9 @@ def _whitened(union: Union, q: Array) -> Array:
 
 
 def _joint_rows(union: Union, q: Array) -> Array:
-    """Readings of poses per unit of what joints do beyond the model, the arm rigid, (poses, 3 s, n) [m, rad].
+    """Compute readings per unit of joint errors beyond the model, the arm rigid, (poses, 3 s, n) [m, rad].
 
-    Under every load they are the same.
+    They do not depend on the load.
     """
     n, state = union.unknowns.vjm.arm.n_joints, union.state
     where = chain(state.vjm, q)

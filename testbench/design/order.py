@@ -26,7 +26,7 @@ TINY = 1e-7  #: Part of a leg that counts as zero in a linear relaxation [1].
 EXACT = 101  #: Most places whose legs are all tried: 100 poses and the cut.
 
 Surcharge = Callable[[int, int], float]
-"""What a leg between two places costs beyond its travel, 0 or more."""
+"""Function of two places to the cost of their leg beyond its travel, 0 or more."""
 
 
 def joint_travel(q: Array) -> Array:

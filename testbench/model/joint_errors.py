@@ -65,9 +65,9 @@ class JointErrors:
 def basis(errors: JointErrors, arm: Arm, q: Array, torque: Array, scale: Array) -> Array:
     """Evaluate the functions phi_jk of every joint's own error, sum_k phi_jk(q_j, tau_j) n_jk.
 
-    They are sin(o q) for all orders o, cos(o q) for all orders o, q, tanh(tau / (FIRM tau_0)) and tau |tau| /
-    tau_0^2, each as far as it is selected. The harmonic terms of a sliding joint are zero. A typical torque
-    tau_0 of zero counts as one.
+    They are sin(o q) for all orders o, cos(o q) for all orders o, q, tanh(tau / (FIRM tau_0)) and tau
+    abs(tau) / tau_0^2, each as far as it is selected. The harmonic terms of a sliding joint are zero. A
+    typical torque tau_0 of zero counts as one.
 
     Args:
         errors: Selection of the terms, k per joint.

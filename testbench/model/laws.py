@@ -7,10 +7,11 @@ sizes, `correct` uses them.
 
 With x = c tau, c the nominal compliance of the joint, the shapes are:
 
-- stiffening: f(x_1) - x_1 - (f(x_0) - x_0), where f + beta f^3 / phi^2 = x is the turn of a spring that is 1
-  + beta times as stiff at the turn phi;
-- backlash: b (tanh(x_1 / b) - tanh(x_0 / b)), half a width b to the side that the sign of the torque gives;
-- friction: -h clip((x_1 - x_0) / h, -1, 1), half the width h of the hysteresis loop against the turn, and no
+- stiffening: f(x_1) - x_1 - (f(x_0) - x_0), where f + beta f^3 / phi^2 = x is the turn of a spring whose
+  stiffness at the turn phi is (1 + beta) times that at zero;
+- backlash: b (tanh(x_1 / b) - tanh(x_0 / b)), the half width b of the gap, taken to the side that the sign of
+  the torque gives;
+- friction: -h clip((x_1 - x_0) / h, -1, 1), the half width h of the hysteresis loop against the turn, and no
   more than the turn itself. For a load that was put on in the pose and then taken off the full width counts,
   because the joint was held back both times;
 - compensator, on joint 2 alone: -(x_1 - x_0) K s^2 / (1 + K s^2), the part of the turn that a strut prevents

@@ -86,8 +86,7 @@ class Structure(Displayed):
             name: Name for reports.
 
         Returns:
-            The structure; parameters of the links come first, in the order of their names, then those of the
-            joints.
+            The structure; parameters of the links come first, in the given order, then those of the joints.
 
         Raises:
             BenchError: When the arm has no such link or joint, an entry is wrong or repeated, or nothing is
