@@ -129,7 +129,7 @@ class JointLaws:
         x, end = c * before, c * (before + u)  # nominal turns x_0 before and x_1 under the load
         stiffened = 1 / (1 + 3 * STIFFER * (_spring(end) / TURN) ** 2) - 1  # f' - 1 at x_1
         taken = 1 - np.tanh(end / PLAY) ** 2
-        held = -1.0 * (np.abs(end - x) < STICK)
+        held = -1.0 * (np.abs(end - x) < self.widths * STICK)
         return np.concatenate([c * stiffened, c * taken, c * held, c[1] * self._beside(where)])
 
     def _beside(self, where: Chain) -> Array:
