@@ -106,12 +106,14 @@ def write_inline(writer: Any, node: nodes.math) -> None:
 
 def write_equation(writer: Any, node: nodes.math_block) -> None:
     """Write an equation, its label in place of a number."""
-    writer.body.append(writer.starttag(node, "div", CLASS="math"))
+    body = writer.body  # the theme wraps it in a box that has the anchor
+    body.append('<div class="math" style="display: flex; align-items: center; padding: 0.5em 0">')
+    body.append(f'<div style="flex: 1; overflow-x: auto">{mathml(node.astext(), "block")}</div>')
     if node["label"]:
-        writer.body.append(f'<span class="eqno">({node["label"]})')
+        body.append(f'<span class="eqno">({node["label"]})')
         writer.add_permalink_ref(node, "Link to this equation")
-        writer.body.append("</span>")
-    writer.body.append(f"{mathml(node.astext(), 'block')}</div>\n")
+        body.append("</span>")
+    body.append("</div>\n")
     raise nodes.SkipNode
 
 

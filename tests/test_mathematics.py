@@ -191,7 +191,7 @@ def test_f_m_and_its_floor_are_those_of_their_equations(arm_6r, rng):
     twist = data.rotation_after - data.rotation_before - turned  # turns of milliradians: vectors add
     f = [np.sqrt((own**2).sum(axis=-1).mean()) for own in (left, twist)]
     expected = f[0] / (math.sqrt(2) * data.sigma) + f[1] / (math.sqrt(2) * data.sigma_rotation)
-    np.testing.assert_allclose(f_m(r, pi), expected, rtol=1e-3)
+    np.testing.assert_allclose(f_m(r, pi), expected, rtol=1e-5)
     assert r.f_m_floor == pytest.approx(2 * math.sqrt(3 * (1 - r.rank / (6 * data.runs))))
 
 
