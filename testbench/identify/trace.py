@@ -112,7 +112,8 @@ def learnt(vjm: Vjm, parts: Parts | Regression) -> Penalty | None:
     else:
         spent = np.r_[np.count_nonzero(straight[0]), freedom[0]]
         k = int(np.nanargmin(left / (folds.every - spent) ** 2))
-    return replace(one, weight=float(weights[k] * folds.terms / math.sqrt(left[k] * folds.every / 3)))
+    chi2 = max(left[k], RANK * folds.total[-1, -1])  # of an exact fit rounding alone
+    return replace(one, weight=float(weights[k] * folds.terms / math.sqrt(chi2 * folds.every / 3)))
 
 
 def _roots(H: Array) -> Array:

@@ -7,8 +7,8 @@ rows A_p of a pose scatter by
     S_p = 1 + rho^2 A_p W^T W A_p^T
 
 in units of the noise, and weighed by S_p^-1/2 they are those of a linear model again. rho is that of greatest
-evidence at the prior as it was learnt without; 0 where the readings do not want it. In
-poses that were never measured it scatters as much, which counts beside the noise.
+evidence at the prior as it was learnt without; 0 where the readings do not want it. In poses that were never
+measured links scatter as much, which counts beside the noise.
 """
 
 import math

@@ -79,6 +79,16 @@ def test_links_that_hardly_bend_are_left_to_the_joints(kr500):
     assert np.abs(ours - theirs).max() < 1e-4 * np.abs(theirs).max()
 
 
+def test_readings_that_joints_explain_exactly_have_a_weight_too(kr500):
+    """Neither noise nor links: nothing is left that a weight could be over."""
+    rigid = true_cell(kr500, "tubes", 1, stiffer=1e9)
+    exact = simulate(rigid, Scenario(arm=kr500.arm.name, noise=False, truth="linear", workspace_poses=5), 1)
+    found = gco(kr500.vjm, template56(kr500.arm), exact.identification)
+    assert 0 < found.penalty.weight < np.inf
+    apart = moved(kr500, found, exact) - exact.truth.deflection
+    assert np.abs(apart).max() < 1e-5 * np.abs(exact.truth.deflection).max()
+
+
 def test_a_weaker_weight_has_to_predict_better_in_pose_after_pose():
     """By factors, not by sums: one hard pose neither decides nor hides what all others say."""
     strong, ripple = np.geomspace(1, 20, 8), 1 + 0.02 * np.cos(np.arange(8))
