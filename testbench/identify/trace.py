@@ -19,7 +19,6 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.optimize import nnls
 
 from testbench.errors import Array
 from testbench.identify import batch
@@ -117,6 +116,8 @@ def _straight(s: Structure, gram: Array) -> float:
     joints = joints[np.diag(gram)[joints] > 0]
     pi, H, g = np.zeros(s.n), gram[:-1, :-1], gram[:-1, -1]
     if len(joints):
+        from scipy.optimize import nnls  # here: it takes long to import, and few commands learn a weight
+
         unit = 1 / np.sqrt(np.diag(H)[joints])
         values, Q = np.linalg.eigh(H[np.ix_(joints, joints)] * np.outer(unit, unit))
         kept = values > RANK * values[-1]
