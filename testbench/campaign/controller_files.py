@@ -1,7 +1,5 @@
-"""Numbers in the own file of a robot's driver or controller, found and exchanged; all else stays.
+"""Numbers in the own file of a robot's controller, found and exchanged; all else stays.
 
-- Universal Robots: `kinematics` that ur_description reads, pose of every joint's frame in the one before, its
-  z axis the joint's [m, rad]. `hash` names the controller's own calibration, which stays as it is.
 - KUKA: `$MAMES` of `$machine.dat`, angle of an axis where it is mastered [deg] (KR C2, Machine Data, 2.1.7).
 - ABB: `cal_offset` of MOTOR_CALIB in MOC.cfg, angle of a motor where its axis is calibrated [rad].
 """
@@ -20,11 +18,6 @@ MAX_BYTES = 16_000_000
 BYTES = "latin-1"  #: A byte a character, whatever the encoding is.
 STAMP = "testbench export: as identified"
 NUMBER = r"(?P<number>[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?)(?![\w.])"
-UR_LINE = (
-    r"(?m)(?:^[ \t]++|(?<=[{,])[ \t]*+)[\"']?(?P<key>\w++)[\"']?:[ \t]*+"
-    rf"(?:{NUMBER}[ \t]*+(?=[,}}#\r]|$)|(?=\{{)|(?=[ \t]*(?:#|\r?$)))"
-)
-"""A line `x: 0.1` of YAML in block style, or the same between braces; and a head of keys, in either style."""
 KUKA_LINE = rf"(?mi)^[ \t]*\$MAMES\[(?P<key>\d+)\][ \t]*=[ \t]*{NUMBER}"
 ABB_LINE = rf'(?s)-name\s+"(?P<key>[^"]*)"(?:(?!-name\s).)*?\s-cal_offset\s+{NUMBER}'
 
@@ -36,13 +29,12 @@ class Format:
     title: str  #: For people.
     name: str  #: Of one key in the file, `{}` for the key.
     part: str  #: Regular expression of what holds the numbers.
-    line: str  #: Of one, with `key` and `number`; without a number it is the head of keys below.
+    line: str  #: Of one, with `key` and `number`.
     decimals: int  #: Of a number that is written.
     comment: str  #: Begins one.
     head: str  #: Regular expression of what stands before our comment.
 
 
-UR = Format("kinematics of a UR driver", "{}", r"(?ms)^kinematics:.*", UR_LINE, 12, "#", "")
 KUKA = Format(
     "KUKA's $machine.dat", "$MAMES[{}]", r"(?is)\$MAMES.*", KUKA_LINE, 8, ";", r"(?ims)(.*?^DEFDAT.*?\n)?"
 )
@@ -54,23 +46,22 @@ def read_controller(file: Path) -> tuple[Format, str]:
     text = read_bytes(file, MAX_BYTES).decode(BYTES)
     if STAMP in text:
         raise InputError(file, "", "testbench export wrote it; expected the robot's own file")
-    for form in (UR, KUKA, ABB):
+    for form in (KUKA, ABB):
         if re.search(form.part, text):
             return form, text
-    raise InputError(file, "", f"expected {UR.title}, {KUKA.title} or {ABB.title}")
+    if re.search(r"(?m)^kinematics:", text):
+        raise InputError(file, "", "kinematics of a UR driver: a checkout's tools/ur_kinematics.py writes it")
+    raise InputError(file, "", f"expected {KUKA.title} or {ABB.title}")
 
 
 def find_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Mapping[str, re.Match[str]]:
     """Where the numbers of some keys stand in a text, once each; InputError where they do not."""
     found: dict[str, re.Match[str]] = {}
-    above, part = "", re.search(form.part, text)
+    part = re.search(form.part, text)
     for match in re.compile(form.line).finditer(text, part.start() if part else 0, part.end() if part else 0):
-        if match["number"] is None:
-            above = f"{match['key']}."
-        elif (key := above + match["key"]) in found:
-            raise InputError(file, form.name.format(key), "stands twice")
-        else:
-            found[key] = match
+        if match["key"] in found:
+            raise InputError(file, form.name.format(match["key"]), "stands twice")
+        found[match["key"]] = match
     for key in keys:
         if key not in found or not math.isfinite(float(found[key]["number"])):
             raise InputError(file, "", f"expected {form.title} with a number at {form.name.format(key)}")

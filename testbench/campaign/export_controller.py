@@ -1,66 +1,30 @@
-"""An identified arm in files of drivers and controllers: geometry for a UR driver, offsets of joints."""
+"""An identified arm in files of controllers: offsets of joints, and what these cannot hold."""
 
 from collections.abc import Sequence
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from testbench.arm.document import parse_xml
 from testbench.arm.folder import Arm
-from testbench.arm.urdf_text import rpy_of
 from testbench.campaign.controller_files import (
     ABB,
     BYTES,
     KUKA,
-    UR,
     Format,
     exchanged,
     find_numbers,
     read_controller,
     read_numbers,
 )
-from testbench.campaign.export import NEAR, Draft
-from testbench.campaign.export_geometry import apart, identified, random_joints, tool_poses
+from testbench.campaign.export import NEAR
+from testbench.campaign.export_geometry import apart, random_joints, tool_poses
 from testbench.campaign.export_left import BestOffsets, best_offsets
-from testbench.campaign.export_own import chain_of, own_origins, place
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State
 from testbench.output.whole import whole_file
 
 AXES = 6  #: Of a robot whose file is written.
 TURN = 2 * np.pi  #: A controller counts a motor's turns apart from its angle [rad].
-FRAMES = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
-UR_KEYS = tuple(f"{frame}.{key}" for frame in FRAMES for key in ("x", "y", "z", "roll", "pitch", "yaw"))
-
-
-def draft_ur(state: State, file: Path) -> Draft:
-    """The kinematics of a UR driver with the identified geometry; InputError when they are not the arm's."""
-    arm, (_, text) = _six_axes(UR, state), read_controller(file)
-
-    def as_urdf(written: str) -> str:
-        return _ur_urdf(arm, read_numbers(UR, file, written, UR_KEYS).reshape(AXES, -1))
-
-    urdf = as_urdf(text)
-    own = chain_of(file, urdf, parse_xml(file, urdf), arm, FRAMES[-1])
-    frames, off = place(own, state)
-    poses = own_origins(own, frames, identified(state))
-    names = tuple(joint.name for joint in arm.joints)
-    rows = [x for name in names for x in (*poses[name][:3, 3], *rpy_of(poses[name][:3, :3]))]
-    new = exchanged(UR, text, find_numbers(UR, file, text, UR_KEYS), rows)
-    return Draft(new, names, frames, off, as_urdf=as_urdf, encoding=BYTES)
-
-
-def _ur_urdf(arm: Arm, values: Array) -> str:
-    """The chain that ur_description makes of the numbers, without shapes."""
-    links = ["base_link_inertia", *FRAMES]
-    parts = [f'<link name="{name}"/>' for name in links]
-    for k, (joint, row) in enumerate(zip(arm.joints, values.tolist(), strict=True)):
-        xyz, rpy = (" ".join(map(repr, three)) for three in (row[:3], row[3:]))
-        ends = f'<parent link="{links[k]}"/><child link="{links[k + 1]}"/><axis xyz="0 0 1"/>'
-        origin = f'<origin xyz="{xyz}" rpy="{rpy}"/>'
-        parts.append(f'<joint name={quoteattr(joint.name)} type="continuous">{origin}{ends}</joint>')
-    return f'<robot name="ur">{"".join(parts)}</robot>'
 
 
 def export_offsets(state: State, file: Path, out: Path, gears: Sequence[float]) -> tuple[BestOffsets, float]:
@@ -74,7 +38,7 @@ def export_offsets(state: State, file: Path, out: Path, gears: Sequence[float]) 
         BenchError: When the arm has other axes or another number of gears, or the offsets, read back, differ.
     """
     form, text = read_controller(file)
-    keys, turns = _axes(form, _six_axes(form, state).n_joints, gears)
+    keys, turns = _axes(form, six_axes(form.title, state).n_joints, gears)
     numbers, old = find_numbers(form, file, text, keys), read_numbers(form, file, text, keys)
     q = random_joints(state.vjm)
     best = best_offsets(state, q)
@@ -96,10 +60,11 @@ def export_offsets(state: State, file: Path, out: Path, gears: Sequence[float]) 
     return best, off
 
 
-def _six_axes(form: Format, state: State) -> Arm:
+def six_axes(title: str, state: State) -> Arm:
+    """Take an arm of six joints that turn; BenchError, with the title of the file, for another one."""
     arm = state.vjm.arm
     if arm.n_joints != AXES or arm.moves is not None or any(joint.prismatic for joint in arm.joints):
-        raise BenchError(f"{form.title}: expected an arm of {AXES} joints that turn; {arm.name} has others")
+        raise BenchError(f"{title}: expected an arm of {AXES} joints that turn; {arm.name} has others")
     return arm
 
 

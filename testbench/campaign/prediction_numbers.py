@@ -63,6 +63,8 @@ def numbers(made: Predicted) -> Row:
     """Collect all numbers but those of every pose, which are in predictions.csv; keys of report.json."""
     found, size = made.found, MM * made.found.size
     about, extent = made.model.about, made.extent
+    some = np.array([made.stiffness.give[:, 0].argmax(), *made.worst_first[:WORST]])
+    poses = [_pose(made, int(k), half) for k, half in zip(some, made.push_halves(some), strict=True)]
     return Row(
         arm=made.model.arm.name,
         absolute=made.model.absolute,
@@ -85,13 +87,13 @@ def numbers(made: Predicted) -> Row:
         extrapolated=extrapolated(extent),
         doubts=about.doubts,
         notes=made.asked.notes,
-        softest=_pose(made, int(made.stiffness.give[:, 0].argmax())),
-        worst=[_pose(made, int(k)) for k in made.worst_first[:WORST]],
+        softest=poses[0],
+        worst=poses[1:],
         map=_map(made),
     )
 
 
-def _pose(made: Predicted, k: int) -> Row:
+def _pose(made: Predicted, k: int, push_half: float) -> Row:
     """How far its loads move the tool in a pose, by its number from 0, and how stiff the tool is there.
 
     None where the data of the model see nothing, or where nothing gives. Half widths are the widest along x,
@@ -115,7 +117,7 @@ def _pose(made: Predicted, k: int) -> Row:
         softest=direction_words(direction),
         softest_direction=direction.tolist(),
         push_mm=float(MM * made.map.force * made.stiffness.give[k, 0]),
-        push_half_mm=finite(MM * made.push_half(k)),
+        push_half_mm=finite(MM * push_half),
     )
 
 

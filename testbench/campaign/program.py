@@ -331,11 +331,17 @@ class Predicted:
         """Poses by the deflection of the tool, the largest first, (poses,)."""
         return np.argsort(-self.found.size[:, 0], kind="stable")
 
-    def push_half(self, pose: int) -> float:
-        """Half width of how far the map's force moves the loaded tool along its softest axis [m]."""
-        one = slice(pose, pose + 1)
-        tool = in_order(self.stiffness, one)
-        return float(give_halves(self.model, self.asked.q[one], tool, self.map.force)[0, 0])
+    def push_halves(self, poses: Ids) -> Array:
+        """Find half widths of how far the map's force moves the loaded tool along its softest axis.
+
+        Args:
+            poses: Numbers of the poses, (k,).
+
+        Returns:
+            Half widths, (k,) [m].
+        """
+        tool = in_order(self.stiffness, poses)
+        return give_halves(self.model, self.asked.q[poses], tool, self.map.force)[:, 0]
 
 
 def predicted(

@@ -123,6 +123,7 @@ def command(asked: Options) -> None:
             print_words(console, said, [], [*lines, nothing])
             raise typer.Exit(1)
         flags = plain(asked, read="readings", without=("arm", "score", "frame_poses", "at_most"))
+        assert isinstance(flags["readings"], dict)
         write = partial(write_model, found.calibration, flags["readings"], said.numbers["doubts"])
         run = Asked(COMMAND, cell.arm.name, flags, [cell.arm.rigid.parent], PICTURE, more=write)
         leave(asked.out, run, said, seen(cell, found, left))
@@ -182,10 +183,9 @@ def _tables(f: Row) -> dict[str, Table]:
     first = [Row(r, **start, after_mm=r.before_mm, series_after_mm=r.series_before_mm) for r in f.steps[:1]]
     tried = [Row(row, tried=row.name, verdict="kept" if row.kept else "dropped") for row in first + f.steps]
     far = sorted((row for row in f.places if row.n), key=lambda row: -float(row.after_mm))[:5]
-    totals = zip(LOOKS, (f.total_before, f.total_after), strict=True)
     rows = {
         "steps": tried,
-        "errors": [Row(what=name, error=own) for name, own in totals],
+        "errors": [Row(what="as drawn", error=f.total_before), Row(what="calibrated", error=f.total_after)],
         "series": f.series,
         "values": [Row(row, what=row.name) for row in (*f.compliances, *f.geometry)],
         "numbers": [Row(what=name, value=own) for name, own in _others(f) if own is not None],

@@ -44,8 +44,7 @@ SURE = 0.95  #: Chance that the median point gets better from which on the corre
 BEFORE, CORRECTED = "uncorrected program", "corrected program"
 WITHIN, EXPECTED, AFTER = f"{BEFORE}, within (95 %)", f"{BEFORE}, expected", f"{CORRECTED}, within (95 %)"
 LOOKS = dict.fromkeys((EXPECTED, WITHIN), Look(MEASURED, 1, prior=True)) | {AFTER: Look(GCO, 0, prior=True)}
-SHARE, LEAST, FORCE = 0.15, 0.3, 0.25
-"""Length of most errors over the size of the path, which counts this at least [m]; of the force's arrow."""
+SHARE, LEAST, FORCE = 0.15, 0.3, 0.25  #: Most errors over the path's size, its least [m], the force's arrow.
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.campaign.arm_models import load_model
-from testbench.campaign.controller_files import ABB, STAMP, UR, read_controller
+from testbench.campaign.controller_files import ABB, STAMP, read_controller
 from testbench.campaign.export import BEGINS, Draft, beside_of, draft_new, draft_own, export
-from testbench.campaign.export_controller import draft_ur, export_offsets
+from testbench.campaign.export_controller import export_offsets
 from testbench.campaign.export_geometry import POSES
 from testbench.campaign.export_left import BestOffsets, Sizes
 from testbench.errors import BenchError, InputError
@@ -39,19 +39,15 @@ class Options:
 
     model: Annotated[Path, typer.Argument(help="Folder of a model, of calibrate or identify.")]
     urdf: Annotated[
-        Path | None,
-        typer.Option(help="The robot's own URDF; where there is none, one is written from scratch."),
+        Path | None, typer.Option(metavar="FILE", help="The robot's own URDF; a new one if it is not there.")
     ] = None
     into: Annotated[
-        Path | None,
-        typer.Option(help="The robot's own kinematics of a UR driver, $machine.dat of KUKA, MOC.cfg of ABB."),
+        Path | None, typer.Option(metavar="FILE", help="KUKA's $machine.dat or ABB's MOC.cfg.")
     ] = None
-    gears: Annotated[
-        str, typer.Option(help="Of ABB: turns of each motor for one of its axis, with sign: a,b,...")
-    ] = ""
-    out: Annotated[Path | None, typer.Option(help="File to write; else NAME_calibrated here.")] = None
+    gears: Annotated[str, typer.Option(metavar="A,B,...", help="ABB: motor turns for one of the axis.")] = ""
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Default: NAME_calibrated here.")] = None
     tip: Annotated[
-        str | None, typer.Option(help="Link of the robot's own URDF that carries the tool; else its end.")
+        str | None, typer.Option(metavar="LINK", help="Link of the URDF that carries the tool; else its end.")
     ] = None
     force: Force = False
 
@@ -88,10 +84,7 @@ def _write_into(asked: Options, file: Path) -> None:
     if gears and form is not ABB:
         raise BenchError("--gears: is for ABB's motors alone")
     model = _read(asked, out, CONTROLLER, [file])
-    if form is UR:
-        _export(model, draft_ur(model.state, file), out)
-    else:
-        _say(model, _offset_words(model.arm, out, *export_offsets(model.state, file, out, gears)))
+    _say(model, _offset_words(model.arm, out, *export_offsets(model.state, file, out, gears)))
 
 
 def _read(asked: Options, out: Path, kind: Kind, files: list[Path]) -> ArmModel:
@@ -112,7 +105,7 @@ def _export(model: ArmModel, draft: Draft, out: Path) -> None:
 
 def _say(model: ArmModel, lines: list[str]) -> None:
     if not model.absolute:
-        lines.append("the model is of compliances alone: its geometry is the drawing's")
+        lines.append("warning    a model of identify has no errors of geometry: it is the drawing's")
     plain_console().print("\n".join(lines), soft_wrap=True)
 
 
@@ -134,46 +127,41 @@ def _refuse_another(out: Path, arm: str) -> None:
 
 
 def _words(arm: str, draft: Draft, out: Path, done: Row, *, replaced: bool) -> list[str]:
-    off, back, (moved, moved_most) = draft.drawing_off, done.read_back, done.geometry_mm
-    tip, at = draft.frames.names[-1], f"{out}, replaced" if replaced and off is not None else out
+    """What was written, how far it was off when it was read back, and what it cannot hold."""
+    back, new = done.read_back, draft.drawing_off is None
     lines = [
-        f"{arm}: the identified geometry is in {at}, its tool is {tip!r}",
-        f"read back by Pinocchio in {back.poses} poses: within {max(back.position_um, 0.001):.3g} um and "
-        f"{max(back.rotation_urad, 0.001):.3g} urad of the model",
-        f"it moves the tool by {moved:.3f} mm RMS, {moved_most:.3f} mm at most, from the drawing",
-        f"not in it, but in {beside_of(out)}: compliances, errors and laws of the joints, weights; at the "
-        "tool, RMS and at most:",
-        *_left(done.left),
+        f"written    {out}" + ", from scratch, without shapes" * new + ", replaced" * replaced,
+        f"beside     {beside_of(out)}: compliances, errors and laws of the joints, weights",
+        f"arm        {arm}, its tool {draft.frames.names[-1]!r}",
+        f"read back  {back.poses} poses, at most {max(back.position_um, 0.001):.3g} um and "
+        f"{max(back.rotation_urad, 0.001):.3g} urad from the model",
+        *_sizes({"moved from the drawing": done.geometry_mm}),
+        *_sizes({f"not in the file: {what}": own for what, own in done.left.items()}),
     ]
-    if off is None:
-        found = f"no file {out}: written from scratch"
-        if replaced:
-            found = f"{out} of an earlier export: replaced, from scratch as that was"
-        lines.insert(0, f"{found}, with links, joints and masses, without shapes")
-    else:
-        lines.append(
-            f"its own drawing was that of {arm} to {1e6 * off:.3g} um and urad; {tip!r} stands "
-            f"{round(1e3 * draft.aside, 6):.4g} mm from the model's tool, and so it does still"
-        )
+    if draft.drawing_off is not None:
+        off, aside = 1e6 * draft.drawing_off, round(1e3 * draft.aside, 6)
+        lines.append(f"drawings   differ by {off:.3g} um and urad; tip {aside:.4g} mm from the model's tool")
     if draft.loose_meshes:
-        lines.append("it names meshes by their place beside the robot's URDF: keep it in that folder")
+        lines.append("warning    meshes are named by their place beside the robot's URDF: keep it there")
     return lines
 
 
-def _left(left: Sizes) -> list[str]:
-    """A line for every kind of error."""
-    return [f"  {rms:.3f} and {most:.3f} mm: {what}" for what, (rms, most) in left.items()]
+def _sizes(sizes: Sizes) -> list[str]:
+    """A line for every kind of error at the tool."""
+    return [
+        f"at tool    {rms:.3f} mm RMS, {most:.3f} mm at most: {what}" for what, (rms, most) in sizes.items()
+    ]
 
 
 def _offset_words(arm: Arm, out: Path, best: BestOffsets, off: float) -> list[str]:
+    """The offsets, how far they were off when they were read back, and what they cannot hold."""
     offsets = np.degrees(arm.change_to_file(best.offsets))
     shown = (f"{joint.name} {x:.4f}" for joint, x in zip(arm.file_joints, offsets, strict=True))
-    (drawn, drawn_most), (left, left_most) = best.drawn_mm, best.corrected_mm
     return [
-        f"{arm.name}: offsets of the joints are in {out} [deg]: {', '.join(shown)}",
-        f"read back in {POSES} poses: within {max(1e6 * off, 0.001):.3g} um of these offsets",
-        f"with base and tool measured anew they leave {left:.3f} mm RMS, {left_most:.3f} mm at most, to the "
-        f"identified arm without payload; the drawing {drawn:.3f} and {drawn_most:.3f} mm",
-        "what offsets cannot hold, RMS and at most, in comments there too:",
-        *_left(best.left),
+        f"written    {out}",
+        f"arm        {arm.name}, offsets in deg: {', '.join(shown)}",
+        f"read back  {POSES} poses, at most {max(1e6 * off, 0.001):.3g} um from these offsets",
+        *_sizes({"as drawn, base and tool measured anew": best.drawn_mm}),
+        *_sizes({"with these offsets, base and tool measured anew": best.corrected_mm}),
+        *_sizes({f"not in the file: {what}": own for what, own in best.left.items()}),
     ]

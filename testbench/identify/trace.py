@@ -20,7 +20,6 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.optimize import nnls
 from scipy.special import stdtrit
 
 from testbench.errors import Array
@@ -130,6 +129,8 @@ def _joints(s: Structure, gram: Array) -> Array:
     joints = joints[np.diag(gram)[joints] > 0]
     pi, H, g = np.zeros(s.n), gram[:-1, :-1], gram[:-1, -1]
     if len(joints):
+        from scipy.optimize import nnls  # here: it takes long to import, and few commands learn a weight
+
         unit = 1 / np.sqrt(np.diag(H)[joints])
         values, Q = np.linalg.eigh(H[np.ix_(joints, joints)] * np.outer(unit, unit))
         kept = values > RANK * values[-1]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+import ur_kinematics
 import yaml
 from own_urdf import own_urdf
 from scipy.spatial.transform import Rotation
@@ -16,7 +17,7 @@ from serial_arms import write_arm
 from testbench.arm.urdf_text import STAMP
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.export import draft_new, draft_own, export
-from testbench.campaign.export_controller import draft_ur, export_offsets
+from testbench.campaign.export_controller import export_offsets
 from testbench.campaign.export_geometry import apart, drawn, random_joints, tool_poses
 from testbench.campaign.export_left import best_offsets
 from testbench.errors import BenchError, InputError
@@ -283,7 +284,7 @@ def test_kinematics_of_a_ur_driver_are_the_model(ur10, rng, tmp_path, style):
     """Read back by a reader of its own, z the axis of every joint; all but 36 numbers stays as it was."""
     state, text = planted(ur10, rng), style(ur10_yaml())
     (file := tmp_path / "my_robot.yaml").write_text(text, encoding="utf-8")
-    draft = draft_ur(state, file)
+    draft = ur_kinematics.draft(state, file)
     export(state, draft, tmp_path / "new.yaml")
     new = (tmp_path / "new.yaml").read_text(encoding="utf-8")
     rows, q = yaml.safe_load(new)["kinematics"], random_joints(state.vjm)[:50]
@@ -299,6 +300,20 @@ def test_kinematics_of_a_ur_driver_are_the_model(ur10, rng, tmp_path, style):
     numbers = re.compile(r"(?<=: )[-+.\de]+")
     assert numbers.sub("", new.partition("\n")[2]) == numbers.sub("", text)
     assert rows["hash"] == "calib_17227329492635474227"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda text: text.replace("x: 0\n", "x: .inf\n", 1), "with a number at shoulder.x"),
+        (lambda text: re.sub(r": [-\d.e]+$", ": 1e3", text, flags=re.M), "from that of ur10 as drawn"),
+        (lambda text: f"# {ur_kinematics.STAMP}\n{text}", "wrote it; expected the robot's own file"),
+    ],
+)
+def test_wrong_kinematics_of_a_ur_driver_are_one_line(ur10, rng, tmp_path, change, said):
+    (file := tmp_path / "my_robot.yaml").write_text(change(ur10_yaml()), encoding="utf-8")
+    with pytest.raises(InputError, match=said):
+        ur_kinematics.draft(planted(ur10, rng), file)
 
 
 MACHINE = "DEFDAT $MACHINE PUBLIC\r\nREAL $MAMES[12]\r\n" + "".join(

@@ -112,7 +112,7 @@ def test_the_interval_beside_the_softest_direction_is_that_of_a_force_along_it(m
     made = predicted(own, read_asked(file, own, None, lambda: MASS), 1000.0)
     push = tb.Load(np.hstack([1000 * made.stiffness.axes[:, :, 0], np.zeros((POSES, 3))]), np.zeros(3))
     wanted = tb.predict(own, q, [push]).half[:, 0].max(axis=1)
-    assert [made.push_half(k) for k in range(POSES)] == pytest.approx(wanted)
+    assert made.push_halves(np.arange(POSES)) == pytest.approx(wanted)
 
 
 def test_the_table_has_the_numbers_of_the_file_of_all_poses_the_farthest_first(made):
