@@ -45,7 +45,6 @@ def write_help(_: object) -> None:
         "dataset build",
         "demo",
         "export",
-        "identifiability",
         "identify",
         "new",
         "plan",
