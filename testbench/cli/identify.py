@@ -53,6 +53,7 @@ WORST = (
     Column("place", "worst place"),
     Column("joints", "joints there"),
 )
+SINGLE = Column("quantity", "quantity"), Column("value", "value", form=",.5g")
 HELP = columns("place measure rank expected_error_mm")
 UNSEEN = (
     Column("why", "hidden by"),
@@ -144,9 +145,8 @@ def badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
 def report(f: Row) -> Report:
     """Report fits from their numbers."""
     taken = find(f.models, name=f.recommended)
-    first = "Take"
-    if f.get("badge") is not None and f.badge.winner != taken.name:
-        first = "Chosen, though beaten where runs are held out, is"
+    beaten = f.get("badge") is not None and f.badge.winner != taken.name
+    first = "Chosen, though beaten where runs are held out, is" if beaten else "Take"
     if any(doubt["name"] != "prior" for doubt in f.doubts):
         first = "First look at the runs, see the doubt below; if they are right, take"
     kind, where = ("check", "held-out") if taken.check else ("identification", "fitted")
@@ -156,7 +156,7 @@ def report(f: Row) -> Report:
     told, rest = "part parameters told_percent decided_by_prior", f.get("identifiability")
     tables = {
         "models": table_of(f, MODELS),
-        "fit": Table(columns("quantity value"), _fit(f), "The fit"),
+        "fit": Table(SINGLE, _fit(f), "The fit"),
         "elsewhere": Table(WORST, [*_elsewhere(f)], "How sure it is elsewhere"),
         "laws": Table(columns(laws), f.laws, "Joints beyond a spring"),
         "runs": Table(columns("which_run pose moved_mm taken_mm"), runs, f"Residuals, the worst {MOST} runs"),
