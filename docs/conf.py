@@ -50,7 +50,6 @@ def write_help(_: object) -> None:
         "data check",
         "demo",
         "export",
-        "identifiability",
         "identify",
         "new",
         "plan",

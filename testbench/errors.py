@@ -255,3 +255,12 @@ def check_array(value: object, shape: tuple[int | None, ...], what: str) -> Arra
     if not np.isfinite(array).all():
         raise BenchError(f"{what}: expected finite numbers, got NaN or infinity")
     return array
+
+
+@contextlib.contextmanager
+def of_flag(flag: str) -> Iterator[None]:
+    """Name the flag that asked for what the block refuses."""
+    try:
+        yield
+    except BenchError as err:
+        raise BenchError(f"{flag}: {err}") from err

@@ -105,9 +105,6 @@ CASES = {
     "simulate": command("simulate kr500_l480 --poses 40 --payload-kg 460 --out out.csv", "out.csv"),
     "series": command(f"{READINGS} out.csv --series 3", "out*.csv"),
     "data": command("data check kr500_l480 ../inputs/data.csv --out out"),
-    "identifiability": command(
-        "identifiability kr500_l480 ../inputs/data.csv --model MGCO68 --figure seen.png", "seen.png"
-    ),
     "identify": command("identify kr500_l480 ../inputs/data.csv --out out"),
     "calibrate": command("calibrate ur10 ../inputs/readings.csv --orders 1 --out out"),
     "export": command("export ../inputs/calibrated --urdf out.urdf", "out.*"),

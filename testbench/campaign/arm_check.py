@@ -1,6 +1,6 @@
 """An arm looked at as a whole: what must be confirmed, by its effect on the sag, and what may be wrong."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,7 @@ from testbench.campaign.arm_doubts import UPRIGHT, Looked, arm_doubts, sag, stan
 from testbench.campaign.campaign import build_cell, check_agreement
 from testbench.campaign.doubt import Doubt
 from testbench.campaign.rows import rms
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
 from testbench.model.vjm import body_poses
 
 UNSURE = ("estimated", "assumed")  #: Origins that want to be confirmed.
@@ -148,3 +148,18 @@ def check(folder: str | Path) -> Checked:
         items=to_confirm(arm),
         doubts=arm_doubts(arm),
     )
+
+
+def refuse_doubts(folder: str | Path, doubts: Sequence[Doubt]) -> None:
+    """Refuse an arm's folder, or runs of it, that raise a warning.
+
+    Args:
+        folder: Of the arm; its own warnings come first.
+        doubts: Of the runs.
+
+    Raises:
+        BenchError: Lists all warnings in one line.
+    """
+    if said := (*check(folder).doubts, *doubts):
+        count = "1 doubt" if len(said) == 1 else f"{len(said)} doubts"
+        raise BenchError(f"--strict: {count}: {'; '.join(doubt.sentence for doubt in said)}")

@@ -30,6 +30,7 @@ from testbench.identify.prior import Prior, Strength, aggregate
 from testbench.identify.regression import Regression, check_symmetric, generic_rows, rank
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, marker_points, observation
+from testbench.trials.rows import Row
 
 POSES = 60
 """Random poses under the loads of the data: what these do not see, no pose under these loads shows."""
@@ -39,6 +40,10 @@ SIGMA_ROTATION = 250e-6
 """Standard deviation of one orientation reading where the data have none, as in section 5.2 [rad]."""
 REPEAT = "the same runs once more"  #: The yardstick: what only averages noise is no better.
 TIE = 0.02  #: Expected errors within this share of each other are the same.
+NAMED = 3  #: Links and joints that are named of those that too few poses leave open.
+DECIDED = 0.05  #: Share that data tell of an unknown below which the prior decides it [1].
+AXES = ("stretch", "deflection y", "deflection z", "torsion", "rotation y", "rotation z")
+"""Names of the diagonal entries of a link's compliance, in its beam frame: c11 to c66."""
 
 
 @dataclass(frozen=True)
@@ -137,6 +142,41 @@ def of_regression(
         deflection=math.sqrt(np.square(moved).mean()),
         proposals=_placed(sorted(found, key=lambda p: (p.error, -p.rank))),
     )
+
+
+def unseen(found: Identifiability) -> list[Row]:
+    """List the directions that the data do not show, a row for each set of links and joints that trade.
+
+    Returns:
+        Rows with `why` (structure: no experiment shows them; loads: no pose does under these loads; poses:
+        these are too few), `parts`, the number of `directions`, and `parameters` that change in the first.
+    """
+    rows: dict[tuple[str, tuple[str, ...]], Row] = {}
+    for why, lost in (("structure", found.lost_to_structure), ("loads", found.lost_to_loads)):
+        for own in lost:
+            every = [*own.parameters, *own.others]
+            parts = tuple(dict.fromkeys(found.component[k] for k in sorted(every)))
+            names = ", ".join(_name(found, k) for k in every)
+            start = Row(why=why, parts=", ".join(parts), directions=0, parameters=names)
+            rows.setdefault((why, parts), start)["directions"] += 1
+    if found.lost_to_poses:
+        most = sorted(dict.fromkeys(found.component), key=lambda name: -_spread(found, name))[:NAMED]
+        last = Row(why="poses", parts=", ".join(most), directions=found.lost_to_poses, parameters="")
+        rows["poses", ()] = last
+    return list(rows.values())
+
+
+def _spread(found: Identifiability, part: str) -> float:
+    """How many of the directions lost to too few poses a link or joint holds."""
+    return float(found.spread[np.array(found.component) == part].sum())
+
+
+def _name(found: Identifiability, parameter: int) -> str:
+    """Name a parameter: its joint, or its link and axes."""
+    part, (a, b) = found.component[parameter], found.entry[parameter].tolist()
+    if a < 0:
+        return part
+    return f"{part} {AXES[a]}" if a == b else f"{part} {AXES[min(a, b)]} with {AXES[max(a, b)]}"
 
 
 def told(vjm: Vjm, regression: Regression, prior: Prior, strength: Strength) -> tuple[tuple[str, ...], Array]:

@@ -8,8 +8,8 @@ against a prior that is wrong in ways which nobody thought of: where they predic
 better, they are taken.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from testbench.campaign.evaluation import of_model
 from testbench.campaign.models import EVERY, JOINTS, MODELS, Model, named_models, own_name, right_name
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, Ids
-from testbench.identify import Estimate, Method, with_prior
+from testbench.identify import Estimate, Estimator, Method, with_prior
 from testbench.identify.crossval import Candidate, Duel, Fold, divided, folds, unless_beaten
 from testbench.identify.fold import Parts, reduce_parts
 from testbench.identify.prior import Prior, Strength
@@ -63,6 +63,32 @@ def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = 
         return named_models(cell, _possible(cell, tuple(MODELS)))
     plain, filled = (named_models(cell, _possible(cell, names)) for names in (PLAIN, WITH_PRIOR))
     return [*plain, *with_priors(cell.arm, filled, prior, strength)]
+
+
+def asked_models(
+    cell: Cell,
+    names: Sequence[str],
+    prior: Prior | None,
+    strength: Strength | None = None,
+    *,
+    loss: Callable[[Estimator], Estimator] | None = None,
+) -> list[Model]:
+    """Give the models to fit: those of some names, with the prior where it fits them, or the default.
+
+    Args:
+        cell: The arm.
+        names: Of the models; none for the default.
+        prior: None to fit without one.
+        strength: How firmly the prior is believed; None to learn it.
+        loss: Makes another estimator of each, such as `robust`.
+
+    Raises:
+        BenchError: When the arm has no model of a name.
+    """
+    models = named_models(cell, names) if names else default_models(cell, prior, strength)
+    if names and prior is not None:
+        models = [with_priors(cell.arm, [m], prior, strength)[0] if m.structure.whole else m for m in models]
+    return models if loss is None else [replace(m, estimator=loss(m.estimator)) for m in models]
 
 
 def default_name(arm: Arm) -> str:

@@ -111,6 +111,13 @@ class PlanSettings:
         return Conditions(self.area, self.station, payload)
 
 
+USUAL = {
+    True: {"criterion": "I", "poses": 50, "candidates_wanted": 1000},
+    False: {"criterion": "test", "poses": 12, "candidates_wanted": 5000},
+}
+"""What is asked for where nothing is said, of a plan of absolute readings and of one for tasks."""
+
+
 def pull_words(pull: Sequence[float]) -> str:
     """A pull, world axes [N], as plans name it."""
     along = [(f"{abs(x):g} N along {'-' * (x < 0)}{axis}") for x, axis in zip(pull, "xyz", strict=True) if x]

@@ -1,68 +1,201 @@
-"""testbench compare RUN_A RUN_B: what differs between runs, given and found."""
+"""testbench compare RUN_A RUN_B: what two runs were given otherwise, and which of them errs less."""
 
-from contextlib import ExitStack
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from testbench.commands.compare import COMMAND, LETTERS, input_lines, printed, report, write
-from testbench.commands.compare_inputs import refuse_unlike
-from testbench.commands.compare_rows import worse
+from testbench.campaign.true_arms import CALLED, TRUTHS, member
 from testbench.errors import BenchError
-from testbench.output.manifest import read_run
+from testbench.output.manifest import Finished, read_run
 from testbench.output.place import claim_folder
 from testbench.output.whole import reading
+from testbench.report.join import (
+    KINDS,
+    badge_of,
+    leading,
+    leaves,
+    models_compared,
+    models_of,
+    numbers_compared,
+)
+from testbench.report.leave import Asked, leave
+from testbench.report.report import Report, say
+from testbench.report.table import Row
 from testbench.shell.options import Force, takes
 from testbench.views import terminal
-from testbench.views.markdown import as_plain
+from testbench.views.colours import look
+from testbench.views.markdown import Markdown
+from testbench.views.scene import Seen
+from testbench.views.schema import Column, Table
+
+COMMAND = "testbench compare"  #: As manifest.json names it.
+SHOWN = 200  #: Numbers beside the models that are listed.
+LONGEST = 60  #: Letters of an input that are shown.
+VIEWS = (".md", ".html", ".png", ".rrd", "manifest.json", "report.json", "run.log")
+"""Ends of files in the folder of a model that only show it."""
 
 
 @dataclass(frozen=True)
 class Options:
     """Flags of the command."""
 
-    runs: Annotated[list[Path], typer.Argument(help="Folders of two runs or more; the first is A.")]
-    out: Annotated[Path, typer.Option(help="Folder of the comparison.")] = Path("runs/compare")
+    a: Annotated[Path, typer.Argument(metavar="RUN_A", help="Folder of a run.")]
+    b: Annotated[Path, typer.Argument(metavar="RUN_B", help="Folder of the run beside it.")]
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the comparison.")] = Path("runs/compare")
     anyway: Annotated[
-        bool, typer.Option("--anyway", help="Compare runs of other true arms, or one seed with several.")
+        bool, typer.Option("--anyway", help="Also of other true arms, or one seed with several.")
     ] = False
     fail_if_worse: Annotated[
-        bool, typer.Option("--fail-if-worse", help="Exit with 1 when a run errs more than A.")
+        bool, typer.Option("--fail-if-worse", help="Exit with 1 if RUN_B errs more than RUN_A.")
     ] = False
     force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
-    """Say which run errs less and what they were given otherwise; write the folder."""
-    if not 2 <= len(asked.runs) <= len(LETTERS):
-        raise BenchError(f"runs: expected 2 to {len(LETTERS)} folders, got {len(asked.runs)}")
-    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=asked.runs, force=asked.force):
-        with ExitStack() as read:
-            for folder in asked.runs:
-                read.enter_context(reading(folder))
-            runs = [read_run(folder) for folder in asked.runs]
+    """Compare inputs and models of two runs; write the folder."""
+    out = asked.out
+    with claim_folder(out, COMMAND, own=frozenset(), inputs=[asked.a, asked.b], force=asked.force):
+        with reading(asked.a), reading(asked.b):
+            a, b = read_run(asked.a), read_run(asked.b)
             if not asked.anyway:
-                refuse_unlike(runs)
-            said = report(runs)
-        write(runs, said, asked.out)
-        console, out = terminal.plain_console(), asked.out
-        terminal.print_answer(console, said)
-        terminal.print_statements(console, said)
-        for line in input_lines(said):
-            console.print(line)
-        for table in printed(said):
-            console.print()
-            terminal.print_table(console, table)
+                refuse_unlike([a, b])
+            said = report(a, b)
+        flags = {"A": {str(a.folder): a.digest}, "B": {str(b.folder): b.digest}}
+        leave(out, Asked(COMMAND, "runs", flags, [], "compare.png"), said, Seen())
         lines = [
-            "",
-            *as_plain(said.title).split("; "),
+            *terminal.as_plain(said.title).split("; "),
             f"numbers    {out / 'report.json'}, {out / 'report.md'}",
             f"picture    {out / 'compare.png'}",
             *terminal.looked_at(out),
         ]
-        console.print("\n".join(lines), soft_wrap=True)
-    if asked.fail_if_worse and worse(said):
+        tables = [table for name, table in said.tables.items() if name != "others"]
+        terminal.print_words(terminal.plain_console(), said, tables, lines)
+    if asked.fail_if_worse and said.numbers["worse"]:
         raise typer.Exit(1)
+
+
+def report(a: Finished, b: Finished) -> Report:
+    """Report two runs: inputs that differ, errors of the models of both.
+
+    Raises:
+        BenchError: When they have neither models nor numbers of the same names.
+        InputError: When an error in a report, or the trials of a run, are damaged.
+    """
+    models, values = models_compared(a, b), numbers_compared(a, b)
+    lead = leading(models, [a, b])
+    if lead is None and not values:
+        kinds = f"RUN_A is of {a.manifest.command}, RUN_B of {b.manifest.command}"
+        raise BenchError(f"{kinds}: no models and no numbers of the same names: nothing to compare")
+    badge = None if lead is None else badge_of(lead, a, b)
+    inputs = inputs_differ(a, b)
+    led = [own for own in models if lead is not None and own.kind == lead.kind]
+    apart = [own for own in values if own.verdict != "same"]
+    far = sum(own.verdict in ("smaller", "larger") for own in values)
+    answer = say("{far} of {all} numbers differ by more than 2 %.", far=far, all=len(values))
+    if lead is not None:
+        answer = say("{name} {where}: {a:.3f} mm in A, {b:.3f} mm in B.", lead, where=KINDS[lead.kind])
+    rest = [own for own in models if own not in led]
+    names = [{own.name for own in models_of(run).values()} for run in (a, b)]
+    only = sorted(names[0] ^ names[1])
+    looks = {own.name: look(own.structure, own.constraint, bool(own.prior)) for own in led if own.constraint}
+    ratio = Column("ratio", "B / A", form=".2f", short="B / A")
+    sides = Column("a", "A", "mm"), Column("b", "B", "mm")
+    told = Column("verdict", "B is"), Column("by", "judged by")
+    kind = Column("kind", "where", called=KINDS)
+    plain = (Column("what", "number"), *(Column(k, k.upper(), form=",.5g", exact=True) for k in "ab"), ratio)
+    shades = {"headline": "ratio", "looks": looks, "bold": lead.name if lead else ""}
+    texts = Column("what", "input"), Column("a", "A"), Column("b", "B")
+    where = f"RMS error {KINDS[lead.kind]}" if lead else ""
+    tables = {
+        "models": Table((Column("name", "model"), *sides, ratio, *told), led, where, **shades),
+        "others": Table((Column("name", "model"), kind, *sides, ratio, *told), rest, "Other errors"),
+        "numbers": Table(plain, [] if led else apart[:SHOWN], "Numbers that differ"),
+        "inputs": Table(texts, inputs, "Inputs that differ"),
+    }
+    tables = {name: table for name, table in tables.items() if table.rows}
+    return Report(
+        scenario="compare",
+        question=Markdown("Do A and B differ, and which errs less?"),
+        title=say("A: {a} ({x}, seeds {s}); B: {b} ({y}, seeds {t})", _made(a, b)),
+        answer=answer,
+        claims=[say("Not in both: {only:list}.", only=only)] if only and led else [],
+        numbers=Row(
+            runs=[str(a.folder), str(b.folder)],
+            inputs=inputs,
+            models=models,
+            numbers=values[:SHOWN],
+            equal=a.digest == b.digest,
+            worse=bool(lead and lead.verdict == "larger") or bool(badge and badge.verdict == "do not use"),
+        ),
+        tables=tables,
+        body=[*tables, Markdown("What tables and verdicts mean: docs/compare.md.")],
+        badge=badge,
+    )
+
+
+def _made(a: Finished, b: Finished) -> Row:
+    """Name folders, commands and seeds of both runs."""
+    return Row(
+        a=str(a.folder), x=a.manifest.command, s=seeds(a), b=str(b.folder), y=b.manifest.command, t=seeds(b)
+    )
+
+
+def seeds(run: Finished) -> str:
+    """Name the seeds of a run."""
+    first, count = run.manifest.seed, run.manifest.seeds
+    return "none" if not count else str(first) if count == 1 else f"{first} to {first + count - 1}"
+
+
+def inputs_differ(a: Finished, b: Finished) -> list[Row]:
+    """List the entries of two manifests that differ: settings, arms, data, seeds, versions, commit."""
+    ours, theirs = _inputs(a), _inputs(b)
+    keys = [key for key in dict.fromkeys([*ours, *theirs]) if ours.get(key) != theirs.get(key)]
+    return [Row(what=key, a=ours.get(key, "none"), b=theirs.get(key, "none")) for key in keys]
+
+
+def _inputs(run: Finished) -> dict[str, str]:
+    """Flatten a manifest; files of arms count in their order, whatever their folders are called."""
+    m = run.manifest
+    arms = {
+        f"arm {k}": {"folder": name, **{f: sha for f, sha in own.items() if not f.endswith(VIEWS)}}
+        for k, (name, own) in enumerate(m.models.items(), 1)
+    }
+    whole = {"command": m.command, "settings": m.scenario, "seeds": seeds(run), **arms}
+    whole |= {"version": m.versions, "commit": m.git}
+    return {key: json.dumps(value).strip('"')[:LONGEST] for key, value in leaves(whole)}
+
+
+def refuse_unlike(runs: Sequence[Finished]) -> None:
+    """Refuse runs of other true arms, or one seed beside several: which errs less then says nothing.
+
+    Raises:
+        BenchError: Names the arms, or the seeds.
+    """
+    counts = {run.manifest.seeds for run in runs if run.manifest.seeds}
+    problem, known = "", [(run, arms) for run in runs if (arms := _true_arms(run))]
+    alone = {run.manifest.seed for run, _ in known if run.manifest.seeds == 1}
+    if 1 in counts and len(counts) > 1:
+        told = "; ".join(f"{run.folder}: {seeds(run)}" for run in runs)
+        problem = f"one seed in each or several in each, as one seed has no spread, got seeds {told}"
+    elif len({arms for _, arms in known}) > 1 or (len(alone) > 1 and len(known) > 1):
+        told = "; ".join(
+            f"{run.folder}: {', '.join(sorted(arms))}, seeds {seeds(run)}" for run, arms in known
+        )
+        problem = f"the same true arms, of one seed each the same seed, got {told}"
+    if problem:
+        raise BenchError(f"runs: expected {problem}; --anyway compares them all the same")
+
+
+def _true_arms(run: Finished) -> frozenset[str]:
+    """Name the true arms that a simulated run has met; none if it names none."""
+    manifest = run.manifest
+    named = {leaf for key, leaf in leaves(manifest.scenario) if key.split(".")[-1] == "true_arm"}
+    if len(named) != 1 or not isinstance(family := named.pop(), str) or not manifest.seeds:
+        return frozenset()
+    own = range(manifest.seed, manifest.seed + min(manifest.seeds, len(TRUTHS)))
+    return frozenset(CALLED.get(name, name) for name in (member(family, seed) for seed in own))

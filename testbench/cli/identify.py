@@ -1,34 +1,67 @@
-"""testbench identify ARM DATA --out DIR: stiffness models from measured runs."""
+"""testbench identify ARM DATA: fit stiffness models to measured runs, and say which one to take."""
 
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from testbench import files
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import Cell, build_cell
+from testbench.campaign.arm_check import refuse_doubts
+from testbench.campaign.arm_models import write_stiffness
+from testbench.campaign.campaign import build_cell
 from testbench.campaign.campaign_flags import Readings
-from testbench.campaign.doubt import Doubt
-from testbench.campaign.fits import fit
+from testbench.campaign.fit_numbers import held_out, identifiability, left_by, numbers
+from testbench.campaign.fits import Identified, fit
 from testbench.campaign.model_folder import DOCUMENT, FITS
-from testbench.campaign.model_selection import default_models, with_priors
-from testbench.campaign.models import Model, named_models
+from testbench.campaign.model_selection import asked_models
 from testbench.campaign.own_estimator import EstimatorOptions, hired
 from testbench.campaign.runs import files_read, read_runs
 from testbench.cli.arguments import plain
-from testbench.commands.identify import COMMAND, PICTURE, printed, tell
-from testbench.errors import BenchError
+from testbench.errors import Array, BenchError
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import claim_folder
-from testbench.report.leave import MAP
+from testbench.report.badge import FEWEST, Badge, beside_all, incumbents
+from testbench.report.columns import columns
+from testbench.report.leave import MAP, Asked, leave
+from testbench.report.report import Report, say
+from testbench.report.table import Row, find
+from testbench.report.table import plain as plain_data
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
+from testbench.views.fitted_runs import seen
+from testbench.views.markdown import Markdown, capital, ended
+from testbench.views.schema import Column, Table
 
+COMMAND, PICTURE = "testbench identify", "identify.png"
 OLD = frozenset((FITS,))  #: All that earlier versions left.
+MOST = 30  #: Runs that are listed, the worst.
+MODELS = (
+    "name parameters rank conservative check.rms_mm f_m_held_out identification.rms_mm f_m "
+    "f_m_floor intervals.half_width_mm elsewhere.half_width_mm elsewhere.apart_mm"
+).split()
+PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
+WORST = (
+    Column("name", "model"),
+    Column("half_mm", "+- (95 %), median", "mm", none="no bound"),
+    Column("worst_mm", "+- (95 %), worst", "mm", none="no bound"),
+    Column("unbounded", "poses without bound", form="d"),
+    Column("place", "worst place"),
+    Column("joints", "joints there"),
+)
+SINGLE = Column("quantity", "quantity"), Column("value", "value", form=",.5g")
+HELP = columns("place measure rank expected_error_mm")
+UNSEEN = (
+    Column("why", "hidden by"),
+    Column("parts", "links and joints"),
+    Column("directions", "directions", form="d"),
+    Column("parameters", "parameters of the first"),
+)
+MEANS = Markdown("What tables, columns and warnings mean: docs/identify.md, *The report*.")
 
 
 @dataclass(frozen=True)
@@ -37,47 +70,55 @@ class Options:
 
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/identify")
     model: Annotated[list[str] | None, typer.Option(help="Model to fit; may be given again.")] = None
-    check_pose: Annotated[list[int] | None, typer.Option(help="Pose to hold back; again for more.")] = None
-    full_pose: Annotated[
-        bool, typer.Option("--full-pose", help="Insist on both terms of Eq. 19, positions and orientations.")
-    ] = False
-    prior: Annotated[
-        bool,
-        typer.Option(help="Use the arm's folder as CAD prior for what the data do not show."),
-    ] = True
+    check_pose: Annotated[list[int] | None, typer.Option(help="Pose to hold out; again for more.")] = None
+    full_pose: Annotated[bool, typer.Option("--full-pose", help="Insist on orientations.")] = False
+    prior: Annotated[bool, typer.Option(help="Use the arm's folder as prior.")] = True
     uncertainty_percent: Annotated[
-        float | None,
-        typer.Option(
-            min=1e-4, max=1e8, help="Of the prior; default: learnt from the readings, 30 with --robust."
-        ),
+        float | None, typer.Option(min=1e-4, max=1e8, help="Of the prior; default: learnt.")
     ] = None
-    robust: Annotated[bool, typer.Option("--robust", help="Look for outliers and fit without them.")] = False
+    robust: Annotated[bool, typer.Option("--robust", help="Find outliers, fit without them.")] = False
     intervals: Annotated[bool, typer.Option(help="95 % intervals of the predicted deflections.")] = True
+    identifiability: Annotated[
+        bool, typer.Option("--identifiability", help="List what is not observable, what to measure next.")
+    ] = False
     strict: Annotated[bool, typer.Option("--strict", help="Fail if there is any warning.")] = False
     force: Force = False
 
 
 @takes(Readings, Options, EstimatorOptions)
 def command(readings: Readings, asked: Options, tried: EstimatorOptions) -> None:
-    """Fit, judge, say which model to take, and write it."""
-    arm = find_arm(readings.arm)
-    inputs, own = [arm, *files_read(readings)], tried.own
-    with claim_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force):
-        cell = build_cell(readings.arm)
+    """Fit the models, judge them, recommend one, and write it."""
+    arm, out = find_arm(readings.arm), asked.out
+    with claim_folder(out, COMMAND, own=OLD, inputs=[arm, *files_read(readings)], force=asked.force):
         if asked.uncertainty_percent is not None and not asked.prior:
             raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
-        filed = cell
+        filed = build_cell(readings.arm)
         cell, runs = read_runs(filed, readings, asked.check_pose or (), full_pose=asked.full_pose)
-        models = _models(cell, asked)
-        models += hired(own)(cell, cad_prior(cell.arm) if asked.prior else None)
+        prior, percent = cad_prior(cell.arm) if asked.prior else None, asked.uncertainty_percent
+        strength = None if percent is None else Strength(percent / 100)
+        loss = robust if asked.robust else None
+        with of_flag("--model"):
+            models = asked_models(cell, asked.model or (), prior, strength, loss=loss)
+        models += hired(tried.own)(cell, prior)
         found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
         if asked.strict:
-            from testbench.campaign.arm_check import check  # here: it reads the arm once more
+            refuse_doubts(readings.arm, found.fits.doubts)
+        left = left_by(cell, found)
+        f = numbers(filed, cell, found, left, widths=asked.intervals)
+        f["badge"] = badge(found, left)
+        if asked.identifiability:
+            f["identifiability"] = identifiability(cell, found)
+        said, flags = report(f), plain(readings, asked, read="dataset", without=("arm",))
+        flags |= {"estimators": {each.name: asdict(each) for each in tried.own}} if tried.own else {}
 
-            check_strictly((*check(readings.arm).doubts, *found.fits.doubts))
-        flags, out = plain(readings, asked, read="dataset", without=("arm",)), asked.out
-        flags |= {"estimators": {each.name: asdict(each) for each in own}} if own else {}
-        said, console = tell((filed, cell), found, flags, out), terminal.plain_console()
+        def more(folder: Path) -> None:
+            files.write_json(plain_data(found.fits), folder / FITS)
+            write_stiffness(cell, found, found.runs, flags["dataset"], folder)  # type: ignore[arg-type]
+
+        title = f"{f.arm} under {f.map.force_N:.0f} N and {f.map.moment_Nm:.0f} N m" if f.map else ""
+        left_by_run = Asked(COMMAND, f.arm, flags, [cell.arm.rigid.parent], PICTURE, more=more, map=title)
+        leave(out, left_by_run, said, seen(filed, found, f, left))
+        console = terminal.plain_console()
         console.print(terminal.as_plain(said.title))
         lines = [
             f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
@@ -85,29 +126,125 @@ def command(readings: Readings, asked: Options, tried: EstimatorOptions) -> None
             f"figures    {', '.join(str(out / name) for name in (PICTURE, MAP) if (out / name).exists())}",
             *terminal.looked_at(out),
         ]
-        terminal.print_words(console, said, [printed(said)], lines)
+        tables = [table_of(f, MODELS[:-PAGE]), *([said.tables["help"]] if asked.identifiability else [])]
+        terminal.print_words(console, said, tables, lines)
 
 
-def check_strictly(said: Sequence[Doubt]) -> None:
-    """Refuse runs with a doubt, all of them in one line."""
-    if said:
-        count = "1 doubt" if len(said) == 1 else f"{len(said)} doubts"
-        raise BenchError(f"--strict: {count}: {'; '.join(doubt.sentence for doubt in said)}")
+def badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
+    """Compare the model to take with its strongest rival, by what was held out; None without a rival."""
+    rms, each = held_out(found, left, FEWEST)
+    taken, fits = found.fits.recommended, found.fits
+    rivals = [name for name in incumbents(fits.models, taken) if name in rms]
+    why = "first look at the runs, see the doubt" if any(x.name != "prior" for x in fits.doubts) else ""
+    own = beside_all(taken, {name: (rms[taken], rms[name], None) for name in rivals}, each, why)
+    if own and own.interval is None and own.factor and own.winner != taken:  # all readings chose it, not few
+        return Badge(**vars(own) | {"winner": taken, "rival": own.winner, "factor": 1 / own.factor})
+    return own
 
 
-def _models(cell: Cell, asked: Options) -> list[Model]:
-    """The models that were asked for, with the prior where it fits them, or those of the default."""
-    prior, percent = cad_prior(cell.arm) if asked.prior else None, asked.uncertainty_percent
-    strength = None if percent is None else Strength(percent / 100)
-    if not asked.model:
-        models = default_models(cell, prior, strength)
-    else:
-        with of_flag("--model"):
-            models = named_models(cell, asked.model)
-        if prior is not None:
-            models = [
-                with_priors(cell.arm, [m], prior, strength)[0] if m.structure.whole else m for m in models
-            ]
-    if asked.robust:
-        models = [replace(m, estimator=robust(m.estimator)) for m in models]
-    return models
+def report(f: Row) -> Report:
+    """Report fits from their numbers."""
+    taken = find(f.models, name=f.recommended)
+    beaten = f.get("badge") is not None and f.badge.winner != taken.name
+    first = "Chosen, though beaten where runs are held out, is" if beaten else "Take"
+    if any(doubt["name"] != "prior" for doubt in f.doubts):
+        first = "First look at the runs, see the doubt below; if they are right, take"
+    kind, where = ("check", "held-out") if taken.check else ("identification", "fitted")
+    runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:MOST]
+    laws = "part stiffer_percent backlash_urad friction_urad"
+    laws += " strut_percent" if any(row.get("strut_percent") is not None for row in f.laws) else ""
+    told, rest = "part parameters told_percent decided_by_prior", f.get("identifiability")
+    tables = {
+        "models": table_of(f, MODELS),
+        "fit": Table(SINGLE, _fit(f), "The fit"),
+        "elsewhere": Table(WORST, [*_elsewhere(f)], "How sure it is elsewhere"),
+        "laws": Table(columns(laws), f.laws, "Joints beyond a spring"),
+        "runs": Table(columns("which_run pose moved_mm taken_mm"), runs, f"Residuals, the worst {MOST} runs"),
+        "told": Table(columns(told), f.seen.blocks, "What the runs tell"),
+        "help": Table(HELP, rest.help if rest else [], "What else could be measured"),
+        "unseen": Table(UNSEEN, rest.unseen if rest else [], "What the runs do not show"),
+    }
+    tables = {name: table for name, table in tables.items() if table.rows}
+    return Report(
+        scenario="identify",
+        question=say("Which stiffness model of {arm} to take, and how sure is it?", f),
+        title=say("{arm}: {runs:counted run} in {poses:counted pose} of {dataset} fitted", f),
+        answer=say(f"{first} {{name}}: {{{kind}.rms_mm:.3f}} mm RMS in the {where} runs.", taken),
+        claims=list(_warnings(f, taken)),
+        numbers=f,
+        tables=tables,
+        body=[*tables, MEANS],
+        badge=f.get("badge"),
+    )
+
+
+def table_of(f: Row, keys: list[str]) -> Table:
+    """List every model; a column that no model fills is left out, the first error is the headline."""
+    every = columns(" ".join(keys), paper=False)
+    known = tuple(c for c in every if any(c.value(m) is not None for m in f.models))
+    headline = next(c.key for c in known if c.key in (*MODELS[4:7],))
+    return Table(known, [*f.models, *f.failed], "Models", f.recommended, headline)
+
+
+def _fit(f: Row) -> list[Row]:
+    """List single numbers of the fit."""
+    places, rest = f.map or Row(), f.get("identifiability") or Row()
+    pairs = {
+        "noise alone, 95 % of runs stay below, mm": f.noise_p95_mm,
+        f"unknowns of {f.seen.structure}": f.seen.unknowns,
+        "directions of them that the runs see": f.seen.seen,
+        "deflections over those of the arm's folder": f.scale,
+        "force of the map, N": places.get("force_N"),
+        "moment of the map, N m": places.get("moment_Nm"),
+        "poses of the map": places.get("places"),
+        "least half width in the map, mm": places.get("least_mm"),
+        "half width in 95 % of the map's poses, mm": places.get("p95_mm"),
+        "expected error at random poses, mm": rest.get("expected_error_mm"),
+        "expected deflection there, mm": rest.get("expected_deflection_mm"),
+        "independent equations of the runs at most": rest.get("equations"),
+    }
+    return [Row(quantity=name, value=value) for name, value in pairs.items() if value is not None]
+
+
+def _elsewhere(f: Row) -> Iterator[Row]:
+    """List half widths over the workspace, by model."""
+    for name in f.map.errors.compared[::-1] if f.map else ():
+        errors, worst = f.map.errors, f.map.errors.worst.get(name)
+        row = Row(name=name, half_mm=errors.typical_mm(name), unbounded=errors.unbounded(name))
+        at = Row(worst_mm=None, place="nowhere bounded", joints="")
+        if worst is not None:
+            at = Row(
+                worst_mm=worst.error_mm, place=say("{position_m:place}", vars(worst)), joints=worst.joints
+            )
+        yield row | at
+
+
+def _warnings(f: Row, taken: Row) -> Iterator[Markdown]:
+    """List what may be wrong with readings and fits, then notes; `docs/identify.md` says what each means."""
+    for doubt in sorted(f.doubts, key=lambda doubt: doubt["name"] == "prior"):
+        yield say("Doubt: {text}", text=ended(doubt["sentence"]))
+    if taken.get("rejected"):
+        yield say("Outliers left out of {name}: {rejected}.", taken)
+    yield from (say("Your estimator {name} {text}", m, text=ended(m.status)) for m in f.failed)
+    yield from (say("Not certified: {name} ({status}).", m) for m in f.models if m.status != "solved")
+    if taken.check is None and taken.f_m_held_out is None:
+        yield Markdown("No pose was held out (--check-pose).")
+    yield from _of_intervals(f, taken)
+    if taken.aggregated:
+        yield say("Aggregated into the link before: {aggregated:list}.", taken)
+    for text in (f"{f.recommended}: {f.why}", *f.notes, *taken.advice):
+        yield say("{text}", text=ended(capital(text)))
+
+
+def _of_intervals(f: Row, taken: Row) -> Iterator[Markdown]:
+    """List what no reading checks, and what intervals lack."""
+    for how in (how for how in ("stiffer", "softer") if f.unchecked[how]):
+        yield say(f"Not checked by any reading, ten times {how}: {{{how}:list}}.", f.unchecked)
+    if held := [m.name for m in f.models if m.intervals and m.intervals.on_boundary]:
+        yield say("Intervals not exact, estimate on the boundary of the cone: {held:list}.", held=held)
+    if taken.intervals and not taken.prior:
+        yield Markdown("Intervals count noise alone, without a prior.")
+    if f.map is None and taken.intervals:
+        yield say("No map: {no_map}.", f)
+    if f.map is not None and f.map.missing:
+        yield say("Without equilibrium over the workspace: {missing:list}.", f.map)

@@ -1,5 +1,6 @@
 """testbench plan ARM --task TASKS --load KG, or --absolute: the poses to measure, and what they promise."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -7,206 +8,204 @@ from typing import Annotated
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.absolute import Calibrated, File, calibrated, read_all
-from testbench.campaign.campaign import Cell, build_cell
-from testbench.campaign.campaign_flags import ArmName, MapFile, mass
-from testbench.campaign.models import EVERY, plain_name, right_name
+from testbench.campaign.campaign import build_cell
 from testbench.campaign.plan import plan_absolute, plan_for
-from testbench.campaign.plan_input import box, overloads, payload_of, place, read_tasks
-from testbench.campaign.plan_settings import PlanSettings, structure
-from testbench.cli.arguments import Noise, Orientations, absolute_alone
-from testbench.commands.plan import COMMAND, printed, report, write
-from testbench.commands.plan_numbers import numbers
-from testbench.design.criteria import check_criterion
+from testbench.campaign.plan_flags import Absolute, Options, known_before, settings_of
+from testbench.campaign.plan_input import overloads, read_tasks
+from testbench.campaign.plan_numbers import CURVE, numbers, write_poses, write_tasks
+from testbench.campaign.plan_settings import pull_words, structure
+from testbench.cli.arguments import absolute_alone
 from testbench.errors import BenchError
-from testbench.identify.absolute.fit import Options as Fit
 from testbench.model.load import weight
 from testbench.output.place import claim_folder
-from testbench.plant.site import Payload
+from testbench.report.columns import columns
+from testbench.report.leave import Asked, leave
+from testbench.report.report import Report, bullets, say
+from testbench.report.table import Row
 from testbench.shell.options import Force, of_flag, takes
-from testbench.views.markdown import as_plain
-from testbench.views.terminal import looked_at, plain_console, print_words
+from testbench.trials.spread import Spread
+from testbench.views import terminal
+from testbench.views.markdown import Markdown, listed
+from testbench.views.planned_poses import seen
+from testbench.views.schema import Column, Table
 
-MORE = "under More in plan.md"
-USUAL = {True: ("I", 50, 1000), False: ("test", 12, 5000)}
-"""Criterion, poses and candidates of a plan of absolute readings, and of one for tasks."""
+COMMAND = "testbench plan"  #: As manifest.json names it.
+MOST, WORST = 40, 5  #: Rows of the plan that the report shows, tasks of the largest errors.
+MANY = 6  #: With more joints, or pulls, a terminal of 80 columns has no decimals and no travel.
+AROUND = (
+    Column("name", "model"),
+    Column("typical_mm", "expected error, RMS", "mm", none="no bound"),
+    Column("worst_mm", "largest", "mm"),
+    Column("place", "there"),
+    Column("joints", "joints there"),
+)
+SINGLE = Column("quantity", "quantity"), Column("value", "value", form=",.5g")
+FILLED = Column("joint", "joint"), Column("unread_percent", "not read", "%", ".0f"), *columns("poses")
+LIMITS = Column("joint", "joint"), Column("margin", "distance", form=".1f"), Column("unit", "unit")
+MEANS = Markdown("What tables, columns and warnings mean: docs/planning.md, *The report*.")
+HIDDEN = 0.5  #: Share of the expected error that no load reduces, above which a warning names it.
 
 
 @dataclass(frozen=True)
-class Options:
-    """What an engineer asks for, in the units of a command line."""
+class Places:
+    """Where the plan goes."""
 
-    arm: ArmName
-    task: Annotated[
-        Path | None, typer.Option(help="CSV of tasks: JOINT_deg or JOINT_rad, force_x_N ... if any.")
-    ] = None
-    load: Annotated[
-        list[float] | None,
-        typer.Option(
-            parser=mass,
-            metavar="MASS",
-            help="Load, such as 240 or 530lb; again for a choice. Default: the arm's stated payload. "
-            "With --absolute every pose after the first reading has it, or none has.",
-        ),
-    ] = None
-    pull: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Force applied at the load point instead of the weight: fx,fy,fz in N, world axes. "
-            "Again for more; the plan chooses for every pose."
-        ),
-    ] = None
-    poses: Annotated[
-        int | None, typer.Option(help="How many to measure; default: 12, 50 with --absolute.")
-    ] = None
-    mapping: MapFile = None
-    tracker: Annotated[str | None, typer.Option(help="Position of the tracker: x,y,z in m.")] = None
-    acceptance_deg: Annotated[
-        float | None,
-        typer.Option(min=0.1, max=90, help="Half angle of fixed targets; default: turned by hand."),
-    ] = None
-    box: Annotated[str | None, typer.Option(help="Where the tool may be: x0,y0,z0,x1,y1,z1 in m.")] = None
-    criterion: Annotated[
-        str | None, typer.Option(help="test, D, A, E, G or I; default: test, I with --absolute.")
-    ] = None
-    model: Annotated[
-        str | None, typer.Option(help="Model to be identified: all links and joints, MGCO68 with --no-prior.")
-    ] = None
-    sigma_um: Noise = 50.0
-    uncertainty_percent: Annotated[float | None, typer.Option(help="Of the CAD prior; default: 30.")] = None
-    no_prior: Annotated[bool, typer.Option("--no-prior", help="Plan for a fit without a prior.")] = False
-    candidates: Annotated[
-        int | None,
-        typer.Option(help="Feasible poses to choose from; default: 5000, 1000 with --absolute."),
-    ] = None
-    sling_m: Annotated[float, typer.Option(min=0, max=100, help="From the load point to the weight.")] = 0.5
-    floor_z: Annotated[
-        float | None, typer.Option(help="Height in m of a floor that rigid.xml does not have.")
-    ] = None
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of all random numbers.")] = 1
-    out: Annotated[Path, typer.Option(help="Folder of the plan.")] = Path("runs/plan")
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the plan.")] = Path("runs/plan")
     force: Force = False
 
 
-@dataclass(frozen=True)
-class Absolute:
-    """Flags of a plan of absolute readings."""
-
-    absolute: Annotated[
-        bool,
-        typer.Option(
-            "--absolute",
-            help="For absolute readings: frame, targets, geometry, joint errors and compliances unknown.",
-        ),
-    ] = False
-    given: Annotated[
-        list[Path] | None,
-        typer.Option(help="Absolute readings taken before; the plan fills what they leave open. Repeatable."),
-    ] = None
-    orientations: Orientations = False
-    geometry_mm: Annotated[
-        float, typer.Option(help="Expected error of geometry along an axis, and in mrad, with --absolute.")
-    ] = 1.0
-    gear_urad: Annotated[
-        float, typer.Option(help="Expected coefficient of a joint's periodic errors, with --absolute.")
-    ] = 30.0
-    orders: Annotated[
-        int, typer.Option(help="Orders of them that are unknowns; others are noise of a pose.")
-    ] = 3
-
-    def __post_init__(self) -> None:
-        """Refuse the others without the first, by BenchError."""
-        absolute_alone(self)
-
-
-@takes(Options, Absolute)
-def command(asked: Options, absolute: Absolute) -> None:
+@takes(Options, Absolute, Places)
+def command(asked: Options, absolute: Absolute, where: Places) -> None:
     """Choose the poses, judge them, write the folder of the plan."""
+    absolute_alone(absolute)
     if not absolute.absolute and asked.task is None:
         raise BenchError("--task: expected a CSV of tasks, or --absolute")
-    folder = find_arm(asked.arm)
+    folder, out = find_arm(asked.arm), where.out
     given = [folder, *(absolute.given or []), *filter(None, [asked.task, asked.mapping])]
-    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
+    with claim_folder(out, COMMAND, own=frozenset(), inputs=given, force=where.force):
         cell = replace(build_cell(asked.arm), floor=asked.floor_z)
-        settings = _settings(cell, asked, absolute)
+        settings = settings_of(cell, asked, absolute)
         with of_flag("--model"):
             structure(cell, settings.model)  # refused here, not after the search
-        console = plain_console()
+        console = terminal.plain_console()
         tasks = asked.task and read_tasks(
             asked.task, cell, weight(cell.vjm, settings.loads_kg[0]), asked.mapping
         )
         for doubt in overloads(cell.arm, (0.0, *settings.loads_kg), settings.pulls_n):
             console.print(f"Doubt: {doubt}", soft_wrap=True)
-        if tasks:
-            made = plan_for(cell, settings, tasks)
-        else:
-            made = plan_absolute(cell, settings, _known(cell, asked, absolute))
-        said, out = report(numbers(made), cell.arm), asked.out
-        write(made, said, folder, asked.task, out)
-        console.print(as_plain(said.title))
-        tables = f", {out / 'tasks_expected.csv'}" if tasks else ""
+        known = None if tasks else known_before(cell, asked, absolute)
+        made = plan_for(cell, settings, tasks) if tasks else plan_absolute(cell, settings, known)
+        f, joints = numbers(made), cell.arm.file_joints
+        said = report(f)
+
+        def more(place: Path) -> None:
+            write_poses(f, joints, place / "plan.csv")
+            if tasks:
+                write_tasks(f, joints, place / "tasks_expected.csv")
+
+        flags = {"arm": f.arm, **({"task": asked.task.name} if asked.task else {}), **vars(settings)}
+        seeds, title = range(f.seed, f.seed + 1), f"{f.arm}, {f.poses} poses"
+        left = Asked(COMMAND, f.arm, flags, [folder], "plan.png", seeds, more, stem="plan", map=title)
+        leave(out, left, said, seen(made, f))
+        console.print(terminal.as_plain(said.title))
+        beside = f", {out / 'tasks_expected.csv'}" if tasks else ""
         lines = [
             f"plan       {out / 'plan.csv'}, all {settings.poses} poses; in words {out / 'plan.md'}",
-            f"numbers    {out / 'plan.json'}{tables}",
+            f"numbers    {out / 'plan.json'}{beside}",
             f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
-            *looked_at(out, absolute.given or (), arm=asked.arm),
+            *terminal.looked_at(out, absolute.given or (), arm=asked.arm),
         ]
-        print_words(console, said, [printed(said)], lines, MORE)
+        terminal.print_words(console, said, [printed(said), said.tables["beside"]], lines, "in plan.md")
 
 
-def _known(cell: Cell, asked: Options, flags: Absolute) -> Calibrated | None:
-    """The arm by the readings that were taken before."""
-    if not flags.given:
-        return None
-    files = [File(path, asked.mapping, sigma_um=asked.sigma_um) for path in flags.given]
-    series, notes = read_all(files, cell.arm)
-    return calibrated(cell.vjm, series, Fit(), notes)
-
-
-def _settings(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:
-    """The flags as settings; BenchError where two exclude each other, or one is out of range."""
-    _check(asked, flags)
-    criterion, poses, candidates = USUAL[flags.absolute]
-    criterion = asked.criterion or criterion
-    if not flags.absolute:
-        with of_flag("--criterion"):
-            check_criterion(criterion)
-    with of_flag("--model"):
-        model = right_name(cell.arm, asked.model or (plain_name(cell) if asked.no_prior else EVERY))
-    loads = asked.load or ([] if flags.absolute else [payload_of(cell.arm, None, "--load")])
-    percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
-    settings = PlanSettings(
-        **{**vars(flags), "given": tuple(path.name for path in flags.given or ())},
-        model=model,
-        criterion=criterion,
-        poses=poses if asked.poses is None else asked.poses,
-        loads_kg=tuple(loads),
-        pulls_n=tuple(place(text, "--pull fx,fy,fz [N]") for text in asked.pull or []),
-        sigma_um=asked.sigma_um,
-        uncertainty_percent=None if asked.no_prior else percent,
-        tracker_m=None if asked.tracker is None else place(asked.tracker),
-        acceptance_deg=asked.acceptance_deg,
-        box_m=None if asked.box is None else box(asked.box),
-        sling_m=asked.sling_m,
-        floor_z_m=asked.floor_z,
-        candidates_wanted=candidates if asked.candidates is None else asked.candidates,
-        seed=asked.seed,
+def report(f: Row) -> Report:
+    """Report a plan from its numbers."""
+    where = "over the workspace" if f.absolute else "at the tasks"
+    leaves, sizes = "leaves" if f.poses == 1 else "leave", "{p05:.3f} to {p95:.3f}"
+    first = say(
+        "{poses:counted pose} {leaves} an expected error of {error_mm.expected:.3f} mm", f, leaves=leaves
     )
-    if loads:
-        with of_flag("--sling-m"):
-            Payload(max(loads), settings.sling_m)
-    return settings
+    rival = "no bound" if f.random_plans.median_mm is None else f"{f.random_plans.median_mm:.3f} mm"
+    hung = [f"{kg:g} kg" for kg in f.loads_kg]
+    loads = " or ".join([*hung, *map(pull_words, f.pulls_n)])
+    loads = ", then ".join(["own weight", *hung]) if f.absolute else loads
+    tables = {name: table for name, table in _tables(f, where).items() if table.rows}
+    unknown = [Markdown("## What stays unknown"), bullets(f.hidden)] if f.get("hidden") else []
+    return Report(
+        scenario="plan",
+        question=Markdown("Which poses to measure?"),
+        title=say("Calibration plan: {arm}, {model}, {loads}", f, loads=loads),
+        answer=say(f"{first} {where} (90 %: {sizes}), random poses {rival} (median).", vars(f.error_mm)),
+        claims=list(_warnings(f)),
+        numbers=f,
+        tables=tables,
+        body=[*tables, *unknown, MEANS],
+    )
 
 
-def _check(asked: Options, flags: Absolute) -> None:
-    """Refuse what excludes --absolute, and what excludes --no-prior."""
-    others = {
-        "--task": asked.task,
-        "--no-prior": asked.no_prior,
-        "--pull": asked.pull,
-        "--map": None if flags.given else asked.mapping,
+def _tables(f: Row, where: str) -> dict[str, Table]:
+    """Tabulate the poses, plans beside this one, tasks, the workspace, directions, joints and candidates."""
+    rows = [
+        Row(r, error_there_mm=Spread(r.expected_error_mm, r.expected_error_p05_mm, r.expected_error_p95_mm))
+        for r in (*f.plan[:MOST], *f.get("tasks", ()))
+    ]
+    plan, tasks = rows[: len(f.plan[:MOST])], rows[len(f.plan[:MOST]) :]
+    worst = sorted(tasks, key=lambda row: -float(row.expected_error_mm))[:WORST]
+    moved = "expected_sag_mm" if f.absolute else "load expected_deflection_mm"
+    slid = "travel_mm" if "mm" in f.units else ""
+    joints = [
+        Column(f"q_shown.{k}", name, unit, ".2f", short=f"q{k + 1}\n{unit}")
+        for k, (name, unit) in enumerate(zip(f.joints, f.units, strict=True))
+    ]
+    head = (*columns("run"), *joints, *columns(f"{moved} error_there_mm travel_deg {slid} way"))
+    over = Column("mm", f"expected error {where}", "mm", none="no bound")
+    return {
+        "poses": Table(head, plan, "Poses in the order of measuring", headline="error_there_mm"),
+        "beside": Table((Column("what", "plan"), over), f.beside, "Beside other plans"),
+        "tasks": Table(
+            columns("task expected_deflection_mm error_there_mm"), worst, "Tasks of the largest errors"
+        ),
+        "curve": Table(columns(CURVE), f.curve, f"Expected error {where} by the number of poses"),
+        "around": Table(AROUND, f.around, "Over the workspace"),
+        "rests": Table(SINGLE, f.rests, "What this rests on"),
+        "limits": Table(LIMITS, f.limits, "Distance of the joints from their limits"),
+        "filled": Table(FILLED, f.get("filled", []), "Ranges not read before"),
+        "candidates": Table(SINGLE, f.refused, "Candidate poses, refused ones by reason"),
     }
-    if named := [flag for flag, given in others.items() if flags.absolute and given]:
-        raise BenchError(f"{named[0]}: expected no --absolute with it")
-    if asked.uncertainty_percent is not None and asked.no_prior:
-        raise BenchError("--uncertainty-percent: expected no --no-prior with it")
+
+
+def printed(said: Report) -> Table:
+    """Shorten the poses for a terminal: joints in one cell; of many, or with pulls, no decimals."""
+    table, f = said.tables["poses"], Row(said.numbers)
+    many = len(f.joints) > MANY or bool(f.pulls_n)
+    left = {"expected_deflection_mm", "travel_mm", "way" * (not many), "travel_deg" * many}
+    first, *others = (c for c in table.columns if c.key not in left and not c.key.startswith("q_shown"))
+    own = [replace(c, exact=True, heading="error") if c.key == "error_there_mm" else c for c in others]
+    units = ", ".join(dict.fromkeys(f.units))
+    joints = Column("q_told", f"q1 to q{len(f.joints)}", units, short=f"q1 to q{len(f.joints)}\n{units}")
+    form, told = "5.0f" if many else "6.1f", Column("q_shown", "")
+    rows = [Row(row, q_told=" ".join(format(q, form) for q in told.value(row))) for row in table.rows]  # type: ignore[call-overload]
+    return replace(table, columns=(first, joints, *own), rows=rows, title="")
+
+
+def _warnings(f: Row) -> Iterator[Markdown]:
+    """List what must not be overlooked before anybody measures; `docs/planning.md` says what each means."""
+    if f.tracker_m is None:
+        yield Markdown("**Visibility was NOT checked**: no `--tracker x,y,z`.")
+    if f.blocked:
+        yield say(
+            "**The straight way collides** before run {runs:list}.", runs=[str(run) for run in f.blocked]
+        )
+    if not f.surrounded:
+        yield Markdown("**No floor**: `--floor-z METRES` adds one.")
+    if f.pulls_n:
+        yield Markdown("**No rope was checked.**")
+    yield from () if f.absolute else _of_tasks(f)
+
+
+def _of_tasks(f: Row) -> Iterator[Markdown]:
+    """List what a plan for tasks leaves open."""
+    if u := f.unloaded:
+        size = "no bound" if u.error_mm is None else f"{u.error_mm:.3f} mm"
+        force = (
+            ""
+            if u.force_N is None
+            else f"; a force of {', '.join(f'{x:.0f}' for x in u.force_N)} N at the tasks: {size}"
+        )
+        yield say("**No load of this plan turns {joints:list}**{force}.", joints=u.joints, force=force)
+    if u := f.unshown:
+        pull = f"--pull {','.join(f'{x:g}' for x in u.pull_N)}" if u.pull_N else "no force at the load point"
+        turned = {"pull": pull, "turned": u.turned_by_pull or ["them"]}
+        yield say(
+            "**The tasks turn {joints:list}, no load does**: {pull} turns {turned:list}.", vars(u), **turned
+        )
+    if f.directions.hidden_mm > HIDDEN * f.error_mm.expected:
+        yield say("**Resting on the prior alone, whatever is measured**: {hidden_mm:.3f} mm.", f.directions)
+    for law in f.open_laws:
+        by = f"; one more reading in every pose tells it of {listed(law.told)}: {law.by}" if law.by else ""
+        yield say(
+            "**{kind} stays open** of {joints:list}{by}.",
+            vars(law) | {"kind": law.kind.capitalize(), "by": by},
+        )
+    if f.joints_alone_mm <= f.error_mm.expected:
+        yield Markdown("**Joint stiffness only is no worse here.**")

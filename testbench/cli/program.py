@@ -16,7 +16,6 @@ COMMANDS = {
     "plan": "Choose the poses to measure; say what they promise.",
     "simulate": "Measure the true arm in given poses.",
     "data": "Read a file of measured runs; say what was understood.",
-    "identifiability": "Say what runs can tell of a model, and what would help.",
     "identify": "Identify stiffness models from measured runs.",
     "calibrate": "Calibrate an arm by absolute readings: geometry, gears, elasticity.",
     "export": "Write the identified geometry into the robot's URDF.",

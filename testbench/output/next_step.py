@@ -17,7 +17,6 @@ MISSING = {
     "identify": "poses or a program in a table",
     "calibrate": "a series that the fit did not see",
     "predict": "a program in a table",
-    "identifiability": "the poses that it asks for",
 }
 """What only the user can give, by command."""
 
@@ -39,7 +38,6 @@ COMMANDS = {
         "compensate {run} PROGRAM.csv --out CORRECTED.csv",
     ],
     "predict": ["compensate {model} PROGRAM.csv --out CORRECTED.csv"],
-    "identifiability": ["plan {arm} --task TASKS.csv --poses 12 --load KG --out {beside}plan"],
     "study": ["compare {run} OTHER_RUN", "new MY_ARM --from ROBOT.urdf"],
 }
 """The commands that follow, by command."""

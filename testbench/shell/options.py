@@ -1,9 +1,8 @@
 """Flags as a dataclass: each field is a flag, so that a command takes one settings object."""
 
-import contextlib
 import inspect
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Annotated, TypeVar, get_type_hints
@@ -11,6 +10,7 @@ from typing import Annotated, TypeVar, get_type_hints
 import typer
 
 from testbench.errors import BenchError
+from testbench.errors import of_flag as of_flag
 from testbench.shell.follow import followed
 from testbench.shell.project import merged
 
@@ -56,15 +56,6 @@ def _check_finite(values: Mapping[str, object]) -> None:
         for number in value if isinstance(value, list) else [value]:
             if isinstance(number, float) and not math.isfinite(number):
                 raise BenchError(f"--{name.replace('_', '-')}: expected a finite number, got {number}")
-
-
-@contextlib.contextmanager
-def of_flag(flag: str) -> Iterator[None]:
-    """What is refused in the block was asked for by a flag, and is told so."""
-    try:
-        yield
-    except BenchError as err:
-        raise BenchError(f"{flag}: {err}") from err
 
 
 def _parameters(kind: type) -> list[inspect.Parameter]:

@@ -23,7 +23,6 @@ LONG = {
     "plan_tasks": "plan arm --task poses.csv --load 1 --poses 2 --candidates 60 --out made",
     "study": "study single_link --quick --seeds 1 --workers 1 --resume --out made",
     "data": "data check arm data.csv --out made",
-    "identifiability": "identifiability arm many.csv --figure made.png",
     "identify": "identify arm many.csv --model MGCO56 --no-intervals --out made",
     "calibrate": "calibrate arm readings.csv --orders 1 --out made",
     "export": "export model --urdf made.urdf",

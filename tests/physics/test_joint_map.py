@@ -19,10 +19,9 @@ from testbench.campaign.export import draft_new, export
 from testbench.campaign.new_arm import write_arm as write_own
 from testbench.campaign.plan import around as workspace
 from testbench.campaign.plan import nearest_turn, search
+from testbench.campaign.plan_numbers import numbers, write_poses
 from testbench.campaign.program import correct_program, more_columns
 from testbench.campaign.propose import Wishes
-from testbench.commands.plan_drawn import write_poses
-from testbench.commands.plan_numbers import numbers
 from testbench.correct.inverse import joints_along
 from testbench.correct.newton import Aim
 from testbench.data.motion import WRITERS, write_moves

@@ -16,8 +16,8 @@ from testbench.campaign.campaign import Scenario, hanging, measure, stream
 from testbench.campaign.candidates import Conditions, build_checks, find
 from testbench.campaign.open_laws import open_laws
 from testbench.campaign.plan import left_open, union_after, union_of
+from testbench.campaign.plan_numbers import filled
 from testbench.campaign.unobservable import quantities, unobservable
-from testbench.commands.plan_numbers import filled
 from testbench.design import absolute
 from testbench.design import rows as plans
 from testbench.design.baselines import error_after

@@ -40,9 +40,10 @@ def test_every_command_goes_on_from_there(made, tmp_path):
     joints = ARMS[arm.name]
     count = 21 * (len(joints) + 1) + len(joints)
     assert "alike, within" in run("check", arm, "--elastic", tmp_path / "elastic.xml")
-    assert "nothing" in run("identifiability", arm, data)
-    fit = ("--out", tmp_path / "fit", "--model", "all", "--uncertainty-percent", 30)
-    assert f"ALL{count} + prior" in run("identify", arm, data, *fit)
+    fit = ("--out", tmp_path / "fit", "--model", "all", "--uncertainty-percent", 30, "--identifiability")
+    said = run("identify", arm, data, *fit)
+    assert f"ALL{count} + prior" in said
+    assert "the same runs once more" in said
     [fitted] = json.loads((tmp_path / "fit" / "models.json").read_text())["models"]
     assert fitted["parameters"] == count
     assert fitted["f_m"] < 2 * fitted["f_m_floor"]

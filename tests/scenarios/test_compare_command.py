@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 import read_back
-from checks import check_words
 from made_up_run import REPORT
 from read_back import document
 from run_here import check_folder, do, fine, refused
@@ -16,15 +15,14 @@ from run_here import check_folder, do, fine, refused
 from testbench import files
 from testbench.arm.folder import find_arm
 from testbench.campaign.model_folder import digests
-from testbench.commands.compare_rows import differ
 from testbench.report.columns import columns as quantities
+from testbench.report.join import differ
 from testbench.report.report import read_report
-from testbench.report.table import Row, Trials, merged
+from testbench.report.table import Trials, merged
 from testbench.trials.parquet import arrow_table, write_trials
 from testbench.trials.rows import columns, tabled
 from testbench.trials.spread import Spread
 from testbench.views.colours import look
-from testbench.views.markdown import Markdown
 from testbench.views.run_figure import overview
 from testbench.views.scene import Seen
 from testbench.views.schema import Table
@@ -114,25 +112,21 @@ def said(tmp_path, *runs):
     words, places, _ = done.stdout.partition("\nA: ")
     assert places
     assert max(map(len, words.splitlines())) <= 80
-    assert "…" not in words  # nothing is cut
     return " ".join(done.stdout.split()), json.loads((tmp_path / "out" / "report.json").read_text())
 
 
 def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path, legible):
     with legible():
         text, report = said(tmp_path, many, many)
-    assert "Nothing differs between A and B, neither inputs nor numbers." in text
-    assert "Inputs are the same: settings, arms, seeds, versions, commit." in text
-    assert (report["inputs"], report["beside"][0]["equal"]) == ([], True)
-    assert {own["verdict"] for own in report["beside"][0]["models"]} == {"same"}
+    assert text.startswith("Tie")
+    assert (report["inputs"], report["equal"]) == ([], True)
+    assert {own["verdict"] for own in report["models"]} == {"same"}
     check_folder(tmp_path / "out", "compare.png")
 
 
 def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many, folder, tmp_path):
     worse = calibration(folder / "worse", range(1, 21), 1.3, 100e-6)
     text, report = said(tmp_path, many, worse)
-    assert "The error of A is 1.3 times smaller than that of B. ALL153 + prior over the workspace" in text
-    check_words(replace(read_report(tmp_path / "out" / "report.json"), title=Markdown("Runs.")))
     assert text.startswith("Do not use B: the error of A is 1.3 times smaller (20 trials, 95 %")
     badge = report["badge"]
     assert (badge["winner"], badge["rival"], badge["n"], badge["verdict"]) == ("A", "B", 20, "do not use")
@@ -140,94 +134,67 @@ def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many,
     for runs, code in (((many, worse), 1), ((worse, many), 0), ((many, many), 0)):
         done = do("compare", *runs, "--out", tmp_path / "out", "--force", "--fail-if-worse")
         assert (done.returncode, done.stderr) == (code, "")
-    assert "A errs less in 20 of 20 seeds." in text
-    assert "Of 5 models 0 err less in B, 5 more, 0 show no clear difference." in text
-    assert "Inputs differ: noise of a reading 50 and 100 um." in text
-    assert report["inputs"] == [{"what": "noise of a reading", "values": ["50", "100"], "unit": "um"}]
-    [own] = [p for p in report["beside"][0]["models"] if (p["name"], p["kind"]) == ("MLS56", "workspace")]
+    assert report["inputs"] == [{"what": "settings.scenario.sigma", "a": "5e-05", "b": "0.0001"}]
+    [own] = [m for m in report["models"] if (m["name"], m["kind"]) == ("MLS56", "workspace")]
     assert own["by"] == "pairs"
-    assert (own["pairs"], own["larger"], own["smaller"]) == (20, 20, 0)
+    assert (own["pairs"], own["larger"], own["smaller"], own["verdict"]) == (20, 20, 0, "larger")
     assert own["ratio"]["p05"] == pytest.approx(1.3)
-    answer = said(tmp_path, worse, many)[0]
-    assert "The error of B is 1.3 times smaller than that of A. ALL153 + prior over" in answer
 
 
 def test_the_same_difference_between_other_seeds_is_within_the_spread(many, folder, tmp_path):
     other = calibration(folder / "other", range(101, 121), 1.25)
-    text, report = said(tmp_path, many, other)
-    assert "No clear difference between A and B. ALL153 + prior over the workspace" in text
-    assert "Their intervals over the seeds overlap." in text
-    by = {own["by"] for own in report["beside"][0]["models"] if own["kind"] == "workspace"}
-    assert by == {"spreads"}
-    assert {"what": "seeds", "values": ["1 to 20", "101 to 120"], "unit": ""} in report["inputs"]
+    _, report = said(tmp_path, many, other)
+    own = [own for own in report["models"] if own["kind"] == "workspace"]
+    assert {(one["by"], one["verdict"]) for one in own} == {("spreads", "tie")}
+    assert {"what": "seeds", "a": "1 to 20", "b": "101 to 120"} in report["inputs"]
     far = calibration(folder / "far", range(101, 121), 100.0)
-    assert "Their intervals over the seeds do not overlap." in said(tmp_path, many, far)[0]
+    assert {own["verdict"] for own in said(tmp_path, many, far)[1]["models"][:5]} == {"larger"}
 
 
 def test_a_planted_number_is_found_and_one_seed_has_no_spread(one, tmp_path):
     def plant(report):
         report["models"][2]["workspace"]["rms_mm"] *= 3
 
-    planted = changed(one, tmp_path / "planted", "report.json", plant)
-    text, report = said(tmp_path, one, planted)
-    assert "No clear difference between A and B. ALL153 + prior over the workspace" in text
-    assert "Farthest apart: MGCO56," in text
-    assert "Inputs are the same" in text
-    assert "Of 5 models 0 err less in B, 1 more, 4 show no clear difference." in text
-    [own] = [p for p in report["beside"][0]["models"] if p["verdict"] != "same"]
+    _, report = said(tmp_path, one, changed(one, tmp_path / "planted", "report.json", plant))
+    assert report["inputs"] == []
+    [own] = [p for p in report["models"] if p["verdict"] != "same"]
     assert (own["name"], own["kind"], own["by"]) == ("MGCO56", "workspace", "one")
 
 
-def test_files_of_the_arm_versions_and_commit_are_told_apart(one, tmp_path):
+def test_files_of_the_arm_versions_and_commit_are_told_apart_and_folders_by_their_order(one, tmp_path):
     def plant(manifest):
-        manifest["models"]["kr500_l480"]["elastic.toml"] = "0" * 64
+        arm = manifest["models"].pop("kr500_l480")
+        manifest["models"]["mine"] = {**arm, "elastic.toml": "0" * 64, "picture.png": "0" * 64}
         manifest["versions"]["numpy"] = "1.0"
         manifest["git"] = "f" * 40 + "-dirty"
         manifest["scenario"]["scenario"]["station"]["lower"][0] = 2.5
 
-    other = changed(one, tmp_path / "other", "manifest.json", plant)
-    text, report = said(tmp_path, one, other)
-    rows = {own["what"]: own["values"][1] for own in report["inputs"]}
-    assert rows == {
-        "work area, lower": "2.5, -0.9, 1.1",
-        "arm or model, elastic.toml": "0000000000",
-        "version, numpy": "1.0",
-        "commit": "ffffffffff, changed",
-    }
-    assert "No number differs between A and B." in text
-
-
-def test_folders_of_arms_are_compared_in_their_order_whatever_they_are_called(one, tmp_path):
-    def plant(manifest):
-        manifest["models"] = {"mine": {**manifest["models"]["kr500_l480"], "picture.png": "0" * 64}}
-
     _, report = said(tmp_path, one, changed(one, tmp_path / "other", "manifest.json", plant))
-    rows = {own["what"]: own["values"] for own in report["inputs"]}
-    assert rows == {"arm or model, folder": ["kr500_l480", "mine"]}
+    assert {own["what"]: own["b"] for own in report["inputs"]} == {
+        "settings.scenario.station.lower": "[2.5, -0.9, 1.1]",
+        "arm 1.folder": "mine",
+        "arm 1.elastic.toml": "0" * 60,
+        "version.numpy": "1.0",
+        "commit": "f" * 40 + "-dirty",
+    }
 
 
-def test_tables_without_models_are_paired_by_row_and_column_and_show_the_number_that_differs(tmp_path):
+def test_of_runs_without_models_the_numbers_of_the_same_keys_are_compared(tmp_path):
     first = tmp_path / "first"
     first.mkdir()
-    rows = [
-        Row(prediction=p, load_N=n, rms_um=n / 100 + len(p)) for p in ("Eq. (6)", "(7)") for n in (10.0, 99.0)
-    ]
-    table = Table(quantities("prediction load_N rms_um"), rows, "By load")
-    own = replace(REPORT, tables={"rows": table}, body=["rows"])
-    files.write_json(own.json(), first / "report.json")
+    numbers = {"error": {"rms_mm": 7.99, "p95_mm": 12.5}, "solve_seconds": 1.0, "list": [1.0], "yes": True}
+    files.write_json(numbers, first / "report.json")
     files.write_manifest(first, command="testbench predict", scenario={}, seeds=range(0), models={})
 
     def plant(report):
-        report["tables"]["rows"]["rows"][1][2] *= 3
-        report["tables"]["rows"]["rows"].reverse()  # whatever their order
+        report["error"]["rms_mm"] *= 3
+        report["solve_seconds"] = 9.0
 
     text, report = said(tmp_path, first, changed(first, tmp_path / "planted", "report.json", plant))
-    assert "A and B differ in 1 of 4 numbers: 0 by more than their spread, 1 by more than 2 % " in text
-    assert "Farthest apart: Eq. (6), load 99 N, RMS error, um, 7.99 in A, 23.97 in B." in text
-    [number] = report["beside"][0]["numbers"]
-    assert (number["quantity"], number["ratio"]) == ("RMS error, um", pytest.approx(3))
+    assert "1 of 2 numbers differ by more than 2 %." in text
+    assert report["numbers"][0]["ratio"] == pytest.approx(3)
     page = (tmp_path / "out" / "report.md").read_text()
-    assert "| By load: Eq. (6), load 99 N, RMS error, um | 7.99 | 23.97 | 3 |" in page
+    assert "| error.rms mm | 7.99 | 23.97 | 3.00 |" in page
 
 
 def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path):
@@ -240,37 +207,21 @@ def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path
     fits = changed(
         fits, tmp_path / "identify", "manifest.json", lambda m: m.update(command="testbench identify")
     )
-    text, report = said(tmp_path, one, fits)
-    assert "at the fitted poses, against readings" in text
-    assert {pair["kind"] for pair in report["beside"][0]["models"]} == {"identification"}
-    assert report["inputs"][0]["values"][1] == "testbench identify"
-
-
-def test_a_file_of_readings_is_one_input_by_its_name_and_checksum(one, tmp_path):
-    files = [{"a_b.csv": "7" * 64}, {"c.csv": "8" * 64}]
-    runs = [
-        changed(one, tmp_path / f"{k}", "manifest.json", lambda m, own=own: m["scenario"].update(dataset=own))
-        for k, own in enumerate(files)
-    ]
-    text, _ = said(tmp_path, *runs)
-    assert "file of readings a_b.csv 7777777777 and c.csv 8888888888" in text
-
-
-def test_three_runs_stand_beside_the_first(one, many, tmp_path):
-    text, report = said(tmp_path, one, one, many, "--anyway")
-    start = (
-        "No number differs between A and B. No clear difference between A and C (ALL153 + prior, no spread)."
-    )
-    assert start in text
-    assert [run["letter"] for run in report["runs"]] == ["A", "B", "C"]
+    _, report = said(tmp_path, one, fits)
+    assert {pair["kind"] for pair in report["models"]} == {"identification"}
+    assert report["inputs"][0] == {
+        "what": "command",
+        "a": "scenarios/gravity_calibration.py",
+        "b": "testbench identify",
+    }
 
 
 def test_picture_page_and_recording_show_every_model_in_its_colour(many, folder, tmp_path):
     scales = dict(zip(NAMES, (1.5, 3.0, 0.5, 1.2, 2.0), strict=True))
     other = calibration(folder / "second", range(1, 21), scales)
     _, report = said(tmp_path, many, other)
-    led = {own["name"]: own for own in report["beside"][0]["models"] if own["kind"] == "workspace"}
-    table = read_report(tmp_path / "out" / "report.json").tables["B"]
+    led = {own["name"]: own for own in report["models"] if own["kind"] == "workspace"}
+    table = read_report(tmp_path / "out" / "report.json").tables["models"]
     [axes] = overview(read_report(tmp_path / "out" / "report.json"), Seen(tables=[table])).axes
     medians = [line for line in axes.get_lines() if len(line.get_xdata()) == 1]
     for tick, line in zip(axes.get_yticklabels(), medians, strict=True):
@@ -279,8 +230,7 @@ def test_picture_page_and_recording_show_every_model_in_its_colour(many, folder,
         assert line.get_xdata() == pytest.approx([own["ratio"]["median"]], rel=1e-3)
         assert float(ratio) == pytest.approx(own["ratio"]["median"], abs=0.005)
         assert line.get_color() == look(own["structure"], own["constraint"], own["prior"]).hex
-    answer = "The error of A is 2.0 times smaller than that of B."
-    chunks = read_back.sound(tmp_path / "out" / "recording.rrd", answer)
+    chunks = read_back.sound(tmp_path / "out" / "recording.rrd", "ALL153 + prior over the workspace")
     rows = document(chunks, "/tables")
     for name, own in led.items():
         sizes = [f"{own[key]['median']:.3f}" for key in "ab"]
@@ -301,11 +251,6 @@ HOSTILE = {
     "no JSON": (broken("{"), "report.json: not JSON"),
     "NaN": (broken('{"models": [NaN]}'), "report.json: models.0: expected a finite number, got nan"),
     "no table": (broken("[]"), "report.json: expected a table of keys, got list"),
-    "no numbers": (broken('{"scenario": "gravity_calibration"}'), "report.json: said: not a report of this"),
-    "words": (
-        broken('{"models": [{"name": "a", "check": {"rms_mm": "x"}}]}'),
-        "report.json: said: not a report of",
-    ),
     "size": (
         broken('{"models": [{"name": "a", "check": {"rms_mm": 1e300}}]}'),
         "report.json: models: a, check: expected an RMS error of 0 to 1e+09 mm, got 1e+300",
@@ -326,17 +271,14 @@ def test_a_broken_folder_is_one_line_that_names_the_file_and_leaves_nothing(many
     assert line.startswith(f"error: {run}")
 
 
-def test_runs_with_nothing_in_common_and_too_few_are_one_line(one, rng, tmp_path):
-    other = changed(
-        one,
-        tmp_path / "other",
-        "report.json",
-        lambda report: report.update(models=[], tables={}, said={**report["said"], "body": []}),
-    )
-    other = changed(other, tmp_path / "plan", "manifest.json", lambda m: m.update(command="testbench plan"))
-    said = "no models by name in both, and no tables of one kind: nothing to compare"
+def test_runs_with_nothing_in_common_are_one_line(one, tmp_path):
+    def bare(report):
+        report.clear()
+        report["models"] = [{"name": "a", "check": {"rms_mm": "x"}}]
+
+    said = "no models and no numbers of the same names: nothing to compare"
+    other = changed(one, tmp_path / "other", "report.json", bare)
     refused("compare", one, other, "--out", tmp_path / "out", said=said, below=tmp_path)
-    refused("compare", one, "--out", tmp_path / "out", said="error: runs: expected 2 to 8 folders, got 1\n")
 
 
 def test_names_of_a_stranger_are_shown_as_they_are_and_steer_nothing(one, tmp_path):
@@ -370,14 +312,14 @@ WIDE, LOW = Spread(1.0, 0.5, 2.0), Spread(0.3, 0.2, 0.4)
     [
         (1.0, 1.0 + 1e-9, "same", "one"),
         (1.0, 1.01, "tie", "one"),
-        (1.0, 0.9, "less", "one"),
-        (-1.0, 1.0, "more", "one"),
+        (1.0, 0.9, "smaller", "one"),
+        (-1.0, 1.0, "larger", "one"),
         (0.0, 0.0, "same", "one"),
         (WIDE, Spread(1.9, 1.5, 3.0), "tie", "spreads"),
-        (WIDE, LOW, "less", "spreads"),
-        (LOW, WIDE, "more", "spreads"),
+        (WIDE, LOW, "smaller", "spreads"),
+        (LOW, WIDE, "larger", "spreads"),
         (WIDE, 1.5, "tie", "one"),
-        (WIDE, 3.0, "more", "one"),
+        (WIDE, 3.0, "larger", "one"),
     ],
 )
 def test_a_difference_counts_beyond_the_spread(a, b, verdict, by):
@@ -398,10 +340,8 @@ def test_one_seed_beside_several_is_refused_unless_asked_for_and_has_no_spread(o
     asked = "expected one seed in each or several in each, as one seed has no spread, got"
     line = refused("compare", one, many, "--out", tmp_path / "out", said=asked, below=tmp_path)
     assert "1 to 20; --anyway compares them all the same" in line
-    text, report = said(tmp_path, one, many, "--anyway")
-    assert "One number on a side: no spread tells whether that is chance." in text
-    assert "intervals over the seeds" not in text
-    assert {own["by"] for own in report["beside"][0]["models"]} == {"one"}
+    _, report = said(tmp_path, one, many, "--anyway")
+    assert {own["by"] for own in report["models"]} == {"one"}
 
 
 def test_runs_of_other_true_arms_are_refused_unless_asked_for(tmp_path):

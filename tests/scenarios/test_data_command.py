@@ -89,7 +89,6 @@ def test_points_of_a_tracker_are_brought_into_the_base_and_fitted(tmp_path):
     out, models = tmp_path / "fit", ("--model", "Joints", "--no-intervals")
     fine("identify", ARM, *mapped("spatialanalyzer"), *models, "--out", out)
     assert "sigma 50 um is assumed" in (out / "report.md").read_text()
-    fine("identifiability", ARM, *mapped("spreadsheet"))
 
 
 def test_both_examples_hold_the_same_loads_and_deflections():

@@ -57,10 +57,6 @@ def test_trackers_frame_is_found_and_the_model_is_that_of_the_bases(runs, tmp_pa
     assert same["models"][0]["joints"]["joint_2"] == pytest.approx(joints[1]["joint_2"], rel=0.1)
 
 
-def test_identifiability_takes_readings_in_any_frame(runs):
-    assert "mm in the tracker's frame, turned by" in fine("identifiability", ARM, runs / "tracker.csv")
-
-
 def test_target_that_the_folder_lacks_is_found(runs, tmp_path):
     data = tmp_path / "data.csv"
     data.write_text((runs / "tracker.csv").read_text().replace(",P2,", ",T9,"))

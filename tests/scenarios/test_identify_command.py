@@ -116,8 +116,10 @@ def test_the_map_is_what_the_models_say_of_its_poses_and_the_worst_is_named(made
     assert (found["places"], found["without_bound"]) == (200, 0)
     page = (made[0] / "report.md").read_text()
     x, y, z = worst["position_m"]
-    assert f"{found['median_mm']:.3f} mm in the median" in page
-    assert f"Least sure at x {x:.2f}, y {y:.2f}, z {z:.2f} m: {taken} +- {worst['error_mm']:.3f} mm" in page
+    [row] = [line for line in page.splitlines() if f"| x {x:.2f}, y {y:.2f}, z {z:.2f} m |" in line]
+    assert row.replace("**", "").startswith(
+        f"| {taken} | {found['median_mm']:.3f} | {worst['error_mm']:.3f} | 0 |"
+    )
 
 
 def test_other_models_stand_beside_the_one_to_take_with_how_far_apart_they_are(made, report, data):
@@ -146,10 +148,9 @@ def test_every_map_of_half_widths_says_what_they_do_not_count(made, report):
     assert report["map"]["errors"]["means"]["words"].endswith(said)  # below every picture of the map
     chunks = chunks_of(made[0] / "recording.rrd")
     assert said in document(chunks, "/map_words")
-    assert said in document(chunks, "/tables")
     page = made[0] / "report.html"
     assert drawn_in(page)["map"]["title"].endswith(said)
-    assert page.read_text().count(said) >= 2  # beside the map, and above the table of intervals
+    assert said in page.read_text()  # beside the map
 
 
 def test_the_recording_has_what_is_left_in_each_run_worst_first_and_the_map(made, report):

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import testbench as tb
+from testbench.campaign import fit_numbers
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.campaign.arm_models import weights_known
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
-from testbench.commands import calibrate_numbers, identify_rows
-from testbench.commands.identify_drawn import seen
+from testbench.commands import calibrate_numbers
 from testbench.correct.predicted import predict
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.arm_model import of_estimate
@@ -20,6 +20,7 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.model.laws import STRUT
 from testbench.model.load import Load
 from testbench.report.table import find
+from testbench.views.fitted_runs import seen
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +30,10 @@ def identified(kr500):
     [whole, plain] = named_models(kr500, ["ALL153", "MGCO56"])
     models = [plain, *with_priors(kr500.arm, [whole], cad_prior(kr500.arm), Strength(0.3))]
     found = fit(kr500, models, Runs("runs.csv", runs, runs, None), lambda: 0.0, widths=True)
-    left = identify_rows.left_by(kr500, found)
-    return found, left, identify_rows.numbers(kr500, kr500, found, left, widths=True)
+    left = fit_numbers.left_by(kr500, found)
+    numbers = fit_numbers.numbers(kr500, kr500, found, left, widths=True)
+    numbers["badge"] = None
+    return found, left, numbers
 
 
 def test_every_law_of_a_joint_stands_in_its_own_column(identified):
@@ -38,7 +41,7 @@ def test_every_law_of_a_joint_stands_in_its_own_column(identified):
     sizes = {"stiffening": 0.11, "backlash": 2.2e-5, "friction": 3.3e-5, STRUT: 0.044}
     taken = find(found.fits.models, name=found.fits.recommended)
     taken.laws = {"joint_2": sizes}
-    [row] = identify_rows._laws(found)
+    [row] = fit_numbers._laws(found)
     keys = ("stiffer_percent", "backlash_urad", "friction_urad", "strut_percent")
     assert [row[key] for key in keys] == pytest.approx([11.0, 22.0, 33.0, 4.4])
 

@@ -11,7 +11,6 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.perturbed_prior import SCALE, SHAPE, UNCERTAINTY
 from testbench.campaign.true_arms import CALLED, TRUTHS
-from testbench.commands.plan_drawn import ORDER, OURS, UNSCALED, World
 from testbench.model.vjm import chain
 from testbench.report import campaigns
 from testbench.report.badge import of_rivals
@@ -28,6 +27,7 @@ from testbench.views.colours import GREY, SERIES, Look
 from testbench.views.figure import Figure, forest, sweeps
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
+from testbench.views.planned_poses import ORDER, OURS, UNSCALED, World
 from testbench.views.scene import Line, PlaceMap, Scene, Seen
 from testbench.views.schema import Table
 

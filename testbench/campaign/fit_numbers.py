@@ -1,13 +1,12 @@
-"""What fits of a user's runs leave: errors run by run, certainty over the workspace, what the runs tell."""
+"""Numbers of fits to a user's runs: residuals, half widths over the workspace, what the runs tell."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from testbench.campaign.campaign import Cell, clear_poses, stream
 from testbench.campaign.fits import Identified
-from testbench.campaign.identifiability import told
+from testbench.campaign.identifiability import DECIDED, Identifiability, of_regression, told, unseen
 from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM, UM
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
@@ -19,12 +18,10 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.model.laws import STRUT
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
-from testbench.report.badge import FEWEST, Badge, beside_all, incumbents
-from testbench.report.table import Row, find
+from testbench.trials.rows import Row, finite
 
 PLACES = 200  #: Poses over the workspace.
-USUAL = Strength(0.3)  #: Of the prior that readings are compared with, as `testbench identifiability` does.
-DECIDED = 0.05  #: Share that data tell of an unknown below which the prior decides it [1].
+USUAL = Strength(0.3)  #: Of the prior that readings are compared with.
 COUNTS = "noise and the prior count, not what a model leaves out: joint stiffness only looks too sure"
 """What every interval of a model is told with."""
 HALF_WIDTH = Meaning(
@@ -40,13 +37,13 @@ OF_MODEL = (
 
 
 def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array], *, widths: bool) -> Row:
-    """report.json of fits.
+    """Collect the numbers of report.json, without a verdict.
 
     Args:
         filed: The arm as its folder has it.
         cell: The same with the targets that were found.
         found: Its fits.
-        left: Of `left_by`.
+        left: Residuals by model, `left_by`.
         widths: Whether intervals are wanted.
     """
     fits, note, places = found.fits, "", None
@@ -62,7 +59,6 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
         noise_p95_mm=MM * _noise_limit(found.runs.every),
         residuals=_residuals(found, left),
         seen=_seen(cell, found),
-        badge=_badge(found, left),
         laws=_laws(found),
         map=places,
         no_map="intervals were not asked for" if not widths else note,
@@ -73,9 +69,39 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
     )
 
 
+def identifiability(cell: Cell, found: Identified) -> Row:
+    """Judge what the fitted runs do not show of the model to take, and what else to measure.
+
+    Args:
+        cell: The arm with the targets that were found.
+        found: Its fits.
+
+    Returns:
+        The expected error at random poses, the same after one more way to measure each, and the directions
+        that the runs do not show.
+    """
+    data, regression = found.runs.used, found.taken.of_compliances
+    own: Identifiability = of_regression(cell.vjm, regression, data, cad_prior(cell.arm), USUAL)
+    return Row(
+        structure=own.structure.name,
+        equations=own.equations,
+        expected_error_mm=finite(MM * own.error),
+        expected_deflection_mm=finite(MM * own.deflection),
+        lost_to_structure=len(own.lost_to_structure),
+        lost_to_loads=len(own.lost_to_loads),
+        lost_to_poses=own.lost_to_poses,
+        prior_decides=int((own.share < DECIDED).sum()),
+        help=[
+            Row(place=p.place, measure=p.words, rank=p.rank, expected_error_mm=finite(MM * p.error))
+            for p in own.proposals
+        ],
+        unseen=unseen(own),
+    )
+
+
 def _laws(found: Identified) -> list[Row]:
-    """What joints do beyond a linear spring, by the model to take; nothing of a linear one."""
-    taken = find(found.fits.models, name=found.fits.recommended)
+    """List what joints do beyond a linear spring, by the model to take; nothing of a linear one."""
+    taken = next(own for own in found.fits.models if own.name == found.fits.recommended)
     return [
         Row(
             part=name,
@@ -88,30 +114,30 @@ def _laws(found: Identified) -> list[Row]:
     ]
 
 
-def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
-    """The model to take beside the strongest incumbent of its class, run by run of those held out.
+def held_out(found: Identified, left: Mapping[str, Array], fewest: int) -> tuple[Mapping[str, Array], str]:
+    """Give the RMS error of every model in each run that was held out [mm].
 
-    Where these are none or too few, by what cross-validation holds out in turn.
+    Where these runs are none or too few, the errors are those of cross-validation.
+
+    Args:
+        found: The fits.
+        left: Residuals by model, `left_by`.
+        fewest: Least number of runs that a verdict takes.
+
+    Returns:
+        Errors by model, (n,) each, and what one of the n is.
     """
-    data, check, taken = found.runs.every, found.runs.check, found.fits.recommended
+    data, check = found.runs.every, found.runs.check
     held = np.isin(data.pose, [] if check is None else check.pose) & data.seen.any(axis=1)
-    if held.sum() < FEWEST and found.held_out:
-        rms, each = found.held_out, "group of fitted runs held out in turn"
-    else:
-        count = np.maximum(data.seen[held].sum(axis=1), 1)
-        rms = {name: MM * np.sqrt((own[held] ** 2).sum(axis=(1, 2)) / count) for name, own in left.items()}
-        each = "run held out"
-    rivals = [name for name in incumbents(found.fits.models, taken) if name in rms]
-    wrong = any(doubt.name != "prior" for doubt in found.fits.doubts)
-    why = "first look at the runs, see the doubt" if wrong else ""
-    own = beside_all(taken, {name: (rms[taken], rms[name], None) for name in rivals}, each, why)
-    if own and own.interval is None and own.factor and own.winner != taken:  # all readings chose it, not few
-        return replace(own, winner=taken, rival=own.winner, factor=1 / own.factor)
-    return own
+    if held.sum() < fewest and found.held_out:
+        return found.held_out, "group of fitted runs held out in turn"
+    count = np.maximum(data.seen[held].sum(axis=1), 1)
+    rms = {name: MM * np.sqrt((own[held] ** 2).sum(axis=(1, 2)) / count) for name, own in left.items()}
+    return rms, "run held out"
 
 
 def _model(own: Row, found: Identified, places: Row | None) -> Row:
-    """A model; its compliances are in models.json."""
+    """Describe a model; its compliances are in models.json."""
     held = {other.name: other.f_m for other in found.fits.held_out}
     return Row(
         {key: own[key] for key in OF_MODEL},
@@ -124,7 +150,7 @@ def _model(own: Row, found: Identified, places: Row | None) -> Row:
 
 
 def _there(name: str, places: Row) -> Row | None:
-    """How sure a model is over the workspace, and how far from the one to take; None where not known."""
+    """Tell how sure a model is over the workspace, and how far from the one to take; None if unknown."""
     if name not in places.errors.error_mm:
         return None
     mm, apart = places.errors.errors(name), places.apart_mm.get(name)
@@ -136,19 +162,19 @@ def _there(name: str, places: Row) -> Row | None:
 
 
 def left_by(cell: Cell, found: Identified) -> dict[str, Array]:
-    """Reading minus model by its name, (runs, m, 3) [m]; 0 where a target was lost."""
+    """Subtract models from readings, (runs, m, 3) [m] by model; 0 where a target was lost."""
     data, names = found.runs.every, list(found.estimates)
     moved = all_deflections(cell.vjm, [found.estimates[name] for name in names], data)
     return dict(zip(names, np.where(data.seen[..., None], data.deflection - moved, 0.0), strict=True))
 
 
 def longest(vectors: Array) -> Array:
-    """Length of the longest of every run, (runs, m, 3) to (runs,)."""
+    """Give the length of the longest vector of every run, (runs, m, 3) to (runs,)."""
     return np.asarray(np.linalg.norm(vectors, axis=2).max(axis=1))
 
 
 def _residuals(found: Identified, left: Mapping[str, Array]) -> list[Row]:
-    """Of every run how far its target that moves most moves, and what each model leaves at its worst one."""
+    """List per run the largest motion of a target, and the largest residual of each model."""
     data, check = found.runs.every, found.runs.check
     held = np.isin(data.pose, [] if check is None else check.pose)
     moved = MM * longest(np.where(data.seen[..., None], data.deflection, 0.0))
@@ -168,7 +194,7 @@ def _residuals(found: Identified, left: Mapping[str, Array]) -> list[Row]:
 
 
 def _seen(cell: Cell, found: Identified) -> Row:
-    """What the runs tell of each link and joint, beside a prior known to 30 %."""
+    """Tell how much the runs say of each link and joint, beside a prior known to 30 %."""
     regression = found.taken.of_compliances
     component, share = told(cell.vjm, regression, cad_prior(cell.arm), USUAL)
     own = {name: share[np.array(component) == name] for name in dict.fromkeys(component)}
@@ -190,7 +216,7 @@ def _seen(cell: Cell, found: Identified) -> Row:
 
 
 def compared(models: Sequence[Row], taken: str) -> list[str]:
-    """One's own, least squares, GCO without prior, joints alone, where they are; last the model to take."""
+    """Name one's own, least squares, GCO without prior, joints alone, if fitted; last the model to take."""
     others = [m for m in models if not m.prior and m.name != taken]
     links = [m for m in others if m.structure != JOINTS]
     kinds = ([m for m in links if m.constraint == kind] for kind in ("none", "psd"))
@@ -200,7 +226,7 @@ def compared(models: Sequence[Row], taken: str) -> list[str]:
 
 
 def elsewhere(cell: Cell, found: Identified) -> Row:
-    """How sure the deflection of the tool is over the workspace, under the largest load that was fitted.
+    """Predict the half widths of the tool's deflection over the workspace, under the largest fitted load.
 
     Raises:
         PoseError: When no poses can be drawn.
@@ -240,14 +266,14 @@ def elsewhere(cell: Cell, found: Identified) -> Row:
 
 
 def _certainty(half: Array) -> Mapping[str, float | None]:
-    """Of half widths (n,) [mm] least, median and 95 %, and how many have no bound."""
+    """Summarise half widths (n,) [mm]: least, median, 95 %, and how many have no bound."""
     known = half[np.isfinite(half)]
     low, middle, most = np.quantile(known, (0, 0.5, 0.95)).tolist() if known.size else (None,) * 3
     return {"without_bound": len(half) - known.size, "least_mm": low, "median_mm": middle, "p95_mm": most}
 
 
 def _noise_limit(data: Dataset) -> float:
-    """95th percentile of the largest of m noisy deflections, each of three normal components [m]."""
+    """Give the 95th percentile of the largest of m noisy deflections, of three normal components each [m]."""
     from scipy.special import gammaincinv  # here: importing it takes longer than most fits
 
     share = 0.95 ** (1 / len(data.markers))

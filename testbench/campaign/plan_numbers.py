@@ -1,9 +1,12 @@
-"""The numbers of a plan: what it promises, its certificate, plans beside it, angles that it reads first."""
+"""Numbers of a plan: its promise, its certificate, plans beside it, ranges that it reads first; plan.csv."""
 
+import csv
+import io
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
@@ -46,8 +49,7 @@ from testbench.identify.prior import cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.plant.site import has_surroundings
-from testbench.report.table import Row, finite
-from testbench.trials.spread import Spread
+from testbench.trials.rows import Row, finite
 
 TARGET = 0.1  #: Error for which the fewest poses are told [mm].
 MORE, LITTLE = 4, 0.10  #: So many more poses that bring less than this share are not worth their time.
@@ -82,7 +84,69 @@ def numbers(made: Planned) -> Row:
     )
     own.update(_absolute(made) if isinstance(made, AbsolutePlanned) else _pairs(made))
     own["blocked"] = [row.run for row in own.plan if row.way == "via"]
-    return own
+    return Row(own, **_listed(own))
+
+
+def _listed(f: Row) -> Row:
+    """List numbers of a plan as rows of tables: plans beside it, the workspace, limits, candidates."""
+    errors, tried = f.map, {"feasible": f.candidates.found, "drawn": f.candidates.drawn}
+    return Row(
+        beside=_beside(f),
+        rests=_rests(f),
+        around=[
+            Row(
+                name=name,
+                typical_mm=finite(errors.typical_mm(name)),
+                worst_mm=own.error_mm,
+                place=", ".join(f"{x:.2f}" for x in own.position_m),
+                joints=own.joints,
+            )
+            for name, own in errors.worst.items()
+        ],
+        limits=[
+            Row(joint=name, margin=x, unit=unit)
+            for name, x, unit in zip(f.joints, f.margins, f.units, strict=True)
+        ],
+        refused=[Row(quantity=key, value=n) for key, n in {**tried, **f.candidates.rejected}.items() if n],
+    )
+
+
+def _beside(f: Row) -> list[Row]:
+    """List the expected errors of this plan and of others [mm]."""
+    chance, doubted = f.random_plans, f.get("error_if_prior_twice_as_uncertain_mm")
+    beyond = f.get("beyond_mm")
+    pairs = {
+        "this plan": f.error_mm.expected,
+        f"this plan, were the arm {f.model} alone": chance.get("planned_mm"),
+        "this plan, joint stiffness only": f.get("joints_alone_mm"),
+        "this plan, prior twice as uncertain": doubted and doubted.expected,
+        "this plan, with joint errors of all orders": beyond and math.hypot(f.error_mm.expected, beyond),
+        "readings taken before": f.get("before_mm"),
+    }
+    known = [Row(what=name, mm=mm) for name, mm in pairs.items() if mm is not None]
+    named = {f"random poses, median of {chance.plans}": chance.median_mm, "best tenth": chance.best_tenth_mm}
+    return [*known, *(Row(what=name, mm=mm) for name, mm in named.items())]
+
+
+def _rests(f: Row) -> list[Row]:
+    """List what a plan rests on: noise, prior, directions, certificate, advice."""
+    seen, told = f.get("directions") or Row(), f.get("advice") or Row()
+    pairs = {
+        "noise of a reading, um": f.sigma_um,
+        "uncertainty of the prior, %": f.uncertainty_percent,
+        f"efficiency by criterion {f.criterion}, at least, %": 100 * f.certificate.efficiency,
+        "candidates examined": f.certificate.examined,
+        "unknowns": seen.get("unknowns"),
+        "directions that these loads can show": seen.get("shown"),
+        "directions that the plan sees": seen.get("seen"),
+        "directions in which readings outweigh the prior": seen.get("outweighed"),
+        "share of the prior in the mean square error, %": seen.get("prior_share_percent"),
+        "95 % half width of a deflection at the tasks, mm": f.get("half_width_95_mm"),
+        f"fewest poses for {TARGET:g} mm at the tasks": told.get("fewest"),
+        f"poses beyond which {MORE} more bring less than {100 * LITTLE:g} %": told.get("enough"),
+        "joint errors beyond these orders, mm": f.get("beyond_mm"),
+    }
+    return [Row(quantity=name, value=value) for name, value in pairs.items() if value is not None]
 
 
 def _pairs(made: Planned) -> Row:
@@ -302,12 +366,6 @@ def _random(
     return [float(x) for x in MM * np.percentile([error(plan) for plan in plans], [50, 10, 90])]
 
 
-def spread_rows(rows: Sequence[Row]) -> list[Row]:
-    """Rows with the error to expect and its interval as one."""
-    keys = [f"expected_error{end}_mm" for end in ("", "_p05", "_p95")]
-    return [Row(row, error_there_mm=Spread(*(row[key] for key in keys))) for row in rows]
-
-
 BINS = 72  #: Ranges of a joint: 5 degrees each of a hinge that turns once.
 
 
@@ -328,3 +386,72 @@ def _bin(joint: Joint, own: Array) -> Ids:
         own, low, high = own % (2 * np.pi), 0.0, 2 * np.pi
     at = np.floor(BINS * (own - low) / (high - low)).astype(int)
     return np.asarray(np.clip(at, 0, BINS - 1))
+
+
+def write_poses(f: Row, joints: Sequence[Joint], path: Path) -> None:
+    """plan.csv: `plan_columns` or `absolute_columns`; rad and m in full: read back bit by bit."""
+    masses, pulls = f.loads_kg, bool(f.pulls_n)
+    head = plan_columns(joints, pulls=pulls)
+    if f.absolute:
+        head = absolute_columns(joints, loaded=len(masses) == 1)
+    rows = []
+    for row in f.plan:
+        force = row.get("pull_N")
+        mass = "" if force else repr(row.get("load_kg", masses[0] if masses else 0.0))
+        cells = {"run": row.run, "load_kg": mass, "way": row.way}
+        cells |= zip((f"force_{axis}_N" for axis in "xyz"), map(repr, force or []), strict=False)
+        cells |= {key: f"{row[key]:.2f}" for key in ("travel_deg", "travel_mm")}
+        cells |= _cells(row, joints)
+        cells |= {joint.column: repr(x) for joint, x in zip(joints, row.q, strict=True)}
+        rows.append([cells.get(name, "") for name in head])
+    _write_table(head, rows, path)
+
+
+def write_tasks(f: Row, joints: Sequence[Joint], path: Path) -> None:
+    """tasks_expected.csv: of every task its pose and the error to expect."""
+    every = [{"task": f"{row.task}", **_cells(row, joints)} for row in f.tasks]
+    _write_table(list(every[0]), [list(cells.values()) for cells in every], path)
+
+
+def _cells(row: Row, joints: Sequence[Joint]) -> dict[str, str]:
+    """Joints in deg or mm, and what is expected of a pose."""
+    shown = {joint.shown_column: f"{x:.4f}" for joint, x in zip(joints, row.q_shown, strict=True)}
+    return shown | {key: f"{x:.4f}" for key, x in row.items() if key.startswith("expected_")}
+
+
+def _write_table(head: Sequence[str], rows: Sequence[Sequence[object]], path: Path) -> None:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([head, *rows])
+    path.write_text(text.getvalue(), encoding="utf-8")
+
+
+def plan_columns(joints: Sequence[Joint], *, pulls: bool = False) -> list[str]:
+    """The header of a plan, in order; a row is a run, in the order of measuring.
+
+    run: integer. JOINT_rad, JOINT_deg: joint angle, twice; of a slide JOINT_m, JOINT_mm. load_kg: hung mass.
+    force_*_N, of a plan that may pull: force at the load point, world axes; a run has either, the other is
+    blank.
+    expected_deflection_mm: RMS over the markers, by the prior. expected_error_*_mm: of predicting it after
+    identification, with the 5th and 95th percentile. travel_deg: of the hinge that turns farthest from the
+    run before; travel_mm: of the slide, where the arm has one. way: "start", "clear" where all joints can go
+    straight, "via" where that way collides.
+    """
+    names = ["run", *(j.column for j in joints), *(j.shown_column for j in joints), "load_kg"]
+    names += [f"force_{axis}_N" for axis in "xyz" if pulls]
+    names += [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
+    return [*names, "travel_deg", *["travel_mm"] * any(j.prismatic for j in joints), "way"]
+
+
+def absolute_columns(joints: Sequence[Joint], *, loaded: bool) -> list[str]:
+    """The header of a plan of absolute readings, in order.
+
+    As `plan_columns`, but for load_kg, where one mass hangs after the first reading of every pose;
+    expected_sag_mm: RMS over the targets, by the prior, under all that hangs; expected_error_*_mm: of their
+    positions after calibration.
+    """
+    names = plan_columns(joints)
+    return [
+        "expected_sag_mm" if name == "expected_deflection_mm" else name
+        for name in names
+        if name != "load_kg" or loaded
+    ]

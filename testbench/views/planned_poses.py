@@ -1,14 +1,10 @@
-"""The tables that a plan leaves, and what is drawn: poses, loads, lines of sight, errors to expect."""
+"""Pictures of planned poses: the arm, loads, lines of sight, expected errors."""
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.folder import Joint
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
 from testbench.campaign.plan import Planned
@@ -17,8 +13,7 @@ from testbench.design.planning import Plan
 from testbench.errors import Array
 from testbench.model.vjm import chain, tool_points
 from testbench.plant.shapes import rigid_frames
-from testbench.report.report import Report
-from testbench.report.table import Row
+from testbench.trials.rows import Row
 from testbench.views.colours import GREY, LOAD, MEASURED, NOMINAL, TASK, Look
 from testbench.views.colours import look as look_of
 from testbench.views.scene import (
@@ -98,9 +93,14 @@ class World:
         return found
 
 
-def seen(made: Planned, said: Report) -> Seen:
-    """The plan's poses, the tasks, the workspace; errors to expect in each."""
-    f, cell, tasks = Row(said.numbers), made.cell, said.numbers.get("tasks", [])
+def seen(made: Planned, f: Row) -> Seen:
+    """Show the plan's poses, the tasks and the workspace, with the errors to expect in each.
+
+    Args:
+        made: The plan.
+        f: Its numbers.
+    """
+    cell, tasks = made.cell, f.get("tasks", [])
     plan, work = (np.array([row.tool_m for row in rows]).reshape(-1, 3) for rows in (f.plan, tasks))
     world = World(cell, f.tracker_m, plan, work, chain(cell.vjm, made.found.q).position)
     force = np.array([row.get("pull_N") or [0, 0, -GRAVITY * row.get("load_kg", 0.0)] for row in f.plan])
@@ -163,72 +163,3 @@ def _map(found: ErrorPlaces, group: int, when: str) -> PlaceMap:
     without = NOWHERE if any(map(found.unbounded, looks)) else ""
     title = f"Expected error over the workspace, {when} (mm)"
     return PlaceMap(title, group, np.array(found.position_m), lines, "Where it will err", without)
-
-
-def write_poses(f: Row, joints: Sequence[Joint], path: Path) -> None:
-    """plan.csv: `plan_columns` or `absolute_columns`; rad and m in full: read back bit by bit."""
-    masses, pulls = f.loads_kg, bool(f.pulls_n)
-    head = plan_columns(joints, pulls=pulls)
-    if f.absolute:
-        head = absolute_columns(joints, loaded=len(masses) == 1)
-    rows = []
-    for row in f.plan:
-        force = row.get("pull_N")
-        mass = "" if force else repr(row.get("load_kg", masses[0] if masses else 0.0))
-        cells = {"run": row.run, "load_kg": mass, "way": row.way}
-        cells |= zip((f"force_{axis}_N" for axis in "xyz"), map(repr, force or []), strict=False)
-        cells |= {key: f"{row[key]:.2f}" for key in ("travel_deg", "travel_mm")}
-        cells |= _cells(row, joints)
-        cells |= {joint.column: repr(x) for joint, x in zip(joints, row.q, strict=True)}
-        rows.append([cells.get(name, "") for name in head])
-    _write_table(head, rows, path)
-
-
-def write_tasks(f: Row, joints: Sequence[Joint], path: Path) -> None:
-    """tasks_expected.csv: of every task its pose and the error to expect."""
-    every = [{"task": f"{row.task}", **_cells(row, joints)} for row in f.tasks]
-    _write_table(list(every[0]), [list(cells.values()) for cells in every], path)
-
-
-def _cells(row: Row, joints: Sequence[Joint]) -> dict[str, str]:
-    """Joints in deg or mm, and what is expected of a pose."""
-    shown = {joint.shown_column: f"{x:.4f}" for joint, x in zip(joints, row.q_shown, strict=True)}
-    return shown | {key: f"{x:.4f}" for key, x in row.items() if key.startswith("expected_")}
-
-
-def _write_table(head: Sequence[str], rows: Sequence[Sequence[object]], path: Path) -> None:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([head, *rows])
-    path.write_text(text.getvalue(), encoding="utf-8")
-
-
-def plan_columns(joints: Sequence[Joint], *, pulls: bool = False) -> list[str]:
-    """The header of a plan, in order; a row is a run, in the order of measuring.
-
-    run: integer. JOINT_rad, JOINT_deg: joint angle, twice; of a slide JOINT_m, JOINT_mm. load_kg: hung mass.
-    force_*_N, of a plan that may pull: force at the load point, world axes; a run has either, the other is
-    blank.
-    expected_deflection_mm: RMS over the markers, by the prior. expected_error_*_mm: of predicting it after
-    identification, with the 5th and 95th percentile. travel_deg: of the hinge that turns farthest from the
-    run before; travel_mm: of the slide, where the arm has one. way: "start", "clear" where all joints can go
-    straight, "via" where that way collides.
-    """
-    names = ["run", *(j.column for j in joints), *(j.shown_column for j in joints), "load_kg"]
-    names += [f"force_{axis}_N" for axis in "xyz" if pulls]
-    names += [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
-    return [*names, "travel_deg", *["travel_mm"] * any(j.prismatic for j in joints), "way"]
-
-
-def absolute_columns(joints: Sequence[Joint], *, loaded: bool) -> list[str]:
-    """The header of a plan of absolute readings, in order.
-
-    As `plan_columns`, but for load_kg, where one mass hangs after the first reading of every pose;
-    expected_sag_mm: RMS over the targets, by the prior, under all that hangs; expected_error_*_mm: of their
-    positions after calibration.
-    """
-    names = plan_columns(joints)
-    return [
-        "expected_sag_mm" if name == "expected_deflection_mm" else name
-        for name in names
-        if name != "load_kg" or loaded
-    ]

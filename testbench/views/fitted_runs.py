@@ -1,4 +1,4 @@
-"""What `testbench identify` draws: the arm in its runs and over the workspace, what models leave there."""
+"""Pictures of fits to a user's runs: the arm in its runs and over the workspace, residuals, half widths."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.campaign.campaign import Cell
+from testbench.campaign.fit_numbers import COUNTS, compared, longest
 from testbench.campaign.fits import Identified
 from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import ErrorPlaces
-from testbench.commands.identify_rows import COUNTS, compared, longest
 from testbench.errors import Array, Ids
 from testbench.model.laws import as_loaded, vjm_of
 from testbench.model.vjm import chain, generalised_load, turns
 from testbench.plant.shapes import elastic_frames, rigid_frames
-from testbench.report.table import Row, find
+from testbench.trials.rows import Row
 from testbench.views.colours import MEASURED, NOMINAL, look
 from testbench.views.scene import (
     Layer,
@@ -37,7 +37,14 @@ NOWHERE = "no bound"
 
 
 def seen(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array]) -> Seen:
-    """What page, picture and recording draw; the arm as its folder has it."""
+    """Collect what page, picture and recording draw.
+
+    Args:
+        cell: The arm as its folder has it.
+        found: The fits.
+        f: Their numbers, `fit_numbers.numbers`, with the badge of the report.
+        left: Residuals by model, (runs, m, 3) [m].
+    """
     data = found.runs.every
     names = compared(f.models, f.recommended)
     rival = [f.badge.rival] if f.badge and f.badge.rival not in names else []
@@ -61,12 +68,12 @@ def seen(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array]) -> Se
 
 
 def _line(f: Row, name: str, values: Array) -> Line:
-    own = find(f.models, name=name)
+    own = next(model for model in f.models if model.name == name)
     return Line(name, look(own.structure, own.constraint, own.prior), values)
 
 
 def _runs(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array], some: Ids) -> tuple[Poses, str]:
-    """The arm bent by the model to take, targets as read and as each model has them; what is magnified."""
+    """Bend the arm by the model to take, with targets as read and modelled; say what is magnified."""
     data, reach, taken = found.runs.every, cell.vjm.reach, f.recommended
     hidden = np.where(data.seen[some][..., None], 0.0, np.nan)
     moved, off = data.deflection[some] + hidden, {name: own[some] + hidden for name, own in left.items()}
@@ -112,7 +119,7 @@ def _said(row: Row, names: list[str], joints: str) -> str:
 
 
 def _places(cell: Cell, errors: ErrorPlaces, taken: str) -> Poses:
-    """The arm all over the workspace."""
+    """Show the arm all over the workspace."""
     half, q = errors.errors(taken), np.array(errors.q)
     sizes = zip(errors.deflection_mm, half, errors.joints, strict=True)
     words = [f"The tool moves {moved:.3f} mm, {_bound(mm)} (95 %). {joints}." for moved, mm, joints in sizes]
@@ -126,7 +133,7 @@ def _bound(mm: float) -> str:
 
 
 def _map(f: Row, group: int) -> PlaceMap:
-    """A map a model; joints alone have none: what they leave out is in no half width."""
+    """Map each model; joints alone have no map: what they leave out is in no half width."""
     errors = f.map.errors
     half = {name: errors.errors(name) for name in errors.compared}
     return PlaceMap(

@@ -1,0 +1,202 @@
+"""Two reports joined: errors of models of the same names, and single numbers, with what tells them apart."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from testbench.errors import InputError
+from testbench.output.manifest import Finished
+from testbench.report.badge import Badge, decide
+from testbench.report.report import number
+from testbench.report.table import Row, finite
+from testbench.trials.spread import (
+    SAME,
+    Number,
+    Spread,
+    ends,
+    median_interval,
+    middle,
+    spread,
+    triple,
+    wins,
+)
+from testbench.trials.store import WHOLE
+from testbench.views.schema import ALIKE
+
+KINDS = {
+    "workspace": "over the workspace, against the truth",
+    "check_true": "at the check poses, against the truth",
+    "check": "at the check poses, against readings",
+    "identification": "at the fitted poses, against readings",
+}
+"""Errors of models, what matters most first, and where they are."""
+MOST, LARGEST_MM = 1000, 1e9  #: Models that are compared, and their largest error.
+OWN = ("said", "tables", "badge", "models", "seed")  #: Keys of report.json that are no single numbers.
+CLOCK = ("seconds", "_s", "_ms")  #: Ends of keys of what a clock measured: it differs in any case.
+FEWEST = 2  #: Pairs that have a spread.
+
+Verdict = Literal["same", "tie", "smaller", "larger"]
+"""Of the second number beside the first one; a tie is within 2 %, or where its interval holds both."""
+BySeed = Mapping[int, float]
+ALONE: BySeed = {}  #: Of a run of one seed.
+
+
+def models_of(run: Finished) -> dict[str, Row]:
+    """Read the models of a report by name, with RMS errors by kind; none if several have one name.
+
+    Raises:
+        InputError: When an error is none that a model can have.
+    """
+    listed = run.report.get("models")
+    rows = [own for own in listed if isinstance(own, dict)] if isinstance(listed, list) else []
+    found = [_model(run, own) for own in rows[:MOST] if isinstance(own.get("name"), str)]
+    told = [m for m in found if m.errors and not (m.constraint == "free" and m.conservative is False)]
+    return {m.name: m for m in told} if len({m.name for m in told}) == len(told) else {}
+
+
+def _model(run: Finished, own: Mapping[str, Any]) -> Row:
+    errors = {}
+    for kind in KINDS:
+        cell = own.get(kind)
+        mm = number(cell.get("rms_mm")) if isinstance(cell, dict) else None
+        if not isinstance(mm, float | int | Spread):
+            continue
+        if not 0 <= min(triple(mm)) <= max(triple(mm)) <= LARGEST_MM:
+            problem = f"expected an RMS error of 0 to {LARGEST_MM:g} mm, got {mm}"
+            raise InputError(run.file, f"models: {own['name']}, {kind}", problem)
+        errors[kind] = mm
+    keys = ("name", "structure", "constraint", "prior", "conservative")
+    drawn = {key: str(own.get(key) or "none") for key in ("structure", "constraint")}
+    return Row({key: own.get(key) for key in keys} | drawn, errors=errors)
+
+
+def models_compared(a: Finished, b: Finished) -> list[Row]:
+    """Join every error of every model that both runs have, by kind, what matters most first.
+
+    Raises:
+        InputError: When the trials of a run are damaged.
+    """
+    ours, theirs = models_of(a), models_of(b)
+    both = [name for name in ours if name in theirs]
+    mine, other = (_trials(run) if both else {} for run in (a, b))
+    found = []
+    for kind in KINDS:
+        for name in both:
+            x, y = (own[name].errors.get(kind) for own in (ours, theirs))
+            if x is not None and y is not None:
+                pair = (_seeds(t.get((name, kind), ()), n) for t, n in ((mine, x), (other, y)))
+                model = {key: ours[name][key] for key in ("name", "structure", "constraint", "prior")}
+                found.append(Row(model, kind=kind, **differ(x, y, *pair)))
+    return found
+
+
+def leading(models: Sequence[Row], runs: Sequence[Finished]) -> Row | None:
+    """Choose the model to judge the runs by: what all recommend, else that of least error in all."""
+    pairs = [m for m in models if m.kind == models[0].kind]
+    recommended = {str(run.report.get("recommended")) for run in runs}
+    agreed = [p for p in pairs if {p.name} == recommended]
+    known = [p for p in pairs if min(middle(p.a), middle(p.b)) > 0]
+    least = sorted(known, key=lambda p: middle(p.a) * middle(p.b))
+    return next(iter([*agreed, *least, *pairs]), None)
+
+
+def differ(a: Number, b: Number, ours: BySeed = ALONE, theirs: BySeed = ALONE) -> Row:
+    """Compare a number of two runs: its sizes, ratio b over a, verdict, and what tells.
+
+    By "pairs" tell ratios seed by seed, where both runs have it above 0 in the same two seeds or more; by
+    "spreads" whether these overlap; by "one" nothing, as a side has one number.
+    """
+    first, second = middle(a), middle(b)
+    difference = finite(second - first)
+    ratios = [finite(theirs[s] / x) if x > 0 else None for s, x in ours.items() if s in theirs]
+    known = [ratio for ratio in ratios if ratio is not None and ratio > 0]
+    if ours.keys() == theirs.keys() and len(ratios) >= FEWEST and len(known) == len(ratios):
+        times = spread(known)
+        x, y = ([own[seed] for seed in ours] for own in (ours, theirs))
+        told = {"by": "pairs", "pairs": len(x), "smaller": wins(y, x), "larger": wins(x, y)}
+        told["interval"] = median_interval(np.array(known))
+        return Row(a=a, b=b, difference=difference, ratio=times, verdict=_paired(times, known), **told)
+    by = "spreads" if isinstance(a, Spread) and isinstance(b, Spread) else "one"
+    ratio = finite(second / first) if first > 0 else None
+    return Row(a=a, b=b, difference=difference, ratio=ratio, verdict=_verdict(a, b), by=by)
+
+
+def _paired(ratio: Spread, ratios: Sequence[float]) -> Verdict:
+    if np.allclose(triple(ratio), 1, rtol=0, atol=SAME):
+        return "same"
+    low, high = ratio.ends
+    within = median_interval(np.array(ratios)) or (low, high)
+    if within[0] <= 1 <= within[1] or max(abs(low - 1), abs(high - 1)) <= ALIKE:
+        return "tie"
+    return "smaller" if ratio.median < 1 else "larger"
+
+
+def _verdict(a: Number, b: Number) -> Verdict:
+    (low, high), (least, most) = ends(a), ends(b)
+    if np.allclose(triple(a), triple(b), rtol=SAME, atol=0, equal_nan=True):
+        return "same"
+    if (low <= most and least <= high) or size(a, b) < math.log1p(ALIKE):
+        return "tie"
+    return "smaller" if middle(b) < middle(a) else "larger"
+
+
+def size(a: Number, b: Number) -> float:
+    """Measure how far two numbers are from equal, the same both ways: |log(b / a)|, inf if signs differ."""
+    first, second = middle(a), middle(b)
+    if first == second:
+        return 0.0
+    return abs(math.log(second / first)) if first * second > 0 else math.inf
+
+
+def badge_of(lead: Row, a: Finished, b: Finished) -> Badge:
+    """Judge the second run beside the first by the model that matters, by seed if both have the same."""
+    x, y = (
+        _seeds(_trials(run).get((lead.name, lead.kind), ()), reported)
+        for run, reported in ((a, lead.a), (b, lead.b))
+    )
+    if not x or x.keys() != y.keys():
+        x, y = ({0: middle(own)} for own in (lead.a, lead.b))
+    each = "trial" if x.keys() == y.keys() and len(x) > 1 else "pair of runs"
+    return decide(("B", [y[seed] for seed in x]), ("A", [*x.values()]), each)
+
+
+def _trials(run: Finished) -> Mapping[tuple[str, str], Sequence[BySeed]]:
+    """Read errors by seed of a run that left its trials, of every condition, by model and kind."""
+    path = run.folder / WHOLE
+    if not run.several or not path.is_file():
+        return {}
+    from testbench.trials.parquet import series  # here: few runs have trials
+
+    found: dict[tuple[str, str], list[BySeed]] = {}
+    for own in series(path, [f"{kind}.rms_mm" for kind in KINDS]):
+        found.setdefault((own.name, own.key.removesuffix(".rms_mm")), []).append(own.by_seed)
+    return found
+
+
+def _seeds(conditions: Sequence[BySeed], reported: Number) -> BySeed:
+    """Find the condition whose median is the report's; nothing if none is."""
+    medians = [float(np.median([*own.values()])) for own in conditions]
+    fits = np.isclose(medians, middle(reported), rtol=SAME, atol=0)
+    return next((own for own, fit in zip(conditions, fits, strict=True) if fit), {})
+
+
+def numbers_compared(a: Finished, b: Finished) -> list[Row]:
+    """Compare every single number of two reports that has the same keys; models and lists have their own."""
+    ours, theirs = (dict(leaves({k: x for k, x in run.report.items() if k not in OWN})) for run in (a, b))
+    rows = []
+    for key in (key for key in ours if key in theirs and not key.endswith(CLOCK)):
+        x, y = ours[key], theirs[key]
+        if all(isinstance(own, int | float) and not isinstance(own, bool) for own in (x, y)):
+            rows.append(Row(what=key.replace("_", " "), **differ(float(x), float(y))))
+    return sorted(rows, key=lambda row: -size(row.a, row.b))
+
+
+def leaves(value: object, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Walk nested tables to their leaves, with their keys joined by dots; lists are leaves."""
+    if not isinstance(value, dict):
+        yield key, value
+        return
+    for name, own in value.items():
+        yield from leaves(own, f"{key}.{name}" if key else str(name))
