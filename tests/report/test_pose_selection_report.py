@@ -141,6 +141,21 @@ def test_plans_are_judged_beside_the_strongest_of_the_others_at_the_tasks(winner
     assert min(medians, key=medians.get) in (found.badge.winner, found.badge.rival)
 
 
+@pytest.mark.parametrize(
+    ("planned", "chance", "fewest"),
+    [((9e-4, 1e-3), (1, 2e-3), (8, 12)), ((1, 2e-3), (1, 1), (12, None)), ((1, 1), (1, 1), (None, None))],
+)
+def test_the_number_of_poses_is_the_least_that_is_enough_in_all_trials(both, planned, chance, fewest):
+    trials = both[1]
+    for name, n, factor in zip(
+        ("test", "test", "random", "random"), 2 * POSES, planned + chance, strict=True
+    ):
+        meant, own = (trials["plan"] == name) & (trials["poses"] == n), trials["tasks_mm"]
+        trials = trials.add(tasks_mm=np.where(meant, factor * own, own))
+    found = report(ASKED, SEEDS, trials).numbers["recommendation"].fewest
+    assert (found["test"], found["random"]) == fewest
+
+
 def test_the_figure_draws_the_reports_numbers_in_the_look_of_each_criterion(both):
     drawn, f = figures(both[0]), both[0].numbers
     fits, keys = (PLANNED, PLANNED, BARE, INCUMBENT), ("tasks_mm", "workspace_mm", "tasks_mm", "tasks_mm")
