@@ -147,8 +147,8 @@ def test_models_of_the_6r_arm_are_judged_by_their_true_errors():
     own = verdicts(found)
     assert own["only the GCO models are conservative (Table I)"] == "confirmed"
     # our readings of MLS32 are 0.076 to 0.091 mm, those of MGCO69 three times that
-    assert own["MLS32, mm, 95 % error"] == "consistent"
-    assert own["MGCO69, mm, 95 % error"] == "not confirmed"
+    assert own["MLS32: 95 % error, mm"] == "consistent"
+    assert own["MGCO69: 95 % error, mm"] == "not confirmed"
 
 
 @pytest.mark.parametrize(

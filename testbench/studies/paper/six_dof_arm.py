@@ -247,8 +247,8 @@ def _cells(m: Row) -> Iterator[Row]:
     """The cells of Table II that the paper's text gives of a model."""
     for column in CELLS:
         if known := column.known_value(m):
-            what = "mm, 95 % error" if column.unit == "mm" else "%, largest relative error"
-            yield number(f"{m.name}, {what}", column.value(m), known)
+            what = "95 % error, mm" if column.unit == "mm" else "largest relative error, %"
+            yield number(f"{m.name}: {what}", column.value(m), known)
 
 
 def _tie(trials: Trials) -> Row:

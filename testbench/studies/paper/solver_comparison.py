@@ -350,7 +350,7 @@ def _statements(f: Row, seeds: int) -> Iterator[Row]:
     bound = f.models[0].relative_excess_bound
     proven = most(bound) <= WITHIN - 1
     unviable = judged(
-        'a proof of global convergence is "unviable": ours bounds F_M to a share of', False, None
+        'a proof of the global optimum is "unviable" (ours: relative bound of F_M)', False, None
     )
     yield Row(unviable, found=bound, verdict="contradicted" if proven else unviable.verdict)
     share = 1 - f.elsewhere / f.local_solves

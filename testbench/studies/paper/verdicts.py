@@ -17,21 +17,20 @@ from testbench.views.schema import Table
 
 LEVEL = 0.05  #: Of the sign test, two-sided.
 MOST = 0.95  #: Share of the seeds in which two errors must be nearly the same.
+NUMBERS = "published found holds p_value"  #: What a statement may have; a table shows those that it has.
 WIDE, EDGE = 2.0, 0.1
 """Ratio of the ends of a wide interval, and the share of its logarithm next to an end that is its edge."""
 
 
 def verdict_table(rows: list[Row]) -> Table:
     """Make the table of statements: what the paper says, what we find, the verdict."""
-    return Table(columns("claim published found holds p_value verdict"), rows, "The paper's statements")
+    there = [c for c in columns(NUMBERS) if any(c.value(row) is not None for row in rows)]
+    head, verdict = columns("claim verdict")
+    return Table((head, *there, verdict), rows, "The paper's statements")
 
 
 def _row(claim: str, verdict: str, **numbers: object) -> Row:
-    return Row(
-        {"published": None, "found": None, "holds": None, "p_value": None, **numbers},
-        claim=claim,
-        verdict=verdict,
-    )
+    return Row({**dict.fromkeys(NUMBERS.split()), **numbers}, claim=claim, verdict=verdict)
 
 
 def judged(claim: str, verdict: bool, holds: Share | None) -> Row:
