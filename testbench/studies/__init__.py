@@ -22,8 +22,15 @@ PRESETS: Mapping[str, str] = {
 """Modules of studies by the names of their scenarios, where it is not `NAME.study`."""
 
 
-def study_of(name: str) -> "AnyStudy":
-    """Find a study by the name of its scenario; ImportError where there is none."""
+def find_study(name: str) -> "AnyStudy":
+    """Find a study by the name of its scenario.
+
+    Args:
+        name: Of the scenario.
+
+    Raises:
+        ImportError: When there is none.
+    """
     study: AnyStudy = import_module(f"testbench.studies.{PRESETS.get(name, f'{name}.study')}").STUDY
     return study
 
@@ -39,4 +46,4 @@ def main(name: str) -> None:
     from testbench.shell import command  # here: imports can be interrupted from now on
     from testbench.studies.run import app
 
-    interrupt.leave(command.run(app(study_of(name))))
+    interrupt.leave(command.run(app(find_study(name))))

@@ -17,8 +17,8 @@ import typer
 
 from testbench.cli.program import COMMANDS, program
 from testbench.shell import command
+from testbench.studies import find_study
 from testbench.studies import run as studies
-from testbench.studies import study_of
 
 sys.path.append(str(Path(__file__).parents[1] / "scenarios"))
 import trial_study
@@ -40,7 +40,7 @@ def app_of(args: list[str]) -> tuple[typer.Typer, list[str]]:
     if args[0] == "trials":
         return trial_study.app, args[1:]
     if args[0] == "study":
-        return studies.app(study_of(args[1])), args[2:]
+        return studies.app(find_study(args[1])), args[2:]
     return program(args), args
 
 

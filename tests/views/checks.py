@@ -127,7 +127,6 @@ def word_faults(blocks, whole):
     ]
     if len(sentences(blocks["answer"])) > MOST_SENTENCES:
         found.append(f"more than {MOST_SENTENCES} sentences: {blocks['answer']}")
-    found += [] if blocks["answer"] else ["nothing is said in answer"]
     if len(bullets) > MOST_STATEMENTS:
         found.append(f"{len(bullets)} statements")
     lines = [line for line in whole.splitlines() if line.startswith("- ")]
