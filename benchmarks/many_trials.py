@@ -13,7 +13,7 @@ from measure import MODELS, Row, at_least, interleave, note, spread
 
 from testbench.campaign.campaign import build_cell
 from testbench.identify import gco
-from testbench.studies.single_link import trial as single_link
+from testbench.studies.paper import single_link
 from testbench.trials.cores import on_cores
 from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment

@@ -37,8 +37,8 @@ DOORS = {
 }
 """The folder or module that imports a heavy package; matplotlib has a test of its own."""
 UNTYPED = """
-    files.py studies/estimators/factorised.py
-    studies/estimators/modelled.py studies/estimators/search.py report/join.py report/report.py
+    files.py studies/paper/factorised.py
+    studies/estimators/modelled.py studies/paper/search.py report/join.py report/report.py
     report/table.py studies/run.py
     studies/study.py trials/cluster.py
     trials/engine.py trials/experiment.py trials/parquet.py trials/rows.py views/page/page.py views/schema.py

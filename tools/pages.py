@@ -4,7 +4,6 @@ python tools/pages.py --runs runs/full
 """
 
 import csv
-import importlib
 import json
 import re
 import shutil
@@ -24,6 +23,7 @@ from stamps import Stamp, digest, stamp
 from testbench.errors import BenchError
 from testbench.report.report import Report, read_report
 from testbench.shell import command
+from testbench.studies import find_study
 from testbench.studies.run import headed_figures
 from testbench.trials.spread import Spread
 from testbench.views.figure import save
@@ -100,7 +100,7 @@ def asked(name: str, run: Path) -> str:
 def draw(name: str, run: Path) -> None:
     """A study's picture by today's code from the numbers of a run, and in it a digest of its tables."""
     found, png = read_report(run / "report.json"), PAGES / f"{name}.png"
-    figures = headed_figures(importlib.import_module(f"testbench.studies.{name}.study").STUDY, found)
+    figures = headed_figures(find_study(name), found)
     save(figures.get(f"{name}.png") or next(iter(figures.values())), png)
     with tempfile.TemporaryDirectory() as tables:
         for _ in _tables(found, Path(tables) / name):

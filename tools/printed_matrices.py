@@ -13,8 +13,9 @@ from testbench.identify import paper_gco, reduce
 from testbench.identify.regression import f_m
 from testbench.report.columns import columns
 from testbench.report.table import Row
-from testbench.studies.paper import EQ_22, EQ_23, every_order, judged
-from testbench.studies.single_link.trial import (
+from testbench.studies.paper.factorised import every_order
+from testbench.studies.paper.published import EQ_22, EQ_23
+from testbench.studies.paper.single_link import (
     Settings,
     eigenvalues,
     models,
@@ -24,7 +25,8 @@ from testbench.studies.single_link.trial import (
     rms,
     wrenches_within,
 )
-from testbench.trials.spread import spread
+from testbench.studies.paper.verdicts import judged, verdict_table
+from testbench.trials.spread import Spread, spread
 from testbench.views.schema import Column, Table
 
 DRAWS = 20_000  #: Of noise, of random load sets, and of matrices that round to Eq. (23).
@@ -57,19 +59,17 @@ def tables(found: Row) -> dict[str, Table]:
     return {
         "facts": Table(columns("what value"), rows),
         "order": Table((*columns("m f_m"), OFF), found[OWN].order),
+        "claims": verdict_table([least_cost(found)]),
     }
 
 
 def least_cost(found: Row) -> Row:
-    """The paper's statement of Eq. (23), judged."""
+    """Judge the paper's statement of Eq. (23): its F_M, within its rounding, beside the certified optimum."""
     own = found[OWN]
     least, most = own.printed_f_m_within_rounding
-    return judged(
-        "Eq. (23) has the least F_M of a conservative matrix",
-        least <= own.optimum_f_m + (own.optimum_f_m_excess_bound or 0.0),
-        f"F_M is {own.printed_f_m:.3f}, {least:.2f} to {most:.2f} within its rounding; the certified "
-        f"optimum of the paper's own data has {own.optimum_f_m:.3f}",
-    )
+    holds = least <= own.optimum_f_m + (own.optimum_f_m_excess_bound or 0.0)
+    row = judged("F_M of Eq. (23) is the least of a conservative matrix", holds, None)
+    return Row(row, published=Spread(own.printed_f_m, least, most), found=own.optimum_f_m)
 
 
 def printed_matrices(cell: Cell, asked: Settings, truth: Dataset) -> Row:

@@ -9,7 +9,7 @@ tried on all models at once: a search over b that is stopped after as many steps
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -40,10 +40,11 @@ from testbench.report.columns import columns
 from testbench.report.report import read_report
 from testbench.report.table import Row, Trials, aligned
 from testbench.shell import command
-from testbench.studies.estimators.factorised import Factorised, cost, factorise, parameters, random_start
-from testbench.studies.paper import LEVEL, SECTION_6, comparison, judged, nearly, number
+from testbench.studies.paper.factorised import Factorised, cost, factorise, parameters, random_start
+from testbench.studies.paper.published import SECTION_6
+from testbench.studies.paper.verdicts import LEVEL, comparison, judged, nearly, number, verdict_table
 from testbench.studies.rivals import IN_PAPER, as_in_paper
-from testbench.trials.spread import Number, Spread, middle, spread
+from testbench.trials.spread import Spread, middle, spread
 from testbench.views.schema import Column, Table
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -52,16 +53,15 @@ OUT = ROOT / "runs" / "full" / "section_6.json"
 NAMES = {name: f"{name}{IN_PAPER}" if "GCO" in name else name for name in SECTION_6}
 """Our names of the paper's models: GCO as the paper has it, without a trace weight."""
 STEPS = 20_000  #: Of a local solve that ends by itself.
-DIFFERS = "nothing here shows why"
 BUDGETS = 10, 30, 100, 300  #: Steps after which the search of every model is stopped.
 SIZES = {"random start": 1.0, "start near zero": 0.01}  #: Of the start, over ours.
 GCO_MODELS = "MGCO47", "MGCO56", "MGCO68"
 SAME = 1.1  #: Ratio of errors that the paper calls nearly the same, such as 0.144 and 0.136 mm.
 WORDS = {
-    "identification_rms_mm": "mm RMS where it was fitted",
-    "check_rms_mm": "mm RMS, check",
-    "check_max_mm": "mm at most, check",
-    "check_max_relative_percent": "% at most, check",
+    "identification_rms_mm": "RMS error where it was fitted, mm",
+    "check_rms_mm": "RMS check, mm",
+    "check_max_mm": "largest check error, mm",
+    "check_max_relative_percent": "largest relative check error, %",
 }
 ERROR = (
     Column("fit_mm", "RMS fit", "mm", ".3f"),
@@ -263,11 +263,12 @@ def tables(gravity: Path, tried: Path) -> dict[str, Any]:
     report = Row(read_report(gravity / "report.json").numbers)
     own = list(_judged(report, Trials.read(gravity / "trials.parquet")))
     for name, held in zip((MODEL, "MLS32"), found["normal"], strict=True):
-        test = "the test of Lilliefors at 5 % does not reject it"
-        own.append(nearly(f"residuals of {name} are normal (Fig. 5)", test, held, found["seeds"]))
+        own.append(
+            nearly(f"residuals of {name} are normal (Fig. 5), Lilliefors at 5 %", held, found["seeds"])
+        )
     return {
         "seeds": found["seeds"],
-        "claims": Table(columns("claim verdict why"), own),
+        "claims": verdict_table(own),
         "stopped": Table((*columns("what"), *STOPPED), _spreads(found["stopped"])),
         "most_both": max(row["both"] for row in found["stopped"]),
         "candidates": Table((*columns("what"), *ERROR), rows),
@@ -286,55 +287,27 @@ def _judged(f: Row, trials: Trials) -> Iterator[Row]:
     for name, cells in SECTION_6.items():
         for key, value in cells.items():
             where, error = key.split("_", 1)
-            yield number(f"{name}: {value:g} {WORDS[key]}", _number(own[name][where][error]), value, DIFFERS)
+            yield number(f"{name}: {WORDS[key]}", own[name][where][error], value)
     check = _check(trials)
     seeds = len(next(iter(check.values())))
     rivals = np.min([check[name] for name in check if name != MODEL], axis=0)
-    yield comparison(
-        "MGCO68 is the most accurate model in the check (Table III)",
-        "its check error is smaller than that of each other model",
-        int((check[MODEL] < rivals).sum()),
-        int((check[MODEL] > rivals).sum()),
-        seeds,
-    )
-    yield comparison(
-        "MGCO56 has the largest check error of the GCO models",
-        "it is larger than those of MGCO47 and MGCO68",
-        int((check["MGCO56"] > np.maximum(check["MGCO47"], check[MODEL])).sum()),
-        int((check["MGCO56"] < np.maximum(check["MGCO47"], check[MODEL])).sum()),
-        seeds,
-    )
+    others = np.maximum(check["MGCO47"], check[MODEL])
+    for claim, smaller, larger in (
+        ("MGCO68 is the most accurate model in the check (Table III)", check[MODEL], rivals),
+        ("MGCO56 has the largest check error of the GCO models", others, check["MGCO56"]),
+    ):
+        yield comparison(claim, int((smaller < larger).sum()), int((smaller > larger).sum()), seeds)
     for ours, theirs in ((MODEL, "MLS56"), ("MLS56", "MLS32")):
-        apart = np.abs(np.log(check[ours] / check[theirs]))
-        test = f"their check errors differ by at most {100 * (SAME - 1):.0f} %"
-        yield nearly(
-            f"{ours} and {theirs} are nearly the same", test, int((apart <= np.log(SAME)).sum()), seeds
-        )
+        near = int((np.abs(np.log(check[ours] / check[theirs])) <= np.log(SAME)).sum())
+        claim = f"{ours} and {theirs} are nearly the same in the check: within {100 * (SAME - 1):.0f} %"
+        yield nearly(claim, near, seeds)
     gco_models = [own[name] for name in SECTION_6 if own[name].constraint == "psd"]
-    worst = max(gco_models, key=lambda m: middle(_number(m.check.max_relative_percent)))
-    yield number(
-        "GCO predicts more than 93.7 % of the deflection in the worst case: 6.3 % at most",
-        _number(worst.check.max_relative_percent),
-        6.3,
-        f"the worst of our GCO models is {worst.name}; {DIFFERS}",
-    )
-    yield number(
-        "a GCO model of the robot is accurate to 0.197 mm (conclusion; the text does not say which)",
-        _number(own["MGCO56"].check.rms_mm),
-        0.197,
-        f"MGCO56's check error; {DIFFERS}",
-    )
-    share = {name: middle(_number(own[name].conservative)) for name in SECTION_6}
-    yield judged(
-        "MLS32 and MLS56 are not conservative, the GCO models are",
-        all(share[name] == (own[name].constraint == "psd") for name in SECTION_6),
-        f"conservative: {', '.join(f'{name} in {100 * one:.0f} %' for name, one in share.items())}",
-    )
-
-
-def _number(value: object) -> Number:
-    """A number of report.json, perhaps over several seeds."""
-    return Spread(**value) if isinstance(value, Mapping) else float(value)  # type: ignore[arg-type]
+    worst = max((m.check.max_relative_percent for m in gco_models), key=middle)
+    yield number("largest relative error of the GCO models, %", worst, 6.3)
+    yield number("accuracy of a GCO model (conclusion; ours MGCO56), mm", own["MGCO56"].check.rms_mm, 0.197)
+    share = {name: middle(own[name].conservative) for name in SECTION_6}
+    only_gco = all(share[name] == (own[name].constraint == "psd") for name in SECTION_6)
+    yield judged("MLS32 and MLS56 are not conservative, the GCO models are", only_gco, only_gco)
 
 
 def _check(trials: Trials) -> dict[str, Array]:

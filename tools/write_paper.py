@@ -16,33 +16,22 @@ from typing import Annotated
 import section_6
 import typer
 from jinja2 import Environment, StrictUndefined, TemplateError
-from printed_matrices import least_cost, printed_matrices, tables
+from printed_matrices import printed_matrices, tables
 
 from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.errors import InputError
 from testbench.report.report import read_report
 from testbench.shell import command
-from testbench.studies.gravity_calibration.study import STUDY as GRAVITY_CALIBRATION
-from testbench.studies.loaded_stiffness.study import STUDY as LOADED_STIFFNESS
-from testbench.studies.single_link import trial
-from testbench.studies.single_link.study import STUDY as SINGLE_LINK
-from testbench.studies.six_dof_arm.study import STUDY as SIX_DOF_ARM
-from testbench.studies.solver_comparison.study import STUDY as SOLVER_COMPARISON
-from testbench.studies.study import AnyStudy
+from testbench.studies.paper import single_link
 from testbench.views.markdown import as_markdown, counted, grid
 from testbench.views.schema import Table, show_truth, written_out
 
 ROOT = Path(__file__).resolve().parents[1]
 RUNS, PAGE = ROOT / "runs" / "full", ROOT / "docs" / "paper.md"
 TEMPLATE = ROOT / "docs" / "paper.md.in"
-STUDIES: tuple[AnyStudy, ...] = (
-    SINGLE_LINK,
-    SIX_DOF_ARM,
-    SOLVER_COMPARISON,
-    LOADED_STIFFNESS,
-    GRAVITY_CALIBRATION,
-)
+GRAVITY = "gravity_calibration"
+STUDIES = ("single_link", "six_dof_arm", "solver_comparison", "loaded_stiffness", GRAVITY)
 
 app = typer.Typer(add_completion=False)
 
@@ -53,10 +42,10 @@ def main(
     out: Annotated[Path, typer.Option(help="Markdown to write.")] = PAGE,
 ) -> None:
     """Fill the template with the numbers of the reports."""
-    reports = {study.name: read_report(runs / study.name / "report.json") for study in STUDIES}
+    reports = {name: read_report(runs / name / "report.json") for name in STUDIES}
     found = {k: {"report": own.numbers, "tables": own.tables, "words": own} for k, own in reports.items()}
     try:
-        tried = section_6.tables(runs / GRAVITY_CALIBRATION.name, runs / "section_6.json")
+        tried = section_6.tables(runs / GRAVITY, runs / "section_6.json")
         page = _filled(found | {"printed": printed(), "section_6": tried})
     except TemplateError as err:
         raise InputError(TEMPLATE, "", str(err)) from err
@@ -91,9 +80,9 @@ def _kept(value: object) -> str:
 
 def printed(seed: int = 1000) -> dict[str, object]:
     """Tables of what the printed matrices of section 5.1 tell, under the check loads of a seed."""
-    cell, asked = build_cell(find_arm(trial.NAME)), trial.Settings()
-    numbers = printed_matrices(cell, asked, trial.measure(cell, asked, seed).truth)
-    return {"tables": tables(numbers), "claim": least_cost(numbers)}
+    cell, asked = build_cell(find_arm(single_link.NAME)), single_link.Settings()
+    numbers = printed_matrices(cell, asked, single_link.measure(cell, asked, seed).truth)
+    return {"tables": tables(numbers)}
 
 
 if __name__ == "__main__":

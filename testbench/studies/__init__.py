@@ -1,21 +1,49 @@
-"""The paper's studies: each makes its trials, its report and the words for people."""
+"""The paper's studies and ours: each makes its trials, its report and its pictures."""
 
+from collections.abc import Mapping
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from testbench.shell import interrupt
 from testbench.shell.surroundings import undisturbed
+
+if TYPE_CHECKING:
+    from testbench.studies.study import AnyStudy
+
+PRESETS: Mapping[str, str] = {
+    "single_link": "paper.single_link",
+    "six_dof_arm": "paper.six_dof_arm",
+    "solver_comparison": "paper.solver_comparison",
+    "loaded_stiffness": "paper.loaded_stiffness",
+    "absolute_calibration": "absolute.simulated",
+    "real_ur10": "absolute.real",
+    "pose_selection": "planning.study",
+}
+"""Modules of studies by the names of their scenarios, where it is not `NAME.study`."""
+
+
+def find_study(name: str) -> "AnyStudy":
+    """Find a study by the name of its scenario.
+
+    Args:
+        name: Of the scenario.
+
+    Raises:
+        ImportError: When there is none.
+    """
+    study: AnyStudy = import_module(f"testbench.studies.{PRESETS.get(name, f'{name}.study')}").STUDY
+    return study
 
 
 def main(name: str) -> None:
     """Run a study from the command line's arguments, and end the program.
 
     Args:
-        name: Of its folder.
+        name: Of its scenario.
     """
     interrupt.handle(interrupt.leave_at_once)
     undisturbed()
     from testbench.shell import command  # here: imports can be interrupted from now on
     from testbench.studies.run import app
 
-    study = import_module(f"testbench.studies.{name}.study").STUDY
-    interrupt.leave(command.run(app(study)))
+    interrupt.leave(command.run(app(find_study(name))))

@@ -17,6 +17,7 @@ import typer
 
 from testbench.cli.program import COMMANDS, program
 from testbench.shell import command
+from testbench.studies import find_study
 from testbench.studies import run as studies
 
 sys.path.append(str(Path(__file__).parents[1] / "scenarios"))
@@ -39,7 +40,7 @@ def app_of(args: list[str]) -> tuple[typer.Typer, list[str]]:
     if args[0] == "trials":
         return trial_study.app, args[1:]
     if args[0] == "study":
-        return studies.app(importlib.import_module(f"testbench.studies.{args[1]}.study").STUDY), args[2:]
+        return studies.app(find_study(args[1])), args[2:]
     return program(args), args
 
 

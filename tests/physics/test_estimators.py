@@ -28,10 +28,10 @@ from testbench.identify.prior import cad_prior
 from testbench.identify.regression import f_m
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
-from testbench.studies.estimators import factorised
-from testbench.studies.estimators.search import BOX, Budget, explore, trial_points
 from testbench.studies.estimators.shrunk import RIDGES, clipped, ridge
 from testbench.studies.factorial.trial import reread
+from testbench.studies.paper import factorised
+from testbench.studies.paper.search import BOX, Budget, explore, trial_points
 from testbench.studies.regimes import fits
 from testbench.studies.regimes.trial import Clean, Grid, expected
 

@@ -35,8 +35,8 @@ from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.gear import GearErrors
-from testbench.studies.absolute_calibration.beside import true_state
-from testbench.studies.absolute_calibration.trial import check
+from testbench.studies.absolute.beside import true_state
+from testbench.studies.absolute.simulated import check
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.estimators.bounds import bounds, fit_set
 from testbench.studies.identifiability.coverage import draw_conservative

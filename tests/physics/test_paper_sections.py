@@ -16,7 +16,8 @@ from testbench.campaign.pose_campaign import FullPose, random_wrenches, simulate
 from testbench.errors import PoseError
 from testbench.report.table import Row, Trials
 from testbench.studies.paper import EQ_22, EQ_23, SECTION_6
-from testbench.studies.single_link import trial
+from testbench.studies.paper import single_link as trial
+from testbench.trials.spread import spread
 
 STUDY = trial.Settings()
 LOADS = np.diag([10.0] * 6)
@@ -91,7 +92,10 @@ SEEDS = 100
 
 def verdicts(factor):
     """What is said where a model's check error is so many times the paper's MGCO56's, a number a seed."""
-    same = Row(identification=Row(rms_mm=0.1), check=Row(rms_mm=0.2, max_relative_percent=6.0, max_mm=0.4))
+    several = spread((0.09, 0.1, 0.11))  # as a report of several seeds has it
+    same = Row(
+        identification=Row(rms_mm=several), check=Row(rms_mm=0.2, max_relative_percent=6.0, max_mm=0.4)
+    )
     plain = {name: name.startswith("MLS") for name in SECTION_6}
     models = [
         Row(same, name=section_6.NAMES[name], constraint="none" if ls else "psd", conservative=not ls)
@@ -111,7 +115,7 @@ def test_a_model_is_the_best_where_it_errs_least_in_most_seeds():
     largest = "MGCO56 has the largest check error of the GCO models"
     assert verdicts({"MGCO56": 3.0})[largest].verdict == "confirmed"
     assert verdicts({"MGCO47": 3.0})[largest].verdict == "contradicted"
-    same = "MGCO68 and MLS56 are nearly the same"
+    same = "MGCO68 and MLS56 are nearly the same in the check: within 10 %"
     assert verdicts({})[same].verdict == "confirmed"
     assert verdicts({"MLS56": 1.2})[same].verdict == "not confirmed"
 

@@ -1,4 +1,4 @@
-"""What is said and drawn of corrected jobs is what their trials hold, of trials that are made up."""
+"""The report of corrected jobs holds and draws what their trials hold, of trials that are made up."""
 
 import itertools
 from dataclasses import replace
@@ -6,14 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from checks import check_spread, unit_in
-from reports import check, check_said, table_of
+from reports import check, table_of
 
 from testbench.campaign.true_arms import FAMILY, TRUTHS, member
-from testbench.report.table import Row
+from testbench.report.table import Row, find
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, IDENTIFIED, LINEAR, NOWHERE, REAL
-from testbench.studies.compensation.study import LOOKS, figures, group, report
+from testbench.studies.compensation.study import LOOKS, figures, report
 from testbench.studies.compensation.trial import JobsRow
+from testbench.studies.rivals import SAME
 from testbench.views.colours import CHOICE, JOINTS
 
 SETTINGS, SEEDS, POINTS = s.Settings("kr500_l480", 300), range(300, 306), 94
@@ -54,6 +55,10 @@ def found():
     return made()
 
 
+def group(f, name, way, arm):
+    return find(f.groups, name=name, campaign=way.campaign, poses=way.poses, arm=arm)
+
+
 def of_default(found):
     return group(Row(found.numbers), DEFAULT, ADVISED, REAL)
 
@@ -78,50 +83,26 @@ def test_cases_are_points_of_trials_and_shares_are_over_all_of_them(found):
     assert [(g.true_arm, g.cases) for g in by_truth] == [(name, POINTS) for name in TRUTHS]
 
 
-def test_words_show_the_numbers(found):
+def test_the_default_is_judged_beside_the_strongest_rival_by_what_is_left(found):
     found, trials = found
     check(found, ["short"])
-    f = Row(found.numbers)
     left = {name: np.median(points(trials, name, "after_mm"), axis=1) for name in IDENTIFIED}
-    for name, gain in (("Joints", f.gains.joints), (s.LEAST_SQUARES, f.gains.least_squares)):
-        check_spread(gain.times, left[name] / left[DEFAULT])
-        medians = np.median(left[DEFAULT]), np.median(left[name])
-        assert (gain.ours_mm.median, gain.theirs_mm.median) == pytest.approx(medians)
-    default, joints, ls = (np.median(left[name]) for name in (DEFAULT, "Joints", s.LEAST_SQUARES))
-    before = of_default(found).before.median_mm.median
-
-    def removed(name, way=ADVISED, arm=REAL):
-        return f"{group(f, name, way, arm).removed_percent.median:.1f} %"
-
-    weight, plain = (removed(name, replace(ADVISED, loads=s.WEIGHT)) for name in (DEFAULT, "Joints"))
-    ideal, ideal_joints = (removed(name, arm=IDEAL) for name in (DEFAULT, "Joints"))
-    worst = [group(f, name, ADVISED, REAL).worst_percent for name in (DEFAULT, "Joints")]
-    assert group(f, DEFAULT, ADVISED, REAL).removed_percent.trials == len(left[DEFAULT])  # not their points
-    check_said(
-        found,
-        f"Disturbed arm, {ADVISED.poses} planned poses with weight and pull: the default leaves "
-        f"{default:.3f} mm of {before:.3f} mm, joint stiffness only {joints:.3f} mm, ",
-        f"Least squares without prior leaves {ls:.3f} mm, ",
-        f"Worst point of all trials: {worst[0]:.0f} % removed, joint stiffness only {worst[1]:.0f} %.",
-        f"never loads joint 1: {weight}, joint stiffness only {plain}. With the pull "
-        f"{removed(DEFAULT)}, joint stiffness only {removed('Joints')}, perfect compliances "
-        f"{removed(s.PERFECT, NOWHERE)}; undisturbed {ideal.removesuffix(' %')} and {ideal_joints}.",
-        f"the default removes {removed(DEFAULT, arm=LINEAR)}.",
-    )
+    rivals = {name: np.median(left[name]) for name in (s.LEAST_SQUARES, "Joints", SAME)}
+    strongest = min(rivals, key=rivals.get)
+    assert (found.badge.winner, found.badge.rival, found.badge.verdict) == (DEFAULT, strongest, "holds")
+    assert found.badge.factor == pytest.approx(np.median(left[strongest] / left[DEFAULT]))
 
 
 def test_one_point_made_worse_in_one_trial_is_found():
     found, _ = made(lambda row: replace(row, after_mm=(1.01 * row.before_mm[0], *row.after_mm[1:])))
     own = of_default(found)
     assert (own.worse, own.worst_percent) == (1, pytest.approx(-1))
-    assert f"makes 1 of {own.cases} points of {own.trials} trials worse" in found.claims[0]
 
 
 def test_intervals_that_miss_lower_the_share_and_components_without_a_bound_count_in_none():
     found, _ = made(lambda row: replace(row, inside=0))
     covered = [group(Row(found.numbers), DEFAULT, ADVISED, arm).covered_percent for arm in (REAL, IDEAL)]
     assert covered == pytest.approx([100 * 5 * 270 / (6 * 282), 100 * 270 / 282])
-    assert "hold {:.1f} % of what is left, undisturbed {:.1f} %; ".format(*covered) in found.claims[2]
     own = of_default(made(lambda row: replace(row, inside=40, of=40, unseen=242, buckled=True))[0])
     assert own.covered_percent == pytest.approx(100 * (40 + 5 * 270) / (40 + 5 * 282))
     assert (own.unseen_percent, own.buckled) == (pytest.approx(100 * 242 / (6 * 282)), 1)

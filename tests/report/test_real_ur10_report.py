@@ -1,4 +1,4 @@
-"""What is said and drawn of a real arm is what its ladder and draws hold, of ones that are made up."""
+"""The report of a real arm holds and draws what its ladder and draws hold, of ones that are made up."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from checks import at, check_spread, tables_of
 from made_up import of_one_trial
-from reports import check, check_forest, check_said, place_of, table_of
+from reports import check, check_forest, place_of, table_of
 
 from testbench.campaign.absolute import Score
 from testbench.campaign.campaign import build_cell
@@ -16,22 +16,24 @@ from testbench.identify.registration import Frame
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
 from testbench.report.table import find
-from testbench.studies.calibration_scene import amid_errors
-from testbench.studies.real_ur10.effects import approach, drift
-from testbench.studies.real_ur10.study import LOOKS, PANES, figures, report
-from testbench.studies.real_ur10.trial import (
-    ALL,
+from testbench.studies.absolute.joint_effects import approach, drift
+from testbench.studies.absolute.real import (
     BLOCKS,
     DRAW,
     GEOMETRY,
     JOINTS,
     LADDER,
+    LOOKS,
+    PANES,
     SHARED,
     TWO,
     WAVES,
     FitRow,
     Settings,
+    figures,
+    report,
 )
+from testbench.studies.calibration_scene import amid_errors
 from testbench.views import colours
 from testbench.views.markdown import as_markdown, grid
 from testbench.views.schema import show
@@ -73,34 +75,15 @@ def made():
     return report(asked, SEEDS, trials), trials
 
 
-def test_the_words_of_a_real_arm_are_those_of_its_ladder(made):
+def test_means_of_a_model_are_by_the_numbers_of_positions_that_judge(made):
     found, _ = made
     check(found, ["models"])
     f = found.numbers
     means = {row.name: row for row in f["models"]}
     for name, mm in SIZES.items():
         assert means[name].blocks_mm == pytest.approx((100 * mm + 200 * 2 * mm) / 300)  # by their numbers
-    assert (found.badge.what, found.badge.each) == (
-        "RMS error",
-        "position of held-out blocks",
-    )  # no means
+    assert (found.badge.what, found.badge.each) == ("RMS error", "position of held-out blocks")  # no means
     assert (found.badge.verdict, found.badge.rival, found.badge.ties) == ("tie", WAVES, (WAVES,))
-    most = max(r.error.max_mm for r in f["ladder"] if (r.name, r.split) == (SHARED, BLOCKS))
-    springs = {
-        name: [find(f["compliances"], name=name, trained=by).urad_per_Nm[2] for by in "AC"]
-        for name in (JOINTS, SHARED)
-    }
-    check_said(
-        found,
-        "mean: 3.333 mm with periodic joint errors, 10.000 mm with joint springs; 3.0 times smaller",
-        "Geometry alone leaves 13.333 mm, 4.0 times larger.",
-        "joint errors 4.000 and 4.000 mm, joint springs 3.000 and 3.000 mm",
-        f"Single position: {most:.3f} mm",
-        f"Links beside joint errors change 3.333 to {means[ALL].blocks_mm:.3f} mm in blocks",
-        "joint 5 differs by 60 +- 25 urad; z drifts by 40 +- 20 um in C.",
-        "biased: {:.1f} and {:.1f}".format(*springs[JOINTS]),
-        "with them {:.1f} and {:.1f}".format(*springs[SHARED]),
-    )
     assert [row.what for row in f["effects"]][4::2] == ["approach, wrist_2_joint", "drift of z, C"]
 
 

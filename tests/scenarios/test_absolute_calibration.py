@@ -6,7 +6,7 @@ from run_here import app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
 from testbench.data.read_series import read_series
-from testbench.studies.absolute_calibration.trial import ALL, CHOSEN, DRAWN, Options, settings
+from testbench.studies.absolute.simulated import ALL, CHOSEN, DRAWN, Options, settings
 
 APP = app_of_study("absolute_calibration")
 quick, report, rows = quick_study(APP, "--seed", 304, "--seeds", 1)

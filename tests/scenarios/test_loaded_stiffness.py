@@ -11,7 +11,7 @@ from testbench.campaign.campaign import clear_poses
 from testbench.model.poses import WorkArea
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
-from testbench.studies.loaded_stiffness.trial import joints_alone
+from testbench.studies.paper.loaded_stiffness import joints_alone
 
 APP = app_of_study("loaded_stiffness")
 METHODS = ["linear", "secant", "integrated", "joints"]

@@ -6,7 +6,7 @@ from run_here import ROOT, app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
 from testbench.data.read_pairs import read_csv
-from testbench.studies.six_dof_arm.trial import Options, settings, trials
+from testbench.studies.paper.six_dof_arm import Options, settings, trials
 
 APP = app_of_study("six_dof_arm")
 COMPLETED = "MLS56, PSD of equal fit"

@@ -127,7 +127,6 @@ def word_faults(blocks, whole):
     ]
     if len(sentences(blocks["answer"])) > MOST_SENTENCES:
         found.append(f"more than {MOST_SENTENCES} sentences: {blocks['answer']}")
-    found += [] if blocks["answer"] else ["nothing is said in answer"]
     if len(bullets) > MOST_STATEMENTS:
         found.append(f"{len(bullets)} statements")
     lines = [line for line in whole.splitlines() if line.startswith("- ")]
@@ -153,7 +152,9 @@ def check_markdown(text):
     first = next(k for k, part in enumerate(parts) if part.startswith("**"))
     names = dict(zip(("answer", "worst", "statements"), [*parts[first : first + 3], "", ""], strict=False))
     blocks = {"answer": names["answer"].strip("*")} | {
-        name: names[name] if names[name].startswith("- ") == (name == "statements") else ""
+        name: names[name]
+        if names[name].startswith("- ") == (name == "statements") and not names[name].startswith(("|", "#"))
+        else ""
         for name in ("worst", "statements")
     }
     faults = word_faults(blocks, text)

@@ -14,7 +14,7 @@ from words import sentences
 
 from testbench.errors import InputError
 from testbench.report.report import read_report
-from testbench.studies.loaded_stiffness.study import STUDY
+from testbench.studies.paper.loaded_stiffness import STUDY
 from testbench.views.markdown import grid
 
 ROOT = Path(__file__).resolve().parents[2]

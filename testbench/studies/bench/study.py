@@ -1,7 +1,7 @@
 """The bench: which estimator predicts best, task by task, with a prior and without."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 from testbench.arm.folder import find_arm
@@ -12,14 +12,15 @@ from testbench.report.columns import columns
 from testbench.report.report import Report, say
 from testbench.report.table import Row, Trials
 from testbench.studies.bench import scores, trial
-from testbench.studies.bench.entries import DEFAULT, FLOORS, JOINTS
+from testbench.studies.bench.entries import DEFAULT, JOINTS
 from testbench.studies.bench.tasks import REAL, TASKS
 from testbench.studies.bench.trial import EntryRow, Settings
 from testbench.studies.factorial import compare
+from testbench.studies.headline import READ, headline
 from testbench.studies.study import Study
 from testbench.trials.spread import ENOUGH
 from testbench.views.figure import Figure, forest
-from testbench.views.markdown import Markdown, counted
+from testbench.views.markdown import Markdown
 from testbench.views.schema import Table
 
 CLASSES = {True: "with prior", False: "without prior"}
@@ -28,16 +29,7 @@ SCORES = (
     "task given name standing over_default tied rms_mm p95_mm conservative covered_percent half_mm failed "
     "cpu_seconds"
 )
-FEW = 2  #: Entries that the answer names each.
 SHORT = "name with_prior without_prior"
-HOW = Markdown(
-    "## How to read the tables\n\n"
-    "The incumbent is the default of `identify`, without a prior joint stiffness only. Ratios are geometric "
-    "means over arms; their 95 % intervals, and those of ranks, resample arms. Tied: the interval holds 1. "
-    "More than the whole deflection does not count: who fails on an arm errs there by that. Covered: share "
-    "of true components of deflection inside the entry's 95 % intervals; the ideal: the narrowest ones, all "
-    "alike, that would hold 95 %. The UR10 is one arm: its ratios resample poses, and no mean has it."
-)
 
 
 def report(asked: Settings, seeds: range, trials: Trials) -> Report:
@@ -60,26 +52,24 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         models=[Row(row, check=None, paper=None, workspace=Row(rms_mm=row.rms_mm)) for row in board],
     )
     best = next(row for row in board if row.name != DEFAULT)
-    given = [row for row in board if row.name not in (*FLOORS, DEFAULT)]
-    told = given if 0 < len(given) <= FEW else [best]
+    badge, tables = _badge(best, board, len(seeds)), _tables(f)
+    failed: Counter[str] = Counter()
+    for row in f.failures:
+        failed[row.name] += row["count"]
     return Report(
         scenario=STUDY.name,
         question=Markdown("Which estimator predicts an arm's deflections best?"),
-        title=_title(f),
-        answer=say(
-            "Over {tasks}, with the prior: {each:list}.",
-            tasks=counted(len(simulated), "simulated task"),
-            each=[
-                f"{row.name} is rank {row.standing}, {row.over_default} times the default's error"
-                for row in told
-            ],
+        title=say(
+            "{tasks:counted task}, {trials:counted true arm} each; errors of deflection",
+            tasks=len(f.tasks),
+            trials=f.trials,
         ),
-        worst=_worst(f, best.name),
-        claims=list(_claims(f)),
+        answer=headline(badge, tables["with_prior"]),
+        claims=[say("{name} failed {n:counted time}.", name=name, n=n) for name, n in failed.items()],
         numbers=f,
-        tables=(tables := _tables(f)),
-        body=[*tables, HOW],
-        badge=_badge(best, board, len(seeds)),
+        tables=tables,
+        body=[*tables, READ],
+        badge=badge,
     )
 
 
@@ -121,41 +111,6 @@ def _failures(trials: Trials) -> list[Row]:
     ]
 
 
-def _title(f: Row) -> Markdown:
-    tasks, arms = counted(len(f.tasks), "task"), counted(f.trials, "true arm")
-    return say("{tasks}, {arms} each; errors of deflection", tasks=tasks, arms=arms)
-
-
-def _worst(f: Row, name: str) -> Markdown:
-    """The task in which an entry does worst beside the incumbent."""
-    own = [row for row in f.scores if (row.name, row.given) == (name, CLASSES[True])]
-    worst: Row = max(own, key=lambda row: row.ratio)
-    return say(
-        "Worst task of {name}, mean of its arms: {task}, {over_default} times the error of the default.",
-        worst,
-    )
-
-
-def _claims(f: Row) -> Iterator[Markdown]:
-    for name in dict.fromkeys(row.name for row in f.failures):
-        own = [row for row in f.failures if row.name == name]
-        count = sum(row["count"] for row in own)
-        why = own[0].status.removeprefix(FAILED).lstrip(": ")
-        yield say("{name} failed {times}: {why}.", name=name, times=counted(count, "time"), why=why)
-    board, plain = (f.board[words] for words in CLASSES.values())
-    tied = [row.name for row in board if row.tied]
-    yield say(
-        "Tied with the default over all tasks: {names:list}." if tied else "Nobody is tied with the default.",
-        names=tied,
-    )
-    alone = "{name} errs {over_default} times as much as joint stiffness only"
-    beaten = plain[0].name != JOINTS
-    yield say(f"Without a prior {alone if beaten else 'nobody beats joint stiffness only'}.", plain[0])
-    if sure := [row for row in board if row.covered_percent is not None]:
-        told = [f"{row.name} {row.covered_percent:.0f} %" for row in sure]
-        yield say("True deflections inside 95 % intervals: {told:list}.", told=told)
-
-
 def _tables(f: Row) -> dict[str, Table]:
     board, plain = (f.board[words] for words in CLASSES.values())
     every = {row.name: Row(row, with_prior=None, without_prior=None) for row in [*board, *plain]}
@@ -178,10 +133,7 @@ def figures(found: Report) -> Mapping[str, Figure]:
     f = Row(found.numbers)
     board = f.board[CLASSES[True]]
     table = found.led(Table(columns("name over"), board))
-    words = (
-        "Error over that of the default, arm by arm over all tasks; dotted: the default. Labels are medians, "
-        "numbers of the table geometric means, where every failure counts."
-    )
+    words = "Error over that of the default, arm by arm over all tasks; dotted: the default."
     return {"bench.png": forest(table, {"over": "all simulated tasks, with prior"}, found.title, words, 1.0)}
 
 

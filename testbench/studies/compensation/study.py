@@ -8,28 +8,28 @@ from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.models import JOINTS, WITHOUT_CONE
 from testbench.campaign.rows import MM, UM
-from testbench.campaign.true_arms import CALLED, FAMILY, TRUTH_WORDS, TRUTHS, member, true_cell
+from testbench.campaign.true_arms import FAMILY, TRUTH_WORDS, TRUTHS, member, true_cell
 from testbench.errors import Array
 from testbench.plant.equilibrium import settle
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.badge import of_rivals
 from testbench.report.columns import columns
 from testbench.report.report import Report, say
-from testbench.report.table import Row, Trials, find, paired
+from testbench.report.table import Row, Trials
 from testbench.studies.calibration_scene import with_errors
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.plans import FORCE, jobs, prepare
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, NOWHERE, REAL, Way
 from testbench.studies.compensation.trial import JobsRow, tasks_of, trials
+from testbench.studies.headline import READ, headline, warnings
 from testbench.studies.rivals import SAME
 from testbench.studies.study import Run, Study
 from testbench.trials.spread import span, spread
 from testbench.views.colours import CHOICE, LOAD, MEASURED, TASK, Look, look
 from testbench.views.figure import Figure, ranges
-from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
 from testbench.views.scene import Layer, Poses, RunChart, Scene, Seen, arrow_scale
-from testbench.views.schema import Table, pivot
+from testbench.views.schema import Column, Table, pivot
 
 PART = 0.9  #: Share removed that cases are counted at.
 LOOKS = {
@@ -47,76 +47,20 @@ DRAWN_AS = {
 }
 """How the tool is drawn, not corrected and corrected by each model; what wins is last."""
 LONGEST, PER_NEWTON = 0.3, 1e-4  #: Most errors as they are drawn [m]; length of the force's arrow [m/N].
-HUNG = replace(ADVISED, loads=s.WEIGHT)
 FOUND = (
     "name arm campaign poses removed_percent worst_percent nine_percent worse before.median_mm "
     "after.median_mm after.p95_mm after.most_mm covered_percent unseen_percent buckled"
 )
 BY_ARM = "true_arm name trials removed_percent worst_percent worse after.median_mm covered_percent"
-READING = Markdown(
-    "A case is a point of a trial. Undisturbed: the true arm bends as a model of its kind can. Disturbed: "
-    "geometry, joint offsets, payload, backlash, hysteresis, stiffening joints, compensator and foundation "
-    "act; of these the default knows the joints' laws. Linear joints: the same without backlash, hysteresis "
-    "and stiffening, to tell what these three do."
-)
-OF_TABLES = Markdown(
-    "Removed: one less the distance of the loaded tool from where the unloaded tool of the same true arm "
-    "is, corrected over not corrected. Before, after: medians of a trial's points. Covered: components of "
-    "what is left inside their 95 % interval, of those whose interval has a bound. Nominal: the folder's "
-    "compliances. Prior alone: what the default starts from. Perfect: the true compliances. A plan "
-    "chooses poses and loads for both jobs and the mean of their forces; random poses take both loads by "
-    "turns. A model without an equilibrium under the process corrects nothing."
-)
-TITLE = (
-    "{arm} drills {points[drilling]} holes and mills {points[milling]} points of a window in a curved panel, "
-    "{force[0]:g} to {force[1]:g} N; corrected joints go to the true elastic arm in MuJoCo. Identified from "
-    "readings of {sigma_um:g} um, {runs} a pose, under {payload:g} kg or a rope's pull of {pull:g} N; "
-    "{trials:counted trial}, true arms in turn: {called:list}; with each six priors in turn, five of them "
-    "twice too soft, 30 % off and more."
-)
-ANSWER = (
-    "Disturbed arm, {featured} planned poses with weight and pull: the default leaves "
-    "{gains.joints.ours_mm:~.3f} mm of {best.before.median_mm:~.3f} mm, joint stiffness only "
-    "{gains.joints.theirs_mm:~.3f} mm, {gains.joints:more trial}. Least squares without prior leaves "
-    "{gains.least_squares.theirs_mm:~.3f} mm, {gains.least_squares:more}."
-)
-WORST = (
-    "Worst point of all trials: {best.worst_percent:.0f} % removed, joint stiffness only "
-    "{joints.worst_percent:.0f} %. Median points by the weight alone, which never loads joint 1: "
-    "{hung.removed_percent:~.1f} %, joint stiffness only {hung_joints.removed_percent:~.1f} %. With the pull "
-    "{best.removed_percent:~.1f} %, joint stiffness only {joints.removed_percent:~.1f} %, perfect "
-    "compliances {exact.removed_percent:~.1f} %; undisturbed {ideal.removed_percent:~.1f} and "
-    "{ideal_joints.removed_percent:~.1f} %."
-)
-CLAIMS = (
-    "The default makes {best.worse} of {best.cases} points of {best.trials:counted trial} worse, by the "
-    "weight alone {hung.worse}, undisturbed {ideal.worse}.",
-    "Without backlash, friction and stiffening the default removes {linear.removed_percent:~.1f} %.",
-    "The 95 % intervals of the default hold {best.covered_percent:.1f} % of what is left, undisturbed "
-    "{ideal.covered_percent:.1f} %; with joint stiffness only {joints.covered_percent:.1f} %.",
-)
-"""What else there is to say, what matters most first."""
-TOLD = {
-    "best": (DEFAULT, ADVISED, REAL),
-    "joints": (JOINTS, ADVISED, REAL),
-    "exact": (s.PERFECT, NOWHERE, REAL),
-    "hung": (DEFAULT, HUNG, REAL),
-    "hung_joints": (JOINTS, HUNG, REAL),
-    "ideal": (DEFAULT, ADVISED, IDEAL),
-    "ideal_joints": (JOINTS, ADVISED, IDEAL),
-    "linear": (DEFAULT, ADVISED, s.LINEAR),
-}
-"""Groups that sentences speak of."""
 
 
 def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
-    """Over all truths, and truth by truth for the campaign that is advised."""
+    """Report over all truths, and truth by truth for the campaign that is advised."""
     advised = trials.where(**vars(ADVISED))
     met = [name for name in TRUTHS if name in advised.values("true_arm")]
     chosen = trials.where(name=DEFAULT)["chosen"].tolist()
     left = advised.where(arm=REAL)
     left = left.add(left_mm=np.median(np.array([*left["after_mm"]]), axis=1))
-    rivals = {"least_squares": s.LEAST_SQUARES, "joints": JOINTS}
     f = Row(
         seed=list(seeds) if len(seeds) > 1 else seeds[0],
         trials=len(seeds),
@@ -130,7 +74,6 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         featured=ADVISED.poses,
         numbers=asked.numbers,
         truths={name: TRUTH_WORDS[name] for name in met},
-        gains=Row({key: paired(left, DEFAULT, name, "left_mm") for key, name in rivals.items()}),
         groups=_groups(asked, trials),
         by_truth=[
             Row(g, true_arm=name) for name in met for g in _groups(asked, advised.where(true_arm=name))
@@ -138,28 +81,33 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         chosen=[Row(name=name, fits=chosen.count(name)) for name in sorted(set(chosen))],
         dataset=Row(runs=s.RUNS * ADVISED.poses, points=ADVISED.poses, sigma_um=UM * s.SIGMA),
     )
-    called = [CALLED[name] for name in met]
-    told = Row(f, called=called, **{key: group(f, *of) for key, of in TOLD.items()})
+    badge = of_rivals(left, DEFAULT, [s.LEAST_SQUARES, JOINTS, SAME], "left_mm")
+    way = (REAL, ADVISED.campaign, ADVISED.poses)
+    ours = [g for g in f.groups if (g.arm, g.campaign, g.poses) == way]
     return Report(
         scenario=s.NAME,
         question=Markdown(
             "How much of the deflection under drilling and milling does a correction remove, by which model, "
             "from which campaign?"
         ),
-        title=say(TITLE, told),
-        answer=say(ANSWER, told),
-        worst=say(WORST, told),
-        claims=[say(claim, told) for claim in CLAIMS],
+        title=say(
+            "{arm}, {points[drilling]} drilled and {points[milling]} milled points, {force[0]:g} to "
+            "{force[1]:g} N; noise {sigma_um:g} um; {trials:counted trial}",
+            f,
+        ),
+        answer=headline(badge, Table(_error_columns("name"), ours)),
+        claims=warnings(trials.where(arm=REAL)),
         numbers=f,
         tables=_tables(f),
-        body=[READING, "both", "truths", OF_TABLES],
-        badge=of_rivals(left, DEFAULT, [s.LEAST_SQUARES, JOINTS, SAME], "left_mm"),
+        body=["both", "truths", READ],
+        badge=badge,
     )
 
 
-def group(f: Row, name: str, way: Way, arm: str) -> Row:
-    """A model by a campaign."""
-    return find(f.groups, name=name, campaign=way.campaign, poses=way.poses, arm=arm)
+def _error_columns(keys: str) -> tuple[Column, ...]:
+    """Columns, and behind them what a correction leaves."""
+    *others, left = columns(f"{keys} after.median_mm")
+    return (*others, replace(left, heading="error after correction"))
 
 
 def _groups(asked: s.Settings, trials: Trials) -> list[Row]:
@@ -223,25 +171,21 @@ def _tables(f: Row) -> dict[str, Table]:
 
 
 def figures(found: Report) -> dict[str, Figure]:
-    """What is left by campaign of as many poses as are featured, the arm disturbed and undisturbed."""
+    """Draw what is left by campaign of as many poses as are featured, the arm disturbed and undisturbed."""
     f = Row(found.numbers)
     groups = [g for g in f.groups if g.poses == f.featured]
     own = [name for name in dict.fromkeys(g.name for g in groups) if name not in LOOKS]
     looks = LOOKS | {name: look(f"own {k}", "own", prior=True) for k, name in enumerate(own, 1)}
-    *named, left = columns("campaign name after.median_mm")
-    error = replace(left, heading="error after correction")
     panes = {
-        title: Table((*named, error), [g for g in groups if g.arm == arm], looks=looks)
+        title: Table(_error_columns("campaign name"), [g for g in groups if g.arm == arm], looks=looks)
         for title, arm in (("disturbed arm", REAL), ("arm that bends as a model can", IDEAL))
     }
-    gains = {"least squares without prior": f.gains.least_squares, "joint stiffness only": f.gains.joints}
     return {
         "compensation.png": ranges(
             panes,
-            f"{f.arm} disturbed, {f.featured} planned poses, weight and pull, error left: {beside(gains)}",
-            f"All of {f.featured} poses. What is left of the deflection in the median point of a "
-            f"trial; dots: medians, lines: {span(f.trials)} of {f.trials} trials, {f.force[0]:g} to "
-            f"{f.force[1]:g} N. To the left is better.",
+            f"{f.arm}: error of the tool after correction, {f.featured} poses",
+            f"Median point of a trial; dots: medians, lines: {span(f.trials)} of {f.trials} trials, "
+            f"{f.force[0]:g} to {f.force[1]:g} N.",
         )
     }
 

@@ -18,9 +18,9 @@ from testbench.design.planning import make_plan, promise
 from testbench.design.refine import Reach
 from testbench.design.rows import task_rows
 from testbench.plant.site import Payload
-from testbench.studies.pose_selection import settings as s
-from testbench.studies.pose_selection.settings import FITS, PLANNED, Settings
-from testbench.studies.pose_selection.trial import specify
+from testbench.studies.planning import settings as s
+from testbench.studies.planning.settings import FITS, PLANNED, Settings
+from testbench.studies.planning.trial import specify
 from testbench.studies.study import Everywhere
 
 AWAY_STREAM = 20  #: Streams of the other ground, over those of the first.

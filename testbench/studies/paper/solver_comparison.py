@@ -5,7 +5,7 @@ convex, and the dual of one conic program tells how far any other solution can b
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
@@ -22,7 +22,14 @@ from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.data.write import csv_text
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, paper_gco, reduce
-from testbench.studies.estimators.factorised import (
+from testbench.report import campaigns
+from testbench.report.badge import of_rivals
+from testbench.report.columns import columns
+from testbench.report.report import Report, say
+from testbench.report.table import Row, Trials, merged, number
+from testbench.studies.estimators.modelled import cvxpy, modelled
+from testbench.studies.headline import READ, headline
+from testbench.studies.paper.factorised import (
     CLOSE,
     LARGEST_ORDER,
     Factorised,
@@ -34,9 +41,14 @@ from testbench.studies.estimators.factorised import (
     parameters,
     random_start,
 )
-from testbench.studies.estimators.modelled import cvxpy, modelled
-from testbench.studies.estimators.search import Budget, explore
-from testbench.studies.six_dof_arm.trial import TUBES
+from testbench.studies.paper.search import Budget, explore
+from testbench.studies.paper.six_dof_arm import TUBES
+from testbench.studies.paper.verdicts import judged, verdict_table
+from testbench.studies.study import Study
+from testbench.trials.spread import most
+from testbench.views.colours import GCO, SERIES, Look
+from testbench.views.figure import Figure, forest
+from testbench.views.schema import Table
 
 ARM = "arm_6r"
 SIGMA = math.sqrt(0.5) * 25e-6  #: The paper's is that of a deflection, a difference of two readings [m].
@@ -44,6 +56,24 @@ SCENARIO = FullPose(arm=ARM, sigma=SIGMA, sigma_rotation=10 * SIGMA, least=9e-3,
 SHORT_GENERATIONS = 20  #: Of the short variant of the paper's optimiser.
 QUICK_GENERATIONS, QUICK_STARTS = 60, 5
 WITHIN = 1.01  #: F_M over the least one at which a solver is called there: within 1 %.
+NEVER_ABOVE = 1e-9  #: Relative difference of F_M that rounding leaves.
+PAPERS = ("a", "a'")  #: Letters of the paper's optimiser.
+SHADES = {"a": SERIES[3], "a'": SERIES[2], "b": SERIES[1], "b'": SERIES[5], "c": SERIES[4], "d": GCO}
+LOOKS = {
+    key: Look(colour, place, prior=True)
+    for place, (key, colour) in enumerate((SHADES | {"e": SERIES[6]}).items())
+}
+"""One colour and one mark a solver: the conic program green, the others not; all minimise the same F_M."""
+FAST = "f_m relative_excess relative_excess_bound solve_seconds seconds_to_1_percent ratio_to_conic"
+SHORT = f"key {FAST} check_true.rms_mm"
+SOLVERS = (
+    f"solver {FAST} whole_ratio_to_conic evaluations local_solves local_solves_elsewhere conservative "
+    "check_true.rms_mm status"
+)
+PANES = {
+    "seconds_to_1_percent": "until F_M is within 1 %",
+    "relative_excess_bound": "F_M over its proven bound",
+}
 REPEATS = 5  #: Calls of a conic program, of which the median time counts; one more comes first, not timed.
 DIFFERENCE = math.sqrt(np.finfo(float).eps)
 """Step of the finite differences, where the entries of b are of order one; as MATLAB and scipy take it."""
@@ -126,9 +156,6 @@ def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
     """F_M(b) and its gradient by finite differences, all points at once, (size,)."""
     values = costs(problem, np.hstack([b[:, None], b[:, None] + DIFFERENCE * np.eye(problem.size)]))
     return float(values[0]), (values[1:] - values[0]) / DIFFERENCE
-
-
-PAPERS = ("a", "a'")  #: Letters of the paper's optimiser.
 
 
 def gco_model(cell: Cell, name: str) -> Model:
@@ -244,3 +271,112 @@ def _row(row: CampaignRow, own: Solved, conic: Solved, excess: float) -> SolverR
         local_solves=len(elsewhere) or None,
         local_solves_elsewhere=sum(elsewhere) if elsewhere else None,
     )
+
+
+def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+    """Report medians and spreads of every solver, and what the proof says of the paper's search."""
+    solvers, own = list(_solvers(asked, trials)), trials.where(key="d")
+    rows = {row.key: row for row in solvers}
+    over = {key: float((own["f_m"] / trials.where(key=key)["f_m"] - 1).max()) for key in rows}
+    ends = [rows[key] for key in ("a", "a'", "b", "c")]
+    f = Row(
+        seed=list(seeds),
+        arm=ARM,
+        model=asked.model,
+        m=asked.m,
+        noise=SCENARIO.noise,
+        truth=SCENARIO.truth,
+        dataset=campaigns.dataset(own, SCENARIO.poses),
+        solvers=solvers,
+        models=[Row(rows["d"], paper=None)],
+        floor_out_of_reach=int((own["f_m"] - own["f_m_excess_bound"] > own["f_m_floor"]).sum()),
+        conic_never_above_paper=over["a"] <= NEVER_ABOVE,
+        largest_relative_excess_of_d_over_a=over["a"],
+        largest_relative_excess_of_d_over_any=max(over.values()),
+        elsewhere=sum(row.local_solves_elsewhere or 0 for row in ends),
+        local_solves=sum(row.local_solves or 0 for row in ends),
+    )
+    f["claims"] = list(_statements(f, len(seeds)))
+    there = trials.pick(np.isfinite(trials["seconds_to_1_percent"]))
+    there = there.add(name=there["key"])
+    badge = of_rivals(there, "d", [key for key in there.values("key") if key != "d"], "seconds_to_1_percent")
+    badge = badge and replace(badge, what="time to 1 %")
+    short = Table(columns(SHORT), solvers, headline="seconds_to_1_percent", looks=LOOKS)
+    return Report(
+        scenario=STUDY.name,
+        question=say("{arm}, {model}: which solver finds the best model, and how fast?", f),
+        title=say(
+            "{arm}: {dataset.runs} runs in {dataset.poses} poses identify {model} by Eq. (19), m = {m}; "
+            "{seeds:counted seed}",
+            f,
+            seeds=len(seeds),
+        ),
+        answer=headline(badge, short),
+        numbers=f,
+        tables={
+            "short": short,
+            "solvers": Table(columns(SOLVERS), solvers),
+            "claims": verdict_table(f.claims),
+        },
+        body=["solvers", "claims", READ],
+        badge=badge,
+    )
+
+
+def _solvers(asked: Settings, trials: Trials) -> Iterator[Row]:
+    """A row a solver; a time to 1 % is of those seeds in which it came there."""
+    names: Mapping[str, str] = {
+        "a": "the paper's: differential evolution in place of MATLAB's GA, up to "
+        f"{asked.generations} generations, then global search",
+        "a'": f"the same with {SHORT_GENERATIONS} generations",
+        "b": "one local solve over b, analytic gradient",
+        "b'": "one local solve over b, finite differences",
+        "c": f"{asked.starts} local solves over b",
+        "d": "conic program with certificate",
+        "e": "conic program in cvxpy, by SCS",
+    }
+    for (key,), own in trials.drop(*campaigns.NOT_OF_A_MODEL).groups("key"):
+        there = own.pick(np.isfinite(own["seconds_to_1_percent"]))
+        [row] = merged(own)
+        for name in ("seconds_to_1_percent", "ratio_to_conic"):
+            row[name] = number(there[name]) if len(there) else None
+        for name in ("local_solves", "local_solves_elsewhere"):
+            row[name] = None if row[name] is None else int(own[name].sum())
+        yield Row(row, solver=f"({key}) {names[key]}", within_1_percent=len(there))
+
+
+def _statements(f: Row, seeds: int) -> Iterator[Row]:
+    """What the paper says of its search, and of the F_M at which it would stop."""
+    bound = f.models[0].relative_excess_bound
+    proven = most(bound) <= WITHIN - 1
+    unviable = judged(
+        'a proof of the global optimum is "unviable" (ours: relative bound of F_M)', False, None
+    )
+    yield Row(unviable, found=bound, verdict="contradicted" if proven else unviable.verdict)
+    share = 1 - f.elsewhere / f.local_solves
+    yield judged("every local solve over b, m = n, ends at the global optimum", share == 1, share)
+    stops = 1 - f.floor_out_of_reach / seeds
+    yield judged("the search can stop at the F_M of noise alone", stops == 1, stops)
+
+
+def figures(found: Report) -> dict[str, Figure]:
+    """Draw the time to the least F_M, and how far above what is proven every solver ends."""
+    f = Row(found.numbers)
+    table = found.led(Table(columns(SHORT), f.solvers, looks=LOOKS))
+    title = f"{f.model}, {f.arm}: solvers of Eq. (19)"
+    return {"solver_comparison.png": forest(table, PANES, title, "; ".join(row.solver for row in f.solvers))}
+
+
+STUDY = Study(
+    name="solver_comparison",
+    about="Minimise F_M by several solvers on the data of section 5.2, and certify what each of them found.",
+    options=Options,
+    settings=settings,
+    seeds=(20, 2),
+    arms=lambda _: [find_arm(ARM)],
+    row=SolverRow,
+    trials=trials,
+    report=report,
+    printed=("short",),
+    figures=figures,
+)

@@ -41,8 +41,8 @@ from testbench.identify.prior import Prior, Strength
 from testbench.model.laws import without_laws
 from testbench.model.load import weight
 from testbench.model.vjm import chain
-from testbench.studies.pose_selection import settings as s
-from testbench.studies.pose_selection.settings import FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
+from testbench.studies.planning import settings as s
+from testbench.studies.planning.settings import FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
 
 NOISE, CHANCE = 100, 300  #: Streams of a seed for noise and for random poses, plus the number of poses.
 Part = Literal["measured", "ground", "promise"]

@@ -1,9 +1,10 @@
-"""Readings of a UR10, the models that may explain them, and what these foretell, seed by seed.
+"""A real UR10: what explains its public readings, and what predicts those that were never fitted.
 
 A seed draws random poses of C in growing numbers. The first seed has the whole ladder of models besides, on
 every split of the readings: no draw changes it.
 """
 
+import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,7 +15,7 @@ from testbench.campaign.absolute import FRAME_POSES, File, Score, evenly, read_a
 from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.plan import MORE, best_of, union_after
 from testbench.campaign.plan_settings import PlanSettings
-from testbench.campaign.rows import UM
+from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series, select_rows
 from testbench.design.absolute import position_rows
 from testbench.errors import Ids
@@ -24,8 +25,20 @@ from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.prior import Strength, cad_prior
-from testbench.report.table import Row
-from testbench.studies.real_ur10.effects import approach, drift
+from testbench.report.badge import Badge, beside_all
+from testbench.report.columns import columns
+from testbench.report.report import Report, say
+from testbench.report.table import Row, Trials, merged
+from testbench.studies.absolute.joint_effects import approach, drift, effect_rows, joint_rows
+from testbench.studies.calibration_scene import amid_errors
+from testbench.studies.headline import READ, headline
+from testbench.studies.study import Run, Study
+from testbench.views import colours
+from testbench.views.colours import CHOICE, Look, look
+from testbench.views.figure import Figure, forest
+from testbench.views.markdown import Markdown
+from testbench.views.scene import Seen
+from testbench.views.schema import Table
 
 ARM = "ur10"
 FILES = {"A": "series_A_every_8th.csv", "C": "series_C.csv"}
@@ -57,16 +70,40 @@ TWO = (JOINTS, SHARED)  #: Without joint errors and with them.
 RUNGS = (JOINTS, WAVES, SHARED)  #: The same, and errors that joints do not share.
 EVENLY, PLANNED = "C and 50 of A to A", "C and 50 planned of A to A"
 BLOCKS, TO_C, TO_A, BOTH, AGAIN = "blocks", "A to C", "C to A", "both", "blocks, realigned"
-SPLITS = {
-    BLOCKS: "trained on half of the blocks of joint space of both series, judged on the others",
-    TO_C: "trained on A, judged on C, its frame and target by 50 of its poses",
-    TO_A: "trained on C, judged on A, its frame and target by 50 of its poses",
-    AGAIN: "as blocks, frames and targets of the others by 50 of their poses",
-    EVENLY: "trained on C and 50 evenly spaced poses of A, judged on the others of A",
-    PLANNED: "the same with the 50 of A's poses that the criterion of `plan --absolute --given` chooses, "
-    "over A's poses and after C",
-    BOTH: "trained on both series, judged on nothing",
+SPLITS = (BLOCKS, TO_C, TO_A, AGAIN, EVENLY, PLANNED, BOTH)
+"""What trains and what judges: docs/study_tables.md."""
+TRAINED = {TO_C: "A", TO_A: "C", BOTH: "both"}
+"""What trains on a split."""
+MEANS = {
+    BLOCKS: "blocks_mm",
+    TO_C: "a_to_c_mm",
+    TO_A: "c_to_a_mm",
+    AGAIN: "realigned_mm",
+    EVENLY: "evenly_mm",
+    PLANNED: "by_plan_mm",
 }
+"""Where the mean error of a split is in a row of a model."""
+PANES = {
+    "blocks_mm": "both; blocks of joint space held out",
+    "a_to_c_mm": "trained on A, judged on C",
+    "c_to_a_mm": "trained on C, judged on A",
+}
+LOOKS = {
+    GEOMETRY: Look(colours.GREY, 0, prior=True),
+    JOINTS: Look(colours.JOINTS, 2, prior=True),
+    LINKS_LS: Look(colours.LEAST_SQUARES, 1, prior=True),
+    LINKS_GCO: look("ALL153", "psd"),
+    LINKS_PRIOR: look("ALL153", "psd", prior=True),
+    WAVES: Look(colours.JOINTS_PRIOR, 0, prior=True),
+    SHARED: Look(colours.JOINTS_PRIOR, 3, prior=True),
+    ALL: Look(colours.GCO, 3, prior=True),
+    CHOSEN: CHOICE,
+}
+ERRORS = (
+    "name split judged poses draws error.n error.mean_mm error.rms_mm error.p95_mm error.max_mm "
+    "error.coverage_95"
+)
+JOINT = "joint strange_to_A_percent strange_to_C_percent common_deg correlation rms_A_urad rms_C_urad"
 DRAW = "random poses of C"  #: What trains where the number of poses is in question.
 ENOUGH = 50  #: Highest order where the number of poses is in question: more change little and cost twice.
 JUDGING = 200  #: Random poses of C, never of those that trained, and about as many of A, that judge these.
@@ -246,3 +283,157 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> FitRow
         declined=tuple(step.name for step in steps if not step.kept),
         effects=tuple((UM * effects).ravel().tolist()),
     )
+
+
+def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+    """Report the ladder as it is, and errors by number of random poses over the seeds."""
+    cell, series = read(asked.thin)
+    ladder, told = trials.where(split=SPLITS), ("name", "split", "judged", "poses")
+    errors = trials.where(judged=tuple(FILES)).keep(*told, "error.")
+    errors = errors.add(**{"error.n": errors["error.n"].astype(int)})  # some rows have none
+    judged = merged(errors.where(split=SPLITS), *told)
+    joints, waves = cell.arm.joints, ladder.where(name=WAVES)
+    f = Row(
+        seed=seeds[0] if len(seeds) == 1 else list(seeds),
+        arm=ARM,
+        dataset=[_series(one) for one in series],
+        models=[_model(name, ladder.where(name=name), judged) for name in asked.models],
+        ladder=judged,
+        by_number=[
+            Row(merged(own)[0], draws=len(own))
+            for _, own in errors.where(split=DRAW).groups("judged", "name", "poses")
+        ],
+        joints=joint_rows(
+            joints, series, {by: waves.where(split=name)["waves"][0] for name, by in TRAINED.items()}
+        ),
+        compliances=[
+            Row(trained=by, name=name, urad_per_Nm=[UM * c for c in own["joints"][0]])
+            for name in TWO
+            for split, by in TRAINED.items()
+            if (own := ladder.where(split=split, name=name))
+        ],
+        effects=effect_rows(joints, tuple(FILES), ladder.where(split=BOTH, name=SHARED)),
+        chosen=merged(ladder.where(name=CHOSEN).keep("split", "kept", "declined"), "split"),
+    )
+    badge = _badge(trials.where(split=BLOCKS, judged=tuple(FILES)))
+    title = "mean error of positions that were not fitted"
+    means = columns(f"name parameters conservative {' '.join(MEANS.values())}")
+    models = Table(means, f.models, title, headline="blocks_mm", looks=LOOKS)
+    name, blocks = means[0], replace(means[3], heading="mean error in held-out blocks")
+    return Report(
+        scenario="real_ur10",
+        question=Markdown(
+            "What explains the readings of a real UR10, and what predicts those that it never saw?"
+        ),
+        title=say(
+            "{arm}, public laser tracker readings of July and November 2020: {series:list}",
+            f,
+            series=[f"series {one.name} ({one.poses} poses)" for one in f.dataset],
+        ),
+        answer=headline(badge, Table((name, blocks), f.models)),
+        numbers=f,
+        tables={
+            "models": models,
+            "joints": Table(columns(JOINT), f.joints, "the joints and their errors"),
+            "effects": Table(columns("what value half_95 unit"), f.effects, "effects that no model has"),
+            "errors": Table(
+                columns(ERRORS), [*judged, *f.by_number], "every error", headline="error.mean_mm", looks=LOOKS
+            ),
+        },
+        body=["models", "joints", "effects", "errors", READ],
+        badge=badge,
+    )
+
+
+def _badge(rows: Trials) -> Badge | None:
+    """Positions of the first trial's held-out blocks: shared joint errors beside all other models.
+
+    What cross-validation chooses is one of them.
+    """
+    rows = rows.where(seed=rows["seed"][0])
+    errors = {
+        name: np.linalg.norm(np.concatenate([*map(np.array, own)]).reshape(-1, 3), axis=1)
+        for name in rows.values("name")
+        if name != CHOSEN
+        for own in [rows.where(name=name)["left_um"].tolist()]
+    }
+    ours = errors.pop(SHARED)  # every model of the ladder has them
+    pairs = {name: (ours, own, None) for name, own in errors.items()}
+    found = beside_all(SHARED, pairs, "position of held-out blocks")
+    return found and replace(found, what="RMS error")  # the tables have means
+
+
+def _series(series: Series) -> Row:
+    """A series of readings: noise of a position along an axis, and the largest distance of two positions."""
+    x, own = series.position[:, 0], series.precision
+    sigma = series.sigma if own is None else np.sqrt(np.median(3 / np.trace(own, axis1=2, axis2=3)))
+    reach = np.linalg.norm(x.max(axis=0) - x.min(axis=0))
+    return Row(name=series.name, poses=series.rows, sigma_um=float(UM * sigma), reach_mm=float(MM * reach))
+
+
+def _model(name: str, own: Trials, judged: Sequence[Row]) -> Row:
+    """A model over all splits, and its mean error over all readings that judge it, split by split."""
+    gaps = own["duality_gap"][~np.isnan(own["duality_gap"].astype(float))]
+    found = Row(
+        name=name,
+        method=own["method"][0],
+        parameters=int(own["parameters"].max()),
+        conservative=bool(own["conservative"].all()),
+        min_eigenvalue=float(own["min_eigenvalue"].min()),
+        duality_gap=float(gaps.max()) if len(gaps) else None,
+        paper=None,
+    )
+    for key, place in MEANS.items():
+        errors = [row.error for row in judged if (row.name, row.split) == (name, key)]
+        n = sum(one.n for one in errors)
+        found[place] = sum(one.n * one.mean_mm for one in errors) / n if errors else None
+    return found
+
+
+def figures(found: Report) -> dict[str, Figure]:
+    """Draw the ladder."""
+    reading = "Mean error of public readings, series A and C of 2020. Dotted line: joint springs alone."
+    title = "Positions of a real UR10 that were never fitted"
+    return {"real_ur10.png": forest(found.tables["models"], PANES, title, reading, JOINTS)}
+
+
+def write(run: Run[Settings]) -> Seen:
+    """Write errors.csv, a line a position: row of its file, joints, reading minus both models in base axes.
+
+    Returns:
+        The arm amid its errors, from where each model has the target to the reading.
+    """
+    cell, series = read(run.settings.thin)
+    judged = [one for name, one, _ in split(BLOCKS, series)[1] if name == BLOCKS]
+    rows = run.first.where(split=BLOCKS, judged=tuple(FILES))
+    left = {
+        name: np.concatenate([*map(np.array, rows.where(name=name)["left_um"])]).reshape(-1, 3)
+        for name in TWO
+    }
+    q = np.concatenate([one.q for one in judged])
+    named = [(one.name, int(row)) for one in judged for row in one.row]
+    with (run.folder / "errors.csv").open("w", encoding="utf-8", newline="") as text:
+        writer = csv.writer(text, lineterminator="\n")
+        vectors = [f"{what}_{x}_um" for what in ("springs", "joint_errors") for x in "xyz"]
+        writer.writerow(["series", "run", *(f"{joint.name}_rad" for joint in cell.arm.joints), *vectors])
+        numbers = np.hstack([q, *left.values()]).tolist()
+        writer.writerows([*name, *own] for name, own in zip(named, numbers, strict=True))
+    errors = {name: own / UM for name, own in left.items()}
+    return amid_errors(cell, q, [f"{name} {row}" for name, row in named], errors, LOOKS)
+
+
+STUDY = Study(
+    name="real_ur10",
+    about="Public readings of a UR10: geometry, springs, links and joint errors, series against series.",
+    options=Flags,
+    settings=settings,
+    seeds=(20, 1),
+    arms=lambda _: [find_arm(ARM)],
+    row=FitRow,
+    trials=trials,
+    report=report,
+    printed=("models",),
+    figures=figures,
+    write=write,
+    data="errors.csv",
+)

@@ -1,4 +1,7 @@
-"""One trial: a true arm, measured and explained by models, judged in poses that were never measured."""
+"""Absolute readings of simulated arms: which errors hide behind which, how many poses, what pairs add.
+
+A trial is a true arm, measured and explained by models, judged in poses that were never measured.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,10 +25,33 @@ from testbench.identify.absolute.fit import Options as Fit
 from testbench.identify.absolute.posterior import inside, model_of, posterior_of, predict
 from testbench.plant.build import build_plant
 from testbench.plant.gear import GearErrors
-from testbench.report.table import Row
-from testbench.studies.absolute_calibration.beside import Held, judged, optimum_mm, registered, true_state
+from testbench.report.badge import of_rivals
+from testbench.report.columns import columns
+from testbench.report.report import Report, lines, say
+from testbench.report.table import Row, Trials, number
+from testbench.studies.absolute.beside import Held, judged, optimum_mm, registered, true_state
+from testbench.studies.calibration_scene import amid_errors
+from testbench.studies.headline import FEW, READ, headline
+from testbench.studies.study import Run, Study
+from testbench.trials.spread import ENOUGH, span, spread
+from testbench.views import colours
+from testbench.views.colours import CHOICE, Look, look
+from testbench.views.figure import Figure, forest, sweeps
+from testbench.views.markdown import Markdown, listed
+from testbench.views.scene import Seen
+from testbench.views.schema import Table, pivot
 
 NAME = "absolute_calibration"
+BY = ("arm", "true_arm", "campaign", "poses", "name")  #: What a row of the report is of.
+PARTS = ("positions", "geometry", "joint_errors", "joints", "entries")  #: Of what should lie in its interval.
+BY_NUMBER = "name arm poses trials error_mm over_optimum " + " ".join(
+    f"inside.{part}_percent" for part in PARTS
+)
+CASES = (
+    "name arm true_arm campaign poses error_mm loaded_mm bias_2_percent off_2_percent bias_3_percent "
+    "off_3_percent geometry_off inside.joints_percent gears_kept_percent links_kept_percent"
+)
+OPTIMUM = "noise-only optimum"
 ARMS = ("ur10", "kr500_l480")  #: A seed each in turn.
 PAYLOAD: Mapping[str, float] = {"ur10": 10.0, "kr500_l480": 460.3}
 """Mass that is hung in loaded poses [kg]."""
@@ -58,6 +84,16 @@ MODELS: Mapping[str, Fit] = {
     CHOSEN: Fit(orders=ORDERS),
 }
 """Models by name; geometry, frames and mounts are on in all."""
+LOOKS = {
+    GEOMETRY: Look(colours.GREY, 0, prior=False),
+    INCUMBENT: Look(colours.JOINTS, 1, prior=False),
+    WITH_GEARS: Look(colours.JOINTS_PRIOR, 2, prior=False),
+    WITH_LINKS: look("ALL153", "psd", prior=True),
+    ALL_LS: Look(colours.LEAST_SQUARES, 3, prior=True),
+    ALL: Look(colours.GCO, 4, prior=True),
+    CHOSEN: CHOICE,
+    OPTIMUM: Look(colours.TASK, 0, prior=True),
+}
 BY_POSES = (GEOMETRY, INCUMBENT, WITH_GEARS, ALL_LS, ALL, CHOSEN)
 HIDING = (INCUMBENT, WITH_GEARS, WITH_LINKS, ALL, CHOSEN)
 COMPARED = (INCUMBENT, ALL)
@@ -309,3 +345,140 @@ def _geometry_off(fit: Calibration, truth: Truth, known: Array) -> float:
     """RMS error along some combinations of errors of geometry [mm, mrad]; 0 without any."""
     off = (fit.state.theta_0 - true_state(fit.state, truth).theta_0)[fit.own.unknowns.inner]
     return MM * float(np.sqrt(np.mean((known @ off) ** 2))) if len(known) else 0.0
+
+
+def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+    """Report by arm, true arm, campaign, number of poses and model."""
+    arms = [arm for arm in asked.arms if arm in trials.values("arm")]
+    places = {name: trials.values(name) for name in BY} | {"arm": arms, "name": [*MODELS]}
+    rows = [_merged(Row(zip(BY, key, strict=True)), own) for key, own in trials.groups(*BY)]
+    rows.sort(key=lambda row: [places[name].index(row[name]) for name in BY])
+    f = Row(
+        seed=list(seeds) if len(seeds) > 1 else seeds[0],
+        trials=len(seeds),
+        arms=arms,
+        featured=asked.featured,
+        true_arms={name: words for name, (words, _) in TRUE_ARMS.items()},
+        models=rows,
+        dataset=Row(runs=asked.featured, points=asked.featured, sigma_um=UM * TRUE_ARMS[REAL][1].sigma),
+    )
+    own = _by_poses(f)
+    featured = [row for row in own if row.poses == asked.featured]
+    cases = [row for row in rows if row.readings == asked.featured and row.name in HIDING]
+    badge = of_rivals(
+        trials.where(poses=asked.featured, true_arm=REAL, campaign=ABSOLUTE),
+        CHOSEN,
+        [INCUMBENT, GEOMETRY],
+        "error_mm",
+        f"trial of {listed(arms)}",
+    )
+    name, error = columns("name error_mm")
+    each = [
+        Table((name, replace(error, heading=f"error on {arm}")), [row for row in featured if row.arm == arm])
+        for arm in arms
+    ]
+    title = f"RMS error where nothing was measured, {asked.featured} poses, own weight, mm"
+    return Report(
+        scenario=NAME,
+        question=Markdown(
+            "What do absolute readings tell of an arm: which errors hide behind which, how many poses are "
+            "enough, what do loaded pairs add?"
+        ),
+        title=say(
+            "{trials:counted trial} of {arms:list} in turn, {featured} poses, noise {dataset.sigma_um:g} um",
+            f,
+        ),
+        answer=lines(headline(badge, own) for own in each),
+        claims=[FEW] if len(seeds) < ENOUGH else [],
+        numbers=f,
+        tables={
+            "short": replace(pivot(Table((), featured, title), *columns("name arm error_mm")), looks=LOOKS),
+            "models": Table(columns(BY_NUMBER), own, "errors by number of poses", looks=LOOKS),
+            "cases": Table(columns(CASES), cases, "other true arms and campaigns", looks=LOOKS),
+        },
+        body=["short", "models", "cases", READ],
+        badge=badge,
+    )
+
+
+def _merged(key: Row, own: Trials) -> Row:
+    """What a model makes of some true arms and a campaign, over their trials."""
+    found = Row(key, trials=len(own), inside=Row())
+    found["readings"] = number(own["readings"])
+    for name in ("error_mm", "loaded_mm", "optimum_mm", "geometry_off"):
+        found[name] = None if np.isnan(own[name]).any() else spread(own[name])
+    known = found.optimum_mm is not None
+    found["over_optimum"] = _root(own["error_mm"] / own["optimum_mm"]) if known else None
+    for part in PARTS:
+        count, within = (np.nansum(own[f"{part}.{name}"].astype(float)) for name in ("of", "inside"))
+        found.inside[f"{part}_percent"] = 100 * within / count if count else None
+    for name, part in (("gears", GEARS), ("links", LINKS)):
+        share = 100 * np.mean([part in kept for kept in own["kept"]])
+        found[f"{name}_kept_percent"] = share if key.name == CHOSEN else None
+    off = 100 * np.array([cells[1:3] for cells in own["compliance_off"]])
+    for joint, shares in zip((2, 3), off.T, strict=False):  # none of a rigid arm
+        found[f"bias_{joint}_percent"] = float(np.median(shares))
+        found[f"off_{joint}_percent"] = _root(shares)
+    return found
+
+
+def _root(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _by_poses(f: Row) -> list[Row]:
+    """Rows of real arms that were measured absolutely, by number of poses."""
+    alike = (REAL, ABSOLUTE)
+    return [row for row in f.models if (row.true_arm, row.campaign) == alike and row.name in BY_POSES]
+
+
+def figures(found: Report) -> dict[str, Figure]:
+    """Draw the error by number of poses of every arm; of one number the errors alone."""
+    f, short = Row(found.numbers), found.tables["short"]
+    title = f"Error where nothing was measured, {f.featured} poses"
+    reading = (
+        f"RMS errors under own weight, {f.dataset.sigma_um:g} um a reading, medians of {f.trials} trials"
+    )
+    own = _by_poses(f)
+    if len({row.poses for row in own}) == 1:
+        name, *arms = short.columns
+        error = [replace(column, heading="RMS error", unit="mm") for column in arms]
+        titles, short = {own.key: own.heading for own in arms}, replace(short, columns=(name, *error))
+        return {f"{NAME}.png": forest(short, titles, title, f"{reading}.")}
+    best = [Row(row, name=OPTIMUM, error_mm=row.optimum_mm) for row in own if row.name == ALL]
+    drawn = {name: LOOKS[name] for name in (INCUMBENT, ALL, CHOSEN, OPTIMUM)}
+    panes = {
+        arm: Table(
+            columns("name poses error_mm"), [row for row in (*own, *best) if row.arm == arm], looks=drawn
+        )
+        for arm in f.arms
+    }
+    return {f"{NAME}.png": sweeps(panes, title, f"{reading}; bands: {span(f.trials)}.")}
+
+
+def seen(run: Run[Settings]) -> Seen:
+    """Draw the first trial's arm amid the errors of joint springs and of what cross-validation chose."""
+    cell, rows = build_cell(find_arm(run.settings.arm_of(run.seeds[0]))), run.first
+    rows = rows.pick(np.array([own is not None for own in rows["q_rad"]]))
+    q = np.reshape(rows["q_rad"][0], (-1, cell.arm.n_joints))
+    off = {
+        name: np.reshape(own, (len(q), -1, 3))[:, 0] / UM
+        for name, own in zip(rows["name"], rows["off_um"], strict=True)
+    }
+    return amid_errors(cell, q, [str(k + 1) for k in range(len(q))], off, LOOKS)
+
+
+STUDY = Study(
+    name=NAME,
+    about="Calibrate simulated arms by absolute readings: what hides, how many poses, what loaded pairs add.",
+    options=Options,
+    settings=settings,
+    seeds=(100, QUICK),
+    arms=lambda asked: [find_arm(name) for name in asked.arms],
+    row=FitRow,
+    trials=trials,
+    report=report,
+    printed=("short",),
+    figures=figures,
+    write=seen,
+)

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
+from testbench.campaign.campaign import Cell, stream
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.certify import certify, tie_break
@@ -236,3 +237,11 @@ def order_range(structure: Structure, runs: int) -> tuple[float, float]:
     sizes = [len(block) for block in structure.blocks]
     n = max(sizes)
     return (n + 1) / 2, 6 * runs / (n * sizes.count(n))
+
+
+def every_order(cell: Cell, structure: Structure, data: Dataset, starts: int, seed: int) -> list[Estimate]:
+    """Identify by vectors of Eq. (16) of every order m from 1 to 6, each the best of some local solves."""
+    return [
+        LocalSolves(stream(seed, 10 + m), m, starts)(cell.vjm, structure, data)
+        for m in range(1, LARGEST_ORDER + 1)
+    ]

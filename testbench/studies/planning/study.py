@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -10,34 +9,29 @@ from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.perturbed_prior import SCALE, SHAPE, UNCERTAINTY
-from testbench.campaign.true_arms import CALLED, TRUTHS
+from testbench.campaign.true_arms import CALLED
 from testbench.model.vjm import chain
 from testbench.report import campaigns
 from testbench.report.badge import of_rivals
 from testbench.report.columns import columns
 from testbench.report.report import Report, say
 from testbench.report.table import Row, Trials, merged, number
-from testbench.studies.pose_selection import settings as s
-from testbench.studies.pose_selection import trial
-from testbench.studies.pose_selection.plans import prepare
-from testbench.studies.pose_selection.settings import BARE, FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
+from testbench.studies.headline import READ, headline, warnings
+from testbench.studies.planning import settings as s
+from testbench.studies.planning import trial
+from testbench.studies.planning.plans import prepare
+from testbench.studies.planning.settings import BARE, FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
 from testbench.studies.study import Run, Study
-from testbench.trials.spread import ends, independent, middle, most, most_trials, span, wins
+from testbench.trials.spread import ends, independent, middle, span, wins
 from testbench.views.colours import GREY, SERIES, Look
 from testbench.views.figure import Figure, forest, sweeps
-from testbench.views.gains import beside
-from testbench.views.markdown import Markdown
 from testbench.views.planned_poses import ORDER, OURS, UNSCALED, World
 from testbench.views.scene import Line, PlaceMap, Scene, Seen
 from testbench.views.schema import Table
 
-ENOUGH = 0.1  #: Error at the tasks that a campaign is to reach [mm].
-STEP, LITTLE = 4, 0.10  #: So many more poses that take less than this share off are not worth a hoist.
 CRITERIA = "plan efficiency_percent expected_tasks_mm tasks_mm workspace_mm"
-OF_CRITERIA = Markdown(
-    "RMS errors. *test* counts the error at the tasks, I that over the workspace, G the largest there; D the "
-    "volume of the confidence region, A the mean variance, E the worst seen direction."
-)
+POSES = "plan poses tasks_mm workspace_mm expected_tasks_mm efficiency_percent"
+ENOUGH = 0.1  #: Error at the tasks that a campaign is to reach [mm].
 KEPT = "promised count inside_90 below above inside_95 over_promised"
 GROUNDS = "ground fit judged planned_mm random_mm over_random planned_better better_than_joints seeds"
 KEPT_BY: Mapping[str, tuple[str, Mapping[str, str]]] = {
@@ -56,48 +50,29 @@ LOOKS = {
 
 
 def report(asked: Settings, seeds: range, trials: Trials) -> Report:
-    """Who is best, how many poses to measure, where planning loses, whether promises hold."""
+    """Report errors by criterion and number of poses, where planning pays, and whether promises hold."""
     f = _numbers(asked, seeds, trials)
     n, rivals = asked.scope.featured, [row.plan for row in f.criteria if row.plan != "test"]
-    own = trials.where(part="measured", poses=asked.scope.featured, fit=PLANNED)
+    own = trials.where(part="measured", poses=n, fit=PLANNED)
     badge = of_rivals(own.add(name=own["plan"]), "test", rivals, "tasks_mm")
     badge = badge and replace(badge, what="task error")  # over the workspace another may be better
+    criteria = Table(
+        columns(CRITERIA), f.criteria, f"{n} poses by criterion", headline="tasks_mm", looks=LOOKS
+    )
     return Report(
         scenario=s.NAME,
         question=say("Which {n} poses, to predict best where the robot works?", n=n),
         title=say(
-            "{arm} under {payload_kg:g} kg, sigma {dataset.sigma_um:g} um, tracker at {at} m. Plans from "
-            "{study.candidates} feasible poses, judged in {study.tasks} tasks and {study.workspace} poses of "
-            "the workspace. Non-linear truth, {seeds}.",
+            "{arm} under {payload_kg:g} kg, noise {dataset.sigma_um:g} um, {study.candidates} candidates; "
+            "non-linear truth, {seeds}",
             f | {"study": Row(vars(f.study))},
-            at=", ".join(f"{metres:g}" for metres in f.tracker_m),
             seeds=campaigns.seeds_told(f.seed),
         ),
-        answer=say(
-            "{n} planned poses leave {a.ours_mm:~.3f} mm at the tasks, random ones {a.theirs_mm:~.3f} mm: "
-            "{a:less trial}. Joint stiffness only leaves {b.theirs_mm:~.3f} mm there from planned poses, "
-            "{b:more trial}.",
-            n=n,
-            a=f.gains.random,
-            b=f.gains.joints,
-        ),
-        worst=say(
-            "Worst trial: worst task {task_mm:.3f} mm, worst place of the workspace {workspace_mm:.3f} mm. "
-            "Medians: planning {how} with {fit} {ground}, judged {judged}: {over_random:.2f} times the "
-            "error of random poses.",
-            f.worst,
-            how="loses most" if f.worst.over_random >= 1 else "gains least",
-        ),
-        claims=list(_claims(f, len(seeds))),
+        answer=headline(badge, criteria),
+        claims=warnings(trials.where(part="measured"), "fit"),
         numbers=f,
         tables={
-            "criteria": Table(
-                columns(CRITERIA),
-                f.criteria,
-                f"{n} poses by criterion",
-                headline="tasks_mm",
-                looks=LOOKS,
-            ),
+            "criteria": criteria,
             "grounds": Table(
                 columns(GROUNDS), f.grounds, "Where planning pays: two grounds, a plan for every fit"
             ),
@@ -106,8 +81,19 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
                 [*f.kept, f.kept_joints],
                 "Promises on true arms of the family, with wrong priors",
             ),
+            "enough": Table(
+                columns("plan fewest"),
+                [Row(plan=name, fewest=n) for name, n in f.recommendation.fewest.items()],
+                f"Poses that keep the tasks within {1000 * ENOUGH:g} um in 95 % of the trials",
+            ),
+            "poses": Table(
+                columns(POSES),
+                [row for row in f.errors if row.fit == PLANNED],
+                f"Errors by number of poses, identified as {PLANNED}",
+                headline="tasks_mm",
+            ),
         },
-        body=["criteria", OF_CRITERIA, "grounds", _of_grounds(), "kept", _of_kept(f)],
+        body=["criteria", "enough", "grounds", "kept", "poses", READ],
         badge=badge,
     )
 
@@ -119,18 +105,12 @@ def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
     featured = measured.where(poses=n)
     models = [row.model for row in merged(featured.where(fit=PLANNED).keep("plan", "model."), "plan")]
     first = featured.where(plan="test", fit=PLANNED)
-    names = [f"{plan}, {fit}" for plan, fit in zip(featured["plan"], featured["fit"], strict=True)]
-    ours, chance, joints = (f"test, {PLANNED}", f"{RANDOM}, {PLANNED}", f"test, {INCUMBENT}")
-    gains = {"random": (ours, chance), "joints": (ours, joints)}
     errors = merged(measured.keep("fit", "plan", "poses", *PLACES), "fit", "plan", "poses")
     for row in errors:
         plan = None if row.plan == RANDOM else asked.scene.plan(row.plan, row.poses, PLANNED)
         row |= {key: plan and getattr(plan, key) for key in ("efficiency_percent", "expected_tasks_mm")}
     [each] = merged(first.keep("each_task_mm", "each_place_mm"))
-    grounds: list[Row] = list(_grounds(trials.where(part="ground")))
-    worst = max(grounds, key=lambda row: float(row.over_random))
-    task, place = (max(map(most, mm)) for mm in each.values())
-    planned = [row for row in errors if row.fit == PLANNED]
+    planned, own = [row for row in errors if row.fit == PLANNED], (*scope.criteria, RANDOM)
     [data] = merged(first.inside("model.measured"))
     return Row(
         seed=campaigns.seeds_of(seeds),
@@ -143,31 +123,18 @@ def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
         where=each,
         plans=[plan for plan in asked.scene.plans if plan.fit == PLANNED],
         errors=errors,
-        recommendation=_recommended(planned),
+        recommendation=Row(within_mm=ENOUGH, fewest=Row({name: _fewest(planned, name) for name in own})),
         kept=list(_all_kept(promises.where(fit=WHOLE))),
         kept_joints=_kept(INCUMBENT, promises.where(fit=INCUMBENT)),
-        grounds=grounds,
+        grounds=list(_grounds(trials.where(part="ground"))),
         study=scope,
         criteria=[row for row in planned if row.poses == n],
-        gains=campaigns.pairs(featured.add(name=names), gains, "tasks_mm"),
-        worst=Row(worst, task_mm=task, workspace_mm=place),
     )
 
 
-def _recommended(levels: Sequence[Row]) -> Row:
-    """How many poses: the fewest that are enough in 95 % of all trials, and where more bring little."""
-    plans = {name: [row for row in levels if row.plan == name] for name in ("test", RANDOM)}
-    fewest = {
-        name: next((row.poses for row in own if ends(row.tasks_mm)[1] <= ENOUGH), None)
-        for name, own in plans.items()
-    }
-    little = (
-        row.poses
-        for row, following in pairwise(plans["test"])
-        if (middle(following.tasks_mm) / middle(row.tasks_mm)) ** (STEP / (following.poses - row.poses))
-        > 1 - LITTLE
-    )
-    return Row(within_mm=ENOUGH, fewest=Row(fewest), little_more_beyond=next(little, None), step=STEP)
+def _fewest(levels: Sequence[Row], plan: str) -> int | None:
+    """The fewest poses that keep the tasks within ENOUGH in 95 % of the trials, of few trials in all."""
+    return next((row.poses for row in levels if row.plan == plan and ends(row.tasks_mm)[1] <= ENOUGH), None)
 
 
 def _all_kept(promises: Trials) -> Iterator[Row]:
@@ -217,55 +184,10 @@ def _grounds(rows: Trials) -> Iterator[Row]:
                 )
 
 
-def _claims(f: Row, trials: int) -> Iterator[Markdown]:
-    """How many poses, where planning loses, whether promises hold."""
-    own = f.recommendation
-    few = "{fewest.test} planned poses keep" if own.fewest.test else "No number of planned poses tried keeps"
-    beyond = " Every step tried still pays." * (len(f.study.poses) > 1)
-    if own.little_more_beyond:
-        beyond = " Beyond {little_more_beyond} poses {step} more take less than 10 % off."
-    yield say(
-        f"{few} the tasks within {{within_mm:g}} mm in {{trials}}; random ones: {{random}}.{beyond}",
-        own,
-        trials=most_trials(trials),
-        random=own.fewest[RANDOM] or "more than tried",
-    )
-    lost = "On both grounds every plan has a smaller median error than random poses."
-    if loses := sum(row.over_random >= 1 for row in f.grounds):
-        lost = (
-            "Planning loses to random poses in {loses} of {cases} cases: the criterion counts the tasks only."
-        )
-    yield say(lost, loses=loses, cases=len(f.grounds))
-    yield say(
-        "Promises of `testbench plan`: the 90 % interval of the error holds in "
-        "{inside_90:share {independent}} of {count} cases, the 95 % interval of a deflection in "
-        "{inside_95:yes}.",
-        f.kept[0],
-    )
-
-
-def _of_grounds() -> Markdown:
-    return say(
-        "Plans by criterion test, made for the fit that identifies the runs; counts are of seeds, each with "
-        "another true arm: {arms}. At the side: another station, other candidates, other tasks.",
-        arms=", ".join(CALLED[arm] for arm in TRUTHS),
-    )
-
-
-def _of_kept(f: Row) -> Markdown:
-    return say(
-        "Arms within {believed_within_percent:g} % of the prior; all links and joints with a learnt prior, "
-        "in the last row joints by least squares. An interval of 90 % should hold in 87 to 95 %, one of 95 % "
-        "in 93 to 98 %: below, promises are too bold, above too timid.",
-        f.prior,
-    )
-
-
 def figures(found: Report) -> dict[str, Figure]:
-    """Errors by number of poses, with and without the prior; of one number by criterion."""
+    """Draw errors by number of poses, with and without the prior; of one number by criterion."""
     f = Row(found.numbers)
-    gains = {"random poses": f.gains.random, "joint stiffness only": f.gains.joints}
-    answer = f"{f.dataset.poses} poses, error at the tasks: {beside(gains)}"
+    answer = f"Errors after {f.dataset.poses} poses, planned and random"
     reading = f"RMS errors, {f.arm}, {f.dataset.sigma_um:g} um of noise."
     if len(f.study.poses) == 1:
         note = f"{reading} {PLANNED}, plans by criterion; dotted line: random poses."

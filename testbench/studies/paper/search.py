@@ -16,7 +16,7 @@ from scipy.optimize import OptimizeResult, differential_evolution
 from scipy.stats import qmc
 
 from testbench.errors import Array, BenchError
-from testbench.studies.estimators.factorised import Factorised, Observe, costs, descend, falling
+from testbench.studies.paper.factorised import Factorised, Observe, costs, descend, falling
 
 BOX = 1.0
 """Bound of the entries of b in trial points: one axis of that size explains all the data by itself."""

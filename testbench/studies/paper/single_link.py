@@ -1,11 +1,11 @@
-"""Section 5.1 tried: one link, six loads, one draw of noise; least squares, GCO, and GCO of every order m.
+"""Section 5.1: one link, six loads; least squares, GCO, and GCO of every order m over many draws of noise.
 
 The truth is Eq. (21). Eq. (22) and (23) are one draw of what is counted here over a thousand.
 """
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Literal
@@ -27,7 +27,20 @@ from testbench.errors import Array
 from testbench.identify import Estimate, least_squares, paper_gco
 from testbench.identify.estimate import CONSERVATIVE_TOLERANCE
 from testbench.model.structure import Structure, free36
-from testbench.studies.paper import EQ_22, EQ_23, every_order
+from testbench.report import campaigns
+from testbench.report.badge import of_rivals
+from testbench.report.columns import columns
+from testbench.report.report import Report, say
+from testbench.report.table import Row, Trials, aligned, merged, nested
+from testbench.studies.headline import READ, headline, warnings
+from testbench.studies.paper.factorised import every_order, order_range
+from testbench.studies.paper.published import EQ_22, EQ_23
+from testbench.studies.paper.verdicts import comparison, judged, verdict_table
+from testbench.studies.study import Study
+from testbench.trials.spread import wins
+from testbench.views.figure import Figure, forest
+from testbench.views.markdown import Markdown
+from testbench.views.schema import Table
 
 NAME = "single_link"
 LEAST_SQUARES, SYMMETRIC, GCO = "MLS36", "MLS21", "MGCO21"
@@ -47,6 +60,19 @@ SECTION_5_1 = FullPose(
     sigma_rotation=250e-6 / math.sqrt(2),
     check_runs=120,
 )
+POSITION, ROTATION, ENTRY = "position_rms_um", "rotation_rms_urad", "force_position_rms_um_per_N"
+SHARES = ("conservative", "symmetric", "negative_eigenvalue", "negative_eigenvalue_matrix", "reaches_optimum")
+"""Truth values that a report gives as shares of the draws."""
+OF_A_DRAW = ("seed", "measured.", "condition", "error", "printed.", "data_file")
+SHAPE = (
+    "name conservative symmetric negative_eigenvalue_matrix negative_eigenvalue matrix_eigenvalue_micro "
+    "symmetric_eigenvalue_micro f_m f_m_floor"
+)
+ERRORS = (
+    f"name {POSITION} position_relative_percent {ROTATION} rotation_relative_percent {ENTRY} "
+    "moment_position_rms_um_per_Nm force_rotation_rms_urad_per_N moment_rotation_rms_urad_per_Nm"
+)
+ORDER = f"m f_m excess_percent reaches_optimum {POSITION} {ROTATION}"
 NO_RANK = 1e-4
 """Eigenvalue, in units of what noise causes, below which it counts as zero: solvers leave 1e-8."""
 Loads = Literal["axes", "random"]
@@ -70,8 +96,8 @@ class Settings(Options):
 
 
 @dataclass(frozen=True)
-class Judged:
-    """A compliance judged.
+class Matrix:
+    """A compliance beside the true one.
 
     Its smallest eigenvalue is that of the symmetric part, or, as the paper counts, the real part of the
     matrix's own, in 1e-6 of mixed SI units.
@@ -95,7 +121,7 @@ class Judged:
 
 
 @dataclass(frozen=True)
-class LinkRow(FitRow, Judged):
+class LinkRow(FitRow, Matrix):
     """What one method made of one draw."""
 
     measured: DatasetRow  #: The readings.
@@ -107,7 +133,7 @@ class LinkRow(FitRow, Judged):
     f_m_over_optimum: float = 1.0  #: F_M, the best of some local solves, over the certified optimum.
     excess_percent: float = 0.0  #: The same above it, at least `LEAST`.
     reaches_optimum: bool = True  #: Whether the two are the same.
-    printed: Judged | None = None  #: The paper's matrix under the check loads, in the first draw.
+    printed: Matrix | None = None  #: The paper's matrix under the check loads, in the first draw.
     data_file: str | None = None  #: dataset.csv, in the first draw.
 
 
@@ -173,7 +199,7 @@ def _trial(cell: Cell, asked: Settings, seed: int) -> Iterator[LinkRow]:
         fit = fit_row(model.name, estimate, time.perf_counter() - start)
         row = _row(cell, asked, draw, fit, estimate)
         if seed == asked.first and model.name in PRINTED:
-            known = judge(cell, np.array(PRINTED[model.name]), draw.truth)
+            known = examine(cell, np.array(PRINTED[model.name]), draw.truth)
             row = replace(row, printed=known, data_file=csv_text(draw.identification, ()))
         yield row
     if seed < asked.first + asked.ordered:
@@ -193,7 +219,7 @@ def _row(cell: Cell, asked: Settings, draw: Draw, fit: FitRow, estimate: Estimat
     campaign, C = asked.campaign, estimate.C_theta
     load = draw.identification.wrench / ([campaign.force] * 3 + [campaign.moment] * 3)
     return LinkRow(
-        **vars(judge(cell, C, draw.truth)),
+        **vars(examine(cell, C, draw.truth)),
         **vars(fit) | {"advice": ()},  # it differs from draw to draw
         measured=dataset_row(draw.identification),
         condition=float(np.linalg.cond(load)),
@@ -202,12 +228,12 @@ def _row(cell: Cell, asked: Settings, draw: Draw, fit: FitRow, estimate: Estimat
     )
 
 
-def judge(cell: Cell, C: Array, truth: Dataset) -> Judged:
+def examine(cell: Cell, C: Array, truth: Dataset) -> Matrix:
     """Eigenvalues of C, (6, 6) [m/N, rad/N, rad/(N m)], and errors, also under noise-free loads."""
     matrix, symmetric = eigenvalues(C)
     zero = -CONSERVATIVE_TOLERANCE * np.abs(matrix).max()
     error = C - cell.arm.C_theta
-    return Judged(
+    return Matrix(
         symmetric=bool(np.abs(C - C.T).max() <= SYMMETRY_TOLERANCE * np.abs(C).max()),
         symmetric_eigenvalue_micro=UM * float(symmetric[0]),
         matrix_eigenvalue_micro=UM * float(matrix[0]),
@@ -255,3 +281,133 @@ def rank_beyond_noise(campaign: FullPose, C: Array) -> int:
 def rms(values: Array) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(values**2)))
+
+
+def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+    """Report medians and spreads of every method and order, the paper's statements, and who is nearer."""
+    f = _numbers(asked, seeds, trials)
+    errors = Table(columns(ERRORS), f.models, "How far off", headline=POSITION)
+    badge = of_rivals(trials.where(m=0), GCO, [LEAST_SQUARES, SYMMETRIC], POSITION)
+    return Report(
+        scenario=NAME,
+        question=Markdown(
+            "Single link, section 5.1: is a conservative compliance nearer the truth than least squares?"
+        ),
+        title=say(
+            "Eq. (21): {dataset.runs} loads, noise of a deflection {dataset.sigma_of_a_deflection_um:g} um "
+            "and {dataset.sigma_of_a_deflection_urad:g} urad; {draws:counted draw}",
+            f,
+        ),
+        answer=headline(badge, errors),
+        claims=warnings(trials.where(m=0)),
+        numbers=f,
+        tables={
+            "shape": Table(
+                columns(SHAPE), f.models, "What kind of matrix", headline="symmetric_eigenvalue_micro"
+            ),
+            "errors": errors,
+            "claims": verdict_table(f.claims),
+            "order": Table(columns(ORDER, paper=False), f.order, "The order m, Eq. (20)"),
+        },
+        body=["shape", "errors", "claims", "order", READ],
+        badge=badge,
+    )
+
+
+def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
+    """All numbers of report.json."""
+    plain, searched, campaign = trials.where(m=0), trials.pick(trials["m"] > 0), asked.campaign
+    um, urad = UM * campaign.sigma, UM * campaign.sigma_rotation
+    data, [loads] = campaigns.dataset(plain), merged(plain.where(name=GCO).keep("condition"))
+    low, high = order_range(models(build_cell(find_arm(NAME)))[-1].structure, data.runs)
+    found = [_merged(own, **_entries(own)) for _, own in plain.groups("name")]
+    order = [_merged(own) for _, own in searched.groups("m")]
+    return Row(
+        seed=seeds[0],
+        draws=len(seeds),
+        arm=campaign.arm,
+        truth=campaign.truth,
+        noise=campaign.noise,
+        noise_per="deflection",
+        loads=asked.loads,
+        condition_of_the_loads=loads.condition,
+        dataset=Row(
+            data,
+            check_runs=campaign.check_runs,
+            sigma_urad=urad,
+            sigma_of_a_deflection_um=math.sqrt(2) * um,
+            sigma_of_a_deflection_urad=math.sqrt(2) * urad,
+        ),
+        order_range=(low, high),
+        models=found,
+        order_draws=len(searched.values("seed")),
+        order=order,
+        claims=[
+            *_statements(plain, {m.name: m for m in found}),
+            judged(
+                f"any order m that Eq. (20) allows, {low:g} to {high:g}, reaches the least F_M",
+                all(row.reaches_optimum == 1 for row in order if row.m >= low),
+                min(row.reaches_optimum for row in order if row.m >= low),
+            ),
+        ],
+    )
+
+
+def _statements(plain: Trials, by: Mapping[str, Row]) -> Iterator[Row]:
+    """The paper's statements of section 5.1, and of each the same beside a symmetric matrix."""
+    for name, share, claim in (
+        (GCO, 1, "GCO always gives a conservative matrix (Eq. 23)"),
+        (LEAST_SQUARES, 0, "least squares never does (Eq. 22)"),
+        (SYMMETRIC, 0, "least squares with a symmetric matrix never does (not in the paper)"),
+    ):
+        holds = by[name].conservative if share else 1 - by[name].conservative
+        yield judged(claim, holds == 1, holds)
+    for other, words in ((LEAST_SQUARES, ""), (SYMMETRIC, " with a symmetric matrix (not in the paper)")):
+        ours, theirs = aligned(plain, (GCO, other), POSITION).T
+        claim = f"GCO predicts positions better than least squares{words}"
+        yield comparison(claim, wins(ours, theirs), wins(theirs, ours), len(ours))
+
+
+def _merged(own: Trials, **more: object) -> Row:
+    [row] = merged(own.drop(*OF_A_DRAW))
+    return Row(row, **{key: float(row[key]) for key in SHARES}, **more)
+
+
+def _entries(own: Trials) -> dict[str, object]:
+    """Errors of the entries of C over all draws, and what the paper's printed matrix has."""
+    error = np.array(own["error"].tolist()).reshape(-1, 6, 6)
+    name, first = str(own["name"][0]), own.inside("printed")
+    known = nested({key: cells[0] for key, cells in first.columns.items()}) if name in PRINTED else None
+    if known:
+        known |= {"conservative": known.symmetric}
+        # F_M of least squares is 0; the sign of an eigenvalue of Eq. (23) lies below its printed digits
+        signs = {"negative_eigenvalue": None, "negative_eigenvalue_matrix": None}
+        known |= {"f_m": 0.0} if name == LEAST_SQUARES else signs
+    rms_, bias = np.sqrt((error**2).mean(axis=0)), error.mean(axis=0)
+    return {"entry_rms": rms_.tolist(), "entry_bias": bias.tolist(), "paper": known}
+
+
+def figures(found: Report) -> dict[str, Figure]:
+    """Draw the errors of every method in position, rotation and the entries of C."""
+    panes = {POSITION: "position", ROTATION: "rotation", ENTRY: "entries of C, force to position"}
+    reading = (
+        "Grey diamonds: the paper's printed matrices. Dotted line: least squares with a symmetric matrix."
+    )
+    title = "Section 5.1, a single link: errors of the compliance"
+    return {"single_link.png": forest(found.tables["errors"], panes, title, reading, SYMMETRIC)}
+
+
+STUDY = Study(
+    name=NAME,
+    about="Identify the single link of section 5.1 by least squares and by GCO, over many draws of noise.",
+    options=Options,
+    settings=settings,
+    seeds=(1000, 100),
+    arms=lambda _: [find_arm(NAME)],
+    row=LinkRow,
+    trials=trials,
+    report=report,
+    printed=("errors", "shape"),
+    figures=figures,
+    size=10,
+)

@@ -1,1 +1,0 @@
-"""Eq. (7): what a linear model loses under load."""

@@ -1,0 +1,298 @@
+"""Eq. (7): true deflections under heavy weights all over the workspace, and what the linear model loses."""
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+import numpy as np
+import typer
+
+from testbench.arm.folder import find_arm, load_arm
+from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
+from testbench.campaign.models import JOINTS
+from testbench.campaign.rows import MM, UM
+from testbench.correct.rest import rest
+from testbench.errors import Array
+from testbench.identify.arm_model import bending
+from testbench.model.load import Load
+from testbench.model.loaded import (
+    displacement,
+    geometric_stiffness,
+    loaded_deflection,
+    secant,
+)
+from testbench.model.poses import WorkArea
+from testbench.model.structure import joints_only
+from testbench.model.vjm import chain, observation
+from testbench.model.weights import no_weights
+from testbench.plant.build import Plant, weightless
+from testbench.plant.equilibrium import settle
+from testbench.report import campaigns
+from testbench.report.badge import Badge, of_rivals
+from testbench.report.columns import ROUNDING_UM, columns
+from testbench.report.report import Report, say
+from testbench.report.table import Row, Trials
+from testbench.studies.headline import READ, headline
+from testbench.studies.paper.verdicts import comparison, verdict_table
+from testbench.studies.study import Run, Study
+from testbench.views.colours import GCO, LEAST_SQUARES, NOMINAL, SERIES, Look, look
+from testbench.views.figure import Figure, sweeps
+from testbench.views.schema import Table, pivot
+
+FULL, QUICK = (7, 200), (4, 30)  #: How many weights, and poses a seed.
+WORKSPACE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: Where the tool has to be.
+AT_TOOL = np.zeros((1, 3))
+NAMES = {
+    "linear": "Eq. (6)",
+    "secant": "Eq. (7) once",
+    "integrated": "Eq. (7) integrated",
+    "joints": "joint stiffness only",
+}
+LIGHT, HEAVY = "weightless", "own weight"
+ALONE = look(JOINTS, "none").colour
+SHADES = {LIGHT: (LEAST_SQUARES, NOMINAL, GCO, ALONE), HEAVY: (SERIES[6], SERIES[5], SERIES[4], ALONE)}
+LOOKS = {
+    f"{name}, {truth}": Look(shade, place, prior=truth == HEAVY)
+    for truth, shades in SHADES.items()
+    for place, (name, shade) in enumerate(zip(NAMES.values(), shades, strict=True))
+}
+"""Of predictions: dashed and filled with own weight."""
+BY_LOAD = columns("prediction load_N rms_um")
+
+Truth = Literal["weightless", "own weight"]
+Method = Literal["linear", "secant", "integrated", "joints"]
+"""Eq. (6); Eq. (7) with K_w at theta = 0 for the whole load, or from no load to the whole; joints alone."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the study."""
+
+    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+    max_load_n: Annotated[
+        float, typer.Option(min=1, max=100_000, help="Heaviest hung weight; the least is a tenth.")
+    ] = 10_000.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings(Options):
+    """What is tried."""
+
+    loads: int = FULL[0]  #: How many weights, evenly spread on a log scale.
+    poses: int = FULL[1]  #: How many poses a seed.
+
+    @property
+    def weights(self) -> list[float]:
+        """The hung weights, ascending, (loads,) [N]."""
+        return [float(w) for w in np.geomspace(self.max_load_n / 10, self.max_load_n, self.loads)]
+
+
+@dataclass(frozen=True)
+class PoseRow:
+    """One weight in one pose, by one truth and one method."""
+
+    pose: int  #: Number of the pose, from 1.
+    q_rad: tuple[float, ...]  #: Actuated joint angles, (n,).
+    load_N: float  #: Hung weight.
+    truth: Truth  #: With or without the arm's own weight.
+    method: Method  #: What predicts.
+    deflection_m: tuple[float, ...]  #: True deflection of the tool, world, (3,).
+    error_m: tuple[float, ...]  #: Predicted minus true, world, (3,).
+
+
+def settings(options: Options, quick: bool, _: range) -> Settings:
+    """What the flags ask for."""
+    loads, poses = QUICK if quick else FULL
+    return Settings(**vars(options), loads=loads, poses=poses)
+
+
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[PoseRow]]:
+    """Rows of some seeds, each with poses of its own."""
+    cell = build_cell(find_arm(asked.arm))
+    plants: dict[Truth, Plant] = {"weightless": weightless(cell.plant), "own weight": cell.plant}
+    found = []
+    for seed in seeds:
+        q = clear_poses(cell, WORKSPACE, asked.poses, stream(seed))
+        found.append([row for load in asked.weights for row in hang(cell, plants, q, load)])
+    return found
+
+
+def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> list[PoseRow]:
+    """One weight [N] in every pose (poses, n) [rad]: deflections true and predicted."""
+    wrench = np.zeros((len(q), 6))
+    wrench[:, 2] = -load
+    point = np.tile(cell.vjm.load, (len(q), 1))
+    predicted, rows = predict(cell, q, wrench, point), []
+    for truth, plant in plants.items():
+        moved = settle(plant, q, wrench, point).tool - settle(plant, q).tool
+        every = predicted | {"joints": joints_alone(cell, q, wrench, point, moved)}
+        rows += [
+            PoseRow(
+                pose=i + 1,
+                q_rad=tuple(angles.tolist()),
+                load_N=load,
+                truth=truth,
+                method=method,
+                deflection_m=tuple(moved[i].tolist()),
+                error_m=tuple((foretold[i] - moved[i]).tolist()),
+            )
+            for method, foretold in every.items()
+            for i, angles in enumerate(q)
+        ]
+    return rows
+
+
+def predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, Array]:
+    """Deflection of the tool by method, with the true compliances, (poses, 3) [m]."""
+    unloaded, C_theta = chain(cell.vjm, q), cell.arm.C_theta
+    theta = rest(bending(cell.vjm, C_theta, no_weights(cell.arm)), q, [Load(wrench, point)]).theta
+    K_w = geometric_stiffness(unloaded, wrench, point)
+    return {
+        "linear": displacement(unloaded, secant(unloaded, C_theta, wrench, point), AT_TOOL)[:, 0],
+        "secant": displacement(unloaded, secant(unloaded, C_theta, wrench, point, K_w), AT_TOOL)[:, 0],
+        "integrated": loaded_deflection(cell.vjm, q, theta, AT_TOOL)[:, 0],
+    }
+
+
+def joints_alone(cell: Cell, q: Array, wrench: Array, point: Array, moved: Array) -> Array:
+    """Deflection of the tool by joint compliances fitted to these very deflections, (poses, 3) [m].
+
+    Linear as Eq. (6), links rigid, least squares without noise: no campaign leaves joints alone less.
+    """
+    A = observation(chain(cell.vjm, q), joints_only(cell.arm), wrench, point, AT_TOOL)[:, 0]
+    pi = np.linalg.lstsq(A.reshape(-1, A.shape[-1]), moved.ravel())[0]
+    return np.asarray(A @ pi)
+
+
+def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+    """Report the errors over the poses of all seeds, by load, truth and method."""
+    rows = [
+        Row(load_N=load, truth=truth, method=method, prediction=f"{NAMES[method]}, {truth}", **_errors(own))
+        for (load, truth, method), own in trials.groups("load_N", "truth", "method")
+    ]
+    loads = trials.values("load_N")
+    heaviest = trials.where(load_N=loads[-1], truth=LIGHT)
+    f = Row(
+        seed=campaigns.seeds_of(seeds),
+        arm=find_arm(asked.arm).resolve().name,
+        poses=asked.poses * len(seeds),
+        loads_N=loads,
+        rows=rows,
+        claims=_statements(heaviest),
+    )
+    ordered = [row for name in LOOKS for row in rows if row.prediction == name]
+    by_load = Table((), ordered, "RMS error of the tool's deflection by hung weight, um")
+    badge = _badge(heaviest)
+    return Report(
+        scenario=STUDY.name,
+        question=say("{arm}: how far off are Eq. (6) and Eq. (7) as the hung weight grows?", f),
+        title=say(
+            "{arm}, {poses} poses, {n} hung weights of {least:.4g} to {most:.4g} N; no noise",
+            f,
+            n=len(loads),
+            least=loads[0],
+            most=loads[-1],
+        ),
+        answer=headline(
+            badge, Table(columns("prediction rms_um"), [row for row in rows if row.load_N == loads[-1]])
+        ),
+        numbers=f,
+        tables={
+            "by_load": replace(pivot(by_load, *BY_LOAD), looks=LOOKS),
+            "claims": verdict_table(f.claims),
+        },
+        body=["by_load", "claims", READ],
+        badge=badge,
+    )
+
+
+def _badge(heaviest: Trials) -> Badge | None:
+    """Pose by pose under the heaviest weight, without own weight: the best of Eq. (6) and (7)."""
+    names = [f"{NAMES[method]}, {LIGHT}" for method in heaviest["method"]]
+    pose = [" ".join(map(str, both)) for both in zip(heaviest["seed"], heaviest["pose"], strict=True)]
+    own = heaviest.keep("load_N").add(name=names, seed=pose, error_m=_sizes(heaviest, "error_m"))
+    first, *rivals = sorted(set(names), key=lambda name: float(np.sum(own.where(name=name)["error_m"] ** 2)))
+    return of_rivals(own, first, rivals, "error_m", "case")
+
+
+def _statements(heaviest: Trials) -> list[Row]:
+    """What the paper says of Eq. (7), pose by pose under the heaviest weight."""
+    linear, integrated, joints = (
+        _sizes(heaviest.where(method=name), "error_m") for name in ("linear", "integrated", "joints")
+    )
+    return [
+        comparison(claim, int((a < b).sum()), int((a > b).sum()), len(a))
+        for claim, a, b in (
+            ("Eq. (7) from no load to the whole is nearer the truth than Eq. (6)", integrated, linear),
+            ("Eq. (6) errs less than joint stiffness only (not in the paper)", linear, joints),
+        )
+    ]
+
+
+def _sizes(own: Trials, name: str) -> Array:
+    """Lengths of vectors, (rows,) [m]."""
+    return np.asarray(np.linalg.norm(own[name].tolist(), axis=1))
+
+
+def _errors(own: Trials) -> Row:
+    """Errors of one load, truth and method over all poses."""
+    error, moved = _sizes(own, "error_m"), _sizes(own, "deflection_m")
+    rms, deflection = (float(np.sqrt(np.mean(size**2))) for size in (error, moved))
+    return Row(
+        deflection_rms_mm=MM * deflection,
+        rms_um=UM * rms,
+        max_um=UM * error.max(),
+        rms_percent=100 * rms / deflection,
+    )
+
+
+def figures(found: Report) -> dict[str, Figure]:
+    """Draw the RMS error of Eq. (6) and (7) against the load: with the arm's own weight dashed."""
+    f = Row(found.numbers)
+    rows = [Row(row, rms_um=max(row.rms_um, ROUNDING_UM)) for row in f.rows]
+    return {
+        "loaded_stiffness.png": sweeps(
+            {"": Table(BY_LOAD, rows, looks=LOOKS)},
+            f"{f.arm}: errors of the tool's deflection under a hung weight",
+            f"RMS over {f.poses} poses, from the true compliances; dashed: with the arm's own weight. "
+            f"At {ROUNDING_UM:g} um and below: exact to rounding.",
+        )
+    }
+
+
+def write(run: Run[Settings]) -> None:
+    """Write errors.csv of the first seed: a line for each pose, load, truth and method.
+
+    Vectors are in world axes; the error is predicted minus true.
+    """
+    arm, first = load_arm(find_arm(run.settings.arm)), run.first
+    loads = {load: k for k, load in enumerate(first.values("load_N"))}
+    vectors = [f"{what}_{x}_m" for what in ("deflection", "error") for x in "xyz"]
+    joints = [f"{joint.name}_rad" for joint in arm.joints]
+    with (run.folder / "errors.csv").open("w", encoding="utf-8", newline="") as text:
+        out = csv.writer(text, lineterminator="\n")
+        out.writerow(["run", "pose", *joints, "load_N", "truth", "method", *vectors, "error_m"])
+        keys = ("pose", "q_rad", "load_N", "truth", "method", "deflection_m", "error_m")
+        for pose, q, load, truth, method, moved, error in zip(
+            *(first[key].tolist() for key in keys), strict=True
+        ):
+            case = (loads[load] * run.settings.poses + pose, pose, *q, load, truth, method)
+            out.writerow([*case, *moved, *error, math.hypot(*error)])
+
+
+STUDY = Study(
+    name="loaded_stiffness",
+    about="Hang weights on the arm over its whole workspace; compare Eq. (6) and (7) with the truth.",
+    options=Options,
+    settings=settings,
+    seeds=(1, 10_000),
+    row=PoseRow,
+    trials=trials,
+    report=report,
+    printed=("by_load",),
+    figures=figures,
+    write=write,
+    data="errors.csv",
+)
