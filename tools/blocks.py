@@ -6,7 +6,6 @@ A part whose run is not there stays as it was.
 """
 
 import csv
-import importlib
 import json
 import re
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from typing import Any
 from testbench.campaign.model_selection import DEFAULT
 from testbench.errors import InputError
 from testbench.report.report import LISTS, PARTS, Report, read_report
+from testbench.studies import find_study
 from testbench.studies.rivals import SAME
 from testbench.views.gains import share
 from testbench.views.markdown import grid, lines, titled
@@ -56,7 +56,7 @@ def _put(mark: str, new: str, old: str, end: str) -> str:
 def _from(page: Path, runs: Path, mark: re.Match[str]) -> str:
     name = mark[2]
     try:
-        importlib.import_module(f"testbench.studies.{name}.study")
+        find_study(name)
     except ImportError as err:
         raise InputError(page, mark[1].strip(), f"no study {name!r}") from err
     if not (runs / name / "report.json").is_file():

@@ -4,7 +4,6 @@ python tools/pages.py --runs runs/full
 """
 
 import csv
-import importlib
 import json
 import re
 import shutil
@@ -24,6 +23,7 @@ from stamps import Stamp, digest, stamp
 from testbench.errors import BenchError
 from testbench.report.report import Report, read_report
 from testbench.shell import command
+from testbench.studies import find_study
 from testbench.studies.run import headed_figures
 from testbench.trials.spread import Spread
 from testbench.views.figure import save
@@ -40,6 +40,7 @@ STUDIES = (
 BENCH = "bench"  #: Its page is written by hand, around docs/leaderboard/*.csv.
 ROWS = 9  #: Of the one table that a page shows, at most.
 FEWEST, WORDS = 3, 500  #: Rows that it keeps, and words of a page: longer ones have fewer rows.
+HAND = "<!-- by hand -->"  #: What follows on a study's page is not made of a run.
 DEMO = re.compile(r"(<!-- demo -->\n).*?(<!-- end -->)", re.DOTALL)
 
 app = typer.Typer(add_completion=False)
@@ -85,7 +86,15 @@ def page(name: str, run: Path) -> None:
         text = _text(name, asked(name, run), found, rows, links)
         if len(text.split()) <= WORDS:
             break
-    (PAGES / f"{name}.md").write_text(text, encoding="utf-8")
+    kept = PAGES / f"{name}.md"
+    text += by_hand(kept.read_text(encoding="utf-8")) if kept.is_file() else ""
+    kept.write_text(text, encoding="utf-8")
+
+
+def by_hand(page: str) -> str:
+    """What is written by hand on a page: all from its mark on; empty without one."""
+    _, mark, words = page.partition(HAND)
+    return f"\n{mark}{words}" if mark else ""
 
 
 def asked(name: str, run: Path) -> str:
@@ -100,7 +109,7 @@ def asked(name: str, run: Path) -> str:
 def draw(name: str, run: Path) -> None:
     """A study's picture by today's code from the numbers of a run, and in it a digest of its tables."""
     found, png = read_report(run / "report.json"), PAGES / f"{name}.png"
-    figures = headed_figures(importlib.import_module(f"testbench.studies.{name}.study").STUDY, found)
+    figures = headed_figures(find_study(name), found)
     save(figures.get(f"{name}.png") or next(iter(figures.values())), png)
     with tempfile.TemporaryDirectory() as tables:
         for _ in _tables(found, Path(tables) / name):
@@ -115,7 +124,7 @@ def _text(name: str, command: str, found: Report, rows: int, links: list[str]) -
         f"# {titled(name)}",
         f"    {command}",
         found.question,
-        f"**{found.answer}**",
+        f"**{found.answer}**" if found.answer else "",
         f"> {badge}" if badge else "",
         f"![{name}]({name}.png)",
         found.worst,

@@ -23,7 +23,7 @@ from testbench.campaign.campaign import build_cell
 from testbench.errors import InputError
 from testbench.report.report import read_report
 from testbench.shell import command
-from testbench.studies.gravity_calibration.study import STUDY as GRAVITY_CALIBRATION
+from testbench.studies.campaign.presets.gravity_calibration import STUDY as GRAVITY_CALIBRATION
 from testbench.studies.loaded_stiffness.study import STUDY as LOADED_STIFFNESS
 from testbench.studies.single_link import trial
 from testbench.studies.single_link.study import STUDY as SINGLE_LINK

@@ -88,7 +88,7 @@ def _read(run: Finished) -> Report | InputError:
 
 
 def _run(letter: str, run: Finished, own: Report | InputError) -> Row:
-    answer, seeds = "" if isinstance(own, InputError) else as_plain(own.answer), seeds_words(run)
+    answer, seeds = "" if isinstance(own, InputError) else as_plain(own.headline), seeds_words(run)
     folder, made = str(run.folder), run.manifest.command
     return Row(letter=letter, folder=folder, command=made, seeds=seeds, answer=answer)
 

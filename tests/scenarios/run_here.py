@@ -20,7 +20,7 @@ from read_back import document, sound
 from testbench import files
 from testbench.cli.program import program
 from testbench.shell import command
-from testbench.studies import run
+from testbench.studies import find_study, run
 from testbench.views.markdown import as_plain
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -116,7 +116,7 @@ def app_of(script):
 
 def app_of_study(name):
     """The typer app of a study."""
-    return run.app(importlib.import_module(f"testbench.studies.{name}.study").STUDY)
+    return run.app(find_study(name))
 
 
 def quick_study(app, *flags):

@@ -20,7 +20,7 @@ from testbench.cli.program import program
 from testbench.data.read_pairs import read_csv
 from testbench.data.write import write_csv
 from testbench.model.vjm import tool_pose
-from testbench.studies.gravity_calibration.trial import WITH_PRIOR, Settings, calibrate, results
+from testbench.studies.campaign.calibration import WITH_PRIOR, Settings, calibrate, results
 
 APP = app_of_study("gravity_calibration")
 ROWS = 'table[data-table="0"] tbody tr'

@@ -127,7 +127,8 @@ def word_faults(blocks, whole):
     ]
     if len(sentences(blocks["answer"])) > MOST_SENTENCES:
         found.append(f"more than {MOST_SENTENCES} sentences: {blocks['answer']}")
-    found += [f"nothing is said in {name}" for name in ("answer", "worst") if not blocks[name]]
+    if bool(blocks["answer"]) != bool(blocks["worst"]):  # of a campaign the badge is all of the answer
+        found.append("an answer and where it is worst belong together")
     if len(bullets) > MOST_STATEMENTS:
         found.append(f"{len(bullets)} statements")
     lines = [line for line in whole.splitlines() if line.startswith("- ")]
@@ -150,7 +151,8 @@ def check_words(words):
 def check_markdown(text):
     """The same of a report.md: its first bold paragraph is the answer, then come the worst and a list."""
     parts = [part.strip() for part in text.split("\n\n")]
-    first = next(k for k, part in enumerate(parts) if part.startswith("**"))
+    first = next((k for k, part in enumerate(parts) if part.startswith("**")), len(parts))
+    parts += [""] * 3
     names = dict(zip(("answer", "worst", "statements"), [*parts[first : first + 3], "", ""], strict=False))
     blocks = {"answer": names["answer"].strip("*")} | {
         name: names[name] if names[name].startswith("- ") == (name == "statements") else ""

@@ -29,9 +29,9 @@ from testbench.identify.registered import registered
 from testbench.model.structure import Structure, all153
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.disturbance import Disturbances
-from testbench.studies.factorial.trial import reread
-from testbench.studies.model_error.settings import ALL, disturbances
-from testbench.studies.model_error.trial import disturbed
+from testbench.studies.campaign.disturbances import ALL, disturbances
+from testbench.studies.campaign.disturbed import disturbed
+from testbench.studies.campaign.trial import reread
 from testbench.studies.real_ur10.trial import LINKS, SPRINGS, read
 
 HEAVY, SIX_AXES, REAL = "kr500_l480", "arm_6r", "ur10"
