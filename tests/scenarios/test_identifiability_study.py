@@ -12,7 +12,6 @@ from testbench.identify import gco, with_prior
 from testbench.identify.evaluate import deflections
 from testbench.model.structure import mgco68
 
-pytestmark = pytest.mark.study
 APP = app_of_study("identifiability")
 SEEDS = 3
 """One more than have a campaign."""

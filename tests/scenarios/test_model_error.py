@@ -11,7 +11,6 @@ APP = app_of_study("model_error")
 quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", 2)
 
 
-@pytest.mark.study
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "model_error.png")
 
@@ -26,7 +25,6 @@ def test_every_disturbance_is_switched_on_alone_and_all_together():
     assert {len(fields) for fields in on.values()} == {1}
 
 
-@pytest.mark.study
 def test_payload_errors_spoil_the_model_and_not_the_arm(report, rows):
     for case in ("none", "payload mass", "payload centre"):
         assert {row["moved_um"] for row in rows if row["case"] == case and row["part"] == "family"} == {0}
@@ -62,7 +60,6 @@ def test_kinds_beside_the_family_are_disturbed_in_every_way_and_sizes_are_of_the
     assert abs(coupled / once["Joints"].deflection_um - 1) > 1e-3
 
 
-@pytest.mark.study
 def test_intervals_are_judged_where_there_is_noise(rows):
     for row in rows:
         judged = row["cover.covered_percent"] is not None
@@ -71,7 +68,6 @@ def test_intervals_are_judged_where_there_is_noise(rows):
         assert row["deflection_um"] > 1000
 
 
-@pytest.mark.study
 def test_gco_stays_conservative_whatever_the_arm_does(report):
     for c in [*report["cells"]["calm"], *report["cells"]["noisy"]]:
         if c["constraint"] == "psd" or c["structure"] == "Joints":
@@ -79,7 +75,6 @@ def test_gco_stays_conservative_whatever_the_arm_does(report):
             assert c["solved"] == 1
 
 
-@pytest.mark.study
 def test_joints_alone_and_both_methods_with_the_prior_are_judged_in_every_case(report):
     filled = {f"{name} + prior" for name in ("Joints", "MLS56", "MGCO56", "MGCO68", "LS153", "ALL153")}
     plain = {"Joints", "MLS56", "Ridge", "Clipped LS", "MGCO56"}

@@ -6,7 +6,6 @@ import pytest
 from pyarrow import parquet
 from run_here import app_of_study, check_files, here, quick_study
 
-pytestmark = pytest.mark.study
 APP = app_of_study("noise_sensitivity")
 first, *_ = quick_study(APP, "--seed", 6, "--seeds", 1)
 LEVELS = (0.0, 10.0, 25.0, 50.0, 100.0, 200.0)  # um

@@ -5,7 +5,6 @@ from run_here import app_of_study, check_files, quick_study
 
 from testbench.studies.campaign.grids import Settings
 
-pytestmark = pytest.mark.study
 APP = app_of_study("regimes")
 CELLS = {"gravity": 4 * 3 * 2, "full_pose": 4 * 2 * 2}
 """Structures, poses and levels of noise with --quick."""

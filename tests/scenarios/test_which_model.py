@@ -23,7 +23,6 @@ METHODS = 14  # one is the default
 quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", len(SEEDS))
 
 
-@pytest.mark.study
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "which_model.png")
 
@@ -35,7 +34,6 @@ def test_over_as_many_trials_as_priors_every_truth_meets_every_prior_once():
     assert all([truth for truth, _ in pairs(seed)] == list(TRUTHS) for seed in range(6))
 
 
-@pytest.mark.study
 def test_every_method_is_tried_in_every_case(rows):
     assert len(rows) == len(SEEDS) * len(TRUTHS) * len(POSES) * METHODS
     cases = {(r["seed"], r["true_arm"], r["prior_error"]) for r in rows}
@@ -44,7 +42,6 @@ def test_every_method_is_tried_in_every_case(rows):
     assert {r["prior"] for r in rows if r["name"].endswith(" + prior")} == {True}
 
 
-@pytest.mark.study
 def test_the_default_is_what_it_chose_with_its_intervals_and_its_doubts(rows):
     by = {(r["seed"], r["true_arm"], r["poses"], r["name"]): r for r in rows}
     chosen = [r for r in rows if r["name"] == "default"]
@@ -85,7 +82,6 @@ def test_intervals_are_judged_against_the_truth_component_by_component(kr500):
     assert cover(kr500, estimate, moved).covered_percent < 5
 
 
-@pytest.mark.study
 def test_the_wrong_link_is_the_one_that_the_prior_has_wrong(kr500, rows):
     for seed in range(20):
         own, base = (prior_of(kr500, name, seed).C_theta for name in ("link", "scaled"))
