@@ -46,7 +46,7 @@ def logging_two_hundred_poses() -> list[Row]:
         PlaceMap("Error (mm)", 0, groups[0].rigid.positions[:, -1], lines),
         [RunChart("Left (mm)", 1, "pose", groups[1].names, lines)],
     )
-    words, header = Report("recordings", SAID, SAID, SAID, {}, {}, []), Header("recordings", "{}", 1)
+    words, header = Report("recordings", SAID, SAID, {}, {}, [], answer=SAID), Header("recordings", "{}", 1)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "recording.rrd"
         [times] = interleave(REPEATS, lambda: write_run(path, header, words, seen, {}))

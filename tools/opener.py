@@ -32,7 +32,7 @@ from testbench.model.vjm import chain, generalised_load, turns
 from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, origins
 from testbench.shell import command
-from testbench.studies.gravity_calibration import trial
+from testbench.studies.campaign import calibration as trial
 from testbench.views.colours import CHOICE, GREY, LEAST_SQUARES, LOAD, Colour, hexadecimal
 from testbench.views.colours import JOINTS as BLUE
 

@@ -40,6 +40,7 @@ STUDIES = (
 BENCH = "bench"  #: Its page is written by hand, around docs/leaderboard/*.csv.
 ROWS = 9  #: Of the one table that a page shows, at most.
 FEWEST, WORDS = 3, 500  #: Rows that it keeps, and words of a page: longer ones have fewer rows.
+HAND = "<!-- by hand -->"  #: What follows on a study's page is not made of a run.
 DEMO = re.compile(r"(<!-- demo -->\n).*?(<!-- end -->)", re.DOTALL)
 
 app = typer.Typer(add_completion=False)
@@ -85,7 +86,15 @@ def page(name: str, run: Path) -> None:
         text = _text(name, asked(name, run), found, rows, links)
         if len(text.split()) <= WORDS:
             break
-    (PAGES / f"{name}.md").write_text(text, encoding="utf-8")
+    kept = PAGES / f"{name}.md"
+    text += by_hand(kept.read_text(encoding="utf-8")) if kept.is_file() else ""
+    kept.write_text(text, encoding="utf-8")
+
+
+def by_hand(page: str) -> str:
+    """What is written by hand on a page: all from its mark on; empty without one."""
+    _, mark, words = page.partition(HAND)
+    return f"\n{mark}{words}" if mark else ""
 
 
 def asked(name: str, run: Path) -> str:
@@ -115,7 +124,7 @@ def _text(name: str, command: str, found: Report, rows: int, links: list[str]) -
         f"# {titled(name)}",
         f"    {command}",
         found.question,
-        f"**{found.answer}**",
+        f"**{found.answer}**" if found.answer else "",
         f"> {badge}" if badge else "",
         f"![{name}]({name}.png)",
         found.worst,

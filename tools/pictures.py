@@ -123,7 +123,7 @@ def draw(name: str) -> str:
             shot.shot(folder, Path(made) / "shot.png", shot.Sight(tab=own.tab))
             with Image.open(Path(made) / "shot.png") as screen:
                 shrink(screen.convert("RGB"), picture)
-    stamp(picture, Stamp(COMMANDS[own.run], read_report(folder / "report.json").answer))
+    stamp(picture, Stamp(COMMANDS[own.run], read_report(folder / "report.json").headline))
     return f"{picture.relative_to(ROOT)}: {picture.stat().st_size // 1024} KiB"
 
 

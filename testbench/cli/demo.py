@@ -9,8 +9,8 @@ import typer
 from testbench.campaign.own_estimator import EstimatorOptions
 from testbench.campaign.true_arms import TrueArmName
 from testbench.shell.options import Common, takes
-from testbench.studies.gravity_calibration.study import STUDY
-from testbench.studies.gravity_calibration.trial import Options
+from testbench.studies.campaign.calibration import Options
+from testbench.studies.campaign.presets.gravity_calibration import STUDY
 from testbench.studies.run import run
 from testbench.views.terminal import plain_console
 

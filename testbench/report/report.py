@@ -82,10 +82,10 @@ class Report:
     scenario: str
     question: Markdown
     title: Markdown  #: What was measured.
-    answer: Markdown
     numbers: Mapping[str, Any]  #: report.json beside sentences and tables.
     tables: Mapping[str, Table]
     body: Sequence[Markdown | str]  #: The rest of report.md: Markdown, and names of tables.
+    answer: Markdown = field(default=Markdown())  #: Empty where the badge is all of it.
     claims: Sequence[Markdown] = ()  #: What else there is to say, what matters most first.
     worst: Markdown = field(default=Markdown())  #: Where it is worst, empty for none.
     badge: Badge | None = None  #: Who wins; None where nothing is compared.
@@ -100,6 +100,11 @@ class Report:
         if table.bold or not table.columns or not self.badge:
             return table
         return replace(table.led_by(self.badge.winner), bold=self.badge.marked)
+
+    @property
+    def headline(self) -> Markdown:
+        """Answer the question in a line: the answer, or the badge where there is no other."""
+        return self.answer or self.block("badge")
 
     @property
     def winner(self) -> str:
@@ -130,7 +135,11 @@ class Report:
 
     def whole(self) -> str:
         """report.md."""
-        head = [f"# {titled(self.scenario)}", self.title, f"**{self.answer}**"]
+        head = [
+            f"# {titled(self.scenario)}",
+            self.title,
+            Markdown(f"**{self.answer}**" if self.answer else ""),
+        ]
         badge = Markdown(f"> {self.block('badge')}" if self.badge else "")
         parts = [*head[:2], badge, *head[2:], self.worst, self.block("statements"), self._rest()]
         return "\n\n".join(filter(None, parts)) + "\n"

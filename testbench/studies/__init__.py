@@ -10,7 +10,7 @@ from testbench.shell.surroundings import undisturbed
 if TYPE_CHECKING:
     from testbench.studies.study import AnyStudy
 
-PRESETS: Mapping[str, str] = {
+HOMES: Mapping[str, str] = {
     "single_link": "paper.single_link",
     "six_dof_arm": "paper.six_dof_arm",
     "solver_comparison": "paper.solver_comparison",
@@ -18,8 +18,10 @@ PRESETS: Mapping[str, str] = {
     "absolute_calibration": "absolute.simulated",
     "real_ur10": "absolute.real",
     "pose_selection": "planning.study",
+    "compensation": "compensation.study",
+    "bench": "bench.study",
 }
-"""Modules of studies by the names of their scenarios, where it is not `NAME.study`."""
+"""Modules of studies by the names of their scenarios; all others are presets of a campaign."""
 
 
 def find_study(name: str) -> "AnyStudy":
@@ -31,7 +33,8 @@ def find_study(name: str) -> "AnyStudy":
     Raises:
         ImportError: When there is none.
     """
-    study: AnyStudy = import_module(f"testbench.studies.{PRESETS.get(name, f'{name}.study')}").STUDY
+    home = HOMES.get(name, f"campaign.presets.{name}")
+    study: AnyStudy = import_module(f"testbench.studies.{home}").STUDY
     return study
 
 

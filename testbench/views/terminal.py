@@ -131,7 +131,8 @@ def print_answer(console: Console, words: Told) -> None:
         console.print(
             badge, style=next((own for k, own in BADGES.items() if badge.startswith(k)), "bold yellow")
         )
-    console.print(as_plain(words.block("answer")), style="bold")
+    if words.block("answer"):
+        console.print(as_plain(words.block("answer")), style="bold")
     if words.block("worst"):
         console.print(as_plain(words.block("worst")))
 

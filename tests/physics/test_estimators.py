@@ -28,12 +28,12 @@ from testbench.identify.prior import cad_prior
 from testbench.identify.regression import f_m
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
+from testbench.studies.campaign import compared as fits
+from testbench.studies.campaign.grids import Clean, Grid, expected
+from testbench.studies.campaign.trial import reread
 from testbench.studies.estimators.shrunk import RIDGES, clipped, ridge
-from testbench.studies.factorial.trial import reread
 from testbench.studies.paper import factorised
 from testbench.studies.paper.search import BOX, Budget, explore, trial_points
-from testbench.studies.regimes import fits
-from testbench.studies.regimes.trial import Clean, Grid, expected
 
 SECTION_5_2 = FullPose(arm="arm_6r", least=9e-3, most=41e-3, check_runs=10)
 

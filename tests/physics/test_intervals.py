@@ -37,9 +37,9 @@ from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.gear import GearErrors
 from testbench.studies.absolute.beside import true_state
 from testbench.studies.absolute.simulated import check
+from testbench.studies.campaign.coverage import draw_conservative
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.estimators.bounds import bounds, fit_set
-from testbench.studies.identifiability.coverage import draw_conservative
 
 LEVEL, DRAWS = 1e-6, 300  #: Of false alarms; truths drawn.
 Z = norm.ppf(0.975)  #: Half of an interval of 95 % over a standard deviation.

@@ -30,7 +30,7 @@ from testbench.model.weights import read_weights
 from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import settle, settle_pair
-from testbench.studies.model_error.trial import disturbed
+from testbench.studies.campaign.disturbed import disturbed
 
 SCENARIO = Scenario(
     arm="kr500_l480", truth="linear", noise=False, identification_poses=8, identification_runs=16

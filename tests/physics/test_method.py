@@ -36,7 +36,7 @@ from testbench.identify.solve import answer, solve
 from testbench.identify.weighed import one_by_one
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import tool_pose
-from testbench.studies.noise_sensitivity.spoiled import spoil
+from testbench.studies.campaign.instruments import spoil
 
 HALF = Strength(0.5)
 

@@ -39,7 +39,8 @@ def table_of(seeds, rows):
         return Trials.read(path)
 
 
-AT = Places((1, 2), (0.1, 0.2), ("[1] deg", "[2] deg"), (1.2, 0.5), (-0.35, 0.0), (2.0, 1.0), (4.0, 5.0))
+JOINTS = ("[1.0, 2.0] deg", "[3.0, 4.0] deg")
+AT = Places((1, 2), (0.1, 0.2), JOINTS, (1.2, 0.5), (-0.35, 0.0), (2.0, 1.0), (4.0, 5.0))
 """Two poses of a workspace."""
 
 

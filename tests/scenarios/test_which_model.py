@@ -12,8 +12,8 @@ from testbench.campaign.model_selection import choose
 from testbench.campaign.perturbed_prior import PRIORS, prior_of, wrong_link
 from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.identify.prior import cad_prior
-from testbench.studies.factorial.trial import cover, covers
-from testbench.studies.which_model.trial import POSES, RUNS, Settings, pairs, read, scenario
+from testbench.studies.campaign.family import POSES, RUNS, Settings, pairs, read, scenario
+from testbench.studies.campaign.trial import cover, covers
 
 LINKS = [f"link_{k}" for k in range(7)]
 JOINTS = [f"joint_{k}" for k in range(1, 7)]

@@ -11,7 +11,7 @@ from run_here import here
 from testbench.errors import BenchError
 from testbench.shell.options import Common
 from testbench.shell.trials import choose_backend
-from testbench.studies.gravity_calibration.study import STUDY
+from testbench.studies.campaign.presets.gravity_calibration import STUDY
 from testbench.studies.run import app
 from testbench.trials.cluster import check_address, on_cluster
 from testbench.trials.cores import on_cores

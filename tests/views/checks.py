@@ -149,7 +149,8 @@ def check_words(words):
 def check_markdown(text):
     """The same of a report.md: its first bold paragraph is the answer, then come the worst and a list."""
     parts = [part.strip() for part in text.split("\n\n")]
-    first = next(k for k, part in enumerate(parts) if part.startswith("**"))
+    first = next((k for k, part in enumerate(parts) if part.startswith("**")), len(parts))
+    parts += [""] * 3
     names = dict(zip(("answer", "worst", "statements"), [*parts[first : first + 3], "", ""], strict=False))
     blocks = {"answer": names["answer"].strip("*")} | {
         name: names[name]

@@ -7,7 +7,7 @@ import pytest
 
 from testbench.campaign.models import MODELS, named_models
 from testbench.model.structure import all153, template56
-from testbench.studies.identifiability.trial import FILLERS, GCO, LS
+from testbench.studies.campaign.priors import FILLERS, GCO, LS
 from testbench.views import colours
 from testbench.views.colours import CHOICE, SCALE, SERIES, look
 from testbench.views.recording import run

@@ -67,7 +67,7 @@ def test_commands_say_today_what_their_pictures_say(tmp_path):
     """Of every picture of a command, that of the same run alike."""
     pictures.make(tmp_path, list(pictures.COMMANDS))
     for name, picture in pictures.PICTURES.items():
-        then, now = read_stamp(file_of(name)), read_report(tmp_path / picture.run / "report.json").answer
+        then, now = read_stamp(file_of(name)), read_report(tmp_path / picture.run / "report.json").headline
         assert then.command == pictures.COMMANDS[picture.run]
         assert NUMBER.sub("#", then.numbers) == NUMBER.sub("#", now), name
         for old, new in zip(NUMBER.findall(then.numbers), NUMBER.findall(now), strict=True):

@@ -15,7 +15,7 @@ from testbench.studies.bench import scores, trial
 from testbench.studies.bench.entries import DEFAULT, JOINTS
 from testbench.studies.bench.tasks import REAL, TASKS
 from testbench.studies.bench.trial import EntryRow, Settings
-from testbench.studies.factorial import compare
+from testbench.studies.campaign.report import dataset
 from testbench.studies.headline import READ, headline
 from testbench.studies.study import Study
 from testbench.trials.spread import ENOUGH
@@ -41,7 +41,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         seed=seeds_of(seeds),
         trials=len(seeds),
         tasks=[Row(task=name, **vars(TASKS[name])) for name in asked.tasks],
-        dataset=compare.dataset(trials),
+        dataset=dataset(trials),
         board=boards,
         scores=[
             Row(row, task=name, given=CLASSES[prior])

@@ -30,9 +30,9 @@ from testbench.model.structure import Structure, all153
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.disturbance import Disturbances
 from testbench.studies.absolute.real import LINKS, SPRINGS, read
-from testbench.studies.factorial.trial import reread
-from testbench.studies.model_error.settings import ALL, disturbances
-from testbench.studies.model_error.trial import disturbed
+from testbench.studies.campaign.disturbances import ALL, disturbances
+from testbench.studies.campaign.disturbed import disturbed
+from testbench.studies.campaign.trial import reread
 
 HEAVY, SIX_AXES, REAL = "kr500_l480", "arm_6r", "ur10"
 JUDGED = 100  #: Poses of a weight's deflections that judge, never measured.

@@ -26,7 +26,7 @@ from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.identify.prior import Prior
 from testbench.studies.bench.entries import DEFAULT, read_entries
 from testbench.studies.bench.tasks import TASKS, Problem, observation_of, problem
-from testbench.studies.factorial.trial import LEARNS, Cover, cover, covers
+from testbench.studies.campaign.trial import LEARNS, Cover, cover, covers
 from testbench.trials.spread import Number, Share
 
 DONE, SKIPPED = "done", "skipped: "

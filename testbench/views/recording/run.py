@@ -154,8 +154,8 @@ def summary(words: Told) -> str:
     """What a recording says first."""
     badge = words.block("badge")
     head = [f"## **{badge}**" if badge else "", f"### {words.block('question')}"]
-    head = [*filter(None, head), f"#### **{words.block('answer')}**"]
-    return "\n\n".join([*head, *filter(None, map(words.block, ("worst", "statements")))])
+    head += [f"#### **{words.block('answer')}**" if words.block("answer") else ""]
+    return "\n\n".join(filter(None, [*head, *map(words.block, ("worst", "statements"))]))
 
 
 def _tables(words: Told, seen: Seen) -> str:

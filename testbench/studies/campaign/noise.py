@@ -7,11 +7,10 @@ poses read by laser trackers near and far, weighted or not, all identified by on
 by also by the model that `identify` takes.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
@@ -23,11 +22,10 @@ from testbench.campaign.own_estimator import Models
 from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.campaign.rows import UM
-from testbench.campaign.tracker import TYPICAL, LaserTracker, precision, read_positions
 from testbench.campaign.true_arms import FAMILY, member, true_cell
-from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
-from testbench.studies.factorial.trial import (
+from testbench.studies.campaign.instruments import UNWEIGHTED, WEIGHTED, readings
+from testbench.studies.campaign.trial import (
     Case,
     FitRow,
     each_seed,
@@ -36,7 +34,6 @@ from testbench.studies.factorial.trial import (
     reread,
     with_wrong_priors,
 )
-from testbench.studies.noise_sensitivity.spoiled import Drift, drifted, spoil
 
 LIGHT, HEAVY = "arm_6r", "kr500_l480"
 SIX_DOF = (JOINTS, "MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")
@@ -47,13 +44,7 @@ SIX_DOF_PRIOR, GRAVITY_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO69"), (JOINTS, "
 INSTRUMENT = "MGCO56 + prior"  #: Instruments are compared by this model alone.
 MOST_UM = 10_000.0  #: Largest noise that an instrument can have [um].
 FLAT_SIGMA = 50e-6  #: Noise of the instrument that reads all axes alike, wherever it stands [m].
-FLAT, WEIGHTED, UNWEIGHTED = "flat 50 um", "weighted", "flat weights"
 NEAR = 4.0  #: Distance at which instruments are compared [m].
-CENTRE = (2.2, 0.0, 1.6)  #: Middle of the work area, section 6 [m].
-LOST, MISREAD, BY = 0.1, 0.05, 1e-3
-"""Share of targets that are lost, share that are misread, and by how much [m]."""
-DRIFT = Drift(shift=20e-6, turn=5e-6)
-"""Drift of the frame between the two readings of a run: 20 um and 5 urad (20 um at 4 m) [assumed]."""
 
 
 @dataclass(frozen=True)
@@ -162,49 +153,3 @@ def _instruments(
     ]
     for name, cases in ((INSTRUMENT, read), (DEFAULT, weights)):
         yield from judged(cell, cases, fitted(cell, [models[name]], cases))
-
-
-def readings(
-    clean: Dataset, flat: Dataset, distances: Sequence[float], seed: int
-) -> Iterator[tuple[str, float, Dataset]]:
-    """Name of the instrument, its distance from the work area [m], its readings; the flat one is nowhere.
-
-    `clean` readings are without noise, `flat` ones have noise alike along all axes.
-    """
-    yield FLAT, 0.0, flat
-    for distance in distances:
-        tracker = LaserTracker((CENTRE[0], CENTRE[1] - distance, CENTRE[2]))
-        plain = by_laser(clean, tracker, seed)
-        yield WEIGHTED, distance, plain
-        yield UNWEIGHTED, distance, unweighted(plain)
-        yield "weighted, maximum errors", distance, by_laser(clean, replace(tracker, share=1.0), seed)
-        averaged = by_laser(clean, replace(tracker, share=TYPICAL / np.sqrt(3)), seed)
-        yield "weighted, 3 readings averaged", distance, averaged
-        yield "weighted, frame drifts", distance, by_laser(clean, tracker, seed, DRIFT)
-        yield f"weighted, {100 * LOST:.0f} % of targets lost", distance, _lose(plain, seed)
-        misread, _ = spoil(plain, MISREAD, BY, stream(seed, 6))
-        yield f"weighted, {100 * MISREAD:.0f} % misread by {1e3 * BY:g} mm", distance, misread
-
-
-def by_laser(clean: Dataset, tracker: LaserTracker, seed: int, drift: Drift | None = None) -> Dataset:
-    """A noise-free dataset read by a laser tracker, weighted by what it knows of itself: not of its drift."""
-    rng = stream(seed, 1)
-    before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
-    if drift is not None:
-        after = drifted(after, drift, tracker.station, stream(seed, 2))
-    return replace(clean, before=before, after=after, precision=precision(tracker, before, after))
-
-
-def unweighted(data: Dataset) -> Dataset:
-    """The same readings weighted alike along every axis, by the sigma that they have in the mean."""
-    assert data.precision is not None
-    covariance = np.linalg.inv(data.precision)  # of the difference of two readings
-    variance = np.trace(covariance, axis1=2, axis2=3).mean() / 6  # three axes, two readings
-    return replace(data, sigma=float(np.sqrt(variance)), precision=None)
-
-
-def _lose(data: Dataset, seed: int) -> Dataset:
-    """The same without some of its targets."""
-    assert data.precision is not None
-    gone = stream(seed, 3).random((data.runs, len(data.markers))) < LOST
-    return replace(data, precision=np.where(gone[..., None, None], 0.0, data.precision))

@@ -31,6 +31,9 @@ from testbench.identify.metric import metric, rescaled
 from testbench.identify.prior import Prior
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
+from testbench.studies.campaign import coverage
+from testbench.studies.campaign.coverage import Covered
+from testbench.studies.campaign.trial import Case, FitRow, each_seed, fitted, judged
 from testbench.studies.estimators.stein import (
     choose_strength,
     every_fold,
@@ -38,9 +41,6 @@ from testbench.studies.estimators.stein import (
     gco_stein,
     stein_parameters,
 )
-from testbench.studies.factorial.trial import Case, FitRow, each_seed, fitted, judged
-from testbench.studies.identifiability import coverage
-from testbench.studies.identifiability.coverage import Covered
 from testbench.studies.rivals import plain_models
 from testbench.trials.spread import Number
 

@@ -15,20 +15,19 @@ SIZES = 0.5, 2.0  #: Of all disturbances, over those of the cases [1].
 QUICK_WORKSPACE = 20
 NONE, ALL = "none", "all together"
 PLAIN_COMPENSATOR, STIFF = "gravity compensator", "stiff compensator"
-SPRING = "A spring ties link 2 to 1, {rate:g} kN/m as joint 2 turns, {stiffness:g} kN/m as the arm deflects."
-SWITCHES: Mapping[str, tuple[str, float, str]] = {
-    "own weight": ("own_weight", 1.0, "The links weigh."),
-    PLAIN_COMPENSATOR: ("compensator", 1e-3, SPRING),
-    "nominal geometry": ("geometry", 1e3, "Frames are off by {position:g} mm and {angle:g} mrad."),
-    "joint sensors": ("sensor_offset", 1e3, "Joint sensors are off by {size:g} mrad."),
-    "payload mass": ("mass_error", 100.0, "The payload is {size:g} % heavier than recorded."),
-    "payload centre": ("centre_error", 1e3, "The hanging point is off by {size:g} mm."),
-    "stiffening joints": ("stiffening", 100.0, "Joints are {size:g} % stiffer a mrad of turn."),
-    "backlash": ("backlash", 1e6, "Joints have {size:g} urad of play to either side."),
-    "hysteresis": ("hysteresis", 1e6, "Joints have {size:g} urad of hysteresis to either side."),
-    "soft foundation": ("foundation", 1.0, "The foundation bends, {size:g} times as much as assumed."),
+SWITCHES: Mapping[str, str] = {
+    "own weight": "own_weight",
+    PLAIN_COMPENSATOR: "compensator",
+    "nominal geometry": "geometry",
+    "joint sensors": "sensor_offset",
+    "payload mass": "mass_error",
+    "payload centre": "centre_error",
+    "stiffening joints": "stiffening",
+    "backlash": "backlash",
+    "hysteresis": "hysteresis",
+    "soft foundation": "foundation",
 }
-"""The field of Disturbances that each case switches on, and what it does, in so many times SI units."""
+"""The field of Disturbances that each case switches on; their sizes are in docs/studies/model_error.md."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbanc
         geometry = replace(geometry, position=scale * geometry.position, angle=scale * geometry.angle)
     sizes = {field: scale * size for field, size in vars(TYPICAL).items() if type(size) is float}
     fields = {**vars(TYPICAL), **sizes, "geometry": geometry}
-    values = {name: {field: fields[field]} for name in only or SWITCHES for field in SWITCHES[name][:1]}
+    values = {name: {SWITCHES[name]: fields[SWITCHES[name]]} for name in only or SWITCHES}
     alone = {name: Disturbances(**value) for name, value in values.items()}
     stiff = {} if only else {STIFF: Disturbances(compensator=STIFF_COMPENSATOR)}
     together = {field: size for value in values.values() for field, size in value.items()}

@@ -21,7 +21,8 @@ from testbench.data.dataset import Dataset
 from testbench.plant.disturbance import Disturbances
 from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import settle_pair
-from testbench.studies.factorial.trial import (
+from testbench.studies.campaign.disturbances import ALL, Settings, disturbances
+from testbench.studies.campaign.trial import (
     Case,
     Cover,
     FitRow,
@@ -32,7 +33,6 @@ from testbench.studies.factorial.trial import (
     reread,
     with_wrong_priors,
 )
-from testbench.studies.model_error.settings import ALL, Settings, disturbances
 
 MODELS, ONLY_WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68"), "MGCO68"
 """All are fitted with a prior too."""

@@ -28,8 +28,8 @@ from testbench.identify.regression import RANK_TOLERANCE, Regression
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
-from testbench.studies.factorial.trial import Case, FitRow, Fits, each_seed, fitted, judged, reread
-from testbench.studies.regimes.fits import Compared, with_prior, without_prior
+from testbench.studies.campaign.compared import Compared, with_prior, without_prior
+from testbench.studies.campaign.trial import Case, FitRow, Fits, each_seed, fitted, judged, reread
 
 Kind = Literal["gravity", "full_pose"]
 """A weight and three markers (section 6), or wrenches along all axes and the tool's full pose (5.2)."""

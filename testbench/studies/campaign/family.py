@@ -26,7 +26,7 @@ from testbench.identify.evaluate import all_deflections
 from testbench.identify.hierarchy import KIND, contradicted, unchecked
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
-from testbench.studies.factorial.trial import (
+from testbench.studies.campaign.trial import (
     Case,
     Cover,
     FitRow,

@@ -1,0 +1,141 @@
+"""Section 6 in simulation: a heavy arm under a hung weight, three markers, LS against GCO."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from testbench.arm.folder import find_arm
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.evaluation import CampaignRow
+from testbench.campaign.model_selection import DEFAULT
+from testbench.campaign.models import JOINTS
+from testbench.campaign.true_arms import member, true_cell
+from testbench.campaign.workspace_errors import ErrorPlaces
+from testbench.report import campaigns
+from testbench.report.badge import drawn
+from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, distinct
+from testbench.report.columns import columns
+from testbench.report.report import Report
+from testbench.report.table import Row, Trials, merged
+from testbench.studies.calibration_scene import calibration_scene, write_runs
+from testbench.studies.campaign import calibration
+from testbench.studies.campaign.calibration import Options, Settings
+from testbench.studies.campaign.report import PAIRS, Grid, Preset, Where
+from testbench.studies.paper import SECTION_6
+from testbench.studies.rivals import IN_PAPER
+from testbench.studies.study import Run
+from testbench.views.figure import Figure, forest
+from testbench.views.scene import Seen
+from testbench.views.schema import Table
+
+PAPERS_ARM = "kr500_l480"
+PAPER = SECTION_6 | {f"{name}{IN_PAPER}": cells for name, cells in SECTION_6.items()}
+PANES = {
+    TRUE: "whole workspace, against the truth",
+    "check_true.rms_mm": "check poses, against the truth",
+    "check.rms_mm": "check poses, against readings",
+}
+"""Columns that are drawn, where it matters first."""
+SHORT = f"name parameters rank conservative check.rms_mm {TRUE}"
+MODELS = (
+    "name parameters rank conservative status f_m f_m_floor identification.rms_mm check.rms_mm "
+    f"check_true.rms_mm check.max_mm check.max_relative_percent {TRUE}"
+)
+WORST = "name place_error_mm x_m y_m z_m joints"
+
+
+def tables(asked: Settings) -> Mapping[str, Grid]:
+    """Every model, those that differ in short, and by true arm."""
+    whole = _models(PAPER if asked.scenario.arm == PAPERS_ARM else {})
+    return {
+        "short": Grid("", columns=SHORT, rows=lambda trials: distinct(_models({})(trials))),
+        "models": Grid("", columns=MODELS, rows=whole),
+        "by_arm": Grid(
+            "RMS error over the workspace by true arm, mm",
+            across="true_arm",
+            value=TRUE,
+            rows=lambda trials: campaigns.by_arm(trials, TRUE),
+        ),
+    }
+
+
+def _models(paper: Mapping[str, Mapping[str, float]]) -> Callable[[Trials], Sequence[Row]]:
+    """Make rows of all that is known of a model, with the paper's numbers."""
+
+    def rows(trials: Trials) -> list[Row]:
+        every = merged(trials.drop(*NOT_OF_A_MODEL), "name")
+        return [Row(model, paper=paper.get(model.name)) for model in every]
+
+    return rows
+
+
+def cells(_: Settings, __: Trials) -> Mapping[str, Where]:
+    """All trials are of one cell."""
+    return {"": {}}
+
+
+def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+    """Report as every campaign does; beside it what was measured, and where models are worst."""
+    found, scenario = PRESET.report(asked, seeds, trials), asked.scenario
+    models = distinct(found.numbers["models"])
+    best = campaigns.best(models, "none", prior=False)
+    compared = drawn(found.badge, trials["name"], *campaigns.own(models), best)
+    errors = campaigns.error_map(trials.where(name={m.name for m in models}), compared)
+    measured = {"payload_kg": scenario.mass, "truth": scenario.truth, "noise": scenario.noise}
+    numbers = Row(
+        found.numbers,
+        seed=campaigns.seeds_of(seeds),
+        arm=scenario.arm,
+        **measured,
+        dataset=campaigns.dataset(trials),
+        map=errors,
+    )
+    worst = Table(columns(WORST), list(_worst(errors)), "Where models err most, first trial")
+    body = [*(name for name in found.body if name != "short"), "worst"]
+    return replace(found, numbers=numbers, tables={**found.tables, "worst": worst}, body=body)
+
+
+def _worst(errors: ErrorPlaces) -> Iterator[Row]:
+    """Rows of the worst place of every model of the map."""
+    for name in errors.compared:
+        at = errors.worst[name]
+        x, y, z = at.position_m
+        yield Row(name=name, place_error_mm=at.error_mm, x_m=x, y_m=y, z_m=z, joints=at.joints)
+
+
+def figures(found: Report) -> Mapping[str, Figure]:
+    """Draw errors of every model."""
+    whole, there = found.tables["models"], {m.name for m in distinct(Row(found.numbers).models)}
+    table = replace(whole, rows=[row for row in whole.rows if whole.columns[0].cell(row) in there])
+    keys = dict(zip(MODELS.split(), (column.key for column in table.columns), strict=True))
+    panes = {keys[key]: title for key, title in PANES.items()}
+    reading = "RMS errors. Filled: prior; dotted: joint stiffness only; grey diamonds: the paper."
+    return {"models.png": forest(table, panes, found.question, reading, JOINTS)}
+
+
+def write(run: Run[Settings]) -> Seen:
+    """Write dataset.csv of the first seed; what the page draws."""
+    asked, seed = run.settings, run.seeds[0]
+    cell = build_cell(find_arm(asked.arm))
+    write_runs(run, cell)
+    true = true_cell(cell, member(asked.true_arm, seed), seed)
+    return calibration_scene(run, true, asked.scenario, asked.scenario.identification_poses)
+
+
+PRESET = Preset(
+    name="gravity_calibration",
+    question="Which stiffness model predicts best how an arm sags under a hung weight?",
+    how="Runs in 11 poses, three markers; 8 poses identify, 3 check; judged over the workspace.",
+    options=Options,
+    settings=calibration.settings,
+    seeds=(1, 10_000),
+    row=CampaignRow,
+    trials=calibration.trials,
+    tables=tables,
+    printed="short",
+    cells=cells,
+    listed="models",
+    value=TRUE,
+    pairs=(*PAIRS, ("MGCO68", JOINTS), (DEFAULT, "MGCO68 + prior")),
+    figures=figures,
+)
+STUDY = replace(PRESET.study(), report=report, write=write, size=4)

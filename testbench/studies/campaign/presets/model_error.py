@@ -1,0 +1,154 @@
+"""What disturbances cost a model that does not know them, beside the noise, and who bears them best."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import ceil
+
+import numpy as np
+
+from testbench.campaign.model_selection import DEFAULT, FILLED
+from testbench.campaign.models import JOINTS
+from testbench.campaign.rows import UM
+from testbench.campaign.true_arms import CALLED, HELD_OUT
+from testbench.report.report import Report
+from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged, number
+from testbench.studies.campaign import disturbances, disturbed
+from testbench.studies.campaign.disturbances import ALL, NONE, PLAIN_COMPENSATOR, STIFF, Options, Settings
+from testbench.studies.campaign.disturbed import BESIDE_IT, IN_FAMILY, DisturbedRow
+from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, lines
+from testbench.trials.spread import middle, wins
+from testbench.views.figure import Figure, ranges
+
+CLAIM_PERCENT = 4.8
+"""Largest difference that the paper quotes of errors with and without a gravity compensator."""
+RIVALS = {"Joints_um": JOINTS, "same_prior_um": f"MLS56{FILLED}"}
+KINDS = (
+    "kind default_um Joints_um same_prior_um covered_percent worst_tenth_percent beats_joints "
+    "beats_same_prior removed_percent trials"
+)
+CLAIM = "case name true_change_percent true_within read_change_percent read_within"
+
+
+def tables(asked: Settings) -> Mapping[str, Grid]:
+    """The default by kind of arm; errors by disturbance and model; what each adds; the paper's claim."""
+    noise, family = UM * asked.sigma, {"part": IN_FAMILY}
+    shown = Grid("", down="case", across="name", by="sigma_um")
+    return {
+        "kinds": Grid(
+            f"All disturbances unless told, noise of {noise:g} um: median RMS errors",
+            columns=KINDS,
+            where={"sigma_um": noise},
+            rows=kinds,
+        ),
+        "noisy": replace(
+            shown,
+            title=f"RMS error, um, with noise of {noise:g} um",
+            where=family | {"sigma_um": noise},
+        ),
+        "calm": replace(shown, title="RMS error, um, without noise", where=family | {"sigma_um": 0.0}),
+        "ranking": Grid(
+            f"{DEFAULT}, without noise",
+            columns="case moved_um added_um",
+            where=family | {"sigma_um": 0.0, "name": DEFAULT},
+            rows=ranking,
+        ),
+        "claim": Grid(
+            "Errors with the compensator over those without, less 100 %",
+            columns=CLAIM,
+            where=family | {"sigma_um": noise, "case": {PLAIN_COMPENSATOR, STIFF}},
+            rows=lambda held: merged(held.keep(*CLAIM.split()), "case", "name"),
+        ),
+    }
+
+
+def derived(_: Settings, trials: Trials) -> Trials:
+    """Add what a case adds to the error of the same trial without disturbance, and by how much it changes it.
+
+    Against readings the noise of two readings of three axes stands in quadrature in both errors.
+    """
+    member = trials["part"] == IN_FAMILY
+    own, none = trials.pick(member), np.full(len(trials), np.nan)
+    none[member] = matched(own, own.where(case=NONE), ERROR, ("name", "sigma_um", TRIAL))
+    noise = 6 * trials["sigma_um"] ** 2
+    true = 100 * (trials[ERROR] / none - 1)
+    read = 100 * (np.sqrt(trials[ERROR] ** 2 + noise) / np.sqrt(none**2 + noise) - 1)
+    return trials.add(
+        added_um=trials[ERROR] - none,
+        true_change_percent=true,
+        true_within=np.abs(true) <= CLAIM_PERCENT,
+        read_change_percent=read,
+        read_within=np.abs(read) <= CLAIM_PERCENT,
+    )
+
+
+def ranking(alone: Trials) -> Sequence[Row]:
+    """Rank what each disturbance does to the default, the costliest first; last what is no disturbance."""
+    rows = merged(alone.keep("case", "moved_um", "added_um"), "case")
+    return sorted((row for row in rows if row.case not in (NONE, ALL)), key=lambda r: -middle(r.added_um))
+
+
+def kinds(noisy: Trials) -> list[Row]:
+    """Rows of the whole family, each kind held out, other sizes, each kind of the family, and other cases."""
+    family = noisy.where(part=IN_FAMILY, case=ALL)
+    beside, own = noisy.where(part=BESIDE_IT), family.values("true_arm")
+    other = beside.pick(beside["size"] != 1)
+    parts = {"the family": family}
+    parts |= {CALLED[arm]: beside.where(true_arm=arm, size=1.0) for arm in HELD_OUT}
+    parts |= {f"disturbances times {size:g}": other.where(size=size) for size in other.values("size")}
+    parts |= {CALLED[arm]: family.where(true_arm=arm) for arm in own if len(own) > 1}
+    parts["undisturbed family"] = noisy.where(part=IN_FAMILY, case=NONE)
+    parts[f"{STIFF} alone"] = noisy.where(part=IN_FAMILY, case=STIFF)
+    return [_of_kind(kind, part) for kind, part in parts.items() if len(part)]
+
+
+def _of_kind(kind: str, part: Trials) -> Row:
+    """What the default does on arms of one kind, beside its rivals on the same ones."""
+    default = part.where(name=DEFAULT)
+    ours, joints, same = aligned(part, (DEFAULT, *RIVALS.values()), ERROR).T
+    covered, n = default["cover.covered_percent"], len(default)
+    return Row(
+        kind=kind,
+        trials=n,
+        default_um=number(ours),
+        Joints_um=number(joints),
+        same_prior_um=number(same),
+        beats_joints=wins(ours, joints) / n,
+        beats_same_prior=wins(ours, same) / n,
+        covered_percent=float(covered.mean()),  # every arm has as many components
+        worst_tenth_percent=float(np.sort(covered)[: ceil(n / 10)].mean()),
+        removed_percent=number(100 * (1 - default[ERROR] / default["deflection_um"])),
+    )
+
+
+def cells(asked: Settings, _: Trials) -> Mapping[str, Where]:
+    """All disturbances together, then none, with noise."""
+    return {case: {"part": IN_FAMILY, "case": case, "sigma_um": UM * asked.sigma} for case in (ALL, NONE)}
+
+
+def figures(found: Report) -> Mapping[str, Figure]:
+    """Draw errors of every model by disturbance, without noise and with it."""
+    panes = {
+        found.tables[name].title: lines(found, name, "case name", lambda r: r.name != f"{JOINTS}{FILLED}")
+        for name in ("calm", "noisy")
+    }
+    reading = "RMS errors over the workspace. Dots: medians; lines: their spread. Filled: with a prior."
+    return {"model_error.png": ranges(panes, found.question, reading)}
+
+
+PRESET = Preset(
+    name="model_error",
+    question="What do disturbances cost that the model does not know?",
+    how="An arm in the poses and under the weight of section 6, judged in poses never measured, without "
+    "noise and with it.",
+    options=Options,
+    settings=disturbances.settings,
+    seeds=(100, 2),
+    row=DisturbedRow,
+    trials=disturbed.trials,
+    tables=tables,
+    printed="noisy",
+    cells=cells,
+    derived=derived,
+    figures=figures,
+)
+STUDY = replace(PRESET.study(), size=2)

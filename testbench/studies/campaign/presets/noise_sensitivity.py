@@ -1,0 +1,116 @@
+"""What noise costs, by method and structure, and what better instruments are worth."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.arm.folder import find_arm
+from testbench.campaign.model_selection import DEFAULT
+from testbench.campaign.models import EQUAL_FIT, JOINTS
+from testbench.report.report import Report
+from testbench.report.table import TRIAL, Row, Trials, matched
+from testbench.studies.campaign import noise
+from testbench.studies.campaign.instruments import UNWEIGHTED, WEIGHTED
+from testbench.studies.campaign.noise import HEAVY, INSTRUMENT, LIGHT, Options, Settings
+from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, duels, lines
+from testbench.studies.campaign.trial import FitRow
+from testbench.studies.rivals import SAME
+from testbench.views.figure import Figure, sweeps
+
+GRAVITY, SIX_DOF = "KR 500, 8 poses", "108 runs of section 5.2"
+TRACKER_UM = {"gravity": 50.0, "six_dof": 25.0}  #: Noise of the paper's trackers, sections 6 and 5.2.
+HIDDEN = {
+    *("MLS32", EQUAL_FIT, "Clipped LS", "MGCO47", "MGCO68", "MGCO69", "MGCO147", SAME),
+    *("Joints + prior", "MGCO56 + prior", "MGCO68 + prior", "MGCO69 + prior"),
+}
+"""Models without a line in the figure, where more would cover one another."""
+
+
+def tables(_: Settings) -> Mapping[str, Grid]:
+    """Errors by model and noise, with what a um of it costs; instruments by distance, weighted or not."""
+    by_noise = Grid("", across="sigma_um", columns="um_per_um")
+    read = {"part": "instrument"}
+    return {
+        "gravity": replace(
+            by_noise, title=f"{GRAVITY}: RMS error, um, by noise of a reading", where={"part": "gravity"}
+        ),
+        "six_dof": replace(
+            by_noise, title=f"{SIX_DOF}: RMS error, um, by noise of a reading", where={"part": "six_dof"}
+        ),
+        "instruments": Grid(
+            f"KR 500, {INSTRUMENT}: RMS error, um, by distance of the instrument",
+            down="instrument",
+            across="distance_m",
+            where=read | {"name": INSTRUMENT},
+        ),
+        "weights": Grid(
+            "Full covariances beside flat weights, in the same readings",
+            columns="name distance_m truth error_ratio won",
+            where=read,
+            rows=_weighted,
+        ),
+    }
+
+
+def _weighted(read: Trials) -> list[Row]:
+    """What full covariances of a laser tracker are worth beside flat weights, by model and truth."""
+    found = []
+    for (name, truth, distance), own in read.groups("name", "truth", "distance_m"):
+        ways = own.add(name=[way.partition(": ")[2] for way in own["instrument"]])
+        pairs = duels(ways, [(WEIGHTED, UNWEIGHTED)])
+        found += [Row(pair, name=name, truth=truth, distance_m=distance) for pair in pairs]
+    return found
+
+
+def derived(_: Settings, trials: Trials) -> Trials:
+    """Add what the largest noise adds in quadrature to the error of the same trial without, per noise."""
+    truths = zip(trials["truth"], trials["instrument"], strict=True)
+    trials = trials.add(instrument=[own and f"{truth} truth: {own}" for truth, own in truths])
+    swept, most = trials["part"] != "instrument", np.nanmax(trials["sigma_um"])
+    own = trials.pick(swept)
+    calm, noisy = (
+        matched(own, own.where(sigma_um=sigma), ERROR, ("part", "name", TRIAL)) for sigma in (0.0, most)
+    )
+    added = np.full(len(trials), np.nan)
+    added[swept] = np.sqrt(np.maximum(0, noisy**2 - calm**2)) / most
+    return trials.add(um_per_um=added)
+
+
+def cells(asked: Settings, _: Trials) -> Mapping[str, Where]:
+    """The noise nearest to that of the paper's tracker, in both parts."""
+    levels = [1e6 * sigma for sigma in asked.sigmas]
+    return {
+        words: {"part": part, "sigma_um": min(levels, key=lambda level: abs(level - TRACKER_UM[part]))}
+        for words, part in ((GRAVITY, "gravity"), (SIX_DOF, "six_dof"))
+    }
+
+
+def figures(found: Report) -> Mapping[str, Figure]:
+    """Draw error against noise for both arms."""
+    panes = {
+        title: lines(found, name, "name sigma_um", lambda row: row.sigma_um > 0 and row.name not in HIDDEN)
+        for title, name in ((GRAVITY, "gravity"), (SIX_DOF, "six_dof"))
+    }
+    reading = "Marks: medians; bands: their spread. Filled and dashed: with a prior."
+    return {"noise_sensitivity.png": sweeps(panes, found.question, reading, (JOINTS, DEFAULT))}
+
+
+PRESET = Preset(
+    name="noise_sensitivity",
+    question="What does tracker noise cost, by method and structure?",
+    how="108 runs of section 5.2 (judged in check runs), the KR 500 in 8 poses and read by several "
+    "instruments (judged over the workspace). The noise of all levels has the same random numbers.",
+    options=Options,
+    settings=noise.settings,
+    seeds=(1000, 4),
+    row=FitRow,
+    trials=noise.trials,
+    tables=tables,
+    printed="gravity",
+    cells=cells,
+    check=SIX_DOF,
+    derived=derived,
+    figures=figures,
+)
+STUDY = replace(PRESET.study(), arms=lambda _: [find_arm(LIGHT), find_arm(HEAVY)])

@@ -1,0 +1,155 @@
+"""Where the cone pays by itself: GCO beside least squares of the same structure, and what the cone adds."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.arm.folder import find_arm
+from testbench.campaign.rows import UM
+from testbench.report.columns import columns
+from testbench.report.report import Report
+from testbench.report.table import SHARED, TRIAL, Row, Trials, matched, number
+from testbench.studies.campaign import grids
+from testbench.studies.campaign.grids import (
+    EQUAL,
+    FEATURED,
+    GCO,
+    JOINTS,
+    LENT,
+    NONE,
+    SQUARES,
+    MethodRow,
+    Options,
+    Settings,
+)
+from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, by_case
+from testbench.trials.spread import SAME, Number, ends, middle
+from testbench.views.colours import look
+from testbench.views.figure import Figure, ranges
+from testbench.views.schema import Table
+
+KINDS = {"gravity": "a weight, three markers", "full_pose": "six wrenches, full pose"}
+"""Kinds of reading in words."""
+LEVELS = (0.01, 0.03, 0.1, 0.3, 1.0)
+"""Errors to expect of least squares by noise, over the deflection, between which fits are sorted."""
+NAMES = ("0 to 1 %", "1 to 3 %", "3 to 10 %", "10 to 30 %", "30 to 100 %", "over 100 %")
+FREE = "the cone does not bind"
+MATTERS = 0.95  #: Ratio of errors, median, above which a gain is too small to count.
+CELL = ("part", "structure", "poses", "sigma_um")
+LOOKS = {SQUARES: look("MLS56", "none"), LENT: look("MLS56", "free"), JOINTS: look("Joints", "none")}
+"""Of those that GCO is drawn beside."""
+
+
+PAYS = "way cells cone_pays beats_too"
+BY_LEVEL = Grid("", down="level", across="theirs", value="ratio", columns="fits_share", by="part")
+
+
+def tables(_: Settings) -> Mapping[str, Grid]:
+    """A map of every kind of reading; both by the error to expect; in how many cells the cone pays."""
+    maps = {
+        part: Grid(
+            f"{words}: GCO over least squares, by noise",
+            down="cell",
+            across="sigma_um",
+            value="ratio",
+            where={"part": part, "name": SQUARES},
+        )
+        for part, words in KINDS.items()
+    }
+    levels = replace(
+        BY_LEVEL,
+        title="GCO's error over the other's, by the error to expect of least squares over the deflection",
+        where={"pair": True},
+        rows=lambda own: BY_LEVEL.cells(own.pick(np.argsort(own["order"], kind="stable"))),
+    )
+    count = Grid("Cells in which the cone pays by itself", columns=PAYS, rows=paying)
+    return maps | {"levels": levels, "pays": count}
+
+
+def derived(_: Settings, trials: Trials) -> Trials:
+    """Pick fits without a prior; add GCO's error over theirs in the same fit, and the error to expect."""
+    own = trials.where(uncertainty=NONE)
+    kind = np.array([list(KINDS).index(part) for part in own["part"]])
+    level = np.where(own["binds"], np.digitize(own["expected"], LEVELS), len(NAMES))
+    code, gco = 10 * kind + level, own["name"] == GCO
+    share = {k: np.sum(gco & (code == k)) / np.sum(gco & (kind == k // 10)) for k in np.unique(code)}
+    names = (*NAMES, FREE)
+    own = own.add(
+        ratio=matched(own, own.where(name=GCO), ERROR, (*CELL, "true_arm", TRIAL)) / own[ERROR],
+        theirs=own["name"],
+        pair=~gco,
+        order=code,
+        fits_share=np.array([share[k] for k in code]),
+        level=[f"{KINDS[part]}: {names[k]}" for part, k in zip(own["part"], level, strict=True)],
+        cell=[f"{s}, {n} poses" for s, n in zip(own["structure"], own["poses"].astype(int), strict=True)],
+    )
+    return by_case(own, "true_arm")
+
+
+def paying(own: Trials) -> Iterator[Row]:
+    """Count cells in which the cone pays by itself, with the same free directions, and beats joints too."""
+    for (part,), kind in own.groups("part"):
+        cone, beats = [], []
+        for _, cell in kind.groups(*CELL):
+            lent, joints = (cell.where(name=theirs) for theirs in (LENT, JOINTS))
+            cone.append(pays(number(lent["ratio"], lent[SHARED])))
+            beats.append(cone[-1] and np.mean(joints["ratio"] < 1 - SAME) > 0.5)
+        yield Row(way=KINDS[part], cells=len(cone), cone_pays=sum(cone), beats_too=int(sum(beats)))
+
+
+def pays(ratio: Number) -> bool:
+    """Whether a ratio of errors is below 1 in 95 % of the fits, and `MATTERS` at most in the middle."""
+    return ends(ratio)[1] < 1 and middle(ratio) <= MATTERS
+
+
+def cells(_: Settings, trials: Trials) -> Mapping[str, Where]:
+    """The cell of section 6 by structure, that in which GCO errs least first."""
+    at = {"part": "gravity", "poses": FEATURED[0], "sigma_um": UM * FEATURED[1]}
+    here = trials.where(name=GCO, **at)
+    errors = {name: np.median(own[ERROR]) for (name,), own in here.groups("structure")}
+    return {name: {**at, "structure": name} for name in sorted(errors, key=lambda name: errors[name])}
+
+
+def figures(found: Report) -> Mapping[str, Figure]:
+    """Draw GCO over others by the error that noise is expected to leave, a pane a kind of reading."""
+    rows = [row for row in Row(found.numbers).cells["levels"] if row.theirs != EQUAL]
+    others = [name for name in dict.fromkeys(row.theirs for row in rows) if name not in LOOKS]
+    looks = LOOKS | {name: look(f"own {k}", "own") for k, name in enumerate(others, 1)}
+    shown = columns("level theirs ratio")
+    looks = {shown[1].text(name): own for name, own in looks.items()}
+    places = [name for name in (*NAMES, FREE) if any(row.level.endswith(f": {name}") for row in rows)]
+    panes = {
+        words: Table(
+            shown,
+            [Row(row, level=row.level.partition(": ")[2]) for row in rows if row.part == part],
+            looks=looks,
+        )
+        for part, words in KINDS.items()
+    }
+    reading = (
+        "GCO's RMS error over the other's: medians and their spread. Left of the dotted line GCO is better."
+    )
+    return {"regimes.png": ranges(panes, found.question, reading, 1.0, places)}
+
+
+PRESET = Preset(
+    name="regimes",
+    question="Where does the cone pay by itself?",
+    how="GCO beside least squares of the same structure on the same readings, without a prior, judged over "
+    "the workspace. Two kinds of true arm in every trial.",
+    options=Options,
+    settings=grids.settings,
+    seeds=(100, 2),
+    row=MethodRow,
+    trials=grids.trials,
+    tables=tables,
+    printed="gravity",
+    cells=cells,
+    ours=GCO,
+    rivals=(SQUARES,),  # the cone by itself: the same structure
+    pairs=((GCO, LENT), (GCO, EQUAL), (GCO, JOINTS)),
+    derived=derived,
+    figures=figures,
+)
+STUDY = replace(PRESET.study(), arms=lambda asked: [find_arm(grid.arm) for grid in asked.grids.values()])

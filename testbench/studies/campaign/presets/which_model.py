@@ -1,0 +1,154 @@
+"""Which method an engineer should use by default, whatever the true arm and the prior are."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.campaign.models import JOINTS
+from testbench.campaign.perturbed_prior import PRIORS, PRIORS_CALLED, RIGHT
+from testbench.campaign.true_arms import CALLED, TRUTHS
+from testbench.report.columns import columns
+from testbench.report.report import Report
+from testbench.report.table import SHARED, TRIAL, Cells, Row, Trials, matched, number
+from testbench.studies.campaign import family
+from testbench.studies.campaign.family import CHOSEN, POSES, MethodRow, Options, Settings
+from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, by_case
+from testbench.views.colours import CHOICE
+from testbench.views.figure import Figure, forest
+
+MARGIN = 0.05  #: Share by which an error must exceed that of joints alone for a method to lose.
+MOVES = 0.05  #: Share of the true deflection over the workspace from which a link is said to move it.
+SAID = ("doubted", "told", "unchecked", "otherwise", "either")  #: Columns of what is said of a prior.
+PROMISES = f"where cases covered_percent half_mm over_ideal {' '.join(SAID)}"
+
+
+def tables(_: Settings) -> Mapping[str, Grid]:
+    """Methods by poses; the default over joints alone by true arm and prior; what it promises."""
+    few = {"name": CHOSEN, "poses": POSES[0]}
+    return {
+        "short": Grid("RMS error over the workspace, um", across="poses"),
+        "cells": Grid(
+            f"The default's error over that of joint stiffness only, {POSES[0]} poses",
+            down="true_arm",
+            across="prior_error",
+            value="over_joints",
+            where=few,
+        ),
+        "losses": Grid(
+            f"Cases in which a method errs over {100 * MARGIN:g} % more than joint stiffness only",
+            columns="name poses over_joints loses",
+            by="poses",
+        ),
+        "promises": Grid("Promises of the default", columns=PROMISES, where={"name": CHOSEN}, rows=promises),
+    }
+
+
+def derived(_: Settings, trials: Trials) -> Trials:
+    """Sort cases as readers expect them; add errors over those of joints alone in the same case."""
+    places = [
+        [list(known).index(word) for word in trials[name]]
+        for name, known in {"prior_error": PRIORS, "true_arm": TRUTHS}.items()
+    ]
+    own = trials.pick(np.lexsort(places))
+    over = own[ERROR] / matched(own, own.where(name=JOINTS), ERROR, (TRIAL, "true_arm", "poses"))
+    return by_case(own.add(over_joints=over, loses=over > 1 + MARGIN), "true_arm")
+
+
+def promises(default: Trials) -> Iterator[Row]:
+    """Count whether intervals hold and doubts are right: of all cases, by poses, prior, true arm and link."""
+    judged = default.add(**_said(default))
+    share, percent = judged["link_share"], f"{100 * MOVES:.0f} % of the deflection"
+    parts = {"all": judged}
+    parts |= {f"{n} poses": own for (n,), own in judged.groups("poses")}
+    parts |= {f"prior {PRIORS_CALLED[name]}": judged.where(prior_error=name) for name in PRIORS}
+    parts[f"prior right, {CALLED['tubes']}"] = judged.where(prior_error=RIGHT, true_arm="tubes")
+    parts[f"a link off, less than {percent}"] = judged.pick(share <= MOVES)
+    parts[f"a link off, more than {percent}"] = judged.pick(share > MOVES)
+    parts |= {CALLED[name]: judged.where(true_arm=name) for name in TRUTHS}
+    for where, own in parts.items():
+        if not len(own):
+            continue
+        covered, half, ideal = (own[f"cover.{key}"] for key in ("covered_percent", "half_mm", "ideal_mm"))
+        yield Row(
+            where=where,
+            cases=len(own),
+            covered_percent=covered.mean(),  # every case has as many components
+            half_mm=number(half, own[SHARED]),
+            ideal_mm=number(ideal, own[SHARED]),
+            over_ideal=number(half / ideal, own[SHARED]),
+            **{key: _share(own[key]) for key in SAID},
+        )
+
+
+def _share(cells: Cells) -> float | None:
+    """Of the cases that count; None where there is none."""
+    known = cells[np.isfinite(cells)]
+    return float(known.mean()) if len(known) else None
+
+
+def _said(rows: Trials) -> Mapping[str, Cells]:
+    """Of every case what is said of its prior, 0 or 1; NaN where nothing can be."""
+    wrong, heard, left = (rows[key] for key in ("wrong", "doubted.contradicted", "doubted.unchecked"))
+    cases = list(zip(wrong, heard, left, strict=True))
+    named = [(link, open_) for link, _, open_ in cases if open_ is not None and link]
+    others = {  # how often a link is named where another one is wrong
+        link: float(np.mean(own))
+        for link in dict(named)
+        if (own := [link in open_ for other, open_ in named if other != link])
+    }
+    found: Cells = np.array([_of_case(*case, others) for case in cases], dtype=float)
+    doubted, told, unchecked, otherwise = found.T
+    either = np.where(np.isnan(unchecked), np.nan, np.fmax(told, unchecked))
+    return dict(zip(SAID, (doubted, told, unchecked, otherwise, either), strict=True))
+
+
+def _of_case(
+    link: str | None, heard: Sequence[str] | None, left: Sequence[str] | None, others: Mapping[str, float]
+) -> tuple[float, ...]:
+    """Whether anything is doubted, what is wrong is contradicted, left open, and left open otherwise."""
+    return (
+        np.nan if heard is None else len(heard) > 0,
+        link in heard if link and heard is not None else np.nan,
+        np.nan if left is None else link in left,
+        np.nan if left is None or link is None else others.get(link, np.nan),
+    )
+
+
+def cells(_: Settings, trials: Trials) -> Mapping[str, Where]:
+    """The cases with fewest poses."""
+    return {"": {"poses": min(trials.values("poses"))}}
+
+
+def figures(found: Report) -> Mapping[str, Figure]:
+    """Draw the error of every method over the family, a pane a number of poses."""
+    table = found.tables["short"]
+    name, *drawn = table.columns
+    [error] = columns(ERROR)
+    shown = (name, *(replace(error, key=column.key, form=".0f") for column in drawn))
+    looks = {**table.looks, CHOSEN: CHOICE}
+    reading = "Larger dots: what testbench chooses from the readings. Filled: with a prior."
+    panes = {column.key: column.heading for column in drawn}
+    table = replace(table, columns=shown, looks=looks)
+    return {"which_model.png": forest(table, panes, found.question, reading, JOINTS)}
+
+
+PRESET = Preset(
+    name="which_model",
+    question="Which method should an engineer use by default with 8, 12 or 20 poses?",
+    how="An arm under its payload, two runs a pose, MuJoCo as the truth, judged over the workspace. In every "
+    "trial six true arms, each with another of six priors.",
+    options=Options,
+    settings=family.settings,
+    seeds=(102, 6),
+    row=MethodRow,
+    trials=family.trials,
+    tables=tables,
+    printed="short",
+    cells=cells,
+    ours=CHOSEN,
+    pairs=((CHOSEN, JOINTS), ("MGCO56", "MLS56")),
+    derived=derived,
+    figures=figures,
+)
+STUDY = PRESET.study()

@@ -1,1 +1,0 @@
-"""One factorial campaign: studies choose the factors, this room fits, judges and compares."""

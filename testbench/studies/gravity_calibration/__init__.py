@@ -1,1 +1,0 @@
-"""Section 6 in simulation: a heavy arm under a hung weight, three markers, LS against GCO."""

@@ -1,1 +1,0 @@
-"""What the data cannot see, and what a prior is worth."""

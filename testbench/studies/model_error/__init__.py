@@ -1,1 +1,0 @@
-"""What disturbances cost a model that does not know them."""

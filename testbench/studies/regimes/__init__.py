@@ -1,1 +1,0 @@
-"""Where the cone pays by itself: GCO against least squares of the same structure on the same data."""

@@ -1,0 +1,157 @@
+"""Made-up trials of every preset of a campaign: rows of a seed, no two numbers alike."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from made_up import of_one_trial
+from reports import AT, campaign_row, fit_row
+
+from testbench.campaign.campaign import Scenario
+from testbench.campaign.evaluation import CampaignRow
+from testbench.campaign.rows import ErrorRow
+from testbench.campaign.true_arms import HELD_OUT, member
+from testbench.studies.campaign import calibration, disturbances, disturbed, family, grids, noise, priors
+from testbench.studies.campaign.coverage import Covered
+from testbench.studies.campaign.trial import Cover, FitRow
+
+MODELS = {
+    "Joints": ("Joints", "none", False),
+    "MLS56": ("MLS56", "none", False),
+    "MLS56, PSD of equal fit": ("MLS56", "free", False),
+    "MGCO56": ("MGCO56", "psd", False),
+    "MLS56 + prior": ("MLS56", "none", True),
+    "MGCO56 + prior": ("MGCO56", "psd", True),
+    "LS153 + prior": ("LS153", "none", True),
+    "ALL153 + prior": ("ALL153", "psd", True),
+}
+"""Structure, constraint and whether there is a prior."""
+DEFAULT = "ALL153 + prior"
+SIGMAS = (0.0, 25.0, 50.0, 200.0)
+CASES = list(disturbances.disturbances(1.0))
+
+
+def fit(kind, rng, name, **own):
+    return fit_row(kind, rng, MODELS, name, status="solved", **own)
+
+
+def of_noise(seed):
+    rng, arm = np.random.default_rng(seed), member("family", seed)
+    for (part, truth), sigma, name in product(
+        {"six_dof": "linear", "gravity": "nonlinear"}.items(), SIGMAS, MODELS
+    ):
+        yield fit(FitRow, rng, name, part=part, truth=truth, sigma_um=sigma, true_arm=arm)
+    ways = ("weighted", "flat weights", "weighted, frame drifts")
+    for truth, (name, way) in product(("linear", "nonlinear"), product(("MGCO56 + prior", DEFAULT), ways)):
+        own = {"part": "instrument", "truth": truth, "instrument": way, "distance_m": 4.0, "true_arm": arm}
+        yield fit(FitRow, rng, name, **own)
+
+
+def of_disturbances(seed):
+    rng, own = np.random.default_rng(seed), member("family", seed)
+
+    def row(case, sigma, name, part, arm, size):
+        factors = {"part": part, "true_arm": arm, "size": size, "case": case, "sigma_um": sigma}
+        found = fit(disturbed.DisturbedRow, rng, name, **factors)
+        return replace(found, cover=Cover(100 * rng.uniform(), 0.1, 0.1) if sigma else None)
+
+    for case, sigma, name in product(CASES, (0.0, 40.0), MODELS):
+        yield row(case, sigma, name, disturbed.IN_FAMILY, own, 1.0)
+    for arm, size in [(own, 0.5), (own, 2.0), *((arm, 1.0) for arm in HELD_OUT)]:
+        for name in disturbed.BESIDE:
+            yield row(disturbances.ALL, 40.0, name, disturbed.BESIDE_IT, arm, size)
+
+
+LINKS = ("link_1", "link_2")
+
+
+def of_family(seed):
+    rng = np.random.default_rng(seed)
+    for arm, prior in family.pairs(seed):
+        wrong = {"link": LINKS[seed % 2], "joints": "joints"}.get(prior)
+        share = rng.uniform(0.01, 0.04) + 0.05 * (wrong == LINKS[1]) if prior == "link" else None
+        case = {"true_arm": arm, "prior_error": prior, "wrong": wrong, "link_share": share}
+        for name, poses in product((family.CHOSEN, *MODELS), family.POSES):
+            heard = tuple(n for n in (*LINKS, "joints") if rng.random() < 0.4)
+            unread = tuple(n for n in LINKS if rng.random() < 0.5) if prior == "link" else None
+            chosen = name == family.CHOSEN
+            own = {
+                "chosen": DEFAULT if chosen else None,
+                "cover": Cover(*rng.uniform(20, 90, 3)) if name in family.COVERED else None,
+                "doubted": family.Doubted(heard, unread) if chosen else None,
+            }
+            found = fit(family.MethodRow, rng, DEFAULT if chosen else name, poses=poses, **case, **own)
+            yield replace(found, name=name)
+
+
+METHODS = {
+    grids.GCO: "psd", grids.SQUARES: "none", grids.EQUAL: "free", grids.LENT: "none", grids.JOINTS: "none",
+}  # fmt: skip
+EXPECTED = {"0 to 1 %": 0.005, "10 to 30 %": 0.2, "over 100 %": 2.0}
+GRIDS = grids.Settings(
+    1,
+    ("tubes", "cast"),
+    gravity=replace(grids.GRAVITY, poses=(8, 12), sigmas=(15e-6, 50e-6)),
+    full_pose=replace(grids.FULL_POSE, poses=(2, 4), sigmas=(25e-6, 100e-6)),
+)
+
+
+def of_grids(seed):
+    rng = np.random.default_rng(seed)
+    for kind, grid in GRIDS.grids.items():
+        cases = product(GRIDS.truths, ("MGCO56", "ALL153"), ("none", "30 %"), grid.cells)
+        for arm, structure, uncertainty, (poses, sigma) in cases:
+            cell = {"part": kind, "true_arm": arm, "structure": structure, "poses": poses}
+            cell |= {"uncertainty": uncertainty, "sigma_um": 1e6 * sigma, "status": "solved"}
+            cell |= {"expected": float(rng.choice([*EXPECTED.values()])), "binds": bool(rng.integers(2))}
+            for name, constraint in METHODS.items():
+                if uncertainty == "none" or name not in (grids.EQUAL, grids.LENT):
+                    known = {**cell, "name": name, "constraint": constraint}
+                    yield of_one_trial(grids.MethodRow, rng, prior=uncertainty != "none", **known)
+
+
+FILLED = {
+    "Joints": ("Joints", "none", "none"),
+    "MLS56": ("MLS56", "none", "none"),
+    "MGCO56": ("MGCO56", "psd", "none"),
+    "MGCO56, LS + prior": ("MGCO56", "none", "prior"),
+    "MGCO56, GCO + prior": ("MGCO56", "psd", "prior"),
+}
+COVERED = {"a": "linearised", "b": "posterior", "c": "set", "d": "learnt", "e": "believed"}
+
+
+def of_priors(seed):
+    rng = np.random.default_rng(seed)
+    swept = {"scale": (0.2, 2.5), "poses": (5, 13)}
+    cases = [("linear", {}), ("nonlinear", {}), *((key, {key: x}) for key in swept for x in swept[key])]
+    for (part, at), (name, (structure, constraint, filling)) in product(cases, FILLED.items()):
+        own = {"name": name, "structure": structure, "constraint": constraint, "filling": filling}
+        own |= {"prior": filling == "prior", "parameters": 56, "rank": 27, "status": "solved"}
+        own |= {"part": part, "scale": None, "poses": None, "true_arm": "tubes"} | at
+        yield priors.TrialRow(fit=of_one_trial(priors.MethodRow, rng, **own))
+    for name, kind in COVERED.items():
+        inside = tuple(bool(own) for own in rng.integers(4, size=6))
+        yield priors.TrialRow(intervals=Covered(name, kind, inside, (*rng.uniform(10, 90, 5), np.inf)))
+
+
+def of_calibration(seed):
+    rng = np.random.default_rng(seed)
+    for name, (structure, constraint, prior) in MODELS.items():
+        errors = {part: of_one_trial(ErrorRow, rng) for part in ("workspace", "check", "check_true")}
+        placed = {"places": AT, "place_mm": (*rng.uniform(1, 9, 2),)} if seed == 1 else {}
+        own = {"structure": structure, "constraint": constraint, "prior": prior, "status": "solved"}
+        own |= {"parameters": 56, "rank": 27, "true_arm": member("family", seed)}
+        own["held_by_trace_weight"] = name == "MGCO56"
+        yield campaign_row(CampaignRow, rng, name, **errors | placed | own)
+
+
+ARM = "kr500_l480"
+TRIALS = {
+    "noise_sensitivity": (noise.Settings(1, sigmas=tuple(x / 1e6 for x in SIGMAS)), of_noise),
+    "model_error": (disturbances.Settings(ARM, 1, sigma=40e-6), of_disturbances),
+    "which_model": (family.Settings(ARM, 1), of_family),
+    "regimes": (GRIDS, of_grids),
+    "identifiability": (priors.Settings(ARM, Scenario(arm=ARM), 1, 9, 9, 9, 9), of_priors),
+    "gravity_calibration": (calibration.Settings(ARM, Scenario(arm=ARM), 50.0), of_calibration),
+}
+"""Settings and what makes the rows of a seed, by the name of the preset."""
