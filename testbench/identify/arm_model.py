@@ -81,11 +81,30 @@ def of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights) -> ArmModel:
 
 
 def bending(vjm: Vjm, C_theta: Array, weights: Weights) -> State:
-    """An arm as drawn that bends, C_theta (n_theta, n_theta) [m/N, rad/(N m)]."""
+    """Make the state of a nominal arm with given compliances.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        C_theta: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
+        weights: Weights of the links.
+
+    Returns:
+        The state.
+    """
     return replace(nominal(vjm, weights, np.zeros(vjm.arm.n_joints)), C_theta=C_theta)
 
 
 def of_compliances(state: State, structure: Structure, posterior: Posterior, about: About) -> ArmModel:
-    """A model of compliances alone, and the posterior of the structure's entries."""
+    """Make an arm model whose only uncertain unknowns are compliances.
+
+    Args:
+        state: The arm's state.
+        structure: The compliances, n of them.
+        posterior: Their posterior.
+        about: Origin of the model.
+
+    Returns:
+        The model.
+    """
     first = Unknowns(state.vjm, (), {}, state.errors, structure).starts["elastic"]
     return ArmModel(state, structure, first + np.arange(structure.n), posterior, about)

@@ -52,7 +52,15 @@ class Layout:
 
 
 def means(vjm: Vjm, series: Sequence[Series]) -> Means:
-    """Readings of series of one mount, MOST at most; frames and targets by their place in order."""
+    """Average repeated readings of one target in one pose and frame; at most `MOST` of them are kept.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: Readings of one mount.
+
+    Returns:
+        The means, with the tool's pose by the arm's kinematics.
+    """
     frames, targets = names(series)
     parts = [_means(one, frames.index(one.frame), targets) for one in series]
     frame, target, q, y, C = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -83,7 +91,15 @@ def _means(one: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array, ..
 
 
 def starts(seen: Means, known: Layout) -> Iterator[Layout]:
-    """Complete sets of frames and targets to refine, from the targets that are known and from none."""
+    """Yield complete sets of frames and targets as starts of the refinement.
+
+    Args:
+        seen: The readings.
+        known: Frames and targets; NaN where unknown.
+
+    Yields:
+        A start from the known targets, and one from the linear form without them.
+    """
     for targets in (known.targets, _hand_eye(seen, len(known.targets))):
         found = _complete(seen, replace(known, targets=targets))
         if found.whole:
@@ -130,21 +146,42 @@ def _complete(seen: Means, found: Layout) -> Layout:
 
 
 def points(seen: Means, targets: Array) -> Array:
-    """Where the arm has the targets, base axes, (n, 3) [m]."""
+    """Compute the targets in base axes, R_r m_k + p_r.
+
+    Args:
+        seen: The readings.
+        targets: Targets in the tool's frame, (targets, 3) [m].
+
+    Returns:
+        Target of every reading, (n, 3) [m].
+    """
     return np.asarray(seen.position + np.matvec(seen.rotation, targets[seen.target]))
 
 
 def residuals(seen: Means, at: Layout) -> Array:
-    """Readings minus where arm, frames and targets have them, the frame's axes, (n, 3) [m]."""
+    """Compute readings minus model, p_rk - R_s (R_r m_k + p_r) - t_s, in the frame's axes.
+
+    Args:
+        seen: The readings.
+        at: Frames and targets.
+
+    Returns:
+        (n, 3) [m].
+    """
     x = np.matvec(at.rotation[seen.frame], points(seen, at.targets))
     return np.asarray(seen.y - x - at.translation[seen.frame])
 
 
 def kabsch(points: Array, read: Array, *, mirrored: bool = False) -> tuple[Array, Array]:
-    """Rotation, (3, 3), and translation, (3,) [m], that take points to readings with the least squares.
+    """Find the rotation and translation that take points to readings with least squares.
 
-    Both are (n, 3) [m]; `mirrored` asks for a determinant of -1 (Kabsch 1976; Arun, Huang, Blostein 1987;
-    Umeyama 1991).
+    Args:
+        points: Points, (n, 3) [m].
+        read: Their readings, (n, 3) [m].
+        mirrored: Whether the determinant is -1 (Kabsch 1976; Arun, Huang, Blostein 1987; Umeyama 1991).
+
+    Returns:
+        Rotation, (3, 3) [1], and translation, (3,) [m].
     """
     centre, seen = points.mean(axis=0), read.mean(axis=0)
     R = nearest_rotation((read - seen).T @ (points - centre), mirrored=mirrored)
@@ -152,7 +189,15 @@ def kabsch(points: Array, read: Array, *, mirrored: bool = False) -> tuple[Array
 
 
 def nearest_rotation(M: Array, *, mirrored: bool = False) -> Array:
-    """The rotation R, (3, 3), with the largest trace of R^T M; a mirror image where that is asked."""
+    """Find the rotation R with the largest trace of R^T M.
+
+    Args:
+        M: Any matrix, (3, 3).
+        mirrored: Whether the determinant is -1.
+
+    Returns:
+        R, (3, 3) [1].
+    """
     U, _, Vt = np.linalg.svd(M)
     sign = (-1 if mirrored else 1) * np.sign(np.linalg.det(U @ Vt))
     return np.asarray(U @ np.diag([1, 1, sign]) @ Vt)

@@ -85,23 +85,56 @@ class Solution:
 
 
 def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
-    """Solve a conic program; a solver that stalls has found what it found, and the status says so."""
+    """Solve a conic program by Clarabel; if the solver stalls, the status says so.
+
+    Args:
+        problem: The program, in units where its data are of order one.
+        tolerance: Feasibility and duality gap asked of Clarabel [1].
+
+    Returns:
+        The last iterate, its duals and status.
+    """
     return solved(set_up(problem, settings(tolerance)), problem)
 
 
 def psd_blocks(first: int, sizes: tuple[int, ...]) -> tuple[Block, ...]:
-    """Matrices of these orders, the svec of one behind that of the other."""
+    """Make positive semi-definite blocks whose svecs follow each other.
+
+    Args:
+        first: Place of the first unknown.
+        sizes: Orders of the matrices.
+
+    Returns:
+        One block per matrix.
+    """
     ends = first + np.cumsum([triangle(size) for size in sizes])
     return tuple(Block(np.arange(k - triangle(n), k), n) for k, n in zip(ends.tolist(), sizes, strict=True))
 
 
 def free_block(first: int, count: int) -> Block:
-    """So many numbers without a cone, from this place on."""
+    """Make a block of unconstrained unknowns.
+
+    Args:
+        first: Place of the first unknown.
+        count: Number of unknowns.
+
+    Returns:
+        The block.
+    """
     return Block(np.arange(first, first + count))
 
 
 def norm_below(column: int, R: Array, z: Array) -> Rows:
-    """|R v - z| <= v[column], for R with a column of zeros there."""
+    """Make the second-order cone |R v - z| <= v[column].
+
+    Args:
+        column: Place of the bound among the unknowns.
+        R: Rows, zero in that column, (rows, n).
+        z: Right-hand side, (rows,).
+
+    Returns:
+        The constraint.
+    """
     head = np.zeros((1, R.shape[1]))
     head[0, column] = -1
     return Rows("second order", np.vstack([head, R]), np.r_[0.0, z])
@@ -196,7 +229,15 @@ def settings(tolerance: float) -> clarabel.DefaultSettings:
 
 
 def set_up(problem: Problem, own: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
-    """Clarabel with a program."""
+    """Set up Clarabel for a program.
+
+    Args:
+        problem: The program.
+        own: Clarabel's settings.
+
+    Returns:
+        The solver, not yet run.
+    """
     n, rows = len(problem.cost), list(problem.rows)
     for block in problem.blocks:
         if block.size:
@@ -215,7 +256,15 @@ def set_up(problem: Problem, own: clarabel.DefaultSettings) -> clarabel.DefaultS
 
 
 def solved(solver: clarabel.DefaultSolver, problem: Problem) -> Solution:
-    """What Clarabel finds of a program that it was set up with."""
+    """Run Clarabel and collect its solution.
+
+    Args:
+        solver: Clarabel, set up with the program.
+        problem: The same program.
+
+    Returns:
+        Unknowns, duals and status.
+    """
     found = solver.solve()
     sizes = [len(row.b) for row in problem.rows] + [triangle(b.size) for b in problem.blocks if b.size]
     ends = np.cumsum(sizes)[:-1]

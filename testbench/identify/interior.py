@@ -133,7 +133,16 @@ def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Arra
 
 
 def inside(x: Array, sizes: tuple[int, ...], share: float) -> bool:
-    """Tell whether all blocks are positive semi-definite, up to a share of their traces."""
+    """Tell whether all blocks are positive semi-definite, up to a share of their traces.
+
+    Args:
+        x: svec of all blocks, (n,).
+        sizes: Orders of the blocks.
+        share: Share of its trace by which an eigenvalue may be negative [1].
+
+    Returns:
+        True if they are.
+    """
     if not np.isfinite(x).all():
         return False
     X = [cone.smat(x[at]) for at in cone.groups_of(sizes)]
@@ -187,18 +196,24 @@ def _iterate(program: Program, state: State) -> State:
     """
     x, s, missing = state.x, state.s, state.missing
     share = program.share(state.norms)
+    # Hessian of the norms: Weiszfeld's majorant, minus the tangent term where the norms are steady.
     hessian = np.tensordot(share, program.gram, 1) - state.steady * (state.pulls.T * share) @ state.pulls
+    # E, the scaling of Nesterov and Todd, block by block.
     scalings = [Scaling.of(at, x, s) for at in cone.groups_of(program.sizes)]
     A = hessian.copy()
     for own in scalings:
         A[own.at[:, :, None], own.at[:, None]] += cone.congruence(own.inverse.swapaxes(1, 2) @ own.inverse)
     root, w, sums = cho_factor(A, lower=True), np.empty_like(x), []
+    # Predictor: the affine step to the optimum; a barrier needs none.
     predicted = cho_solve(root, -s - missing) * (not program.barrier)
+    # Gap to aim at, from the length of the last step.
     aim = max(program.barrier, max((1 - state.step) ** 2, LEAST) * float(x @ s) / sum(program.sizes))
     for own in scalings:
         sums.append(own.corrected(aim, own.scaled(predicted)))
         w[own.at] = cone.svec(own.inverse.swapaxes(1, 2) @ sums[-1] @ own.inverse)
+    # Corrector: the step with the second-order term of the predicted one.
     dx = cho_solve(root, w - missing)
+    # Stay inside the cone: a share BOLD to 0.99 of the way to its boundary.
     pairs = zip(scalings, sums, strict=True)
     step = min(1.0, *(float(own.longest(own.scaled(dx), both)) for own, both in pairs))
     step *= BOLD + (0.99 - BOLD) * step

@@ -119,16 +119,31 @@ def _check_known(found: Registration) -> None:
 
 
 def with_markers(vjm: Vjm, places: Mapping[str, Array]) -> Vjm:
-    """The model with markers at these places in the tool's frame, (3,) [m] each, some of them new."""
+    """Return the model with markers at given places in the tool's frame, some of them new.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        places: Positions by marker, (3,) [m] each.
+
+    Returns:
+        The model.
+    """
     have = dict(zip(vjm.arm.markers, vjm.markers, strict=True)) | dict(places)
     return replace(vjm, arm=replace(vjm.arm, markers=tuple(have)), markers=np.array(list(have.values())))
 
 
 def in_base(found: Registration, data: Dataset) -> Dataset:
-    """Readings turned from their stations' frames into the base's.
+    """Turn readings from their stations' frames into the base's.
 
     The uncertainty of a frame's rotation is added to the covariance of every deflection, as if it were
     independent from run to run.
+
+    Args:
+        found: The registered frames.
+        data: The runs in the stations' frames.
+
+    Returns:
+        The runs in base axes.
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
