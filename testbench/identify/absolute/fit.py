@@ -133,7 +133,7 @@ def calibrate(
         The calibrated state with its posterior, its noise, and the errors that were kept.
 
     Raises:
-        BenchError: When there is no series, the readings do not fit the arm, or they leave a frame or target
+        BenchError: When there is no series, or one does not fit the arm or leaves its frame or target
             undetermined.
     """
     if not series:
