@@ -195,7 +195,7 @@ def _untied(
 
 
 def without_laws(metric: Metric) -> Metric:
-    """The metric of compliances alone."""
+    """Return the metric of compliances alone, without joint laws."""
     return metric if not metric.law.any() else metric_of(metric, linear(metric.structure))
 
 
@@ -253,7 +253,7 @@ def _linear(
 
 
 def joint_columns(metric: Metric) -> Ids:
-    """Parameters that are joints of their own, (joints,)."""
+    """Find the parameters that are joints of their own, (joints,)."""
     s = metric.structure
     return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.plain))
 

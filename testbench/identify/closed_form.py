@@ -23,10 +23,10 @@ BLIND = 1e-6
 
 @dataclass(frozen=True)
 class Means:
-    """Readings of targets, one of each in each pose and frame: the mean where it was read again.
+    """Hold readings of targets, one per target, pose and frame: the mean of repeated ones.
 
-    What the geometry of the arm does to a reading is the same in every row of a pose: more of them say no
-    more of it.
+    The arm's geometry changes a reading equally in every row of a pose: further rows carry no information on
+    it.
     """
 
     frame: Ids  #: Index of the frame, (n,).
@@ -39,7 +39,7 @@ class Means:
 
 @dataclass(frozen=True)
 class Layout:
-    """Frames and targets; NaN where one is not known yet."""
+    """Hold frames and targets; NaN where one is not known yet."""
 
     rotation: Array  #: R_s, frame from base, (frames, 3, 3).
     translation: Array  #: t_s, base in the frame, (frames, 3) [m].
@@ -47,7 +47,7 @@ class Layout:
 
     @property
     def whole(self) -> bool:
-        """Whether all is known."""
+        """Tell whether all frames and targets are known."""
         return all(np.isfinite(part).all() for part in vars(self).values())
 
 
@@ -70,7 +70,7 @@ def means(vjm: Vjm, series: Sequence[Series]) -> Means:
 
 
 def names(series: Sequence[Series]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of all frames and of all targets, in order."""
+    """List the names of all frames and of all targets, in order."""
     targets = (name for one in series for name in one.markers)
     return tuple(dict.fromkeys(one.frame for one in series)), tuple(dict.fromkeys(targets))
 

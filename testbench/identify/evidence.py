@@ -30,7 +30,7 @@ SHALLOW, FAR = 1e-3, 2.0  #: Least second derivative that a step counts with, an
 
 @dataclass(frozen=True)
 class Hyperprior:
-    """Densities of some functions z of the hyperparameters, linear, one a row."""
+    """Hold the densities of linear functions z of the hyperparameters, one per row."""
 
     rows: Array  #: Of z, (k, m).
     middle: Array  #: h of z = 0 along the rows, (k,).
@@ -39,19 +39,19 @@ class Hyperprior:
 
 
 def normal_density(z: Array) -> tuple[Array, Array, Array]:
-    """Of standard deviation one, but for a constant."""
+    """Compute -log of the standard normal density without its constant, and its two derivatives."""
     return z**2 / 2, z, np.ones_like(z)
 
 
 def student_density(z: Array) -> tuple[Array, Array, Array]:
-    """Minus the logarithm of Student's of TAIL degrees of freedom, but for a constant, and derivatives."""
+    """Compute -log of Student's density of `TAIL` degrees of freedom without constant, and derivatives."""
     over = TAIL + z**2
     return (TAIL + 1) / 2 * np.log(over / TAIL), (TAIL + 1) * z / over, (TAIL + 1) * (TAIL - z**2) / over**2
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A linear model of c unknowns, and what its m hyperparameters are of; the last are log s_k."""
+    """Hold a linear model of c unknowns with m hyperparameters; the last are log s_k."""
 
     gram: Array  #: Sums of squares of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
     counts: Array  #: Equations of every kind, (kinds,).
@@ -65,7 +65,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Normal:
-    """The solution of normal equations."""
+    """Hold the solution of normal equations."""
 
     x: Array  #: Most likely unknowns, (c,).
     root: tuple[Array, bool]  #: Cholesky's, of the precision scaled to unit diagonal.
@@ -73,18 +73,18 @@ class Normal:
 
     @property
     def log_size(self) -> float:
-        """Logarithm of the precision's determinant."""
+        """Return the logarithm of the determinant of the precision."""
         return 2 * float(np.log(np.diag(self.root[0]) * self.size).sum())
 
     @property
     def covariance(self) -> Array:
-        """Of all unknowns, (c, c)."""
+        """Compute the covariance of all unknowns, (c, c)."""
         half = dpotri(self.root[0], lower=0)[0]
         inverse = np.where(np.tri(len(half), dtype=bool), half.T, half)
         return np.asarray(inverse / self.size / self.size[:, None])
 
     def variances(self, columns: Ids) -> Array:
-        """Of some unknowns, (k,)."""
+        """Compute the variances of some unknowns, (k,)."""
         some = np.eye(len(self.size))[:, columns]
         return np.asarray((some * cho_solve(self.root, some)).sum(axis=0) / self.size[columns] ** 2)
 
@@ -107,7 +107,7 @@ def normal(H: Array) -> Normal:
 
 @dataclass(frozen=True)
 class Posterior:
-    """The unknowns under some hyperparameters."""
+    """Hold the unknowns and the loss at given hyperparameters."""
 
     normal: Normal
     covariance: Array  #: V = P^-1, (c, c).

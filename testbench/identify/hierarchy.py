@@ -278,7 +278,7 @@ TENFOLD, OPEN = math.log(10), 2.0
 
 
 def contradicted(belief: Belief) -> tuple[Scale, ...]:
-    """The scales of a learnt prior that the readings contradict."""
+    """List the scales of a learnt prior that the readings contradict, by `TOLD` and `FAR`."""
 
     def wrong(scale: Scale) -> bool:
         size = abs(math.log(scale.factor))
@@ -289,7 +289,7 @@ def contradicted(belief: Belief) -> tuple[Scale, ...]:
 
 @dataclass(frozen=True)
 class Unchecked:
-    """Links and joints that may be ten times off the prior without the readings telling."""
+    """List links and joints whose tenfold error in the prior these readings could not reveal."""
 
     stiffer: tuple[str, ...] = ()  #: Those that may be ten times stiffer.
     softer: tuple[str, ...] = ()  #: Those that may be ten times softer.

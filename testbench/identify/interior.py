@@ -36,7 +36,7 @@ TINY = 1e-300
 
 @dataclass(frozen=True)
 class Program:
-    """A program whose data are of order one."""
+    """Hold a program of norms or squares over positive semi-definite blocks, data of order one."""
 
     R: Array  #: (K, rows, n).
     z: Array  #: (K, rows).
@@ -48,19 +48,27 @@ class Program:
 
     @cached_property
     def gram(self) -> Array:
-        """R_k^T R_k, (K, n, n)."""
+        """Return R_k^T R_k, (K, n, n)."""
         return np.asarray(self.R.swapaxes(1, 2) @ self.R)
 
     def share(self, norms: Array) -> Array:
-        """What a residual pulls over its length, (K,)."""
+        """Return the weight of every residual in the gradient: 1 / |r_k|, or 1 for squares, (K,)."""
         return np.ones_like(norms) if self.squares else 1 / np.maximum(norms, TINY)
 
     def fit(self, norms: Array) -> float:
-        """What counts of the norms, (K,)."""
+        """Compute the sum of norms, (K,), or of half their squares."""
         return float((norms**2 / 2 if self.squares else norms).sum())
 
     def cost(self, x: Array, norms: Array) -> float:
-        """Cost of x, (n,), whose norms are (K,)."""
+        """Compute the cost of x: fit, linear term and barrier.
+
+        Args:
+            x: svec of all blocks, (n,).
+            norms: Norms of the residuals at x, (K,).
+
+        Returns:
+            The cost.
+        """
         cost = self.fit(norms) + float(x @ self.c)
         if self.barrier:
             blocks = (cone.smat(x[at]) for at in cone.groups_of(self.sizes))
@@ -68,7 +76,7 @@ class Program:
         return cost
 
     def at(self, x: Array) -> tuple[Array, Array]:
-        """Norms, (K,), and the gradients of what counts of them, (K, n)."""
+        """Compute the norms at x, (K,), and the gradients of their contributions, (K, n)."""
         left = self.R @ x - self.z
         norms = np.sqrt((left**2).sum(axis=1) + self.rest**2)
         return norms, np.vecmat(left, self.R) * self.share(norms)[:, None]
@@ -76,7 +84,7 @@ class Program:
 
 @dataclass(frozen=True)
 class State:
-    """A program on its way."""
+    """Hold one iterate: x, multipliers s, norms and gradients."""
 
     x: Array  #: Coordinates of the blocks, positive definite, (n,).
     s: Array  #: Those of their multipliers, positive definite, (n,).
@@ -150,7 +158,14 @@ def inside(x: Array, sizes: tuple[int, ...], share: float) -> bool:
 
 
 def interior(program: Program) -> State:
-    """As near the optimum as rounding allows; how near, the caller asks."""
+    """Minimise the program by the predictor and corrector method, as far as rounding allows.
+
+    Args:
+        program: The program.
+
+    Returns:
+        The best iterate; the caller proves how near the optimum it is.
+    """
     state = _start(program)
     found, best = state, program.cost(state.x, state.norms)
     near, least = (FINEST, 0.0) if program.squares else (LEFT, EXACT)

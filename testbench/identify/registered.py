@@ -41,7 +41,7 @@ from which it is another arm, or has other joint angles."""
 
 @dataclass(frozen=True)
 class Registered:
-    """Runs and model that fit together."""
+    """Hold runs in the base's frame, with the model whose targets fit them."""
 
     vjm: Vjm  #: The model, with targets where the readings have them.
     data: Dataset  #: The runs in the base's frame.
@@ -93,7 +93,7 @@ def registered(vjm: Vjm, data: Dataset, frame: Choice | Mapping[str, Frame] = "a
 
 
 def unloaded(data: Dataset) -> tuple[Series, ...]:
-    """The unloaded readings of runs, a series of every station that read anything."""
+    """Return the unloaded readings of runs, one series per station that read anything."""
     every = (select_rows(one, np.arange(one.rows // 2)) for one in series_of(data, STATION, "tool"))
     return tuple(one for one in every if one.seen.any())
 
@@ -170,5 +170,5 @@ def in_base(found: Registration, data: Dataset) -> Dataset:
 
 
 def station(name: str) -> int:
-    """Number of the station with a frame of this name."""
+    """Return the number of the station from the name of its frame."""
     return int(name.removeprefix(STATION))
