@@ -112,7 +112,14 @@ def _from_matrices(columns: Columns, name: str, values: Array) -> Array:
 
 
 def read_torques(columns: Columns, arm: Arm) -> Array | None:
-    """Torques of the chain's joints, (rows, n) [N m, N]; None without such columns.
+    """Read the torques of the chain's joints.
+
+    Args:
+        columns: The columns of the file.
+        arm: The arm.
+
+    Returns:
+        Torques, (rows, n) [N m, N]; None without such columns.
 
     Raises:
         InputError: When a joint has none, or joints follow others: their torques cannot be told apart.

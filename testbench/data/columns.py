@@ -155,13 +155,30 @@ class Columns:
 
 
 def read_columns(path: Path, names: Names, arm: Arm) -> Columns:
-    """The columns of a file; InputError as `read_table` and `find_columns` raise it."""
+    """Read a file and find its columns; it raises as `read_table` and `find_columns` do.
+
+    Args:
+        path: The file.
+        names: Map of column names.
+        arm: The arm.
+
+    Returns:
+        The columns.
+    """
     table = read_table(path, names.knows, names.map.file)
     return find_columns(with_log(table, names), names, arm)
 
 
 def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
-    """Which column says what.
+    """Find the quantity of every column of a table.
+
+    Args:
+        table: The table.
+        names: Map of column names.
+        arm: The arm.
+
+    Returns:
+        The columns.
 
     Raises:
         InputError: Where two columns say the same, a unit is missing or a column of the map is not there.
@@ -287,9 +304,18 @@ def axes(columns: Columns, what: What) -> list[Column | float | None]:
 
 
 def vector(columns: Columns, what: What, count: int = len(XYZ)) -> Array | None:
-    """So many components of a quantity in SI units, (rows, count), zero for what is missing.
+    """Read the components of a quantity, zero for those that are missing.
 
-    None where neither file nor map says any; InputError at the first cell that is blank or too large.
+    Args:
+        columns: The columns of the file.
+        what: The quantity.
+        count: Number of components.
+
+    Returns:
+        Values in SI units, (rows, count); None where neither file nor map gives any.
+
+    Raises:
+        InputError: At the first cell that is blank or too large.
     """
     found = [columns.said(Slot(what, k)) for k in range(count)]
     if all(own is None for own in found):

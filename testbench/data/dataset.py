@@ -107,12 +107,28 @@ class Dataset(Displayed):
 
 
 def read_by(data: Dataset, station: int) -> Mask:
-    """Which runs, (runs,), a set-up of the tracker read; all where the data name none."""
+    """Find the runs that one set-up of the tracker read.
+
+    Args:
+        data: The runs.
+        station: Number of the set-up.
+
+    Returns:
+        Mask, (runs,); all runs where the data name no station.
+    """
     return np.ones(data.runs, dtype=bool) if data.station is None else data.station == station
 
 
 def turn(before: Array, after: Array) -> Array:
-    """Rotation vectors, (runs, 3) [rad], that lead from one orientation to another, both rotation vectors."""
+    """Compute the rotation from one orientation to another.
+
+    Args:
+        before: Rotation vectors, (runs, 3) [rad].
+        after: Rotation vectors, (runs, 3) [rad].
+
+    Returns:
+        Rotation vectors, (runs, 3) [rad].
+    """
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
     return np.asarray((Rotation.from_rotvec(after) * Rotation.from_rotvec(before).inv()).as_rotvec())
@@ -158,7 +174,18 @@ def _check_precision(precision: Array) -> None:
 
 
 def select(data: Dataset, runs: Mask) -> Dataset:
-    """The runs under a mask, (runs,); BenchError when it has another length than the dataset."""
+    """Select runs of a dataset.
+
+    Args:
+        data: The runs.
+        runs: Mask, (runs,).
+
+    Returns:
+        The selected runs.
+
+    Raises:
+        BenchError: When the mask has another length than the dataset.
+    """
     if np.shape(runs) != (data.runs,):
         raise BenchError(f"select: expected a mask of {data.runs} runs, got shape {np.shape(runs)}")
     return in_order(data, np.flatnonzero(runs))
@@ -181,7 +208,15 @@ def arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:
 
 
 def in_order(data: Rows, rows: Ids | Mask | slice) -> Rows:
-    """Rows of what has one a run, a reading or a pose, by a mask or by their indices in any order."""
+    """Select rows of data with one entry per run, reading or pose.
+
+    Args:
+        data: The rows.
+        rows: Mask, or indices in any order.
+
+    Returns:
+        The rows.
+    """
     return replace(data, **{name: own[rows] for name, own in arrays(data).items()})
 
 
@@ -191,7 +226,14 @@ def evenly(runs: Ids, most: int = SHOWN) -> Ids:
 
 
 def split(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:
-    """The runs in these poses, and all others; a pose is never on both sides.
+    """Split runs by pose; a pose is never on both sides.
+
+    Args:
+        data: The runs.
+        poses: Identifiers of poses.
+
+    Returns:
+        The runs in these poses, and all others.
 
     Raises:
         BenchError: When the dataset lacks one of the poses, or one side would be empty.

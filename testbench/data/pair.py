@@ -26,7 +26,15 @@ class Paired:
 
 
 def pair(table: Table, conditions: Conditions, read: Readings) -> Paired:
-    """The runs of a table.
+    """Pair unloaded and loaded readings of a table to runs.
+
+    Args:
+        table: The table.
+        conditions: Poses, loads and states of its rows.
+        read: Readings of its rows.
+
+    Returns:
+        The runs.
 
     Raises:
         InputError: Names the line and what was expected.

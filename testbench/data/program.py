@@ -162,10 +162,17 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
 
 
 def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
-    """Read poses within the arm's limits, (poses, n) [rad, m]: one a row, a column for every joint.
+    """Read poses within the arm's limits: one per row, a column for every joint.
 
-    Other columns may be there. A plan has every angle twice, in radians and degrees. A map says how the file
-    names the joints otherwise.
+    Other columns may be there. A plan has every angle twice, in radians and degrees.
+
+    Args:
+        path: The file.
+        arm: The arm.
+        mapping: Map of column names; None for none.
+
+    Returns:
+        Joint angles, (poses, n) [rad, m].
 
     Raises:
         InputError: Names the line and what was expected.

@@ -67,7 +67,15 @@ def read_export(
 
 
 def from_text(text: str, arm: Arm) -> Dataset:
-    """Runs of an arm from what `write.csv_text` made of them."""
+    """Read runs of an arm from the text that `write.csv_text` makes.
+
+    Args:
+        text: The text.
+        arm: The arm.
+
+    Returns:
+        The runs.
+    """
     names = read_map(None, arm)
     table = table_of(Path("runs"), (text, "utf-8"), names.knows, names.map.file)
     return runs_of(find_columns(table, names, arm), arm, None).data

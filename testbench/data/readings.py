@@ -61,7 +61,15 @@ def markers_only(columns: Columns) -> tuple[Columns, list[str]]:
 
 
 def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> Readings:
-    """All readings of a table; where no column says the state, the load of the row, (rows,), does.
+    """Read all readings of a table.
+
+    Args:
+        columns: The columns of the file.
+        arm: The arm.
+        loaded: Whether the row has a load, (rows,); it tells the state where no column does.
+
+    Returns:
+        The readings.
 
     Raises:
         InputError: Names line and column.

@@ -211,7 +211,15 @@ def _row_by_row(table: Table, log: Table, count: int) -> Table:
 
 
 def nearest(ours: Array, theirs: Array) -> Ids:
-    """Of every time the place of the nearest one of others."""
+    """Find the nearest of other times for every time.
+
+    Args:
+        ours: Times, (rows,) [s].
+        theirs: Other times, (k,) [s].
+
+    Returns:
+        Places among the others, (rows,).
+    """
     return np.array([int(np.abs(theirs - t).argmin()) for t in ours], dtype=np.int64)
 
 

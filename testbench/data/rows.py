@@ -203,7 +203,14 @@ def _point(columns: Columns, arm: Arm) -> tuple[Array, list[str]]:
 
 
 def joint_coordinates(columns: Columns, arm: Arm) -> Array:
-    """Joints of the arm's chain within its limits, (rows, n) [rad, m], from the file's own.
+    """Read the joint coordinates of the arm's chain, within its limits.
+
+    Args:
+        columns: The columns of the file.
+        arm: The arm.
+
+    Returns:
+        Joint coordinates, (rows, n) [rad, m].
 
     Raises:
         InputError: Names line and column.

@@ -28,7 +28,14 @@ class Scatter:
 
 
 def read_scatter(columns: Columns, sigma: float | None) -> Scatter:
-    """How far positions and orientations scatter, by the file, the map or a flag [m, rad].
+    """Read the noise of positions and orientations, from the file, the map or a flag.
+
+    Args:
+        columns: The columns of the file.
+        sigma: Standard deviation per axis of one position [m]; None where no flag gives it.
+
+    Returns:
+        The noise [m, rad].
 
     Raises:
         InputError: At a number that no instrument has.
@@ -116,7 +123,14 @@ def _deviations(columns: Columns, what: What, least: float, unit: str) -> tuple[
 
 
 def read_covariances(columns: Columns, what: What) -> Array | None:
-    """Covariances of every row, (rows, 3, 3) [m^2], NaN where blank; None without such columns.
+    """Read the covariance of every row.
+
+    Args:
+        columns: The columns of the file.
+        what: The quantity.
+
+    Returns:
+        Covariances, (rows, 3, 3) [m^2], NaN where blank; None without such columns.
 
     Raises:
         InputError: Where one of the columns is missing.

@@ -92,9 +92,15 @@ select_rows = in_order  #: The rows of a mask, or of their places, (rows,).
 
 
 def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
-    """Deflection pairs as absolute readings: two rows a run, of one pose; one series a station.
+    """Convert deflection pairs to absolute readings: two rows per run, one pose; one series per station.
 
-    Orientations are carried over where they were read.
+    Args:
+        data: The pairs; their orientations are carried over.
+        name: First part of every frame's name; the number of the station follows.
+        target: Name of the mount.
+
+    Returns:
+        The series.
     """
     stations = [1] if data.station is None else np.unique(data.station).tolist()
     every = [(station, in_order(data, read_by(data, station))) for station in stations]

@@ -59,7 +59,15 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
 
 
 def csv_text(data: Dataset, arm: Arm | tuple[str, ...]) -> str:
-    """The same as text."""
+    """Write a dataset as the text of `write_csv`.
+
+    Args:
+        data: The runs.
+        arm: The arm, or the names of its joints.
+
+    Returns:
+        The text.
+    """
     own = {
         name: list(map(as_cell, cells)) if isinstance(cells, list) else _numbers(cells)
         for name, cells in columns(data, arm).items()
@@ -68,7 +76,15 @@ def csv_text(data: Dataset, arm: Arm | tuple[str, ...]) -> str:
 
 
 def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids | list[str]]:
-    """The columns of `write_csv`, a cell a point, NaN for what was lost."""
+    """Make the columns of `write_csv`, one cell per point, NaN for lost readings.
+
+    Args:
+        data: The runs.
+        arm: The arm, or the names of its joints.
+
+    Returns:
+        Columns by name.
+    """
     joints, q = [f"{name}_rad" for name in arm] if isinstance(arm, tuple) else [], data.q
     if isinstance(arm, Arm):
         joints = [joint.column for joint in arm.file_joints]

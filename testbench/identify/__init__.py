@@ -1,4 +1,8 @@
-"""Identification: least squares and GCO, one call shape (vjm, structure, dataset) -> Estimate."""
+"""Identification of link and joint compliances from deflections: least squares, GCO, priors, intervals.
+
+Every method has one call shape, (vjm, structure, dataset) -> Estimate. It stands between the readings
+(`testbench.data`) and predictions or corrections (`testbench.correct`).
+"""
 
 from testbench.identify.certify import certify as certify
 from testbench.identify.estimate import Constraint as Constraint

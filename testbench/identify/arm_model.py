@@ -20,7 +20,7 @@ from testbench.model.weights import Weights
 
 @dataclass(frozen=True)
 class About:
-    """Where a model comes from."""
+    """Hold the origin of a model: method, files of readings, warnings and largest load."""
 
     method: str  #: How it was found.
     #: SHA-256 of every file of readings, by its name.
@@ -32,7 +32,7 @@ class About:
 
 @dataclass(frozen=True, eq=False)
 class ArmModel:
-    """A model of either kind: compliances from deflections, or geometry and all from absolute readings."""
+    """Hold an identified arm: from deflections compliances only, from absolute readings geometry too."""
 
     state: State  #: theta = theta_0 + C_theta u + Phi(q) n, own weight included.
     structure: Structure  #: Of the compliances that are uncertain.
@@ -44,27 +44,27 @@ class ArmModel:
 
     @property
     def vjm(self) -> Vjm:
-        """Its nominal kinematics."""
+        """Return its nominal virtual joint model."""
         return self.state.vjm
 
     @property
     def arm(self) -> Arm:
-        """Whose it is."""
+        """Return the arm."""
         return self.vjm.arm
 
     @property
     def absolute(self) -> bool:
-        """Whether geometry and joint errors were identified too."""
+        """Tell whether geometry and joint errors were identified too."""
         return self.noise is not None
 
     @property
     def scatter(self) -> float:
-        """Of a position about an absolute model, beyond what the columns leave open [m]."""
+        """Return the standard deviation of a position about an absolute model beyond its unknowns [m]."""
         return 0.0 if self.noise is None else self.noise.open_position * float(self.noise.factor[0])
 
     @property
     def unknowns(self) -> Unknowns:
-        """All columns that there might be: geometry, joint errors, compliances."""
+        """Return all unknowns that the model may have: geometry, joint errors, compliances."""
         return Unknowns(self.vjm, (), {}, self.state.errors, self.structure)
 
 
@@ -81,11 +81,30 @@ def of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights) -> ArmModel:
 
 
 def bending(vjm: Vjm, C_theta: Array, weights: Weights) -> State:
-    """An arm as drawn that bends, C_theta (n_theta, n_theta) [m/N, rad/(N m)]."""
+    """Make the state of a nominal arm with given compliances.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        C_theta: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
+        weights: Weights of the links.
+
+    Returns:
+        The state.
+    """
     return replace(nominal(vjm, weights, np.zeros(vjm.arm.n_joints)), C_theta=C_theta)
 
 
 def of_compliances(state: State, structure: Structure, posterior: Posterior, about: About) -> ArmModel:
-    """A model of compliances alone, and the posterior of the structure's entries."""
+    """Make an arm model whose only uncertain unknowns are compliances.
+
+    Args:
+        state: The arm's state.
+        structure: The compliances, n of them.
+        posterior: Their posterior.
+        about: Origin of the model.
+
+    Returns:
+        The model.
+    """
     first = Unknowns(state.vjm, (), {}, state.errors, structure).starts["elastic"]
     return ArmModel(state, structure, first + np.arange(structure.n), posterior, about)

@@ -52,12 +52,22 @@ OPEN = 0.05  #: Probability, and weight, below which laws are left out, and abov
 
 
 def of_two_priors(r: Regression, constraint: Constraint, prior: Metric, softened: Metric) -> Estimate:
-    """What is `averaged` by a prior, averaged by evidence with the same by another, with intervals.
+    """Average estimates under a prior and a softened prior by their evidence, with intervals.
 
-    Where the readings want links that are others in every pose, they are weighed so, see `identify.wander`.
+    If the readings want links whose compliance varies from pose to pose, they are weighted for it first, see
+    `wander`.
+
+    Args:
+        r: The reduced dataset, of a structure with laws.
+        constraint: Least squares or GCO.
+        prior: Metric of the prior.
+        softened: Metric of the softened prior.
+
+    Returns:
+        The averaged estimate.
 
     Raises:
-        BenchError: When the dataset wants a common scale of a prior that is not above 0.
+        BenchError: When the best common scale of a prior is not above 0.
     """
     found = _of_two(r, constraint, prior, softened)
     rho = size(r, found) if r.poses else 0.0
@@ -193,12 +203,20 @@ def _untied(
 
 
 def without_laws(metric: Metric) -> Metric:
-    """The metric of compliances alone."""
+    """Return the metric of compliances alone, without joint laws."""
     return metric if not metric.law.any() else metric_of(metric, linear(metric.structure))
 
 
 def metric_of(metric: Metric, structure: Structure) -> Metric:
-    """The metric of a structure without some laws, or couplings of joints, which a prior expects to be 0."""
+    """Restrict a metric to a structure without some joint laws or couplings, which a prior expects to be 0.
+
+    Args:
+        metric: The metric of the prior.
+        structure: Some of its unknowns.
+
+    Returns:
+        The metric of these unknowns.
+    """
     own = places(structure, metric.structure)
     row, column = metric.structure.triangles
     wanted = set(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
@@ -243,7 +261,7 @@ def _linear(
 
 
 def joint_columns(metric: Metric) -> Ids:
-    """Parameters that are joints of their own, (joints,)."""
+    """Find the parameters that are joints of their own, (joints,)."""
     s = metric.structure
     return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.plain))
 

@@ -21,18 +21,20 @@ from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
 
 TIE_BREAK = 1e-8
-"""Weight of the trace in the paper's GCO, which has none: both as shares of what the data span.
+"""Weight of the trace in `paper_gco`, as a share of the largest sensitivity of F_M to a compliance [1].
 
-It picks the least trace among models that fit alike. Where the fit goes on improving as unseen compliance
-grows without end, there is no such model, and the weight decides where to stop: the advice says so.
+The paper has no such term. It selects the least trace among models that fit alike. If the fit keeps improving
+as an unobservable compliance grows, no such model exists; then this weight decides where the growth stops,
+and the advice says so.
 """
 LENGTH = 0.5
 """Length that turns a translation into a rotation in scaled units [m]: L / sqrt(3) of a link of 0.9 m."""
 
 UNSEEN_SHARE = 1e-2
-"""Sensitivity that is assumed of an axis that no reading shows, as a share of the largest."""
+"""Sensitivity assumed of an axis that no reading observes, as a share of the largest sensitivity [1]."""
 
-LONGEST = 1 + 1e-9  #: Length of a dual vector up to which it is a unit vector but for rounding.
+LONGEST = 1 + 1e-9
+"""Length up to which a dual vector counts as a unit vector; the excess is rounding [1]."""
 ROUNDING = 4 * np.finfo(float).eps
 """What rounding may take from an eigenvalue of S_i, as a share of the size of what S_i is summed from.
 
@@ -41,32 +43,45 @@ The bounds are exact up to it, and to 1e-12 of F_M at C = 0.
 
 
 def scaled_units(structure: Structure) -> Array:
-    """Units s in which traces and eigenvalues are taken: C = s X s^T, (n_theta,).
+    """Return units s in which traces and eigenvalues are taken: C = s X s^T.
 
     A translation counts as the rotation that causes it on an arm of `LENGTH`, so that X and its trace are in
     rad/(N m) whatever mixture of metres and radians C holds.
+
+    Args:
+        structure: The unknowns, which fix the order of the virtual joints.
+
+    Returns:
+        s of every virtual joint, (n_theta,): `LENGTH` [m/rad] for translations of links, 1 for all else.
     """
     index = np.arange(structure.n_theta)
     return np.where((index < 6 * structure.links) & (index % 6 < 3), LENGTH, 1.0)
 
 
 def tie_break(regression: Regression) -> Penalty:
-    """Weigh the plain trace so lightly that it only chooses among models that fit alike."""
+    """Make the trace term of the paper's GCO, so light that it only selects among models that fit alike.
+
+    Args:
+        regression: The reduced dataset.
+
+    Returns:
+        The term w <W, C>, w = `TIE_BREAK` times the largest sensitivity.
+    """
     s, weight = regression.structure, TIE_BREAK * (regression.weight.max() or 1.0)
     return Penalty(float(weight), scaled_units(s) ** -2.0, s, np.eye(s.n))
 
 
 def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
-    """Bound how far a conservative estimate is from the best one.
+    """Bound how far a conservative estimate is from the best one, by the dual bound of this module.
 
     Args:
         estimate: Any conservative estimate, from any method.
-        dual: Proof of the bound, such as that of a better estimate; None for the estimate's own gradients,
-            which prove much only near an optimum.
+        dual: Vectors y_k that prove the bound, such as those of a better estimate; None for the unit
+            residuals of the estimate itself, which prove much only near an optimum.
 
     Returns:
-        How far F_M is at most above its least value, the same of F_M and the trace term, and the traces
-        within which that holds, `default_trace_bounds`.
+        Upper bounds of F_M, and of F_M + w <W, C>, above their least values [1]; both hold for traces within
+        `default_trace_bounds`.
 
     Raises:
         BenchError: When the estimate is not conservative (the bound would prove nothing), or the dual has
@@ -96,13 +111,29 @@ def _checked(regression: Regression, dual: Dual) -> Dual:
 
 
 def shortened(y: Array, rest: Array) -> Dual:
-    """The dual of these vectors, (terms, n) and (terms,), those longer than one scaled to it."""
+    """Scale dual vectors that are longer than one to length one.
+
+    Args:
+        y: Their components against the rows of every term's R, (terms, n) [1].
+        rest: Their components against the unexplained residual, (terms,) [1].
+
+    Returns:
+        The dual, every vector of length one at most.
+    """
     length = np.maximum(1.0, np.hypot(np.linalg.norm(y, axis=1), rest))
     return Dual(y / length[:, None], rest / length)
 
 
 def gradient_dual(regression: Regression, pi: Array) -> Dual:
-    """The unit residuals of a parameter vector: their S_i are the gradient of F_M there."""
+    """Compute the unit residuals y_k = r_k / |r_k| of parameters; their S_i are the gradient of F_M there.
+
+    Args:
+        regression: The reduced dataset.
+        pi: Parameters, (n,) [m/N, rad/(N m), rad/N].
+
+    Returns:
+        The dual, one vector per term of F_M; zero where the residual is zero.
+    """
     y, rest = [], []
     for term in regression.terms:
         residual = np.r_[term.R @ pi - term.z, math.sqrt(term.rest)]
@@ -116,13 +147,22 @@ def gradient_dual(regression: Regression, pi: Array) -> Dual:
 def bound(
     regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | None = None, *, penalty: Penalty
 ) -> Certificate:
-    """How far a conservative pi, (n,), is at most above the lower bounds of a dual, none longer than one.
+    """Bound F_M(pi), and F_M(pi) + w <W, C>, above their least values by a dual.
 
-    Regression and pi are of the penalty's own structure. `trace_bounds` are t_i, of the trace of each block
-    in scaled units, (blocks,) [rad/(N m)]; None for `default_trace_bounds`.
+    Args:
+        regression: The reduced dataset, by the parameters of the penalty's own structure.
+        pi: Parameters of a conservative model in that structure, (n,) [m/N, rad/(N m), rad/N].
+        dual: Vectors y_k, none longer than one.
+        trace_bounds: Bound t_i of every block's trace in scaled units, (blocks,) [rad/(N m)]; None for
+            `default_trace_bounds`.
+        penalty: The trace term w <W, C>.
+
+    Returns:
+        The certificate, all costs in units of F_M [1].
     """
     s, t = regression.structure, trace_bounds
     t = default_trace_bounds(regression, pi) if t is None else t
+    # Lagrangian of the dual: gradient sum R_k^T y_k and constant sum (rest_k |rest| - y_k . z_k).
     g = np.zeros(s.n)
     constant = 0.0
     for term, y, rest in zip(regression.terms, dual.y, dual.y_rest, strict=True):
@@ -131,6 +171,7 @@ def bound(
     cost, free = f_m(regression, pi), np.zeros(s.n)
 
     def over(cost: float, price: Array) -> float:
+        # A negative eigenvalue of S_i can lower the cost by at most -lambda_min t_i.
         least = constant - float(np.maximum(0, -_smallest(regression, g, price)) @ t)
         return max(0.0, cost - max(0.0, least))  # the cost is a sum of norms and traces
 
@@ -152,23 +193,30 @@ def _smallest(regression: Regression, g: Array, price: Array) -> Array:
     S, size = s.gradient(g + price) * scale, s.gradient(regression.columns + np.abs(price)) * scale
     smallest = np.empty(len(s.blocks))
     for group in s.groups:
+        # The eigenvalue is lowered by what rounding may have added: the bound stays rigorous.
         lost = ROUNDING * np.linalg.norm(size[group.index], axis=(1, 2))
         smallest[group.at] = np.linalg.eigvalsh(S[group.index])[:, 0] - lost
     return smallest
 
 
 def default_trace_bounds(regression: Regression, pi: Array) -> Array:
-    """Traces within which every axis may be soft enough to explain the data by itself, (blocks,) [rad/(N m)].
+    """Compute the traces within which a certificate holds: what the data can bound axis by axis.
 
     An axis d is allowed c_d = 2 F_M(0) / |R e_d|, with R e_d the weighted readings that a unit of C_dd causes
-    in all terms; a block the sum of what its axes are. By the triangle inequality a model with C_dd = c
-    and nothing else has F_M >= sum_k (c |R_k e_d| - |z_k|) >= c |R e_d| - F_M(0): softer than c_d, it fits
-    worse than a rigid arm. So it is for every axis that a reading shows, however little.
+    in all terms; a block is allowed the sum over its axes. By the triangle inequality a model with C_dd = c
+    and nothing else has F_M >= sum_k (c |R_k e_d| - |z_k|) >= c |R e_d| - F_M(0): with c above c_d it fits
+    worse than a rigid arm. This holds for every axis that a reading observes, however little.
 
-    That is proven of one axis at a time. Of models with several it is assumed: compliances whose readings
-    cancel may be softer and fit. An axis that no reading shows has no bound from data: it is assumed to be
-    allowed what one of `UNSEEN_SHARE` of the largest sensitivity is. A block is allowed twice the trace of pi
-    if that is more.
+    It is proven for one axis at a time and assumed for several: compliances whose deflections cancel may be
+    larger and still fit. An axis that no reading observes is treated as if its sensitivity were
+    `UNSEEN_SHARE` of the largest. A block is allowed twice the trace of pi if that is more.
+
+    Args:
+        regression: The reduced dataset.
+        pi: Parameters of the model that is certified, (n,) [m/N, rad/(N m), rad/N].
+
+    Returns:
+        Bound t_i of every block's trace in scaled units, (blocks,) [rad/(N m)].
     """
     s = regression.structure
     used = s.block_of >= 0
@@ -181,6 +229,14 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
 
 
 def total_trace(structure: Structure, pi: Array) -> float:
-    """Trace of C_theta in scaled units [rad/(N m)]."""
+    """Compute the trace of C_theta in scaled units.
+
+    Args:
+        structure: The unknowns.
+        pi: Parameters, (n,) [m/N, rad/(N m), rad/N].
+
+    Returns:
+        tr(s^-1 C_theta s^-1) [rad/(N m)], with s of `scaled_units`.
+    """
     diagonal = structure.a == structure.b
     return float((pi[diagonal] / scaled_units(structure)[structure.a[diagonal]] ** 2).sum())

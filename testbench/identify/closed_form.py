@@ -23,10 +23,10 @@ BLIND = 1e-6
 
 @dataclass(frozen=True)
 class Means:
-    """Readings of targets, one of each in each pose and frame: the mean where it was read again.
+    """Hold readings of targets, one per target, pose and frame: the mean of repeated ones.
 
-    What the geometry of the arm does to a reading is the same in every row of a pose: more of them say no
-    more of it.
+    The arm's geometry changes a reading equally in every row of a pose: further rows carry no information on
+    it.
     """
 
     frame: Ids  #: Index of the frame, (n,).
@@ -39,7 +39,7 @@ class Means:
 
 @dataclass(frozen=True)
 class Layout:
-    """Frames and targets; NaN where one is not known yet."""
+    """Hold frames and targets; NaN where one is not known yet."""
 
     rotation: Array  #: R_s, frame from base, (frames, 3, 3).
     translation: Array  #: t_s, base in the frame, (frames, 3) [m].
@@ -47,12 +47,20 @@ class Layout:
 
     @property
     def whole(self) -> bool:
-        """Whether all is known."""
+        """Tell whether all frames and targets are known."""
         return all(np.isfinite(part).all() for part in vars(self).values())
 
 
 def means(vjm: Vjm, series: Sequence[Series]) -> Means:
-    """Readings of series of one mount, MOST at most; frames and targets by their place in order."""
+    """Average repeated readings of one target in one pose and frame; at most `MOST` of them are kept.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: Readings of one mount.
+
+    Returns:
+        The means, with the tool's pose by the arm's kinematics.
+    """
     frames, targets = names(series)
     parts = [_means(one, frames.index(one.frame), targets) for one in series]
     frame, target, q, y, C = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -62,7 +70,7 @@ def means(vjm: Vjm, series: Sequence[Series]) -> Means:
 
 
 def names(series: Sequence[Series]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of all frames and of all targets, in order."""
+    """List the names of all frames and of all targets, in order."""
     targets = (name for one in series for name in one.markers)
     return tuple(dict.fromkeys(one.frame for one in series)), tuple(dict.fromkeys(targets))
 
@@ -83,7 +91,15 @@ def _means(one: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array, ..
 
 
 def starts(seen: Means, known: Layout) -> Iterator[Layout]:
-    """Complete sets of frames and targets to refine, from the targets that are known and from none."""
+    """Yield complete sets of frames and targets as starts of the refinement.
+
+    Args:
+        seen: The readings.
+        known: Frames and targets; NaN where unknown.
+
+    Yields:
+        A start from the known targets, and one from the linear form without them.
+    """
     for targets in (known.targets, _hand_eye(seen, len(known.targets))):
         found = _complete(seen, replace(known, targets=targets))
         if found.whole:
@@ -130,21 +146,42 @@ def _complete(seen: Means, found: Layout) -> Layout:
 
 
 def points(seen: Means, targets: Array) -> Array:
-    """Where the arm has the targets, base axes, (n, 3) [m]."""
+    """Compute the targets in base axes, R_r m_k + p_r.
+
+    Args:
+        seen: The readings.
+        targets: Targets in the tool's frame, (targets, 3) [m].
+
+    Returns:
+        Target of every reading, (n, 3) [m].
+    """
     return np.asarray(seen.position + np.matvec(seen.rotation, targets[seen.target]))
 
 
 def residuals(seen: Means, at: Layout) -> Array:
-    """Readings minus where arm, frames and targets have them, the frame's axes, (n, 3) [m]."""
+    """Compute readings minus model, p_rk - R_s (R_r m_k + p_r) - t_s, in the frame's axes.
+
+    Args:
+        seen: The readings.
+        at: Frames and targets.
+
+    Returns:
+        (n, 3) [m].
+    """
     x = np.matvec(at.rotation[seen.frame], points(seen, at.targets))
     return np.asarray(seen.y - x - at.translation[seen.frame])
 
 
 def kabsch(points: Array, read: Array, *, mirrored: bool = False) -> tuple[Array, Array]:
-    """Rotation, (3, 3), and translation, (3,) [m], that take points to readings with the least squares.
+    """Find the rotation and translation that take points to readings with least squares.
 
-    Both are (n, 3) [m]; `mirrored` asks for a determinant of -1 (Kabsch 1976; Arun, Huang, Blostein 1987;
-    Umeyama 1991).
+    Args:
+        points: Points, (n, 3) [m].
+        read: Their readings, (n, 3) [m].
+        mirrored: Whether the determinant is -1 (Kabsch 1976; Arun, Huang, Blostein 1987; Umeyama 1991).
+
+    Returns:
+        Rotation, (3, 3) [1], and translation, (3,) [m].
     """
     centre, seen = points.mean(axis=0), read.mean(axis=0)
     R = nearest_rotation((read - seen).T @ (points - centre), mirrored=mirrored)
@@ -152,7 +189,15 @@ def kabsch(points: Array, read: Array, *, mirrored: bool = False) -> tuple[Array
 
 
 def nearest_rotation(M: Array, *, mirrored: bool = False) -> Array:
-    """The rotation R, (3, 3), with the largest trace of R^T M; a mirror image where that is asked."""
+    """Find the rotation R with the largest trace of R^T M.
+
+    Args:
+        M: Any matrix, (3, 3).
+        mirrored: Whether the determinant is -1.
+
+    Returns:
+        R, (3, 3) [1].
+    """
     U, _, Vt = np.linalg.svd(M)
     sign = (-1 if mirrored else 1) * np.sign(np.linalg.det(U @ Vt))
     return np.asarray(U @ np.diag([1, 1, sign]) @ Vt)

@@ -33,7 +33,7 @@ CONES: dict[Kind, Callable[[int], object]] = {
 
 @dataclass(frozen=True)
 class Block:
-    """Unknowns that belong together."""
+    """Hold unknowns that form one symmetric matrix, or one free block."""
 
     at: Ids  #: Their places in v, (k,).
     size: int = 0  #: Order of the symmetric matrix that must be positive semi-definite; 0 for a free block.
@@ -43,7 +43,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Rows:
-    """Constraints b - A v in a cone."""
+    """Hold constraints: b - A v lies in a cone."""
 
     kind: Kind  #: Of the cone; "psd" holds svec of a matrix.
     A: Array  #: (rows, n).
@@ -52,7 +52,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Problem:
-    """A conic program."""
+    """Hold a conic program: its cost, blocks of unknowns and constraints."""
 
     cost: Array  #: c, (n,).
     blocks: tuple[Block, ...]  #: The unknowns; their places fill 0 to n - 1.
@@ -62,7 +62,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Solution:
-    """What the solver found."""
+    """Hold the last iterate of the solver, with its duals."""
 
     x: Array  #: The unknowns v, (n,).
     duals: tuple[Array, ...]  #: Of every `Rows`, in their order, (rows,) each, then of every PSD block.
@@ -73,42 +73,75 @@ class Solution:
 
     @property
     def status(self) -> str:
-        """Either "solved", where the cost lies within `GAP` of what the duals prove, or what went wrong."""
+        """Return "solved" if the cost lies within `GAP` of what the duals prove, else what went wrong."""
         if abs(self.cost - self.bound) <= GAP * max(1.0, abs(self.cost)):
             return "solved"
         return self.failure
 
     @property
     def failure(self) -> str:
-        """What is said of a program that is not solved."""
+        """Return the message for a program that is not solved."""
         return f"not solved: Clarabel says {self.word}"
 
 
 def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
-    """Solve a conic program; a solver that stalls has found what it found, and the status says so."""
+    """Solve a conic program by Clarabel; if the solver stalls, the status says so.
+
+    Args:
+        problem: The program, in units where its data are of order one.
+        tolerance: Feasibility and duality gap asked of Clarabel [1].
+
+    Returns:
+        The last iterate, its duals and status.
+    """
     return solved(set_up(problem, settings(tolerance)), problem)
 
 
 def psd_blocks(first: int, sizes: tuple[int, ...]) -> tuple[Block, ...]:
-    """Matrices of these orders, the svec of one behind that of the other."""
+    """Make positive semi-definite blocks whose svecs follow each other.
+
+    Args:
+        first: Place of the first unknown.
+        sizes: Orders of the matrices.
+
+    Returns:
+        One block per matrix.
+    """
     ends = first + np.cumsum([triangle(size) for size in sizes])
     return tuple(Block(np.arange(k - triangle(n), k), n) for k, n in zip(ends.tolist(), sizes, strict=True))
 
 
 def free_block(first: int, count: int) -> Block:
-    """So many numbers without a cone, from this place on."""
+    """Make a block of unconstrained unknowns.
+
+    Args:
+        first: Place of the first unknown.
+        count: Number of unknowns.
+
+    Returns:
+        The block.
+    """
     return Block(np.arange(first, first + count))
 
 
 def norm_below(column: int, R: Array, z: Array) -> Rows:
-    """|R v - z| <= v[column], for R with a column of zeros there."""
+    """Make the second-order cone |R v - z| <= v[column].
+
+    Args:
+        column: Place of the bound among the unknowns.
+        R: Rows, zero in that column, (rows, n).
+        z: Right-hand side, (rows,).
+
+    Returns:
+        The constraint.
+    """
     head = np.zeros((1, R.shape[1]))
     head[0, column] = -1
     return Rows("second order", np.vstack([head, R]), np.r_[0.0, z])
 
 
 def triangle(size: int) -> int:
-    """Number of entries of the upper triangle of a matrix of this order."""
+    """Count the entries of the upper triangle of a matrix of this order."""
     return size * (size + 1) // 2
 
 
@@ -119,13 +152,13 @@ def order(entries: int) -> int:
 
 @cache
 def upper(size: int) -> tuple[Ids, Ids]:
-    """Rows and columns of the upper triangle of a matrix of this order, by column."""
+    """Return rows and columns of the upper triangle of a matrix of this order, by column."""
     column, row = np.tril_indices(size)
     return row, column
 
 
 def svec(X: Array) -> Array:
-    """Upper triangles by column, off-diagonals times sqrt 2, of symmetric matrices, (..., n, n)."""
+    """Pack symmetric matrices, (..., n, n), as upper triangles by column, off-diagonals times sqrt 2."""
     places, scale = _packed(X.shape[-1])
     return np.asarray(X.reshape(*X.shape[:-2], -1).take(places, axis=-1) * scale)
 
@@ -138,7 +171,7 @@ def _packed(n: int) -> tuple[Ids, Array]:
 
 
 def smat(x: Array) -> Array:
-    """The symmetric matrices of such triangles, (..., n (n + 1) / 2)."""
+    """Unpack symmetric matrices from their svec, (..., n (n + 1) / 2) -> (..., n, n)."""
     places, scale = _unpacked(order(x.shape[-1]))
     return np.asarray(x.take(places, axis=-1) * scale)
 
@@ -153,7 +186,7 @@ def _unpacked(n: int) -> tuple[Ids, Array]:
 
 
 def congruence(A: Array) -> Array:
-    """The maps svec(Y) -> svec(A Y A^T), (..., t, t), of matrices (..., n, n)."""
+    """Compute the maps svec(Y) -> svec(A Y A^T), (..., t, t), of matrices A, (..., n, n)."""
     n = A.shape[-1]
     places, weight = _products(n)
     a, b, c, d = (A.reshape(*A.shape[:-2], n * n).take(place, axis=-1) for place in places)
@@ -171,7 +204,7 @@ def _products(n: int) -> tuple[tuple[Ids, ...], Array]:
 
 @lru_cache(maxsize=64)
 def groups_of(sizes: tuple[int, ...]) -> list[Ids]:
-    """Places of the blocks of each order in the svec of all, one behind the other, (blocks, entries)."""
+    """Find the places of the blocks of each order in the svec of all, (blocks, entries) per order."""
     ends = np.cumsum([triangle(n) for n in sizes])
     return [
         np.array([np.arange(e - triangle(n), e) for n, e in zip(sizes, ends, strict=True) if n == size])
@@ -180,13 +213,13 @@ def groups_of(sizes: tuple[int, ...]) -> list[Ids]:
 
 
 def psd_part(X: Array) -> Array:
-    """The nearest positive semi-definite matrices, (..., n, n): negative eigenvalues are set to zero."""
+    """Compute the nearest positive semi-definite matrices, (..., n, n): negative eigenvalues become zero."""
     values, Q = np.linalg.eigh(X)
     return np.asarray((Q * np.maximum(values, 0)[..., None, :]) @ Q.swapaxes(-1, -2))
 
 
 def settings(tolerance: float) -> clarabel.DefaultSettings:
-    """Of Clarabel."""
+    """Make Clarabel's settings for a tolerance of feasibility and gap [1]."""
     own = clarabel.DefaultSettings()
     own.verbose = False
     own.max_threads = 1
@@ -196,7 +229,15 @@ def settings(tolerance: float) -> clarabel.DefaultSettings:
 
 
 def set_up(problem: Problem, own: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
-    """Clarabel with a program."""
+    """Set up Clarabel for a program.
+
+    Args:
+        problem: The program.
+        own: Clarabel's settings.
+
+    Returns:
+        The solver, not yet run.
+    """
     n, rows = len(problem.cost), list(problem.rows)
     for block in problem.blocks:
         if block.size:
@@ -215,7 +256,15 @@ def set_up(problem: Problem, own: clarabel.DefaultSettings) -> clarabel.DefaultS
 
 
 def solved(solver: clarabel.DefaultSolver, problem: Problem) -> Solution:
-    """What Clarabel finds of a program that it was set up with."""
+    """Run Clarabel and collect its solution.
+
+    Args:
+        solver: Clarabel, set up with the program.
+        problem: The same program.
+
+    Returns:
+        Unknowns, duals and status.
+    """
     found = solver.solve()
     sizes = [len(row.b) for row in problem.rows] + [triangle(b.size) for b in problem.blocks if b.size]
     ends = np.cumsum(sizes)[:-1]

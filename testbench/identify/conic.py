@@ -39,7 +39,7 @@ UNSEEN_WEIGHT = 1e-3
 
 @dataclass(frozen=True)
 class Program:
-    """The conic program in units where the data are of order one.
+    """Hold the conic program of GCO in units where the data are of order one.
 
     A block of C_theta that no data touch is no part of it: its least trace is zero.
     """
@@ -55,7 +55,15 @@ class Program:
     penalty: Penalty  #: The trace term.
 
     def parameters(self, x: Array, n: int) -> Array:
-        """All parameters, (n,)."""
+        """Return all parameters of the structure from the unknowns of the program.
+
+        Args:
+            x: Unknowns of the program, (k,) [1].
+            n: Number of parameters of the structure.
+
+        Returns:
+            pi, (n,) [m/N, rad/(N m), rad/N]; zero for blocks that no data touch.
+        """
         pi = np.zeros(n)
         pi[self.columns] = self.scale * x
         return pi
@@ -63,7 +71,7 @@ class Program:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a solver found."""
+    """Hold the parameters that a solver found, with their dual."""
 
     pi: Array  #: Parameters, (n,).
     seconds: float  #: Time inside the solver.
@@ -125,7 +133,15 @@ def _judged(regression: Regression, program: Program, pi: Array, dual: Dual) -> 
 
 
 def by_interior(regression: Regression, program: Program) -> Answer | None:
-    """Our own answer; None where a block is not whole, nothing moves, or no answer is proven."""
+    """Solve the program by our dense interior-point method.
+
+    Args:
+        regression: The equations, in the parameters of the penalty's structure.
+        program: The scaled program.
+
+    Returns:
+        The answer; None where a block is not whole, nothing moves, or the answer is not proven.
+    """
     s, n = program.structure, regression.structure.n
     if not s.whole or not len(program.columns) or f_m(regression, np.zeros(n)) == 0:
         return None
@@ -143,7 +159,17 @@ def by_interior(regression: Regression, program: Program) -> Answer | None:
 
 
 def by_squares(regression: Regression, program: Program) -> Array:
-    """Parameters of least squares and trace term: without noise norms have no slope at their optimum."""
+    """Minimise the squares of F_M's residuals and the trace term; for data without noise.
+
+    At an exact fit the norms of F_M have no slope, so that their program cannot be solved to its last digits.
+
+    Args:
+        regression: The equations, in the parameters of the penalty's structure.
+        program: The scaled program.
+
+    Returns:
+        Parameters, (n,) [m/N, rad/(N m), rad/N].
+    """
     s = program.structure
     R = SHARP * program.R.reshape(-1, len(program.scale))
     k, n = R.shape
@@ -159,7 +185,15 @@ def by_squares(regression: Regression, program: Program) -> Array:
 
 
 def by_clarabel(regression: Regression, program: Program) -> Answer:
-    """Clarabel's answer and its own proof; where nothing moves, a rigid arm."""
+    """Solve the program by Clarabel, with the dual that Clarabel returns.
+
+    Args:
+        regression: The equations, in the parameters of the penalty's structure.
+        program: The scaled program.
+
+    Returns:
+        The answer; a rigid arm where no marker moved.
+    """
     s, n, count = program.structure, regression.structure.n, len(program.z)
     if f_m(regression, np.zeros(n)) == 0:
         return Answer(np.zeros(n), 0.0, "", gradient_dual(regression, np.zeros(n)))
@@ -177,7 +211,15 @@ def by_clarabel(regression: Regression, program: Program) -> Answer:
 
 
 def scale_program(regression: Regression, penalty: Penalty) -> Program:
-    """Units in which data, trace term and parameters are of order one; of the penalty's own structure."""
+    """Scale data, trace term and parameters of GCO to order one.
+
+    Args:
+        regression: The equations, in the parameters of the penalty's structure.
+        penalty: The trace term.
+
+    Returns:
+        The scaled program of the blocks that the data touch.
+    """
     s = regression.structure
     block, seen = s.block_of[s.a], np.zeros(len(s.blocks), dtype=bool)
     seen[block[regression.columns > 0]] = True
@@ -205,10 +247,18 @@ def _kept(structure: Structure, columns: bytes) -> Structure:
 
 
 def sensitivity_units(regression: Regression, unit: float = 1.0, penalty: Penalty | None = None) -> Array:
-    """Units of pi in which its parameters move F_M alike, by this unit of F_M, (n,): C = unit d X d^T.
+    """Compute units of pi in which all parameters change F_M alike: C = unit d X d^T.
 
-    d^-2 is what a unit of each diagonal entry causes, of F_M and of a trace term: a congruence, so that X is
-    positive semi-definite where C is.
+    d^-2 is the change of F_M and of the trace term with each diagonal entry. This is a congruence, so that X
+    is positive semi-definite where C is.
+
+    Args:
+        regression: The reduced dataset.
+        unit: Unit of F_M [1].
+        penalty: The trace term; None for none.
+
+    Returns:
+        Unit of every parameter, (n,) [m/N, rad/(N m), rad/N].
     """
     s, weight = regression.structure, regression.weight
     price = 0.0 if penalty is None else penalty.weight * penalty.metric
@@ -217,12 +267,15 @@ def sensitivity_units(regression: Regression, unit: float = 1.0, penalty: Penalt
 
 
 def norms_below(R: Array, z: Array, rest: Array) -> tuple[cone.Rows, ...]:
-    """|(R_k x - z_k, rest_k)| <= t_k for every k; the unknowns are all t_k, then x.
+    """Make the constraints |(R_k x - z_k, rest_k)| <= t_k; the unknowns are all t_k, then x.
 
     Args:
-        R: (terms, rows, n).
-        z: (terms, rows).
-        rest: (terms,).
+        R: Rows of every term, (terms, rows, n) [1].
+        z: Their right-hand side, (terms, rows) [1].
+        rest: Norm that no x explains, (terms,) [1].
+
+    Returns:
+        One second-order cone per term.
     """
     head = np.zeros((len(R), R.shape[1] + 1, len(R)))
     body = np.concatenate([R, np.zeros((len(R), 1, R.shape[2]))], axis=1)
@@ -231,7 +284,15 @@ def norms_below(R: Array, z: Array, rest: Array) -> tuple[cone.Rows, ...]:
 
 
 def clip(s: Structure, x: Array) -> Array:
-    """Parameters with every block's negative eigenvalues set to zero."""
+    """Set the negative eigenvalues of every block to zero.
+
+    Args:
+        s: The unknowns.
+        x: Parameters, (n,).
+
+    Returns:
+        Parameters of the nearest positive semi-definite blocks, (n,).
+    """
     X = s.matrix(x)
     for group in s.groups:
         X[group.index] = cone.psd_part(X[group.index])
@@ -240,13 +301,29 @@ def clip(s: Structure, x: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def psd_blocks(s: Structure, first: int) -> tuple[cone.Block, ...]:
-    """The blocks of C_theta as unknowns of a program, the parameters standing there from `first` on."""
+    """Make the positive semi-definite blocks of C_theta as unknowns of a conic program.
+
+    Args:
+        s: The unknowns.
+        first: Place of the first parameter among the unknowns of the program.
+
+    Returns:
+        One block per block of C_theta.
+    """
     found = [(psd_entries(s, block), len(block)) for block in s.blocks]
     return tuple(cone.Block(first + entries, size, svec) for (entries, svec), size in found)
 
 
 def psd_entries(s: Structure, block: Ids) -> tuple[Ids, Array]:
-    """The parameters in a block of C_theta, (k,), and its svec per unit of them; other entries are zero."""
+    """Find the parameters inside one block of C_theta.
+
+    Args:
+        s: The unknowns.
+        block: Rows of the block, (size,).
+
+    Returns:
+        Places of its parameters, (k,), and the block's svec per unit of them, (size (size + 1) / 2, k).
+    """
     position = np.full(s.n_theta, -1)
     position[block] = np.arange(len(block))
     k = np.flatnonzero(position[s.a] >= 0)

@@ -1,7 +1,7 @@
-"""Cross-validation over poses and load levels: which model to use.
+"""Cross-validation over poses and load levels, to select a model or a weight.
 
-Runs of one pose share its geometry, so that a pose is held out whole: what counts is the error at poses that
-were never fitted. So it is with the runs of one load, where the data have several.
+Runs of one pose share its geometry, so that whole poses are held out: the error that counts is at poses that
+were never fitted. If the data have several loads, all runs of one load are held out too.
 """
 
 from collections.abc import Sequence
@@ -16,46 +16,55 @@ from testbench.identify.fold import Parts
 from testbench.identify.regression import Regression
 
 FOLDS = 8
-CLEARLY = 2.0  #: Standard errors by which a model must be better to replace another.
-LEVEL_DIGITS = 1  #: Decimals of a force [N] or moment [N m] within which two loads are of one level.
+"""Largest number of parts into which the poses, and the loads, are divided; fewer poses make fewer folds."""
+CLEARLY = 2.0
+"""Standard errors of the paired difference by which a model must be better to replace the first one."""
+LEVEL_DIGITS = 1
+"""Decimals to which forces [N] and moments [N m] are rounded to tell load levels apart."""
 
 
 @dataclass(frozen=True)
 class Fold:
-    """What is fitted, and what is held out."""
+    """Hold one split of the data: equations that are fitted, and equations that are held out."""
 
-    kept: Ids  #: Parts that are fitted.
-    parts: Parts  #: These.
-    held_out: Regression  #: The others, reduced.
+    kept: Ids  #: Numbers of the parts that are fitted.
+    parts: Parts  #: The equations of these parts.
+    held_out: Regression  #: The equations of all other parts.
 
     @cached_property
     def fitted(self) -> Regression:
-        """What is fitted, reduced."""
+        """Return the equations that are fitted, reduced to one regression."""
         return self.parts.together()
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One of the models that cross-validation compares."""
+    """Hold the held-out errors of one model."""
 
     name: str  #: For reports.
-    errors: Array  #: F_M on the poses held out, one a fold, (folds,) [1].
+    errors: Array  #: F_M on the runs held out, one per fold, (folds,) [1].
 
     @property
     def error(self) -> float:
-        """Mean F_M over the poses held out [1]."""
+        """Return the mean F_M over the folds [1]."""
         return paired(self.errors)[0]
 
     @property
     def standard_error(self) -> float:
-        """Standard error of that mean [1]."""
+        """Return the standard error of that mean over folds [1]."""
         return paired(self.errors)[1]
 
 
 def divided(data: Dataset) -> Ids:
-    """Deal out runs: fold of the pose times `FOLDS` plus fold of the load, (runs,); -1 without a reading.
+    """Divide runs into parts for cross-validation: (fold of the pose) * FOLDS + (fold of the load).
 
-    Loads are of one level whose forces and moments are alike in length.
+    Two loads are of one level if their forces and their moments are equal in length, to `LEVEL_DIGITS`.
+
+    Args:
+        data: The runs.
+
+    Returns:
+        Part of every run, (runs,); -1 for a run without a reading.
     """
     level = np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2)
     force, moment = (np.unique(own, return_inverse=True)[1] for own in level.round(LEVEL_DIGITS).T)
@@ -65,7 +74,17 @@ def divided(data: Dataset) -> Ids:
 
 
 def folds(parts: Parts) -> list[Fold]:
-    """Poses held out, two at least (BenchError), then load levels where there are several; of `divided`."""
+    """Make the folds of cross-validation: each group of poses held out, then each load level.
+
+    Args:
+        parts: The reduced equations, in the parts of `divided`.
+
+    Returns:
+        The folds.
+
+    Raises:
+        BenchError: When all runs are of one pose.
+    """
     some = parts.every
     pose, load = some // FOLDS, some % FOLDS
     if len(np.unique(pose)) < 2:
@@ -77,17 +96,26 @@ def folds(parts: Parts) -> list[Fold]:
 
 @dataclass(frozen=True)
 class Grams:
-    """Gram matrices of whitened rows [A | y]."""
+    """Hold Gram matrices [A | y]^T [A | y] of whitened rows, for k parameters."""
 
-    total: Array  #: Of all, (n + 1, n + 1).
-    out: Array  #: Of what is held out in turn, (folds, n + 1, n + 1).
-    equations: Array  #: Of these, (folds,).
-    every: int  #: Equations of all.
-    terms: int  #: Of F_M.
+    total: Array  #: Of all equations, (k + 1, k + 1) [1].
+    out: Array  #: Of the equations held out in each fold, (folds, k + 1, k + 1) [1].
+    equations: Array  #: Number of equations held out in each fold, (folds,).
+    every: int  #: Number of all equations.
+    terms: int  #: Number of terms of F_M: positions, and rotations if they are read.
 
 
 def grams(parts: Parts | Regression, lift: Array) -> Grams:
-    """Gram matrices by the parameters of C', `lift` of [pi, 1] by these."""
+    """Compute Gram matrices of all equations and of each group of poses, after a change of parameters.
+
+    Args:
+        parts: The reduced equations in parts of `divided`, n parameters; a regression has nothing to hold
+            out.
+        lift: [pi, 1] by the new parameters and 1, (n + 1, k + 1).
+
+    Returns:
+        The Gram matrices; without folds for a regression or a single pose.
+    """
     if isinstance(parts, Regression):
         A, y = parts.rows
         rows = np.c_[A, y] @ lift
@@ -106,10 +134,14 @@ def grams(parts: Parts | Regression, lift: Array) -> Grams:
 
 
 def paired(difference: Array) -> tuple[float, float]:
-    """Mean and its standard error, infinite of one: fold by fold, as some are hard for all models.
+    """Compute a mean and its standard error over folds, as a paired comparison needs it.
 
     Args:
-        difference: Of two models' errors, or the errors of one, of every fold, (folds,).
+        difference: Errors of one model, or differences between two models' errors, one per fold, (folds,)
+            [1].
+
+    Returns:
+        Mean and standard error [1]; the error is infinite for a single fold.
     """
     n = len(difference)
     error = float(difference.std(ddof=1) / np.sqrt(n)) if n > 1 else np.inf
@@ -118,17 +150,22 @@ def paired(difference: Array) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Duel:
-    """A model that was asked for first, or what beat it."""
+    """Hold the result of comparing one model with all others."""
 
-    name: str  #: Of the model that is taken.
-    difference: float  #: Mean error of what is taken minus that of the first [1].
-    standard_error: float  #: Of this difference, fold by fold [1].
+    name: str  #: Name of the model that is selected.
+    difference: float  #: Mean held-out error of the selected model minus that of the first one [1].
+    standard_error: float  #: Standard error of this difference over folds [1].
 
 
 def unless_beaten(candidates: Sequence[Candidate], first: str) -> Duel:
-    """The first model, unless others predict what is held out better by more than CLEARLY standard errors.
+    """Select the first model unless another beats its held-out error by `CLEARLY` standard errors.
 
-    Then it is the best of them.
+    Args:
+        candidates: All models with their errors, the first one among them.
+        first: Name of the model that is preferred.
+
+    Returns:
+        The first model, or the best of those that beat it.
     """
     [own] = [c for c in candidates if c.name == first]
     duels = [Duel(c.name, *paired(c.errors - own.errors)) for c in candidates if c is not own]

@@ -1,4 +1,4 @@
-"""An identified model, and what can be said of it."""
+"""The result of identification: an `Estimate` with its compliances, fit, certificate and status."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -21,53 +21,65 @@ Constraint = Literal["none", "psd", "free", "ridge", "clipped", "own"]
 directions allow, the fit being that of least squares; to be small; the same as "psd", but afterwards."""
 
 CONSERVATIVE_TOLERANCE = 1e-10
-"""An eigenvalue above minus this share of the block's largest counts as zero: rounding of V^T V."""
+"""Eigenvalue of a block, negative and relative to its largest, that still counts as zero [1].
+
+V^T V has no negative eigenvalue; its rounding has.
+"""
 
 
-PAPERS = "GCO (paper)"  #: Method of GCO without a trace weight.
-TOOL = "orientation"  #: Stands in for the marker where the tool's orientation was read.
+PAPERS = "GCO (paper)"
+"""Method name of GCO without a learnt trace weight."""
+TOOL = "orientation"
+"""Stands in the place of a marker's name for a reading of the tool's orientation."""
 
 
 @dataclass(frozen=True)
 class Dual:
-    """Vectors y_k of length one at most, one for every term of F_M."""
+    """Hold dual vectors y_k of length one at most, one per term of F_M; see `certify`."""
 
-    y: Array  #: Against the rows of the term's R, (terms, n).
-    y_rest: Array  #: Against what no parameter explains, (terms,).
+    y: Array  #: Components against the rows of the term's R, (terms, n) [1].
+    y_rest: Array  #: Components against the residual that no parameter explains, (terms,) [1].
 
 
 @dataclass(frozen=True)
 class Penalty:
-    """The trace term of GCO beside F_M: the least w <W, C'> of all C' >= 0 that make up C.
+    """Hold the trace term of GCO beside F_M: the least w <W, C'> of all C' >= 0 that make up C.
 
-    A joint that a structure counts in the link before it is an unknown of its own in C': the link's block is
-    C = C' + t a a^T, about the joint's axis a. Where there is none, C' is C.
+    A joint that a structure counts in the link before it is an unknown t of its own in C': the link's block
+    is C = C' + t a a^T, with a the joint's axis. Without such joints C' is C.
     """
 
     weight: float  #: w [N m/rad].
-    metric: Array  #: W, diagonal of (n_theta, n_theta), (n_theta,) [rad^2/m^2, 1].
+    metric: Array  #: Diagonal of W, (n_theta,) [rad^2/m^2 for translations, 1 for rotations].
     structure: Structure  #: The unknowns of C', k of them.
-    lift: Array  #: Parameters by those of C', (n, k) [1].
+    lift: Array  #: pi = lift @ (parameters of C'), (n, k) [1].
 
     @property
     def price(self) -> Array:
-        """Gradient with respect to the parameters of C', (k,)."""
+        """Return the gradient of w <W, C'> with respect to the parameters of C', (k,)."""
         s = self.structure
         return np.where(s.a == s.b, self.weight * self.metric[s.a], 0.0)
 
     def lifted(self, regression: Regression) -> Regression:
-        """The same readings by the parameters of C'."""
+        """Return the same equations as a function of the parameters of C'.
+
+        Args:
+            regression: The reduced dataset, n parameters.
+
+        Returns:
+            The regression in k parameters.
+        """
         terms = (replace(term, R=term.R @ self.lift) for term in regression.terms)
         return regression_of(self.structure, tuple(terms))
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """How far an estimate can be from the best conservative one, of traces within `trace_bounds`."""
+    """Hold bounds of how far an estimate is from the best conservative one within `trace_bounds`."""
 
-    #: Upper bound of F_M + w <W, C> above its least value [1]: how well the program of GCO is solved.
+    #: Upper bound of F_M + w <W, C> above its least value [1]: how well the convex program is solved.
     duality_gap: float
-    #: Upper bound of F_M above its least value [1]: of a solved program, what its trace term costs.
+    #: Upper bound of F_M above its least value [1]; for a solved program, the cost of its trace term.
     f_m_excess_bound: float
     trace_bounds: Array  #: Bound t_i of the trace of each block in scaled units, (blocks,) [rad/(N m)].
     dual: Dual  #: The proof; the best one known may certify any other estimate of the same regression.
@@ -75,60 +87,68 @@ class Certificate:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A reading that the estimate does without."""
+    """Hold one reading that a robust estimate leaves out."""
 
     run: int  #: Identifier of its run.
     marker: str  #: Name of its marker, or `TOOL`.
-    #: Distance of the reading from the estimate's prediction [m, or rad for an orientation]; the estimate is
-    #: not the model that rejected it, so a few are below the limit.
+    #: Distance of the reading from the estimate's prediction [m, or rad for an orientation]. The limit
+    #: applied to an earlier fit, so that a few of these are below it.
     residual: float
-    sigmas: float  #: The same in standard deviations of a deflection, sqrt(2) sigma [1].
+    sigmas: float  #: The same distance over the standard deviation of a deflection, sqrt(2) sigma [1].
 
 
 @dataclass(frozen=True)
 class Average:
-    """What an estimate is the mean of: links and joints, joints alone, and links and joints with laws."""
+    """Hold the models that an estimate averages: with links, joints only, joint laws, coupled joints."""
 
-    weight: float  #: Of joints alone, over both that are linear: their probability given the readings [1].
-    whole: "Estimate"  #: Of links and joints.
-    rigid: float = 0.0  #: Probability of joints alone, as widths count it [1].
-    alone: "Estimate | None" = None  #: Joints alone; None where they count nothing.
-    laws: float = 0.0  #: Weight of the model with laws [1].
-    likely: float = 0.0  #: Its probability, as widths count it [1].
-    lawful: "Estimate | None" = None  #: That model; None where nobody asked for it.
-    ties: float = 0.0  #: Probability and weight of the model whose joints are coupled [1].
-    tied: "Estimate | None" = None  #: That model, without laws; None where it counts nothing.
-    #: All of it by one prior and by another, each with its probability as widths count it; empty of one.
+    weight: float  #: Weight of joints only against links and joints: its probability given the readings [1].
+    whole: "Estimate"  #: The model of links and joints.
+    rigid: float = 0.0  #: Probability of joints only that intervals use [1].
+    alone: "Estimate | None" = None  #: The model of joints only; None where its weight is zero.
+    laws: float = 0.0  #: Weight of the model with joint laws in the mean [1].
+    likely: float = 0.0  #: Probability of that model that intervals use [1].
+    lawful: "Estimate | None" = None  #: The model with joint laws; None where it was not fitted.
+    ties: float = 0.0  #: Weight and probability of the model with coupled joints [1].
+    #: The model with coupled joints, without laws; None where its weight is zero.
+    tied: "Estimate | None" = None
+    #: Averaged estimate under each of two priors, and its probability; empty where one prior has all weight.
     parts: "tuple[tuple[float, Estimate], ...]" = ()
 
 
 @dataclass(frozen=True, repr=False)
 class Estimate(Displayed):
-    """A stiffness model identified from a dataset."""
+    """Hold a stiffness model identified from a dataset: compliances, fit, certificate, status.
 
-    method: str  #: How it was found.
-    regression: Regression  #: What it was found from: structure and reduced dataset.
+    Every method returns one, and `predict`, `intervals`, `certify` and `score` take it. A poor fit is a
+    result: `status`, `f_m` against `f_m_floor`, and `advice` describe it.
+    """
+
+    method: str  #: Name of the method.
+    regression: Regression  #: The equations that it was identified from: structure and reduced dataset.
     pi: Array  #: Parameters, (n,) [m/N, rad/(N m), rad/N].
-    C_theta: Array  #: Aggregated joint compliance, (n_theta, n_theta).
-    f_m: float  #: Cost, Eq. (19) [1].
-    status: str = "not certified"  #: "solved", or what went wrong, or "not certified" where nobody knows.
-    #: Distance from the optimum; None where none was computed (least squares).
+    #: Aggregated compliance of the virtual joints, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
+    C_theta: Array
+    f_m: float  #: Cost F_M, Eq. (19) [1]; compare it with `f_m_floor`.
+    #: "solved" if it is proven optimal, else what went wrong; "not certified" where no proof was asked for.
+    status: str = "not certified"
+    #: Distance from the optimum; None where none was computed, as for least squares.
     certificate: Certificate | None = None
-    solver_seconds: float = 0.0  #: Time inside the numerical solver, as it reports it; 0 where it does not.
-    advice: tuple[str, ...] = ()  #: Sentences for a person, of an estimator of your own.
-    constraint: Constraint = "own"  #: What the method asked of the blocks; "own" where nobody says it.
+    #: Time inside the numerical solver [s], as it reports it; 0 where it does not.
+    solver_seconds: float = 0.0
+    advice: tuple[str, ...] = ()  #: Sentences for the user, from an estimator of your own.
+    #: Constraint that the method put on the blocks; "own" where it is unknown.
+    constraint: Constraint = "own"
     penalty: Penalty | None = None  #: Trace term of GCO without a prior; None for none.
-    split: Array | None = None  #: Parameters of its C', (k,).
-    #: Whether only the tie-break of the paper's GCO holds unseen compliance, which fits better as it grows.
+    split: Array | None = None  #: Parameters of the penalty's C', (k,); None without a penalty.
+    #: Whether only the tie-break of `paper_gco` keeps an unobservable compliance finite.
     held_by_trace_weight: bool = False
-    belief: Belief | None = None  #: The prior that counted as data; None for none.
-    #: Readings that the estimate does without, in the order of the dataset.
-    rejected: tuple[Rejected, ...] = ()
-    lost: tuple[int, ...] = ()  #: Identifiers of runs of which no reading is left.
-    average: Average | None = None  #: What it is the mean of; None where it is one model.
+    belief: Belief | None = None  #: The prior that was used as data; None without one.
+    rejected: tuple[Rejected, ...] = ()  #: Readings that a robust fit left out, in the order of the dataset.
+    lost: tuple[int, ...] = ()  #: Identifiers of runs all of whose readings were left out.
+    average: Average | None = None  #: The models that it averages; None for a single model.
 
     def about(self) -> dict[str, object]:
-        """Method, structure, what the data see of it, fit and status."""
+        """Return the rows of the small table that shows an estimate: method, structure, fit and status."""
         return {
             "method": self.method,
             "structure": self.structure.name,
@@ -141,35 +161,35 @@ class Estimate(Displayed):
 
     @property
     def structure(self) -> Structure:
-        """The structure that was identified."""
+        """Return the unknowns that were identified."""
         return self.regression.structure
 
     @property
     def f_m_floor(self) -> float:
-        """Cost to expect of noise alone [1]."""
+        """Return the F_M to expect from noise alone, sqrt(3 (1 - rank / equations)) per term [1]."""
         return self.regression.f_m_floor
 
     @property
     def of_compliances(self) -> Regression:
-        """What compliances alone were found from: the regression, without laws of joints."""
+        """Return the equations of links and joints alone, without joint laws or coupled joints."""
         if self.average is None or (self.average.lawful is None and self.average.tied is None):
             return self.regression
         return self.average.whole.regression
 
     @cached_property
     def conservative(self) -> bool:
-        """Whether every block is symmetric and positive semi-definite up to rounding: looked at."""
+        """Tell whether every block of C_theta is symmetric and positive semi-definite, up to rounding."""
         return is_conservative(self.structure, self.C_theta)
 
     @cached_property
     def eigenvalues(self) -> tuple[Array, ...]:
-        """Of every block (of its symmetric part), ascending, in its own (mixed) SI units, one a block."""
+        """Return the eigenvalues of every block's symmetric part, ascending, one array per block."""
         C = (self.C_theta + self.C_theta.T) / 2
         return tuple(np.asarray(np.linalg.eigvalsh(C[np.ix_(i, i)])) for i in self.structure.blocks)
 
     @property
     def min_eigenvalue(self) -> float:
-        """Smallest eigenvalue of any block, in its own (mixed) SI units, as the paper prints it."""
+        """Return the smallest eigenvalue of any block [mixed SI units], as the paper prints it."""
         return float(min(e[0] for e in self.eigenvalues))
 
 
@@ -185,17 +205,17 @@ def make_estimate(
     constraint: Constraint = "own",
     advice: tuple[str, ...] = (),
 ) -> Estimate:
-    """Judge a parameter vector: the last line of every estimator; what else is known, `replace` adds.
+    """Make an estimate from parameters: the last line of every estimator, and of your own.
 
     Args:
-        regression: The reduced dataset.
-        pi: Parameters, (n,).
+        regression: The reduced dataset, such as `reduce` returns.
+        pi: Parameters, (n,) [m/N, rad/(N m), rad/N].
         method: Name of the method, for reports.
-        constraint: What the method asked of the blocks; "own" of an estimator of your own.
-        advice: Sentences for a person.
+        constraint: Constraint that the method put on the blocks; "own" for an estimator of your own.
+        advice: Sentences for the user.
 
     Returns:
-        The estimate: costs, eigenvalues of every block, whether it is conservative.
+        The estimate with C_theta and F_M; add what else is known by `dataclasses.replace`.
 
     Raises:
         BenchError: When pi has another shape or is not finite.
@@ -214,9 +234,16 @@ def make_estimate(
 
 
 def is_conservative(structure: Structure, C: Array) -> bool:
-    """Whether every block of C_theta is symmetric and positive semi-definite up to rounding (Section 2.2).
+    """Tell whether every block of C_theta is symmetric positive semi-definite up to rounding, Eq. (8)-(9).
 
-    Judged on the matrix of unit diagonal, so that metres and radians do not mix.
+    It scales C to unit diagonal first, so that metres and radians do not mix.
+
+    Args:
+        structure: The unknowns, which define the blocks.
+        C: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
+
+    Returns:
+        True if C is conservative (Section 2.2).
     """
     scale = eigenvalue_scale(C)
     unitless = C / np.outer(scale, scale)

@@ -1,4 +1,4 @@
-"""How good a model is: errors of predicted deflections."""
+"""Predict deflections of a dataset with an estimate, and score their errors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,33 +15,42 @@ from testbench.model.vjm import Vjm, chain, generalised_load, marker_points, tra
 
 @dataclass(frozen=True)
 class Score:
-    """Distance errors of predicted deflections over a set of runs."""
+    """Hold the distance errors of predicted deflections over a set of runs."""
 
     rms: float  #: Root mean square of the distance error over all points [m].
-    p95: float  #: 95th percentile [m].
-    max: float  #: Largest [m].
-    #: 95th percentile of the error as a share of the measured deflection of its point [1]; None where no
-    #: point moved.
+    p95: float  #: 95th percentile of the distance error [m].
+    max: float  #: Largest distance error [m].
+    #: 95th percentile of the error over the measured deflection of its point [1]; None where no point moved.
     p95_relative: float | None
-    max_relative: float | None  #: The largest such share [1].
+    #: Largest error over the measured deflection of its point [1]; None where no point moved.
+    max_relative: float | None
 
 
 def deflections(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
-    """Deflections of a dataset's markers by a model, Eq. (11).
+    """Predict the deflections of a dataset's markers, dp = J_p C_theta J_F^T w, Eq. (11).
 
     Args:
-        vjm: The model's kinematics.
+        vjm: The arm's virtual joint model.
         estimate: The identified compliances.
         data: Gives poses, loads and markers; its readings are not used.
 
     Returns:
-        World x, y and z of every marker in every run, (runs, m, 3) [m].
+        Deflection of every marker in every run in base axes, (runs, m, 3) [m].
     """
     return np.asarray(all_deflections(vjm, [estimate], data)[0])
 
 
 def all_deflections(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> Array:
-    """The same by several models, (models, runs, m, 3) [m]; J_p C_theta J_F^T w, block by block."""
+    """Predict the deflections of a dataset's markers by several models at once, block by block of runs.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        estimates: The models.
+        data: Gives poses, loads and markers; its readings are not used.
+
+    Returns:
+        J_p C_theta J_F^T w in base axes, (models, runs, m, 3) [m].
+    """
     points, found = marker_points(vjm, data.markers), []
     vjm = vjm_of(vjm, max((own.structure for own in estimates), key=lambda s: s.n_theta))
     for first in range(0, data.runs, BLOCK_RUNS):  # so that memory does not grow with the runs
@@ -56,7 +65,7 @@ def all_deflections(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> A
 
 
 def score(predicted: Array, reference: Array) -> Score:
-    """Distance errors of predictions against measured (or true) deflections.
+    """Score predicted deflections against measured or true ones.
 
     Args:
         predicted: Such as `deflections` returns, (runs, m, 3) [m].
@@ -64,7 +73,7 @@ def score(predicted: Array, reference: Array) -> Score:
             targets were lost.
 
     Returns:
-        Root mean square, 95th percentile and largest error, absolute and relative.
+        Root mean square, 95th percentile and largest distance error, absolute and relative.
 
     Raises:
         BenchError: When the shapes differ, or a number is not finite.

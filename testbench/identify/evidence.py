@@ -30,7 +30,7 @@ SHALLOW, FAR = 1e-3, 2.0  #: Least second derivative that a step counts with, an
 
 @dataclass(frozen=True)
 class Hyperprior:
-    """Densities of some functions z of the hyperparameters, linear, one a row."""
+    """Hold the densities of linear functions z of the hyperparameters, one per row."""
 
     rows: Array  #: Of z, (k, m).
     middle: Array  #: h of z = 0 along the rows, (k,).
@@ -39,19 +39,19 @@ class Hyperprior:
 
 
 def normal_density(z: Array) -> tuple[Array, Array, Array]:
-    """Of standard deviation one, but for a constant."""
+    """Compute -log of the standard normal density without its constant, and its two derivatives."""
     return z**2 / 2, z, np.ones_like(z)
 
 
 def student_density(z: Array) -> tuple[Array, Array, Array]:
-    """Minus the logarithm of Student's of TAIL degrees of freedom, but for a constant, and derivatives."""
+    """Compute -log of Student's density of `TAIL` degrees of freedom without constant, and derivatives."""
     over = TAIL + z**2
     return (TAIL + 1) / 2 * np.log(over / TAIL), (TAIL + 1) * z / over, (TAIL + 1) * (TAIL - z**2) / over**2
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A linear model of c unknowns, and what its m hyperparameters are of; the last are log s_k."""
+    """Hold a linear model of c unknowns with m hyperparameters; the last are log s_k."""
 
     gram: Array  #: Sums of squares of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
     counts: Array  #: Equations of every kind, (kinds,).
@@ -65,7 +65,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Normal:
-    """The solution of normal equations."""
+    """Hold the solution of normal equations."""
 
     x: Array  #: Most likely unknowns, (c,).
     root: tuple[Array, bool]  #: Cholesky's, of the precision scaled to unit diagonal.
@@ -73,18 +73,18 @@ class Normal:
 
     @property
     def log_size(self) -> float:
-        """Logarithm of the precision's determinant."""
+        """Return the logarithm of the determinant of the precision."""
         return 2 * float(np.log(np.diag(self.root[0]) * self.size).sum())
 
     @property
     def covariance(self) -> Array:
-        """Of all unknowns, (c, c)."""
+        """Compute the covariance of all unknowns, (c, c)."""
         half = dpotri(self.root[0], lower=0)[0]
         inverse = np.where(np.tri(len(half), dtype=bool), half.T, half)
         return np.asarray(inverse / self.size / self.size[:, None])
 
     def variances(self, columns: Ids) -> Array:
-        """Of some unknowns, (k,)."""
+        """Compute the variances of some unknowns, (k,)."""
         some = np.eye(len(self.size))[:, columns]
         return np.asarray((some * cho_solve(self.root, some)).sum(axis=0) / self.size[columns] ** 2)
 
@@ -107,7 +107,7 @@ def normal(H: Array) -> Normal:
 
 @dataclass(frozen=True)
 class Posterior:
-    """The unknowns under some hyperparameters."""
+    """Hold the unknowns and the loss at given hyperparameters."""
 
     normal: Normal
     covariance: Array  #: V = P^-1, (c, c).
@@ -120,10 +120,17 @@ class Posterior:
 
 
 def posterior(problem: Problem, h: Array) -> Posterior:
-    """The most likely unknowns, and how likely the readings are.
+    """Compute the most probable unknowns and -log p(y, h) at given hyperparameters.
+
+    Args:
+        problem: The linear model, c unknowns and m hyperparameters.
+        h: Hyperparameters, logarithms, (m,) [1].
+
+    Returns:
+        Unknowns, covariance, loss and its gradient.
 
     Raises:
-        BenchError: When the equations leave an unknown open, or rounding leaves P no root.
+        BenchError: When the equations leave an unknown undetermined, or rounding leaves P no root.
     """
     kinds, D = len(problem.counts), problem.drawn
     d, s2 = np.where(D.any(axis=1), np.exp(D @ h), np.inf), np.exp(2 * h[-kinds:])
@@ -146,10 +153,18 @@ def posterior(problem: Problem, h: Array) -> Posterior:
 
 
 def bends(problem: Problem, h: Array, own: Posterior) -> tuple[Array, Array]:
-    """Second derivatives of the loss, (m, m), and by how much x moves with h, (c, m).
+    """Compute the second derivatives of the loss by the hyperparameters, with implicit differentiation.
 
-    With w = d^-2 and U = -d^2 loss / dx dh it is dx/dh = V U, and the loss with x at its best bends by
-    U^T V U less than with x held; the determinant of P bends by tr(V P' V P') less than by its own P''.
+    With w = d^-2 and U = -d^2 loss / dx dh it is dx/dh = V U. The loss at the best x bends by U^T V U less
+    than at a fixed x; the determinant of P bends by tr(V P' V P') less than by its own P''.
+
+    Args:
+        problem: The linear model.
+        h: Hyperparameters, (m,) [1].
+        own: The posterior there.
+
+    Returns:
+        Hessian, (m, m), and dx/dh, (c, m).
     """
     D, S, V, kinds = problem.drawn, problem.scale, own.covariance, len(own.left)
     w, off = own.deviation**-2, (own.normal.x - own.mean) / own.deviation
@@ -181,14 +196,25 @@ def _shares(problem: Problem, V: Array, w: Array, s2: Array) -> list[Array]:
 
 
 def greatest(problem: Problem, start: Array, held: int | None = None) -> Array:
-    """The hyperparameters of greatest evidence from a start on, (m,), by Newton; one of them may be held."""
+    """Maximise the evidence over the hyperparameters by Newton's method with step halving.
+
+    Args:
+        problem: The linear model.
+        start: First hyperparameters, (m,) [1].
+        held: Place of one that stays fixed; None for none.
+
+    Returns:
+        Hyperparameters of greatest evidence within the bounds, (m,) [1].
+    """
     h, own, (low, high) = start, posterior(problem, start), problem.bounds
     for _ in range(MOST):
         g = own.gradient
+        # A hyperparameter at its bound is free only if the loss falls inwards.
         free = ~((h <= low) & (g > 0) | (h >= high) & (g < 0))
         if held is not None:
             free[held] = False
         values, Q = np.linalg.eigh(bends(problem, h, own)[0][np.ix_(free, free)])
+        # Newton's step with |eigenvalues|: it descends even where the loss is not convex.
         step = np.zeros_like(h)
         step[free] = -Q @ (Q.T @ g[free] / np.maximum(np.abs(values), SHALLOW))
         before, (h, own) = own.loss, _lower(problem, h, own, step)

@@ -48,7 +48,7 @@ FEWEST, MOST_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by po
 
 
 class Folded:
-    """Triangular factors of rows [A | y], of every kind of equations and part."""
+    """Hold triangular factors of rows [A | y], per kind of equations and part."""
 
     def __init__(self, columns: int) -> None:
         """No rows of so many columns."""
@@ -58,11 +58,11 @@ class Folded:
         self.equations: defaultdict[tuple[int, int], int] = defaultdict(int)  #: Scalar ones of each.
 
     def take(self, A: Array, kinds: Ids, parts: Ids) -> None:
-        """More readings.
+        """Add whitened rows of some runs.
 
         Args:
-            A: Whitened [A | y], (s, 3, columns, runs).
-            kinds: Of every reading, (s, runs); -1 of those that were lost.
+            A: Whitened [A | y], (s, 3, columns, runs) [1].
+            kinds: Kind of every reading, (s, runs); -1 for lost ones.
             parts: Part of every run, (runs,).
         """
         lines = A.transpose(2, 1, 0, 3)
@@ -77,7 +77,13 @@ class Folded:
                 self.add(kind, part, some)
 
     def add(self, kind: int, part: int, lines: Array) -> None:
-        """More rows of a part, (columns, rows), whose memory is used up."""
+        """Add rows to one part by QR; the memory of `lines` is overwritten.
+
+        Args:
+            kind: Kind of the equations.
+            part: Number of the part.
+            lines: The rows, transposed, (columns, rows) [1].
+        """
         n, at = self.columns, (kind, part)
         T = self.factors.get(at, np.zeros((0, n)))
         if len(T) < n:
@@ -90,13 +96,22 @@ class Folded:
         self.factors[at] = dtpqrt(0, panel, T, lines.T, overwrite_a=True, overwrite_b=True)[0]
 
     def join(self, other: "Folded") -> None:
-        """The rows of another share."""
+        """Add all rows of another set of factors."""
         for at, T in other.factors.items():
             self.add(*at, T.T.copy())
             self.equations[at] += other.equations[at]
 
     def factor(self, kind: int, parts: Sequence[int], columns: Ids | slice = slice(None)) -> Array:
-        """Triangular factor of all rows of some parts, some columns of it, (columns, columns)."""
+        """Compute the triangular factor of all rows of some parts.
+
+        Args:
+            kind: Kind of the equations.
+            parts: Numbers of the parts.
+            columns: Columns that are wanted.
+
+        Returns:
+            Triangular factor, (columns, columns) [1].
+        """
         rows = [self.factors[kind, k][:, columns] for k in parts if (kind, k) in self.factors]
         whole = Folded(len(np.arange(self.columns)[columns]))
         whole.add(0, 0, np.vstack([np.zeros((0, whole.columns)), *rows]).T.copy())
@@ -106,7 +121,7 @@ class Folded:
 
 @dataclass(frozen=True)
 class Parts:
-    """A structure on a dataset in parts."""
+    """Hold the reduced equations of a structure on a dataset, part by part."""
 
     structure: Structure  #: The unknowns, n of them.
     folded: Folded  #: Of these or more, readings last, in standard deviations sqrt(2) sigma.
@@ -114,18 +129,18 @@ class Parts:
 
     @property
     def every(self) -> Ids:
-        """The parts that there are."""
+        """Return the numbers of all parts."""
         return np.unique([part for _, part in self.folded.factors])
 
     def some(self, parts: Ids) -> "Parts":
-        """Some of the parts."""
+        """Return the equations of these parts only."""
         kept, own = Folded(self.folded.columns), set(parts.tolist())
         kept.factors = {at: T for at, T in self.folded.factors.items() if at[1] in own}
         kept.equations.update({at: n for at, n in self.folded.equations.items() if at[1] in own})
         return replace(self, folded=kept)
 
     def together(self, parts: Ids | None = None) -> Regression:
-        """The regression of some parts, one at least, or all: rows over sqrt(N), as in F_M, Eq. (19)."""
+        """Make one regression of some parts, or of all: rows over sqrt(N), as in F_M, Eq. (19)."""
         terms, some = [], (self.every if parts is None else parts).tolist()
         for kind in sorted({kind for kind, _ in self.folded.factors}):
             equations = sum(self.folded.equations[kind, k] for k in some)
@@ -135,12 +150,14 @@ class Parts:
 
 
 def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regression:
-    """Boil a dataset down to the triangular factors of its weighted rows; memory does not grow with the runs.
+    """Reduce a dataset to triangular factors of its weighted equations, Eq. (13).
+
+    Memory does not grow with the number of runs.
 
     Args:
-        vjm: The model.
-        structure: The unknowns.
-        data: The runs, or what was reduced of a larger structure.
+        vjm: The arm's virtual joint model.
+        structure: The unknowns, n of them.
+        data: The runs, or the reduction of a larger structure.
 
     Returns:
         F_M of the structure on them; `rows` are its equations in standard deviations.
@@ -155,9 +172,18 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regres
 
 
 def with_poses(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
-    """What was reduced of a dataset, of links and joints with laws, with its rows pose by pose.
+    """Add the rows of every pose to a regression of links and joints with laws.
 
-    Of few poses nothing can be told from pose to pose; of many, and where orientations are read, nobody asks.
+    They are needed to learn how links vary from pose to pose (`wander`): with `FEWEST` to `MOST_POSES` poses
+    and positions only.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        regression: The reduced dataset.
+        data: The runs.
+
+    Returns:
+        The regression, with `poses` where they are needed.
     """
     poses, part = np.unique(data.pose, return_inverse=True)
     if not regression.structure.laws or len(regression.terms) > 1 or not FEWEST <= len(poses) <= MOST_POSES:
@@ -168,14 +194,16 @@ def with_poses(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
 
 
 def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset, part: Ids) -> list[Parts]:
-    """Reduce the rows of several models on runs, in parts.
+    """Reduce the weighted equations of several structures on runs, part by part.
 
     Args:
-        vjm: The model.
+        vjm: The arm's virtual joint model.
         structures: The unknowns of every model.
         runs: The runs.
-        part: Part of every run, counted from 0; -1 for those that are left out, as those without a
-            reading, (runs,).
+        part: Part of every run from 0 on, (runs,); -1 for runs that are left out.
+
+    Returns:
+        The equations of every structure, in order.
 
     Raises:
         BenchError: When there is no run, a number is too large, or a marker is none of the arm's.
@@ -211,9 +239,15 @@ def _blocks_of(part: Ids) -> Iterator[Ids]:
 
 
 def batches(part: Ids, pose: Ids, size: int) -> Iterator[Ids]:
-    """Places of rows in batches of about a size, part by part; the rows of a pose are never parted.
+    """Yield places of rows in batches, part by part; rows of one pose stay together.
 
-    Rows of part -1 are left out.
+    Args:
+        part: Part of every row, (rows,); rows of part -1 are left out.
+        pose: Pose of every row, (rows,).
+        size: About how many rows a batch has.
+
+    Yields:
+        Places of the rows of one batch.
     """
     order = np.lexsort((pose, part))
     order = order[part[order] >= 0]
@@ -237,7 +271,7 @@ def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
 
 @dataclass(frozen=True)
 class Part:
-    """The equations of one block of one series."""
+    """Hold the equations of one block of joint space of one series."""
 
     series: int  #: Place of the series.
     gram: Array  #: Sums of squares of [A | y] of every kind of equations, (kinds, size + 1, size + 1).
@@ -246,7 +280,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Reduced:
-    """All equations of absolute readings."""
+    """Hold all equations of absolute readings, reduced."""
 
     kinds: tuple[int, ...]  #: Kinds of equations that there are, as places of `KINDS`.
     parts: tuple[Part, ...]  #: In blocks.
@@ -254,11 +288,11 @@ class Reduced:
 
     @cached_property
     def gram(self) -> Array:
-        """Of all parts."""
+        """Return the sums of squares of all parts, (kinds, size + 1, size + 1)."""
         return total(self.parts)
 
     def turned(self, basis: csr_array) -> "Reduced":
-        """The same in another basis of the unknowns, theirs by those, (size, size)."""
+        """Return the equations in another basis of the unknowns: x = basis @ z, (size, size)."""
         B = block_diag((basis, 1.0), format="csr").T
         grams = [np.array([B @ np.asarray(B @ own).T for own in one.gram]) for one in self.parts]
         parts = tuple(replace(one, gram=gram) for one, gram in zip(self.parts, grams, strict=True))
@@ -266,18 +300,18 @@ class Reduced:
 
     @property
     def positions(self) -> Mask:
-        """Which kinds are positions, (kinds,)."""
+        """Return which kinds are positions, (kinds,)."""
         return np.isin(self.kinds, POSITIONS)
 
     @property
     def counts(self) -> Array:
-        """Of all parts."""
+        """Return the number of equations of every kind in all parts, (kinds,)."""
         return np.asarray(sum(part.counts for part in self.parts))
 
 
 @dataclass(frozen=True)
 class Point:
-    """Where equations are linear, and how they are weighted."""
+    """Hold the state where equations are linearised, and their weights."""
 
     unknowns: Unknowns
     state: State
@@ -286,13 +320,16 @@ class Point:
 
 
 def reduce_series(at: Point, series: Sequence[Series], blocks: Sequence[Ids] | None = None) -> Reduced:
-    """Fold all rows into triangular factors, those of every series and block by themselves first.
+    """Reduce all rows of absolute readings to triangular factors, per series and block of joint space.
 
     Args:
-        at: Where equations are linear.
+        at: Where the equations are linearised.
         series: The readings.
-        blocks: Of joint space, of every row of a series, (rows,) each, the same for all rows of a pose; None
-            for one a series.
+        blocks: Block of joint space of every row of a series, (rows,) each, equal for all rows of a pose;
+            None for one block per series.
+
+    Returns:
+        The reduced equations.
     """
     blocks = [np.zeros(one.rows, dtype=int) for one in series] if blocks is None else blocks
     kinds, parts, whole = kinds_of(series), [], Folded(at.unknowns.size + 1)
@@ -310,9 +347,15 @@ def reduce_series(at: Point, series: Sequence[Series], blocks: Sequence[Ids] | N
 
 
 def equations(at: Point, series: Series) -> tuple[Array, Ids]:
-    """Whitened [A | y] of all unknowns, (s, 3, size + 1, rows), and the kind of every equation, (s, rows).
+    """Compute whitened rows [A | y] of all unknowns; rows of one pose become their mean and differences.
 
-    Rows of a pose are their mean and their differences. Kinds are -1 where nothing was read.
+    Args:
+        at: Where the equations are linearised, with noise and loss.
+        series: The readings.
+
+    Returns:
+        [A | y], (s, 3, size + 1, rows) [1], and the kind of every equation, (s, rows); -1 where nothing was
+        read.
     """
     A, rotation = rows_of(at.unknowns, at.state, series), at.state.frame(series).rotation
     _, pull = weights(series, at.noise, rotation, A[:, :, -1], at.loss)
@@ -329,5 +372,5 @@ def equations(at: Point, series: Series) -> tuple[Array, Ids]:
 
 
 def total(parts: Sequence[Part]) -> Array:
-    """Sums of squares of several parts, (kinds, size + 1, size + 1)."""
+    """Sum the Gram matrices of several parts, (kinds, size + 1, size + 1)."""
     return np.asarray(sum(part.gram for part in parts))

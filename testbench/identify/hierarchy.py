@@ -153,7 +153,15 @@ def _size(kind: int) -> tuple[float, float]:
 
 
 def squares(regression: Regression, metric: Metric) -> Array:
-    """Sums of squares of a dataset in a metric, readings last, (n + 1, n + 1)."""
+    """Compute the Gram matrix of the weighted equations in a metric, readings last.
+
+    Args:
+        regression: The reduced dataset.
+        metric: The metric of the prior.
+
+    Returns:
+        [A | y]^T [A | y], (n + 1, n + 1) [1].
+    """
     rows = np.column_stack(whitened(regression, metric))
     gram = rows.T @ rows
     gram[-1, -1] += math.fsum(term.equations / 3 * term.rest for term in regression.terms)
@@ -218,9 +226,16 @@ def _log_evidence(seen: Evidence, loss: float, values: Array) -> float:
 
 
 def log_evidence_alone(regression: Regression, metric: Metric) -> tuple[float, Belief]:
-    """The same of joints alone, a normal distribution of width ALONE about a common scale; and a loose prior.
+    """Compute the log evidence of joints only: a normal prior of width `ALONE` about a common scale.
 
-    The scale is integrated out: the readings say all of it.
+    The scale is integrated out: the readings determine it.
+
+    Args:
+        regression: The reduced dataset of joints only.
+        metric: The metric of the prior on these joints.
+
+    Returns:
+        Log evidence [1], and the loose prior with which joints are then fitted.
     """
     metric, n = rescaled(metric, regression), regression.structure.n
     B = np.column_stack(precision_root(metric, Strength(ALONE)))
@@ -263,7 +278,7 @@ TENFOLD, OPEN = math.log(10), 2.0
 
 
 def contradicted(belief: Belief) -> tuple[Scale, ...]:
-    """The scales of a learnt prior that the readings contradict."""
+    """List the scales of a learnt prior that the readings contradict, by `TOLD` and `FAR`."""
 
     def wrong(scale: Scale) -> bool:
         size = abs(math.log(scale.factor))
@@ -274,7 +289,7 @@ def contradicted(belief: Belief) -> tuple[Scale, ...]:
 
 @dataclass(frozen=True)
 class Unchecked:
-    """Links and joints that may be ten times off the prior without the readings telling."""
+    """List links and joints whose tenfold error in the prior these readings could not reveal."""
 
     stiffer: tuple[str, ...] = ()  #: Those that may be ten times stiffer.
     softer: tuple[str, ...] = ()  #: Those that may be ten times softer.

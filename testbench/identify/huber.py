@@ -49,10 +49,17 @@ NO_OUTLIERS = "sigma too small, or wrong structure, load, unit or frame"
 def without_outliers(
     vjm: Vjm, data: Dataset, regression: Regression, constraint: Constraint, held: Belief | Penalty | None
 ) -> Estimate:
-    """The plain estimate from the readings that Huber's loss does not reject; for GCO of whole blocks.
+    """Reject readings by Huber's loss, and fit the others by the plain method; GCO needs whole blocks.
 
-    F_M, its floor and the rank are of the readings that are left. The prior, or the trace term of GCO
-    without one, is `held`.
+    Args:
+        vjm: The arm's virtual joint model.
+        data: The runs.
+        regression: All readings, reduced.
+        constraint: "none" for least squares, "psd" for GCO.
+        held: The prior, or the trace term of GCO without one.
+
+    Returns:
+        The estimate; F_M, its floor and the rank refer to the readings that are kept.
 
     Raises:
         BenchError: When the dataset is too large, or too few readings are left.
@@ -84,10 +91,19 @@ def without_outliers(
 def search(
     vjm: Vjm, readings: Readings, regression: Regression, constraint: Constraint, belief: Belief | None
 ) -> tuple[Array, str]:
-    """Length of every reading's residual at the optimum of Huber's loss, (readings,) [1], and "solved".
+    """Minimise Huber's loss by reweighting, and return the residuals.
 
-    For GCO without a prior the compliances of the arm's folder, known to a factor of WEAK, keep its numbers
-    of order one.
+    Without a prior, GCO uses the compliances of the arm's folder with a relative uncertainty of `WEAK`.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        readings: Readings one by one.
+        regression: All readings, reduced.
+        constraint: "none" for least squares, "psd" for GCO.
+        belief: The prior; None for none.
+
+    Returns:
+        Length of every residual in standard deviations, (readings,) [1], and the status, "solved" if good.
     """
     s = regression.structure
     if constraint == "psd" and belief is None:

@@ -36,7 +36,7 @@ TINY = 1e-300
 
 @dataclass(frozen=True)
 class Program:
-    """A program whose data are of order one."""
+    """Hold a program of norms or squares over positive semi-definite blocks, data of order one."""
 
     R: Array  #: (K, rows, n).
     z: Array  #: (K, rows).
@@ -48,19 +48,27 @@ class Program:
 
     @cached_property
     def gram(self) -> Array:
-        """R_k^T R_k, (K, n, n)."""
+        """Return R_k^T R_k, (K, n, n)."""
         return np.asarray(self.R.swapaxes(1, 2) @ self.R)
 
     def share(self, norms: Array) -> Array:
-        """What a residual pulls over its length, (K,)."""
+        """Return the weight of every residual in the gradient: 1 / |r_k|, or 1 for squares, (K,)."""
         return np.ones_like(norms) if self.squares else 1 / np.maximum(norms, TINY)
 
     def fit(self, norms: Array) -> float:
-        """What counts of the norms, (K,)."""
+        """Compute the sum of norms, (K,), or of half their squares."""
         return float((norms**2 / 2 if self.squares else norms).sum())
 
     def cost(self, x: Array, norms: Array) -> float:
-        """Cost of x, (n,), whose norms are (K,)."""
+        """Compute the cost of x: fit, linear term and barrier.
+
+        Args:
+            x: svec of all blocks, (n,).
+            norms: Norms of the residuals at x, (K,).
+
+        Returns:
+            The cost.
+        """
         cost = self.fit(norms) + float(x @ self.c)
         if self.barrier:
             blocks = (cone.smat(x[at]) for at in cone.groups_of(self.sizes))
@@ -68,7 +76,7 @@ class Program:
         return cost
 
     def at(self, x: Array) -> tuple[Array, Array]:
-        """Norms, (K,), and the gradients of what counts of them, (K, n)."""
+        """Compute the norms at x, (K,), and the gradients of their contributions, (K, n)."""
         left = self.R @ x - self.z
         norms = np.sqrt((left**2).sum(axis=1) + self.rest**2)
         return norms, np.vecmat(left, self.R) * self.share(norms)[:, None]
@@ -76,7 +84,7 @@ class Program:
 
 @dataclass(frozen=True)
 class State:
-    """A program on its way."""
+    """Hold one iterate: x, multipliers s, norms and gradients."""
 
     x: Array  #: Coordinates of the blocks, positive definite, (n,).
     s: Array  #: Those of their multipliers, positive definite, (n,).
@@ -133,7 +141,16 @@ def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Arra
 
 
 def inside(x: Array, sizes: tuple[int, ...], share: float) -> bool:
-    """Tell whether all blocks are positive semi-definite, up to a share of their traces."""
+    """Tell whether all blocks are positive semi-definite, up to a share of their traces.
+
+    Args:
+        x: svec of all blocks, (n,).
+        sizes: Orders of the blocks.
+        share: Share of its trace by which an eigenvalue may be negative [1].
+
+    Returns:
+        True if they are.
+    """
     if not np.isfinite(x).all():
         return False
     X = [cone.smat(x[at]) for at in cone.groups_of(sizes)]
@@ -141,7 +158,14 @@ def inside(x: Array, sizes: tuple[int, ...], share: float) -> bool:
 
 
 def interior(program: Program) -> State:
-    """As near the optimum as rounding allows; how near, the caller asks."""
+    """Minimise the program by the predictor and corrector method, as far as rounding allows.
+
+    Args:
+        program: The program.
+
+    Returns:
+        The best iterate; the caller proves how near the optimum it is.
+    """
     state = _start(program)
     found, best = state, program.cost(state.x, state.norms)
     near, least = (FINEST, 0.0) if program.squares else (LEFT, EXACT)
@@ -187,18 +211,24 @@ def _iterate(program: Program, state: State) -> State:
     """
     x, s, missing = state.x, state.s, state.missing
     share = program.share(state.norms)
+    # Hessian of the norms: Weiszfeld's majorant, minus the tangent term where the norms are steady.
     hessian = np.tensordot(share, program.gram, 1) - state.steady * (state.pulls.T * share) @ state.pulls
+    # E, the scaling of Nesterov and Todd, block by block.
     scalings = [Scaling.of(at, x, s) for at in cone.groups_of(program.sizes)]
     A = hessian.copy()
     for own in scalings:
         A[own.at[:, :, None], own.at[:, None]] += cone.congruence(own.inverse.swapaxes(1, 2) @ own.inverse)
     root, w, sums = cho_factor(A, lower=True), np.empty_like(x), []
+    # Predictor: the affine step to the optimum; a barrier needs none.
     predicted = cho_solve(root, -s - missing) * (not program.barrier)
+    # Gap to aim at, from the length of the last step.
     aim = max(program.barrier, max((1 - state.step) ** 2, LEAST) * float(x @ s) / sum(program.sizes))
     for own in scalings:
         sums.append(own.corrected(aim, own.scaled(predicted)))
         w[own.at] = cone.svec(own.inverse.swapaxes(1, 2) @ sums[-1] @ own.inverse)
+    # Corrector: the step with the second-order term of the predicted one.
     dx = cho_solve(root, w - missing)
+    # Stay inside the cone: a share BOLD to 0.99 of the way to its boundary.
     pairs = zip(scalings, sums, strict=True)
     step = min(1.0, *(float(own.longest(own.scaled(dx), both)) for own, both in pairs))
     step *= BOLD + (0.99 - BOLD) * step

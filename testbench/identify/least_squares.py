@@ -1,4 +1,8 @@
-"""Weighted least squares, Eq. (14)-(15), by SVD of the reduced rows; never by an inverse."""
+"""Weighted least squares, Eq. (14)-(15), from the reduced rows, never by inverting the information matrix.
+
+`minimum_norm` is the plain solution. `completed` uses what the data leave unobservable to make it
+conservative.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -15,45 +19,62 @@ from testbench.model.structure import Structure
 
 
 def minimum_norm(regression: Regression) -> Estimate:
-    """Weighted least squares, Eq. (14)-(15); of minimum norm where the data leave directions free.
+    """Solve weighted least squares, Eq. (14)-(15), with minimum norm along unobservable directions.
 
-    Positions and rotations are weighted by the inverse of their sigma. The norm is that of the parameters in
-    units in which each column of the observation matrix has length one.
+    Positions and rotations are weighted by 1 / (sqrt(2) sigma). The norm is that of pi in units in which each
+    column of the observation matrix has length one.
+
+    Args:
+        regression: The reduced dataset.
+
+    Returns:
+        The estimate; it need not be conservative.
     """
     # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations alike.
     rows = np.vstack([np.sqrt(term.equations) * np.c_[term.R, term.z] for term in regression.terms])
     A, y, seen = rows[:, :-1], rows[:, -1], regression.columns > 0
     scale, pi = np.linalg.norm(A[:, seen], axis=0), np.zeros(regression.structure.n)
+    # SVD of the scaled columns; singular values below RANK_TOLERANCE are structural zeros.
     pi[seen] = np.linalg.lstsq(A[:, seen] / scale, y, rcond=RANK_TOLERANCE)[0] / scale
     found = make_estimate(regression, pi, method="least squares", constraint="none")
     return replace(found, status="solved")
 
 
 EQUAL = 1e-7
-"""Share by which F_M may exceed that of least squares and count as equal: negative eigenvalues of the
-solver's last digits are set to zero."""
+"""Relative excess of F_M over least squares that still counts as an equal fit [1].
+
+The model's negative eigenvalues, the solver's last digits, are set to zero, which changes F_M a little.
+"""
 PROVEN = 1e-8
-"""Shift of all eigenvalues, where the data are of order one, that models of equal fit need if none is in the
-cone; below it is what solvers leave."""
-ROUNDING = 1e-12  #: Entry of a free direction of length one below which it is zero.
+"""Shift of all eigenvalues, in units where the data are of order one, that proves that no model of equal fit
+is conservative [1]; smaller ones are the solver's rounding."""
+ROUNDING = 1e-12
+"""Entry of an unobservable direction of length one below which it counts as zero [1]."""
 NONE = "no conservative model fits as well as least squares"
-COMPLETED = "least squares, conservative of equal fit"  #: The method, where there is such a model.
+COMPLETED = "least squares, conservative of equal fit"
+"""Method name of an estimate for which a conservative model of equal fit exists."""
 
 
 @dataclass(frozen=True)
 class Free:
-    """What the data leave free: X = x + N w, entry by entry of the parameters."""
+    """Hold all parameters that fit as well as least squares: X = x + N w, with any w."""
 
-    unit: Array  #: pi = unit * X, (n,).
-    x: Array  #: The solution of minimum norm, (n,).
-    N: Array  #: Directions that no reading sees, orthonormal as matrices, (n, n - r).
+    unit: Array  #: pi = unit * X, (n,) [m/N, rad/(N m), rad/N].
+    x: Array  #: The solution of minimum norm, (n,) [1].
+    N: Array  #: Unobservable directions, orthonormal as matrices, (n, n - r) [1].
 
 
 def completed(regression: Regression) -> Estimate:
-    """Least squares whose free directions make it conservative, nearest to the solution of minimum norm.
+    """Solve least squares, then choose its unobservable directions so that the model is conservative.
 
-    Where what the data see allows no conservative model, it is the solution of minimum norm, and the status
-    says so.
+    It minimises |w| subject to X_0 + N w positive semi-definite in every block. If no w does that, it returns
+    the solution of minimum norm, and the status says so.
+
+    Args:
+        regression: The reduced dataset.
+
+    Returns:
+        The estimate; its status is "solved" only if it is conservative and fits as well as least squares.
 
     Raises:
         BenchError: When the structure is not symmetric.
@@ -64,12 +85,14 @@ def completed(regression: Regression) -> Estimate:
         return plain
     if regression.rank == regression.structure.n:
         return replace(plain, status=f"{NONE}: the data leave nothing free")
+    # Second-order cone: the shortest w; PSD cones: every block of X_0 + N w.
     free = free_directions(regression, plain.pi)
     shortest = cone.norm_below(0, np.eye(free.N.shape[1] + 1)[1:], np.zeros(free.N.shape[1]))
     found = cone.solve(_program(regression.structure, free, np.zeros(len(plain.pi)), (shortest,)))
     if found.status != "solved":
         why = NONE if least_shift(regression.structure, free) > PROVEN else found.failure
         return replace(plain, status=why, solver_seconds=found.seconds)
+    # Remove the solver's last digits, then check that the fit did not change by more than rounding.
     pi = free.unit * clip(regression.structure, free.x + free.N @ found.x[1:])
     estimate = make_estimate(regression, pi, method=COMPLETED, constraint="free")
     allowed = EQUAL * plain.f_m + EXACT * f_m(regression, np.zeros(len(pi)))
@@ -80,7 +103,15 @@ def completed(regression: Regression) -> Estimate:
 
 
 def free_directions(regression: Regression, pi: Array) -> Free:
-    """The directions along which models fit as parameters do, (n,), in units of sensitivity."""
+    """Compute the directions along which F_M does not change, in units of sensitivity.
+
+    Args:
+        regression: The reduced dataset.
+        pi: Parameters of least squares, (n,) [m/N, rad/(N m), rad/N].
+
+    Returns:
+        The affine set X_0 + N w of equal fit.
+    """
     s = regression.structure
     unit = sensitivity_units(regression, f_m(regression, np.zeros(s.n)) or 1.0)
     length = np.where(s.mirrored, math.sqrt(2), 1.0)  # an entry that stands at two places counts twice
@@ -91,7 +122,15 @@ def free_directions(regression: Regression, pi: Array) -> Free:
 
 
 def least_shift(s: Structure, free: Free) -> float:
-    """What no t >= -1 is below, of all w for which X_0 + N w + t 1 has positive semi-definite blocks."""
+    """Compute a lower bound of the least t >= -1 for which some X_0 + N w + t 1 is positive semi-definite.
+
+    Args:
+        s: The unknowns.
+        free: The affine set of equal fit.
+
+    Returns:
+        The bound, in units where the data are of order one [1]; above 0 no conservative model fits equally.
+    """
     one = np.where(s.a == s.b, 1.0, 0.0)
     first = np.eye(1, 1 + free.N.shape[1])
     return cone.solve(_program(s, free, one, (cone.Rows("nonnegative", -first, np.ones(1)),))).bound

@@ -1,6 +1,7 @@
-"""A method is a value: what it asks of the blocks, which prior it believes, which loss it has.
+"""Identification methods as values: the constraint on the compliances, the prior and the loss.
 
-A method is called like an estimator of your own: method(vjm, structure, data) -> Estimate.
+A method reduces a dataset to its weighted equations (13) and solves them for the compliances of a structure.
+It is called like an estimator of your own: method(vjm, structure, data) -> Estimate.
 """
 
 from dataclasses import dataclass, replace
@@ -24,20 +25,35 @@ from testbench.model.laws import without_laws
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-ROBUST_UNCERTAINTY = 0.3  #: Relative uncertainty of a prior beside a robust loss, where none is given.
+ROBUST_UNCERTAINTY = 0.3
+"""Relative standard deviation [1] of a prior that `robust` uses where the user gives no strength."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """How to identify."""
+    """Identify compliances from a dataset by least squares or GCO, with a prior or without.
 
-    #: "none" for least squares, "psd" for GCO, "free" for least squares completed, which takes no prior.
+    With A pi = y the weighted equations (13) and F_M the cost of Eq. (19), a method solves one of
+
+        least squares    min |A pi - y|^2,               Eq. (14)-(15)
+        GCO              min F_M(C) + w <W, C>           over C_i = V_i^T V_i, Eq. (16)-(19)
+        with a prior     min |A pi - y|^2 + |x - s e|^2 / u^2,   GCO over C_i positive semi-definite
+
+    with w <W, C> a weighted trace (`trace`), x the compliances in units of the prior, e their expectation, s
+    its common scale and u its relative uncertainty (`metric`). The call `method(vjm, structure, data)`
+    returns an `Estimate`. `least_squares`, `gco`, `paper_gco` and `completed_least_squares` are methods;
+    `with_prior` and `robust` make a new method from one.
+    """
+
+    #: "none" for least squares, "psd" for GCO, "free" for least squares whose unobservable directions are
+    #: chosen so that the model is conservative; "free" takes no prior.
     constraint: Constraint = "psd"
-    prior: Prior | None = None  #: Expected compliances, their common scale left to the data; None for none.
-    #: How firmly the prior is believed; None to learn it from the readings, with the scale of every link and
-    #: joint, or `ROBUST_UNCERTAINTY` with a robust loss: outliers would teach it.
+    prior: Prior | None = None  #: Expected compliances; the data set their common scale. None for no prior.
+    #: Relative uncertainty of the prior. None to learn it from the readings, with a scale per link and joint;
+    #: with a robust loss None means `ROBUST_UNCERTAINTY`, since outliers would distort what is learnt.
     strength: Strength | None = None
-    loss: Literal["plain", "robust"] = "plain"  #: "robust" looks for outliers and does without them.
+    #: "robust" finds outliers by Huber's loss and fits without them.
+    loss: Literal["plain", "robust"] = "plain"
     #: Weight w of the trace term beside F_M in GCO without a prior [N m/rad]: F_M + w <W, C> is least, see
     #: `trace`. It is an exponential prior on compliances, of mean 1 / (w F_M N) rad/(N m) each for N points,
     #: those of joints nearly free. None to learn it from poses held out; 0 for the paper's GCO, which takes
@@ -54,15 +70,15 @@ class Method:
             raise BenchError(f"trace_weight [N m/rad]: expected 0 or more, got {self.trace_weight}")
 
     def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-        """Identify a structure from a dataset.
+        """Identify the compliances of a structure from a dataset.
 
         Args:
-            vjm: The model.
-            structure: The unknowns; with a prior, or GCO with a robust loss, of whole blocks.
-            data: The runs.
+            vjm: The arm's virtual joint model.
+            structure: The unknown entries of C_theta. A prior, and GCO with a robust loss, need whole blocks.
+            data: The runs: joint angles, loads, and positions before and after loading [m].
 
         Returns:
-            Compliances, and what there is to say of them.
+            The estimate: parameters pi, C_theta, F_M, rank, status and certificate.
 
         Raises:
             BenchError: When the dataset is empty or names a marker that the arm lacks, the structure is not
@@ -70,34 +86,43 @@ class Method:
         """
         unknowns = structure if self.learns else without_laws(structure)
         reduced: Parts | Regression
+        # Only the trace weight needs held-out poses; then the equations are kept part by part.
         if self.penalised and isinstance(data, Dataset):  # poses are held out
             [reduced] = reduce_parts(vjm, [unknowns], data, divided(data))
         else:
             reduced = reduce(vjm, unknowns, data)
         if self.loss == "plain":
             return self.of(vjm, reduced)
+        # Robust loss: the prior or the trace term is settled first, on all readings.
         regression = reduced.together() if isinstance(reduced, Parts) else reduced
         held = self.belief(vjm, regression) or self.penalty(vjm, reduced)
         return without_outliers(vjm, data, regression, self.constraint, held)
 
     def of(self, vjm: Vjm, reduced: Parts | Regression, *, widths: bool = True) -> Estimate:
-        """Identify from a dataset that was reduced before, outliers among it.
+        """Identify compliances from a dataset that is already reduced; outliers stay in.
 
         Args:
-            vjm: The model.
-            reduced: The dataset; in parts where poses are to be held out, as a trace weight is learnt.
-            widths: False where poses are held out: links are as coupled as the prior's.
+            vjm: The arm's virtual joint model.
+            reduced: The weighted equations; in parts where poses are to be held out, as a trace weight is
+                learnt.
+            widths: Whether intervals are wanted. Without them the prior's couplings inside links stay as they
+                are.
 
         Returns:
             The estimate.
+
+        Raises:
+            BenchError: When the prior does not fit the structure or the data.
         """
         regression = reduced.together() if isinstance(reduced, Parts) else reduced
         if self.learns and self.prior is not None:
+            # Learnt prior: average models by their evidence, under the prior and under a softened one.
             own = metric(self.prior, vjm, regression.structure)
             if not widths or not regression.structure.laws:
                 return averaged(regression, self.constraint, own, widths=widths)
             other = metric(softened(self.prior), vjm, regression.structure)
             return of_two_priors(regression, self.constraint, own, other)
+        # A prior of fixed strength, or none: laws of joints need evidence, so that they are left out.
         if regression.structure.laws:
             reduced = regression = some_columns(regression, without_laws(regression.structure))
         held = self.belief(vjm, regression) or self.penalty(vjm, reduced)
@@ -105,16 +130,25 @@ class Method:
 
     @property
     def learns(self) -> bool:
-        """Whether the readings teach how firmly the prior is believed, and how much laws of joints count."""
+        """Tell whether the strength of the prior and the weight of joint laws are learnt from readings."""
         return self.prior is not None and self.strength is None and self.loss == "plain"
 
     @property
     def penalised(self) -> bool:
-        """Whether a trace term stands in for a prior, and its weight is to be learnt."""
+        """Tell whether GCO runs without a prior and learns its trace weight from held-out poses."""
         return self.constraint == "psd" and self.prior is None and self.trace_weight is None
 
     def penalty(self, vjm: Vjm, reduced: Parts | Regression) -> Penalty | None:
-        """The trace term of GCO without a prior; None for none."""
+        """Return the trace term w <W, C> of GCO without a prior.
+
+        Args:
+            vjm: The arm's virtual joint model.
+            reduced: The weighted equations; in parts where the weight w is learnt.
+
+        Returns:
+            The term with w in [N m/rad]; None where the method has no such term, or where `paper_gco` leaves
+            the choice to a tie-break.
+        """
         if self.penalised:
             return learnt(vjm, reduced)
         if self.constraint != "psd" or self.prior is not None or not self.trace_weight:
@@ -122,7 +156,14 @@ class Method:
         return weighed(vjm, reduced.structure, self.trace_weight)
 
     def belief(self, vjm: Vjm, regression: Regression) -> Belief | None:
-        """The prior in the scale of a dataset, and how firmly it is believed; None without a prior.
+        """Return the prior, scaled to the data by their best common factor, with its strength.
+
+        Args:
+            vjm: The arm's virtual joint model.
+            regression: The weighted equations, which set the common scale of the prior.
+
+        Returns:
+            The prior in the units of `metric`; None without a prior.
 
         Raises:
             BenchError: When the prior does not fit the structure or the data.
@@ -134,37 +175,43 @@ class Method:
 
 
 least_squares = Method("none")
-"""Weighted least squares, Eq. (14)-(15); of minimum norm where the data leave directions free."""
+"""Weighted least squares, Eq. (14)-(15): min |A pi - y|^2, of minimum norm along unobservable directions.
+
+Call it as least_squares(vjm, structure, data) -> Estimate. Its matrices need not be conservative.
+"""
 
 completed_least_squares = Method("free")
-"""Weighted least squares whose free directions make it conservative where that is possible.
+"""Least squares made conservative along its unobservable directions, where that is possible.
 
-Of all conservative models that fit as well as `least_squares`, it is the one nearest to its solution of
-minimum norm, in the units of sensitivity. Where there is none, it is that solution: `Estimate.status`
-says so. It shows what the choice of one of many equal fits does, and what GCO does beyond."""
+Of all conservative models that fit as well as `least_squares`, it is the nearest to the solution of minimum
+norm, in units of sensitivity. If there is none, it is that solution, and `Estimate.status` says so. It
+separates two effects: the choice among equal fits, and the constraint of GCO.
+"""
 
 gco = Method("psd")
-"""GCO to global optimality: the conservative model of least F_M, Eq. (19), and trace, with a certificate.
+"""Gramian-constrained optimisation, solved to its global optimum with a certificate.
 
-The weight of the trace is learnt from poses held out, see `Method.trace_weight`."""
+Call it as gco(vjm, structure, data) -> Estimate. It minimises F_M + w <W, C>, Eq. (19) and a weighted trace,
+over conservative compliances C_i = V_i^T V_i. It learns w from held-out poses, see `Method.trace_weight`.
+"""
 
 paper_gco = Method("psd", trace_weight=0.0)
-"""GCO as in the paper: the conservative model of least F_M, Eq. (19); of equal fits that of least trace."""
+"""GCO as in the paper: min F_M, Eq. (19), over conservative compliances; of equal fits the least trace."""
 
 
 def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = None) -> Method:
-    """A method that fills with a prior what the data cannot see.
+    """Make a method that uses a prior along the directions that the data do not observe.
 
     Args:
-        estimator: A method; not an estimator of your own.
-        prior: Expected compliances.
-        strength: How firmly they are believed; None to learn it from the readings, see `hierarchy`.
+        estimator: A `Method`, such as `gco`; an estimator of your own takes no prior.
+        prior: Expected compliances, such as `cad_prior(arm)`.
+        strength: Relative uncertainty of the prior; None to learn it from the readings, see `hierarchy`.
 
     Returns:
-        The method with the prior; call it as any other.
+        A new method; call it as any other.
 
     Raises:
-        BenchError: When the estimator is your own, or the prior is none.
+        BenchError: When the estimator is not a `Method`, or the prior is not a `Prior`.
     """
     if not isinstance(prior, Prior):
         raise BenchError(f"prior: expected one, such as cad_prior(arm), got {type(prior).__name__}")
@@ -172,16 +219,16 @@ def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = N
 
 
 def robust(estimator: Estimator) -> Method:
-    """A method that looks for outliers and does without them.
+    """Make a method that finds outliers by Huber's loss and fits without them.
 
     Args:
-        estimator: A method; not an estimator of your own.
+        estimator: A `Method`, such as `gco`; an estimator of your own takes no other loss.
 
     Returns:
-        The method with a robust loss; `Estimate.rejected` lists what it does without.
+        A new method; `Estimate.rejected` lists the readings that it leaves out.
 
     Raises:
-        BenchError: When the estimator is your own.
+        BenchError: When the estimator is not a `Method`.
     """
     return replace(_method(estimator, "robust loss"), loss="robust")
 

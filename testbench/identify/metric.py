@@ -25,7 +25,7 @@ SMALLEST = 1e-9  #: Eigenvalue of a block of the prior of unit diagonal below wh
 
 @dataclass(frozen=True)
 class Metric:
-    """A structure in the metric of a prior."""
+    """Hold a structure in the units of a prior: pi = L x, x of order one."""
 
     prior: str  #: Its name.
     structure: Structure  #: The unknowns.
@@ -35,20 +35,20 @@ class Metric:
 
     @cached_property
     def couplings(self) -> Mask:
-        """Which entries of x couple what a straight beam does not, (n,)."""
+        """Return which entries of x couple axes of a link that a straight beam does not couple, (n,)."""
         row, column = self.structure.triangles
         beam = np.isin(6 * (row % 6) + column % 6, [6 * a + b for a, b in TEMPLATE])
         return np.asarray((row < 6 * self.structure.links) & ~beam)
 
     @cached_property
     def ties(self) -> Mask:
-        """Which entries of x couple joints, (n,)."""
+        """Return which entries of x couple two joints, (n,)."""
         row, column = self.structure.triangles
         return np.asarray((row >= 6 * self.structure.links) & (row != column))
 
     @cached_property
     def scaled(self) -> tuple[Array, Ids, tuple[str, ...]]:
-        """Scales: a link's of all its entries, a joint's of its own, and of each coupling the root of two.
+        """Return the scales of entries: one per link, one per joint; a coupling has the root of two.
 
         Returns:
             Share of every scale in the logarithm of an entry's, (n, K), and its kind and name, K each.
@@ -69,19 +69,19 @@ class Metric:
 
     @cached_property
     def kinds(self) -> Ids:
-        """Kind of every block: 0 links, 1 joints, from 2 on the laws of joints in turn, (blocks,)."""
+        """Return the kind of every block: 0 links, 1 joints, from 2 on the joint laws in turn, (blocks,)."""
         first, joints = 6 * self.structure.links, self.structure.links - 1
         row = np.array([block[0] for block in self.structure.blocks])
         return np.asarray(np.where(row < first, 0, 1 + (row - first) // max(joints, 1)))
 
     @cached_property
     def law(self) -> Mask:
-        """Which entries of x are sizes of laws, (n,)."""
+        """Return which entries of x are sizes of joint laws, (n,)."""
         return np.asarray(self.structure.triangles[0] >= self.structure.plain)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of every block: its link or joint, or its first row where a link has several blocks."""
+        """Return the name of every block: its link or joint, or its first row if a link has several."""
         labels = [self.structure.labels[block[0]] for block in self.structure.blocks]
         whole = [size == 6 for size in self.sizes]
         return tuple(
@@ -89,12 +89,12 @@ class Metric:
         )
 
     def matrices(self, x: Array) -> list[Array]:
-        """X of every block."""
+        """Return the matrix X of every block, from x of (n,)."""
         ends = np.cumsum([cone.triangle(n) for n in self.sizes])[:-1]
         return [cone.smat(part) for part in np.split(x, ends)]
 
     def project(self, x: Array) -> Array:
-        """X with the negative eigenvalues of every block, a solver's last digits, set to zero."""
+        """Set the negative eigenvalues of every block of x, (n,), to zero: the solver's last digits."""
         found = x.copy()
         for at in cone.groups_of(self.sizes):
             found[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
@@ -103,7 +103,7 @@ class Metric:
 
 @dataclass(frozen=True)
 class Scale:
-    """How much softer than the prior, beside all others of its kind, the readings want a link or a joint."""
+    """Hold the factor by which the readings scale the prior of one link or joint, over others of its kind."""
 
     name: str  #: Of the link or joint; "joints" for all of them beside the links.
     factor: float  #: Over the prior's compliance [1].
@@ -112,7 +112,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Belief:
-    """A prior in the metric of a structure, and how firmly it is believed."""
+    """Hold a prior in the metric of a structure, with its strength."""
 
     metric: Metric
     strength: Strength
@@ -131,7 +131,7 @@ class Belief:
 
 @dataclass(frozen=True)
 class Case:
-    """A dataset, and what is believed beforehand."""
+    """Hold a reduced dataset and its prior."""
 
     regression: Regression
     belief: Belief
@@ -139,10 +139,18 @@ class Case:
 
 @lru_cache(maxsize=METRICS)
 def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
-    """A structure, every block with all its entries, in the metric of a prior; remembered for the next fit.
+    """Compute the metric of a prior for a structure of whole blocks, C = P^1/2 X P^1/2; cached.
 
     A joint that the structure leaves out adds its compliance to the link before it, about its axis: the
-    paper's aggregation. A link that it leaves out is rigid. Laws of joints have the expected size one.
+    paper's aggregation. A link that it leaves out is rigid. Joint laws have the expected size one.
+
+    Args:
+        prior: Expected compliances P.
+        vjm: The arm's virtual joint model.
+        structure: The unknowns, n of them.
+
+    Returns:
+        The metric, L of (n, n) block by block.
 
     Raises:
         BenchError: When the prior has another size, is not symmetric or not positive definite in a block, or
@@ -167,16 +175,31 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
 
 
 def whitened(regression: Regression, metric: Metric) -> tuple[Array, Array]:
-    """Rows A, (terms n, n) [1], and y in the metric: |A x - y|^2 is chi squared but for the rest."""
+    """Compute the weighted equations in the metric: |A x - y|^2 is chi squared without its constant.
+
+    Args:
+        regression: The reduced dataset.
+        metric: The metric of the prior.
+
+    Returns:
+        A, (r, n) [1], and y, (r,) [1].
+    """
     A, y = regression.rows
     return A @ metric.L, y
 
 
 def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
-    """Rows that the prior adds to those of the data: B, (n, n), and c with |B x - c|^2 its penalty.
+    """Compute the rows B, c of a prior: |B x - c|^2 is its penalty beside chi squared.
 
-    With deviations d of the entries of x and v of the common scale the prior's covariance is
-    diag(d)^2 + v^2 e e^T. B is a root of its inverse; where v is infinite it projects along e.
+    With deviations d of the entries of x and v of the common scale, the prior's covariance is diag(d)^2 + v^2
+    e e^T. B is a root of its inverse; where v is infinite B projects e out.
+
+    Args:
+        metric: The metric of the prior.
+        strength: Its relative uncertainty.
+
+    Returns:
+        B, (n, n) [1], and c, (n,) [1].
     """
     d = np.full(len(metric.expected), strength.uncertainty)
     if strength.coupling is not None:  # of a structure of whole blocks
@@ -193,18 +216,34 @@ def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
 
 
 def with_prior_rows(regression: Regression, metric: Metric, strength: Strength) -> tuple[Array, Array]:
-    """Rows M, (rows, n), and r of data and prior: what weighted least squares with a prior solves."""
+    """Stack the rows of data and prior: weighted least squares with a prior minimises |M x - r|^2.
+
+    Args:
+        regression: The reduced dataset.
+        metric: The metric of the prior.
+        strength: Its relative uncertainty.
+
+    Returns:
+        M, (rows, n) [1], and r, (rows,) [1].
+    """
     (A, y), (B, c) = whitened(regression, metric), precision_root(metric, strength)
     return np.vstack([A, B]), np.r_[y, c]
 
 
 def rescaled(metric: Metric, regression: Regression) -> Metric:
-    """The metric of a prior whose common scale is that of the data, fitted as the only unknown.
+    """Scale the metric of a prior by the one factor that fits the data best.
 
-    An uncertainty is then relative to compliances of the right size, however wrong the prior's own scale is.
+    A relative uncertainty then refers to compliances of the right size, however wrong the prior's scale is.
+
+    Args:
+        metric: The metric of the prior.
+        regression: The reduced dataset.
+
+    Returns:
+        The metric with L scaled; joint laws keep their scale.
 
     Raises:
-        BenchError: When the data want a scale that is not above 0.
+        BenchError: When the best factor is not above 0.
     """
     A, y = whitened(regression, metric)
     moved = A @ np.where(metric.law, 0.0, metric.expected)

@@ -81,10 +81,16 @@ def null_space(A: Array) -> Array:
 
 
 def directions(A: Array, unit: Array, groups: Sequence[Ids], known: Array) -> Array:
-    """A sparse basis of what a matrix, (rows, n), does not see, beyond what is known, (m, n): (k, n).
+    """Find a sparse basis of the unobservable directions of a matrix, beyond those that are known.
 
-    Rows are relative to `unit`, what is expected of every parameter, (n,) [m/N, rad/(N m), rad/N]; `groups`
-    has the parameters of every link and joint, in the order of the chain.
+    Args:
+        A: Rows, (rows, n).
+        unit: Expected size of every parameter, (n,) [m/N, rad/(N m), rad/N].
+        groups: Parameters of every link and joint, in the order of the chain.
+        known: Unobservable directions that are known already, (m, n).
+
+    Returns:
+        Further directions, (k, n).
     """
     R: Array = np.array(np.linalg.qr(A, mode="r"))
     R[:, idle(A)] = 0
@@ -121,7 +127,15 @@ def _windows(groups: Sequence[Ids]) -> Iterator[Ids]:
 
 
 def circuits(N: Array, unit: Array) -> Array:
-    """Reduced echelon form of a null space, (n, k), pivots by size: (k, n), relative to `unit`, (n,)."""
+    """Compute the reduced echelon form of a null space, with pivots selected by size.
+
+    Args:
+        N: Basis of the null space, (n, k).
+        unit: Expected size of every parameter, (n,).
+
+    Returns:
+        Directions relative to `unit`, (k, n) [1].
+    """
     T = (N / unit[:, None]).T
     T = T / np.linalg.norm(T, axis=1, keepdims=True)
     pivots: list[int] = []
@@ -145,7 +159,16 @@ def direction(row: Array) -> Direction:
 
 
 def whereabouts(N: Array, within: Array, unit: Array) -> Array:
-    """How many directions of N, (n, k + m), beyond those of `within`, (n, m), each parameter holds, (n,)."""
+    """Compute how many directions of N beyond those of `within` each parameter holds.
+
+    Args:
+        N: Unobservable directions, (n, k + m).
+        within: Some of them, (n, m).
+        unit: Expected size of every parameter, (n,).
+
+    Returns:
+        Share of every parameter, summing to k, (n,) [1].
+    """
     scaled = (within / unit[:, None], N / unit[:, None])
     inner, outer = (np.linalg.qr(M / np.linalg.norm(M, axis=0))[0] for M in scaled)
     values, V = np.linalg.eigh(np.eye(outer.shape[1]) - outer.T @ inner @ (inner.T @ outer))

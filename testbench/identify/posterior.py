@@ -46,7 +46,7 @@ links it takes 2.5, 3.2 and 4.0. Student's with 4 degrees of freedom are 2.1, 2.
 
 @dataclass(frozen=True)
 class Intervals:
-    """Intervals of linear functionals of the unknowns, such as deflections."""
+    """Hold intervals of linear functionals of the unknowns, such as deflections."""
 
     centre: Array  #: By the estimate, of any shape.
     lower: Array  #: -inf where the data see nothing.
@@ -57,10 +57,11 @@ class Intervals:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """A normal distribution of unknowns about their estimate: how sure anything is that is linear in them.
+    """Hold a normal distribution of the unknowns about their estimate.
 
-    A functional a is worth a @ x, its deviation is |root a|: root^T root is (M^T M)^-1 with M the rows of all
-    that is known. What a learnt prior puts in has Student's distribution beside, in quadrature.
+    A linear functional a has the value a @ x and the standard deviation |root a|, with root^T root = (M^T
+    M)^-1 and M the rows of all that is known. The share of a learnt prior has Student's distribution and adds
+    in quadrature.
     """
 
     x: Array  #: Its centre, (n,).
@@ -75,17 +76,40 @@ class Posterior:
 
     @classmethod
     def normal(cls, x: Array, root: Array) -> "Posterior":
-        """Of unknowns that all have a bound: centre (n,), covariance root^T root of (r, n)."""
+        """Make a posterior whose unknowns are all determined.
+
+        Args:
+            x: Centre, (n,).
+            root: Root of the covariance root^T root, (r, n).
+
+        Returns:
+            The posterior.
+        """
         return cls(x, root, np.zeros((0, len(x))), np.ones(len(x)))
 
     @classmethod
     def of_rows(cls, M: Array, L: Array, x: Array) -> "Posterior":
-        """Of unknowns x = L z, (n,), by all that is known of z, rows (e, n) of unit deviation."""
+        """Make the posterior of unknowns x = L z from rows of known equations in z.
+
+        Args:
+            M: Rows in standard deviations, (e, n) [1].
+            L: Unknowns per unit of z, (n, n).
+            x: Centre, (n,).
+
+        Returns:
+            The posterior; directions that M does not observe have infinite deviation.
+        """
         back, unseen = _inverse(M)
         return cls(x, back @ L.T, unseen @ L.T, np.linalg.norm(L, axis=1))
 
     def deviations(self, functionals: Array) -> Array:
-        """Standard deviations of functionals, rows of (k, n), infinite where they are not seen, (k,).
+        """Compute standard deviations of linear functionals.
+
+        Args:
+            functionals: One per row, (k, n).
+
+        Returns:
+            Deviation of each, infinite where it is unobservable, (k,).
 
         Raises:
             BenchError: When a functional has another length or is not finite.
@@ -105,7 +129,14 @@ class Posterior:
         return np.where(unseen, np.inf, seen), prior
 
     def half_widths(self, functionals: Array, confidence: float = CONFIDENCE) -> Array:
-        """Half intervals of functionals, rows of (k, n): of noise and of the prior, in quadrature, (k,).
+        """Compute half widths of intervals of functionals: noise and prior in quadrature.
+
+        Args:
+            functionals: One per row, (k, n).
+            confidence: Coverage of each interval by itself [1].
+
+        Returns:
+            Half width of each, (k,).
 
         Raises:
             BenchError: When the confidence is outside (0, 1) or a functional has another length.
@@ -116,7 +147,14 @@ class Posterior:
         return np.asarray(np.hypot(normal * whole, math.sqrt(max(0, student**2 - normal**2)) * prior))
 
     def intervals(self, functionals: Array, confidence: float = CONFIDENCE) -> Intervals:
-        """Quantiles of functionals, rows of (k, n), around the estimate.
+        """Compute intervals of functionals around the estimate.
+
+        Args:
+            functionals: One per row, (k, n).
+            confidence: Coverage of each interval by itself [1].
+
+        Returns:
+            The intervals, (k,) each end.
 
         Raises:
             BenchError: When the confidence is outside (0, 1) or a functional has another length.
@@ -126,24 +164,25 @@ class Posterior:
         return Intervals(centre, centre - half, centre + half, confidence, self.on_boundary)
 
     def covariance(self, functionals: Array) -> Array:
-        """Covariances of groups of k functionals that are seen, (..., k, n) -> (..., k, k)."""
+        """Compute covariances of groups of k observable functionals: (..., k, n) -> (..., k, k)."""
         white = functionals @ self.root.T
         return np.asarray(white @ white.swapaxes(-1, -2))
 
 
 def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = CONFIDENCE) -> Intervals:
-    """Intervals of the deflections that an estimate predicts.
+    """Compute intervals of the deflections that an estimate predicts.
 
-    To what noise and prior leave open comes what a linear model leaves out of the arm, in quadrature.
+    The half width adds in quadrature the noise, the prior and `CURVED` times the second-order deflection that
+    the linear model omits, see `curvature`.
 
     Args:
-        vjm: The model.
-        estimate: From least squares, or with a prior; of GCO without a prior away from the cone's boundary.
+        vjm: The arm's virtual joint model.
+        estimate: From least squares, or with a prior; from GCO without a prior away from the cone's boundary.
         data: Gives poses, loads and markers; its readings are not used.
-        confidence: Of each interval by itself.
+        confidence: Coverage of each interval by itself [1].
 
     Returns:
-        World x, y and z of every marker in every run, (runs, m, 3) [m].
+        Intervals in base axes of every marker in every run, (runs, m, 3) [m].
 
     Raises:
         BenchError: When the confidence is outside (0, 1).
@@ -157,6 +196,7 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
         rows = observation(where, estimate.structure, some.wrench, some.point, points)
         found = own.intervals(rows.reshape(-1, estimate.structure.n), confidence)
         centre, upper = (end.reshape(rows.shape[:3]) for end in (found.centre, found.upper))
+        # Noise and prior in one width, what the linear model omits in the other: independent, in quadrature.
         half = np.hypot(upper - centre, CURVED * curvature(vjm, estimate.C_theta, some))
         ends.append((centre, centre - half, centre + half))
     centre, lower, upper = map(np.concatenate, zip(*ends, strict=True))
@@ -164,10 +204,18 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
 
 
 def curvature(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
-    """What a linear model leaves out of the deflections of its own weightless arm, (runs, m, 3) [m].
+    """Compute the second-order deflection that a linear model omits, on its own weightless arm.
 
     The load acts, and the targets are, where the linear deflection brings them: one step of the fixed point
-    of Eq. (7), so that it is there for any C_theta, (n_theta, n_theta).
+    of Eq. (7). One step exists for any C_theta.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        C_theta: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
+        data: Gives poses, loads and markers; its readings are not used.
+
+    Returns:
+        Deflection after the step minus linear deflection in base axes, (runs, m, 3) [m].
     """
     points, where = marker_points(vjm, data.markers), chain(vjm, data.q)
     theta = secant(where, C_theta, data.wrench, data.point)
@@ -176,7 +224,14 @@ def curvature(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
 
 
 def linearise(estimate: Estimate) -> Posterior:
-    """The posterior of an estimate's parameters; the prior that it was made with counts as data."""
+    """Compute the posterior of an estimate's parameters, Eq. (14)-(15); its prior counts as data.
+
+    Args:
+        estimate: From any method.
+
+    Returns:
+        The posterior, of a mixture where the estimate averages models.
+    """
     if estimate.average is not None:
         return _averaged(estimate, estimate.average)
     regression, belief = estimate.regression, estimate.belief
@@ -214,7 +269,16 @@ def _inverse(M: Array) -> tuple[Array, Array]:
 
 
 def conditional(K: Array, own: Ids, known: Ids) -> Array:
-    """Covariance of some of what has the covariance K, were others known exactly, (own, own)."""
+    """Compute the covariance of some variables, given others: K_oo - K_ok K_kk^-1 K_ko.
+
+    Args:
+        K: Covariance of all variables, (n, n).
+        own: Places of the variables, (o,).
+        known: Places of those that are known exactly, (k,).
+
+    Returns:
+        Conditional covariance, (o, o).
+    """
     C, X = K[np.ix_(known, known)], K[np.ix_(own, known)]
     ridge = (RIDGE * np.trace(C) / len(C) + TINY) * np.eye(len(C))
     return np.asarray(K[np.ix_(own, own)] - X @ np.linalg.solve(C + ridge, X.T))
@@ -301,7 +365,15 @@ def _pull(estimate: Estimate, rows: list[Array], back: Array, residuals: list[Ar
 
 
 def quantile(tail: float, p: float) -> float:
-    """Of Student's distribution of `tail` degrees of freedom, of the normal one where they are infinite."""
+    """Compute a quantile of Student's distribution, or of the normal one.
+
+    Args:
+        tail: Degrees of freedom; infinite for the normal distribution.
+        p: Probability, in (0, 1) [1].
+
+    Returns:
+        The quantile in standard deviations of the normal limit [1].
+    """
     if math.isinf(tail):
         return NormalDist().inv_cdf(p)
     from scipy.special import stdtrit  # here: importing it takes longer than most fits

@@ -1,4 +1,8 @@
-"""What is believed of the compliances before any data: how compliant, and how sure."""
+"""Priors: compliances expected before any reading, and their relative uncertainty.
+
+`cad_prior` makes one from the arm's folder. `metric` turns it into rows beside those of the data, and
+`hierarchy` learns its scales and uncertainties from the readings.
+"""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -11,25 +15,32 @@ from testbench.errors import Array, BenchError
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-RANGE = 1e-6, 1e6  #: Relative uncertainties of a prior that mean something [1].
-SOFTENED = 0.5  #: Share of couplings that links lose whose bearings and flanges give way too [1].
-PRIORS = 32  #: How many priors are remembered so.
+RANGE = 1e-6, 1e6
+"""Range of accepted relative uncertainties of a prior [1]; `Strength` refuses others."""
+SOFTENED = 0.5
+"""Share of the couplings (off-diagonal compliances) that `softened` removes from every link [1].
+
+It stands for bearings and flanges that bend beside the beam between them.
+"""
+PRIORS = 32
+"""Number of softened priors that are cached, so that their metrics are found again."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Prior(Displayed):
-    """Expected compliances of an arm; equal to itself alone, and its numbers stay as they are."""
+    """Hold the expected compliances of an arm; read-only, and equal only to itself."""
 
-    name: str  #: Where they are from, for reports.
-    #: Symmetric, positive definite in every link's and joint's block, (n_theta, n_theta) [m/N, rad/(N m)].
+    name: str  #: Origin of the numbers, for reports.
+    #: Aggregated compliance, symmetric and positive definite in every link's and joint's block, (n_theta,
+    #: n_theta) [m/N, rad/(N m), rad/N].
     C_theta: Array
 
     def about(self) -> dict[str, object]:
-        """Where it is from."""
+        """Return the rows of the small table that shows a prior."""
         return {"name": self.name}
 
     def __post_init__(self) -> None:
-        """Keep a copy that nobody can write to: what was worked out from it holds."""
+        """Keep a read-only copy, so that cached metrics of this prior stay valid."""
         own = np.array(self.C_theta)
         own.setflags(write=False)
         object.__setattr__(self, "C_theta", own)
@@ -37,17 +48,20 @@ class Prior(Displayed):
 
 @dataclass(frozen=True)
 class Strength:
-    """How firmly a prior is believed."""
+    """Hold the relative uncertainty of a prior; `metric.precision_root` turns it into weights."""
 
-    uncertainty: float  #: Relative standard deviation u of a compliance around its expectation [1].
-    #: The same of the factor common to all; infinite leaves it to the data.
+    uncertainty: float  #: Relative standard deviation u of an entry of x around its expectation [1].
+    #: Relative standard deviation of the factor common to all compliances [1]; infinite leaves the factor to
+    #: the data.
     scale_uncertainty: float = np.inf
-    coupling: float | None = None  #: u of the entries that no straight beam has; None for that of all others.
-    shares: tuple[float, ...] | None = None  #: What u of every block is times these [1]; None for all alike.
-    tie: float | None = None  #: u of the entries that couple joints; None for that of all others.
+    #: u of the entries inside a link that no straight beam has [1]; None for `uncertainty`.
+    coupling: float | None = None
+    #: Factor on u of every block, (blocks,) [1]; None for 1 everywhere.
+    shares: tuple[float, ...] | None = None
+    tie: float | None = None  #: u of the entries that couple two joints [1]; None for `uncertainty`.
 
     def __post_init__(self) -> None:
-        """Refuse an uncertainty out of RANGE, or one of the scale below 0, by BenchError."""
+        """Refuse an uncertainty outside `RANGE`, or a negative uncertainty of the scale, by BenchError."""
         low, high = RANGE
         coupling = self.uncertainty if self.coupling is None else self.coupling
         for name, value in (("uncertainty", self.uncertainty), ("coupling", coupling)):
@@ -58,28 +72,42 @@ class Strength:
 
 
 def cad_prior(arm: Arm) -> Prior:
-    """The compliances of the arm's folder: beams of the links' dimensions, catalogue values of the joints.
+    """Make the prior of an arm's folder: beams of the links' dimensions, catalogue stiffness of the joints.
 
     Args:
         arm: The arm.
 
     Returns:
-        Expected compliances, as right as the folder.
+        Expected compliances, as accurate as the folder.
     """
     return Prior(f"CAD of {arm.name}", arm.C_theta)
 
 
 @lru_cache(maxsize=PRIORS)
 def softened(prior: Prior) -> Prior:
-    """A prior of links that are less of a beam: as compliant along their axes, less coupled."""
+    """Make a prior whose links are less like beams: equal on the diagonal, couplings reduced by `SOFTENED`.
+
+    Args:
+        prior: Expected compliances.
+
+    Returns:
+        C (1 - SOFTENED) + SOFTENED diag(C); cached.
+    """
     C = prior.C_theta
     return replace(prior, C_theta=(1 - SOFTENED) * C + SOFTENED * np.diag(np.diag(C)))
 
 
 def distorted(prior: Prior, *, scale: float, shape: float, rng: np.random.Generator) -> Prior:
-    """A prior that is wrong: by a common factor, and each diagonal entry by one of its own.
+    """Make a wrong prior: D C D times a common factor, D diagonal and random.
 
-    `shape` is the standard deviation of the logarithm of these [1].
+    Args:
+        prior: Expected compliances.
+        scale: Common factor [1].
+        shape: Standard deviation of the logarithm of every diagonal entry's own factor [1].
+        rng: Source of randomness.
+
+    Returns:
+        The wrong prior; it is positive definite as before.
 
     Raises:
         BenchError: When scale is not above 0 or shape is below 0.
@@ -92,7 +120,17 @@ def distorted(prior: Prior, *, scale: float, shape: float, rng: np.random.Genera
 
 
 def aggregate(C: Array, vjm: Vjm, structure: Structure) -> Array:
-    """C_theta, (n_theta, n_theta), the joints that a structure leaves out put into the links before them."""
+    """Add the compliance of joints that a structure leaves out to the link before them, as the paper does.
+
+    Args:
+        C: Compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
+        vjm: The arm's virtual joint model.
+        structure: The unknowns.
+
+    Returns:
+        C with C_link + c a a^T, a the joint's axis in the link's frame, for each such joint, (n_theta,
+        n_theta).
+    """
     C, first = C.copy(), 6 * len(vjm.arm.links)
     out = np.flatnonzero(structure.block_of[first : first + vjm.arm.n_joints] < 0)
     slides = np.array([joint.prismatic for joint in vjm.arm.joints], dtype=bool)[out]

@@ -41,7 +41,7 @@ from which it is another arm, or has other joint angles."""
 
 @dataclass(frozen=True)
 class Registered:
-    """Runs and model that fit together."""
+    """Hold runs in the base's frame, with the model whose targets fit them."""
 
     vjm: Vjm  #: The model, with targets where the readings have them.
     data: Dataset  #: The runs in the base's frame.
@@ -93,7 +93,7 @@ def registered(vjm: Vjm, data: Dataset, frame: Choice | Mapping[str, Frame] = "a
 
 
 def unloaded(data: Dataset) -> tuple[Series, ...]:
-    """The unloaded readings of runs, a series of every station that read anything."""
+    """Return the unloaded readings of runs, one series per station that read anything."""
     every = (select_rows(one, np.arange(one.rows // 2)) for one in series_of(data, STATION, "tool"))
     return tuple(one for one in every if one.seen.any())
 
@@ -119,16 +119,31 @@ def _check_known(found: Registration) -> None:
 
 
 def with_markers(vjm: Vjm, places: Mapping[str, Array]) -> Vjm:
-    """The model with markers at these places in the tool's frame, (3,) [m] each, some of them new."""
+    """Return the model with markers at given places in the tool's frame, some of them new.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        places: Positions by marker, (3,) [m] each.
+
+    Returns:
+        The model.
+    """
     have = dict(zip(vjm.arm.markers, vjm.markers, strict=True)) | dict(places)
     return replace(vjm, arm=replace(vjm.arm, markers=tuple(have)), markers=np.array(list(have.values())))
 
 
 def in_base(found: Registration, data: Dataset) -> Dataset:
-    """Readings turned from their stations' frames into the base's.
+    """Turn readings from their stations' frames into the base's.
 
     The uncertainty of a frame's rotation is added to the covariance of every deflection, as if it were
     independent from run to run.
+
+    Args:
+        found: The registered frames.
+        data: The runs in the stations' frames.
+
+    Returns:
+        The runs in base axes.
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
@@ -155,5 +170,5 @@ def in_base(found: Registration, data: Dataset) -> Dataset:
 
 
 def station(name: str) -> int:
-    """Number of the station with a frame of this name."""
+    """Return the number of the station from the name of its frame."""
     return int(name.removeprefix(STATION))

@@ -51,7 +51,7 @@ SINGULAR = 1e-11  #: Least eigenvalue of the scaled information; below it a dire
 
 @dataclass(frozen=True)
 class Frame:
-    """The arm's base in a tracker's frame: a reading is rotation @ x + translation of x in base axes."""
+    """Hold the pose of the arm's base in a tracker's frame: reading = rotation @ x + translation."""
 
     rotation: Array  #: Tracker from base, (3, 3).
     translation: Array  #: Origin of the base in the tracker's frame, (3,) [m].
@@ -60,7 +60,7 @@ class Frame:
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
     def of(self, pose: Array) -> "Frame":
-        """The frame in which what has this pose, (4, 4) [m], is the base."""
+        """Return the frame that takes the place of the base, given its pose in base axes, (4, 4) [m]."""
         turn, place = pose[:3, :3], pose[:3, 3]
         J = np.eye(6)
         J[:3, :3], J[3:, :3] = turn.T, -self.rotation @ skew(place)
@@ -69,25 +69,25 @@ class Frame:
 
     @property
     def rotation_vector(self) -> Array:
-        """The rotation, (3,) [rad]."""
+        """Return the rotation as a vector, (3,) [rad]."""
         from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
         return np.asarray(Rotation.from_matrix(self.rotation).as_rotvec())
 
     @property
     def angle(self) -> float:
-        """Size of the rotation [rad]."""
+        """Return the size of the rotation [rad]."""
         return float(np.linalg.norm(self.rotation_vector))
 
     @property
     def deviation(self) -> float:
-        """Largest standard deviation of the rotation about any axis [rad]."""
+        """Return the largest standard deviation of the rotation about any axis [rad]."""
         return spread(self.covariance[:3, :3])
 
 
 @dataclass(frozen=True)
 class Registration:
-    """What readings say of frames and targets."""
+    """Hold the frames and targets that were fitted to readings, with their covariance."""
 
     names: tuple[str, ...]  #: Of the frames.
     markers: tuple[str, ...]  #: Names of the targets.
@@ -101,7 +101,7 @@ class Registration:
 
     @property
     def frames(self) -> dict[str, Frame]:
-        """Frames by name."""
+        """Return the frames by name."""
         C = np.zeros((len(self.names), 6, 6))
         for at, k in enumerate(np.flatnonzero(self.free)):
             C[k] = self.covariance[6 * at : 6 * at + 6, 6 * at : 6 * at + 6]
@@ -110,39 +110,45 @@ class Registration:
 
     @property
     def targets(self) -> Array:
-        """Positions of the targets in the tool's frame, (m, 3) [m]."""
+        """Return the positions of the targets in the tool's frame, (m, 3) [m]."""
         return self.layout.targets
 
     @property
     def target_deviations(self) -> Array:
-        """Standard deviation of every target along the tool's axes, (m, 3) [m]."""
+        """Return the standard deviation of every target along the tool's axes, (m, 3) [m]."""
         own = np.diag(self.covariance)[len(self.covariance) - self.targets.size :]
         return np.asarray(np.sqrt(own).reshape(-1, 3))
 
     @property
     def rms(self) -> float:
-        """RMS distance of readings [m]."""
+        """Return the RMS distance of readings from the registered model [m]."""
         return float(np.sqrt(np.mean(self.distance**2)))
 
     @property
     def typical(self) -> float:
-        """Median distance of readings [m]."""
+        """Return the median distance of readings from the registered model [m]."""
         return float(np.median(self.distance))
 
 
 def register(
     vjm: Vjm, series: Sequence[Series], nominal: Mapping[str, Array], given: Mapping[str, Frame] | None = None
 ) -> Registration:
-    """Frames of series of one mount and its targets, the arm rigid and without errors.
+    """Find the frames and targets of series of one mount, with a rigid arm without errors.
+
+    It refines every start of the closed form by Gauss-Newton, and returns the one with the least median
+    residual.
 
     Args:
-        vjm: The arm.
-        series: The readings, such as of one station each.
-        nominal: Where targets are expected in the tool's frame, (3,) [m], by name; any of them may be absent.
+        vjm: The arm's virtual joint model.
+        series: The readings, such as one series per station.
+        nominal: Expected targets in the tool's frame by name, (3,) [m] each; any of them may be absent.
         given: Frames that are known, by name; the others are found.
 
+    Returns:
+        Frames, targets, their covariance, and the residuals.
+
     Raises:
-        BenchError: When the readings leave a frame or target open, or no solution was found.
+        BenchError: When the readings do not determine a frame or target, or no search converges.
     """
     frames, targets = names(series)
     expected = np.array([nominal.get(name, np.full(3, np.nan)) for name in targets])
@@ -165,17 +171,33 @@ def register(
 
 
 def spread(covariance: Array) -> float:
-    """Largest standard deviation along any direction, of a covariance, (n, n)."""
+    """Compute the largest standard deviation along any direction, from a covariance of (n, n)."""
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0)))
 
 
 def reach(vjm: Vjm, q: Array) -> float:
-    """Median distance of the tool from the arm's base in poses, (poses, n) [rad, m], [m]."""
+    """Compute the median distance of the tool from the arm's base.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        q: Joint angles, (poses, n) [rad, m].
+
+    Returns:
+        Median distance [m].
+    """
     return float(np.median(np.linalg.norm(tool_pose(vjm, q)[0] - vjm.base[:3, 3], axis=1)))
 
 
 def turning(vjm: Vjm, series: Sequence[Series]) -> list[str]:
-    """Names of the joints that do not stand still."""
+    """List the joints that move in the readings, by more than `STILL`.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: The readings.
+
+    Returns:
+        Names of the joints, in order.
+    """
     sizes = np.ptp(np.concatenate([one.q for one in series]), axis=0)
     return [joint.name for joint, size in zip(vjm.arm.joints, sizes, strict=True) if size > STILL]
 
@@ -201,9 +223,12 @@ def _refined(seen: Means, start: Registration) -> Registration | str:
     values, V = np.linalg.eigh(seen.covariance)
     for k in range(MOST_STEPS):
         e, J = residuals(seen, at), _jacobian(seen, at, free)
+        # Whiten residuals by W = (C + s^2 I)^-1/2, in the principal axes of C.
         root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]
         u = np.matvec(root, e)
+        # Huber's weights; readings that were dropped as wild have weight zero.
         pull = FRAMES.pull(np.linalg.norm(u, axis=1)) * (True if kept is None else kept)
+        # Normal equations, with the nominal targets as further rows.
         A = (root @ J).reshape(-1, J.shape[2])
         weighted = np.repeat(pull, 3)[:, None] * A
         information, held = weighted.T @ A, _held(start.nominal - at.targets, A.shape[1])
@@ -216,6 +241,7 @@ def _refined(seen: Means, start: Registration) -> Registration | str:
             length = np.linalg.norm(e, axis=1)
             kept = np.asarray(length <= FAR * max(float(np.median(length)), ASSUMED))
         if kept is not None:
+            # Noise s beyond the tracker's, from residuals and remaining degrees of freedom.
             spare = 3 * kept.sum() - float(np.sum(P * information))
             along = np.einsum("nxk,nx->nk", V, e)[kept]
             noise = FRAMES.spread(along, values[kept], spare / along.size) if spare >= SPARE else ASSUMED

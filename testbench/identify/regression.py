@@ -26,7 +26,7 @@ RANK_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class Term:
-    """One term of F_M, Eq. (19): positions or rotations.
+    """Hold one term of F_M, Eq. (19): positions or rotations.
 
     The rows are divided by sqrt(2) sigma sqrt(N), so that F_M is the sum of sqrt(|R pi - z|^2 + rest).
     """
@@ -39,7 +39,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Regression:
-    """F_M of a structure on a dataset."""
+    """Hold F_M of a structure on a dataset, as triangular factors of the weighted equations (13)."""
 
     structure: Structure  #: The unknowns, n of them.
     terms: tuple[Term, ...]  #: Position term, then the rotation term where orientations are read.
@@ -52,35 +52,44 @@ class Regression:
 
     @cached_property
     def rank(self) -> int:
-        """Number of directions of pi that the data see."""
+        """Count the directions of pi that the data observe."""
         return rank(np.vstack([term.R for term in self.terms]))
 
     @cached_property
     def rows(self) -> tuple[Array, Array]:
-        """A, (r, n), and y, (r,), in standard deviations: the noise of A pi - y is 1 everywhere."""
+        """Return A, (r, n), and y, (r,), in standard deviations: A pi - y has noise of deviation 1."""
         every = [math.sqrt(term.equations / 3) * np.c_[term.R, term.z] for term in self.terms]
         A, y = np.split(np.vstack(every), [self.structure.n], axis=1)
         return A, y[:, 0]
 
     @property
     def equations(self) -> int:
-        """Scalar equations, 3 a measured point and 3 an orientation."""
+        """Count the scalar equations: 3 per measured point and 3 per orientation."""
         return sum(term.equations for term in self.terms)
 
     @property
     def f_m_floor(self) -> float:
-        """F_M to expect of noise alone: sqrt(3 (1 - rank / equations)) a term."""
+        """Return the F_M to expect from noise alone: sqrt(3 (1 - rank / equations)) per term [1]."""
         dof = max(0.0, 1 - self.rank / self.equations)
         return len(self.terms) * math.sqrt(3 * dof)
 
 
 def term_of(T: Array, rest: float, equations: int) -> Term:
-    """A term of the triangular factor of rows [A | y] over sqrt(N), (n + 1, n + 1), and what is beside it."""
+    """Make a term of F_M from the triangular factor of its rows.
+
+    Args:
+        T: Triangular factor of the rows [A | y] over sqrt(N), (n + 1, n + 1) [1].
+        rest: Squared norm that T does not hold and no parameter explains [1].
+        equations: Scalar equations behind it.
+
+    Returns:
+        The term.
+    """
     return Term(R=T[:-1, :-1], z=T[:-1, -1], rest=float(T[-1, -1] ** 2) + rest, equations=equations)
 
 
 def triangle(rows: Array) -> Array:
-    """Triangular factor of rows of n numbers, (n, n)."""
+    """Compute the triangular factor of rows by QR, (rows, n) -> (n, n)."""
     R = np.linalg.qr(rows, mode="r")
     T = np.zeros((rows.shape[1],) * 2)
     T[: len(R)] = R
@@ -88,7 +97,15 @@ def triangle(rows: Array) -> Array:
 
 
 def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
-    """The regression of terms, at least one, reduced elsewhere."""
+    """Make a regression from terms that were reduced elsewhere.
+
+    Args:
+        structure: The unknowns, n of them.
+        terms: Terms of F_M, at least one.
+
+    Returns:
+        The regression, with the column norms of its terms.
+    """
     columns = np.sqrt(sum((term.R**2).sum(axis=0) for term in terms))
     columns[columns <= ROUNDING * columns.max()] = 0
     weight = np.zeros(structure.n_theta)
@@ -98,7 +115,15 @@ def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
 
 
 def some_columns(regression: Regression, structure: Structure) -> Regression:
-    """The same readings with fewer unknowns, all else rigid."""
+    """Restrict a regression to fewer unknowns; all others are rigid.
+
+    Args:
+        regression: The reduced dataset.
+        structure: Some of its unknowns.
+
+    Returns:
+        The regression of the same readings in these unknowns.
+    """
     columns = places(structure, regression.structure)
     parts = ((triangle(np.c_[own.R[:, columns], own.z]), own) for own in regression.terms)
     found = regression_of(structure, tuple(term_of(T, own.rest, own.equations) for T, own in parts))
@@ -108,13 +133,30 @@ def some_columns(regression: Regression, structure: Structure) -> Regression:
 
 
 def places(structure: Structure, whole: Structure) -> Ids:
-    """Where the parameters of a structure stand among those of a wider one, (n,)."""
+    """Find the parameters of a structure among those of a wider one.
+
+    Args:
+        structure: The unknowns, n of them.
+        whole: A structure that has all of them.
+
+    Returns:
+        Place of every parameter, (n,).
+    """
     place = {pair: k for k, pair in enumerate(zip(whole.a.tolist(), whole.b.tolist(), strict=True))}
     return np.array([place[pair] for pair in zip(structure.a.tolist(), structure.b.tolist(), strict=True)])
 
 
 def spread(found: Array, own: Structure, widest: Structure) -> Array:
-    """Numbers of a structure's parameters, (..., n), among those of a wider one; zero for all others."""
+    """Put numbers of a structure's parameters at their places among those of a wider structure.
+
+    Args:
+        found: Numbers, (..., n).
+        own: The structure, n parameters.
+        widest: The wider structure, N parameters.
+
+    Returns:
+        The numbers, zero for all other parameters, (..., N).
+    """
     every = np.zeros((*found.shape[:-1], widest.n))
     every[..., places(own, widest)] = found
     return every
@@ -127,7 +169,7 @@ def check_symmetric(structure: Structure) -> None:
 
 
 def rank(A: Array) -> int:
-    """Rank of a matrix whose columns have unlike units: each is scaled to norm one first."""
+    """Compute the rank of a matrix whose columns have unlike units: each is scaled to norm one first."""
     norm = np.linalg.norm(A, axis=0)
     seen = norm > ROUNDING * norm.max(initial=0)
     if not seen.any():
@@ -140,7 +182,15 @@ def rank(A: Array) -> int:
 
 
 def f_m(regression: Regression, pi: Array) -> float:
-    """Cost F_M of parameters, (n,), Eq. (19): the sum of its terms' RMS over sqrt(2) sigma [1]."""
+    """Compute the cost F_M of parameters, Eq. (19): the sum over terms of RMS / (sqrt(2) sigma).
+
+    Args:
+        regression: The reduced dataset.
+        pi: Parameters, (n,) [m/N, rad/(N m), rad/N].
+
+    Returns:
+        F_M [1].
+    """
     every = ((term.R @ pi - term.z, term.rest) for term in regression.terms)
     return float(sum(math.sqrt(residual @ residual + rest) for residual, rest in every))
 
@@ -149,10 +199,17 @@ GENERIC_RUNS = 60  #: Random runs of a full wrench, read in full pose: they see 
 
 
 def generic_rows(vjm: Vjm, structure: Structure) -> Array:
-    """Observation matrix, Eq. (12), of an experiment that sees all that any can: positions, then rotations.
+    """Compute the observation matrix, Eq. (12), of an experiment that observes all that any experiment can.
 
-    Random poses within the joint limits, a random full wrench at a random point, the full pose read, (rows,
-    n). Its rank is generic: it does not depend on the draw.
+    It has random poses within the joint limits, a random full wrench at a random point, and the full pose
+    read. Its rank is generic: it does not depend on the draw.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        structure: The unknowns, n of them.
+
+    Returns:
+        Rows of positions, then of rotations, (rows, n) [m, rad per unit of pi].
     """
     rng = np.random.Generator(np.random.Philox(0))
     q = vjm.arm.drawn(rng, GENERIC_RUNS)
@@ -163,10 +220,18 @@ def generic_rows(vjm: Vjm, structure: Structure) -> Array:
 
 
 def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
-    """The structure without the parameters whose columns the others span in every experiment.
+    """Remove the parameters whose columns the others span in every experiment.
 
-    Columns are chosen by QR with pivoting of a generic observation matrix; a dropped parameter is zero, and
-    what it did is regrouped into the kept ones (Klimchik et al.; Khalil and Gautier's base parameters).
+    QR with pivoting of a generic observation matrix selects the columns. A removed parameter is zero, and its
+    effect is regrouped into the kept ones (Klimchik et al.; Khalil and Gautier's base parameters).
+
+    Args:
+        vjm: The arm's virtual joint model.
+        structure: The unknowns.
+        name: Name of the new structure, such as MLS32.
+
+    Returns:
+        The structure of the kept parameters.
     """
     A = generic_rows(vjm, structure)
     A = A / np.linalg.norm(A, axis=0)

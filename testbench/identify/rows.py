@@ -26,14 +26,17 @@ def jacobian(
     *,
     turned: bool,
 ) -> Array:
-    """Change of readings with every unknown, and a last column that is left at zero, (s, 3, size + 1, runs).
+    """Compute the change of readings with every unknown, Eq. (3) and (12).
 
     Args:
-        unknowns: What is to be found.
-        told: Where the arm rests in every run.
+        unknowns: The unknowns, `size` of them.
+        told: The arm at rest in every run.
         points: Targets in the tool's frame, (m, 3) [m].
-        series: Whose frame and mount they are seen in; None where neither is unknown.
+        series: Readings whose frame and mount are unknown; None where neither is.
         turned: Whether an orientation follows the targets.
+
+    Returns:
+        (m or m + 1, 3, size + 1, runs) [m, rad per unit of each unknown]; the last column is zero.
     """
     where, m, runs = told.where, len(points), len(told.where.position)
     A = np.zeros((m + turned, 3, unknowns.size + 1, runs))
@@ -69,7 +72,16 @@ def _add_mount(A: Array, R: Array) -> None:
 
 
 def rows_of(unknowns: Unknowns, state: State, series: Series) -> Array:
-    """[A | y] of a series, or of a part of one, y reading minus model, (s, 3, size + 1, runs) [m, rad]."""
+    """Compute the rows [A | y] of a series at a state, y the reading minus the model.
+
+    Args:
+        unknowns: The unknowns, `size` of them.
+        state: Where the equations are linearised.
+        series: The readings, or a part of them.
+
+    Returns:
+        (s, 3, size + 1, rows) [m, rad]; zero where nothing was read.
+    """
     told, m = forward(state, series), len(series.markers)
     A = jacobian(unknowns, told, state.mount(series).points, series, turned=series.rotation is not None)
     A[:m] *= series.seen.T[:, None, None]
@@ -79,7 +91,16 @@ def rows_of(unknowns: Unknowns, state: State, series: Series) -> Array:
 
 
 def left_over(state: State, series: Series, told: Equilibrium) -> Array:
-    """Readings minus model in base axes, (s, 3, runs) [m, rad]; zero where nothing was read."""
+    """Compute residuals, readings minus model, in base axes.
+
+    Args:
+        state: The model with its frames and mounts.
+        series: The readings.
+        told: The arm at rest in every row.
+
+    Returns:
+        (s, 3, rows) [m, rad]; zero where nothing was read.
+    """
     frame, mount = state.frame(series), state.mount(series)
     x = told.where.points(mount.points)
     position = ((series.position - frame.translation) @ frame.rotation - x) * series.seen[..., None]
@@ -95,17 +116,26 @@ def left_over(state: State, series: Series, told: Equilibrium) -> Array:
 
 
 def straight(vjm: Vjm, q: Array, loads: Sequence[Load]) -> Equilibrium:
-    """The arm as drawn in poses, (runs, n) [rad, m], and what loads do to every virtual joint, Eq. (5)."""
+    """Place the undeflected arm in poses, and project loads on its virtual joints, u = J_F^T w, Eq. (5).
+
+    Args:
+        vjm: The arm's virtual joint model.
+        q: Joint angles, (runs, n) [rad, m].
+        loads: Loads that act at once in every run.
+
+    Returns:
+        The arm without deflection, with the generalised loads u of every run.
+    """
     where = chain(vjm, q)
     nothing = np.zeros((vjm.arm.n_joints, 0, len(q)))
     return Equilibrium(np.zeros((len(q), vjm.n_theta)), where, on_joints(where, loads), nothing)
 
 
 def pair_rows(unknowns: Unknowns, told: Equilibrium, data: Dataset, runs: Ids) -> tuple[Array, Ids]:
-    """Eq. (13) of some pairs in standard deviations of a difference, [A | y] as `rows_of`.
+    """Compute the weighted equations (13) of some pairs, in standard deviations of a difference.
 
     Args:
-        unknowns: Compliances.
+        unknowns: Compliances, n of them.
         told: The arm in these runs, `straight`.
         data: All pairs.
         runs: Places of some of them, (runs,).
@@ -123,10 +153,15 @@ def pair_rows(unknowns: Unknowns, told: Equilibrium, data: Dataset, runs: Ids) -
 
 
 def whiten(A: Array, data: Dataset, runs: Ids) -> Ids:
-    """Put moves and turns of some pairs, (s, 3, c, runs) [m, rad], in standard deviations of a difference.
+    """Scale moves and turns of pairs, in place, to standard deviations of a difference, sqrt(2) sigma.
+
+    Args:
+        A: Rows, (s, 3, c, runs) [m, rad]; overwritten.
+        data: All pairs.
+        runs: Places of the pairs in A, (runs,).
 
     Returns:
-        The kind of every reading, as of `pair_rows`.
+        Kind of every reading, (s, runs): 0 a position, 1 an orientation, -1 lost.
     """
     m = len(data.markers)
     kinds = np.zeros((len(A), len(runs)), dtype=int)

@@ -1,8 +1,9 @@
-"""The one solve: least squares or GCO of a reduced dataset, with a prior or without.
+"""Solve least squares or GCO on a reduced dataset, with a prior or without.
 
-With a prior both minimise chi^2 + |x - s e|^2 / u^2 in its metric, x the compliance in units of what was
-expected, e its expectation, u the relative uncertainty; GCO keeps every block positive semi-definite. The
-scale s common to all compliances is left to the data: a CAD model that is wrong by one factor costs nothing.
+With a prior both minimise chi^2 + |x - s e|^2 / u^2 in the metric of the prior. There x is the compliance in
+units of its expectation, e that expectation and u the relative uncertainty; GCO keeps every block positive
+semi-definite. The data determine the common scale s: a CAD model that is wrong by one factor costs nothing.
+Every method (`Method`) ends here.
 """
 
 import time
@@ -20,21 +21,24 @@ from testbench.identify.metric import Belief, Case, with_prior_rows
 from testbench.identify.regression import Regression
 
 NEAR = 1e-8
-"""Distance from the least half of chi squared and penalty within which an answer is proven to be: then it is
-within 1.5e-4 standard deviations of the optimum in every direction."""
-DIGITS = 1e-12  #: The same as a share of the cost: what rounding leaves of a misfit.
+"""Proven distance from the least value of (chi^2 + penalty) / 2 up to which an answer counts as optimal [1].
+
+Then it lies within sqrt(2 NEAR) = 1.4e-4 standard deviations of the optimum in every direction.
+"""
+DIGITS = 1e-12
+"""Further allowance as a share of the cost [1]: rounding of large misfits in float64."""
 METHODS: dict[Constraint, str] = {"none": "least squares with prior", "psd": "GCO with prior"}
 
 
 def solve(regression: Regression, constraint: Constraint, belief: Belief | Penalty | None = None) -> Estimate:
-    """Least squares or GCO, with a prior or without.
+    """Solve least squares or GCO on weighted equations, with a prior or without.
 
     Args:
-        regression: The reduced dataset.
-        constraint: "none" for least squares, "psd" for GCO, "free" for least squares whose free directions
-            make it conservative, which takes no prior.
-        belief: The prior, and how firmly it is believed; or the trace term of GCO without a prior; None for
-            neither, as in the paper.
+        regression: The reduced dataset: F_M of n parameters, as triangular factors.
+        constraint: "none" for least squares, "psd" for GCO, "free" for least squares made conservative along
+            its unobservable directions, which takes no prior.
+        belief: The prior with its strength, or the trace term of GCO without a prior; None for neither, as in
+            the paper.
 
     Returns:
         The estimate; its status says whether it is proven to be the optimum.
@@ -46,6 +50,7 @@ def solve(regression: Regression, constraint: Constraint, belief: Belief | Penal
         if constraint == "psd":
             return optimum(regression, belief)
         return (completed if constraint == "free" else minimum_norm)(regression)
+    # With a prior: minimise chi^2 and penalty in the metric of the prior, then map x back to pi.
     own = answer(constraint, Case(regression, belief))
     estimate = make_estimate(regression, own.pi, method=METHODS[constraint], constraint=constraint)
     return replace(estimate, belief=belief, status=own.status, solver_seconds=own.seconds)
@@ -53,16 +58,24 @@ def solve(regression: Regression, constraint: Constraint, belief: Belief | Penal
 
 @dataclass(frozen=True)
 class Answer:
-    """What a solver found."""
+    """Hold the parameters that a solver found, and how it ended."""
 
-    pi: Array  #: Parameters, (n,).
-    seconds: float  #: Time inside the solver.
+    pi: Array  #: Parameters, (n,) [m/N, rad/(N m), rad/N].
+    seconds: float  #: Time inside the solver [s].
     status: str  #: "solved", or what went wrong.
-    own: bool  #: Whether our own method found it.
+    own: bool  #: Whether Newton's method or our interior-point method found it; else LAPACK or Clarabel.
 
 
 def answer(constraint: Constraint, case: Case) -> Answer:
-    """Newton's answer with a prior; an independent solver's where it is not proven."""
+    """Minimise |A pi - y|^2 + |B x - c|^2, pi = L x, in the metric of a prior.
+
+    Args:
+        constraint: "none" for least squares, "psd" for GCO.
+        case: The weighted equations (A, y) and the prior (B, c).
+
+    Returns:
+        The answer of Newton's or our interior-point method if it is proven optimal; else that of `referee`.
+    """
     start, metric = time.perf_counter(), case.belief.metric
     M, r = with_prior_rows(case.regression, metric, case.belief.strength)
     x = proven(M, r, metric.sizes if constraint == "psd" else ())
@@ -72,9 +85,15 @@ def answer(constraint: Constraint, case: Case) -> Answer:
 
 
 def proven(M: Array, r: Array, sizes: tuple[int, ...]) -> Array | None:
-    """Newton's least |M x - r| over x, svec of positive semi-definite blocks of some sizes, (n,).
+    """Minimise |M x - r| over x by Newton's method, and return the optimum only with its proof.
 
-    None where it is not proven to be the optimum.
+    Args:
+        M: Rows of data and prior in standard deviations, (rows, n) [1].
+        r: Their right-hand side, (rows,) [1].
+        sizes: Orders of the blocks of which x is the svec, all positive semi-definite; () for no constraint.
+
+    Returns:
+        x, (n,) [1]; None where the duality gap exceeds `NEAR`.
     """
     x, gap = least_squares(M, r, sizes)
     cost = float(np.sum((M @ x - r) ** 2)) / 2
@@ -82,7 +101,15 @@ def proven(M: Array, r: Array, sizes: tuple[int, ...]) -> Array | None:
 
 
 def referee(constraint: Constraint, case: Case) -> Answer:
-    """The answer of LAPACK to least squares with a prior, of Clarabel to GCO with one."""
+    """Solve the same problem by an independent solver: LAPACK for least squares, Clarabel for GCO.
+
+    Args:
+        constraint: "none" for least squares, "psd" for GCO.
+        case: The weighted equations and the prior.
+
+    Returns:
+        The answer, its status as the solver reports it.
+    """
     start, metric = time.perf_counter(), case.belief.metric
     M, r = with_prior_rows(case.regression, metric, case.belief.strength)
     if constraint == "none":
@@ -93,7 +120,16 @@ def referee(constraint: Constraint, case: Case) -> Answer:
 
 
 def by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Solution:
-    """The least t with |M x - r| below it, over t, then x as of `proven`."""
+    """Minimise t subject to |M x - r| <= t, blocks of x positive semi-definite, by Clarabel.
+
+    Args:
+        M: Rows of data and prior in standard deviations, (rows, n) [1].
+        r: Their right-hand side, (rows,) [1].
+        sizes: Orders of the blocks of which x is the svec.
+
+    Returns:
+        The solution; its unknowns are t in units of the residual, then x.
+    """
     n = M.shape[1]
     R: Array = np.asarray(np.linalg.qr(np.c_[M, r], mode="r"))
     unit = max(1.0, abs(R[-1, n]))

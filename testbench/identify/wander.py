@@ -97,7 +97,16 @@ def _log_evidence(
 
 
 def wandering(r: Regression, pi: Array, rho: float) -> Regression:
-    """A dataset weighed as if links wandered by rho about those of a fit, (n,) or the first of them."""
+    """Weigh a dataset as if every link's compliance varied from pose to pose by a share rho.
+
+    Args:
+        r: The reduced dataset, with its rows pose by pose.
+        pi: Parameters of a fit, (n,) or the first of them [m/N, rad/(N m), rad/N].
+        rho: Relative standard deviation of a link's compliance over poses [1].
+
+    Returns:
+        The weighted regression.
+    """
     links, [term] = _by_link(r, pi), r.terms
     poses, points = [_along(rows, links) for rows in r.poses], term.equations / 3
     weighed = [rows / np.sqrt(1 + rho**2 * values)[:, None] for values, rows in poses]

@@ -20,7 +20,15 @@ MOST_READINGS = 5000
 
 
 def check_runs(vjm: Vjm, data: Dataset) -> None:
-    """Refuse by BenchError what cannot be reduced: no reading, another arm, or numbers that are too large."""
+    """Refuse runs that cannot be reduced: none, no reading, another arm, or numbers that are too large.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        data: The runs.
+
+    Raises:
+        BenchError: When the dataset is one of these.
+    """
     if data.runs == 0:
         raise BenchError("dataset: expected at least one run, got none")
     if not data.seen.any():
@@ -46,7 +54,19 @@ class Readings:
 
 
 def one_by_one(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:
-    """A dataset of at most MOST_READINGS (BenchError) reading by reading; `reduce` has checked it."""
+    """Compute the weighted equations (13) reading by reading; `reduce` has checked the dataset.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        structure: The unknowns, n of them.
+        data: The runs.
+
+    Returns:
+        Rows, readings and their units.
+
+    Raises:
+        BenchError: When there are more than `MOST_READINGS` readings.
+    """
     each = len(data.markers) + (data.sigma_rotation is not None)
     if data.runs * each > MOST_READINGS:
         raise BenchError(f"robust fit: expected at most {MOST_READINGS} readings, got {data.runs * each}")
@@ -68,5 +88,13 @@ def one_by_one(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:
 
 
 def each_reading(rows: Array, kinds: Ids) -> Array:
-    """Rows (s, 3, c, runs) of the readings that there are, by their kinds (s, runs), (readings, 3, c)."""
+    """Select the rows of readings that were not lost.
+
+    Args:
+        rows: Rows, (s, 3, c, runs).
+        kinds: Kind of every reading, (s, runs); -1 for lost ones.
+
+    Returns:
+        Rows reading by reading, (readings, 3, c).
+    """
     return np.asarray(rows.transpose(3, 0, 1, 2).reshape(-1, *rows.shape[1:3])[(kinds >= 0).T.ravel()])

@@ -44,11 +44,27 @@ class Beyond:
 
 
 def slipped(d: Array, slip: Array) -> Array:
-    """How far plays of half widths from 0 to `slip` follow a target that moved by d, (..., n) [rad]."""
+    """Compute how far friction elements of half widths from 0 to `slip` follow a target that moved.
+
+    Args:
+        d: Motion of the target, (..., n) [rad].
+        slip: Largest half width of a joint's elements, broadcast to d [rad].
+
+    Returns:
+        Mean motion of the elements, (..., n) [rad].
+    """
     far = np.abs(d)
     return np.asarray(np.sign(d) * np.where(far < slip, far**2 / (2 * slip), far - slip / 2))
 
 
 def slipping(d: Array, slip: Array) -> Array:
-    """Share of these plays that move on with the target, (..., n) [1]."""
+    """Compute the share of these elements that move on with the target.
+
+    Args:
+        d: Motion of the target, (..., n) [rad].
+        slip: Largest half width of a joint's elements, broadcast to d [rad].
+
+    Returns:
+        Share, (..., n) [1].
+    """
     return np.asarray(np.minimum(np.abs(d) / slip, 1.0))

@@ -104,7 +104,12 @@ def _small_hulls(text: str) -> str:
 
 
 def check_geoms(path: Path, model: mujoco.MjModel) -> None:
-    """Refuse geoms of a size that no arm has, and so many that poses take long to judge."""
+    """Refuse geoms of a size that no arm has, and models with too many geoms to check poses in time.
+
+    Args:
+        path: File of the model, for the message.
+        model: The compiled MuJoCo model.
+    """
     bounded = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
     reach = np.abs(np.hstack([model.geom_pos, model.geom_aabb])).max(axis=1)
     for g in np.flatnonzero(bounded & ~(reach <= LENGTH)).tolist():
@@ -131,7 +136,15 @@ def build_plant(arm: Arm) -> Plant:
 
 
 def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
-    """The plant of an arm whose elastic model is compiled already."""
+    """Make the plant of an arm from its compiled elastic model.
+
+    Args:
+        arm: The arm.
+        model: Its elastic MuJoCo model.
+
+    Returns:
+        The plant.
+    """
     theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
     C = np.zeros((model.nv, model.nv))
     C[np.ix_(theta, theta)] = arm.C_theta
@@ -157,7 +170,15 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
 
 
 def with_model(plant: Plant, model: mujoco.MjModel) -> Plant:
-    """The plant with the gravity, and the places of bodies, of an altered copy of its model."""
+    """Return the plant with the gravity and the places of bodies of an altered copy of its model.
+
+    Args:
+        plant: The plant.
+        model: The altered copy.
+
+    Returns:
+        The new plant.
+    """
     abreast = copy.copy(plant.abreast)
     abreast.opt.gravity[:] = model.opt.gravity
     for name in ("body_pos", "body_quat"):

@@ -15,7 +15,12 @@ VISUAL_GROUPS = 3
 
 
 def lay_floor(root: ET.Element, height: float | None) -> None:
-    """Add a floor to the MJCF that collides with all that collides; None for none."""
+    """Add a floor to an MJCF document; it collides with everything that collides.
+
+    Args:
+        root: Root of the MJCF; changed in place.
+        height: Height of the floor [m]; None for no floor.
+    """
     if height is None:
         return
     world = root.find("worldbody")
@@ -25,15 +30,28 @@ def lay_floor(root: ET.Element, height: float | None) -> None:
 
 
 def body_name(model: mujoco.MjModel, body: int) -> str:
-    """Name of a body; body_K where the MJCF gives none."""
+    """Return the name of a body.
+
+    Args:
+        model: The MuJoCo model.
+        body: Its number.
+
+    Returns:
+        Its name; body_K where the MJCF gives none.
+    """
     return model.body(int(body)).name or f"body_{body}"
 
 
 def collide(path: Path, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """MuJoCo's contacts in a pose.
+    """Compute MuJoCo's contacts in a pose.
+
+    Args:
+        path: File of the model, for the message.
+        model: The MuJoCo model.
+        data: The pose; it receives the contacts.
 
     Raises:
-        InputError: When there are more of them than any arm has.
+        InputError: When there are more contacts than any arm has.
     """
     try:
         mujoco.mj_collision(model, data)

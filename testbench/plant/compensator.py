@@ -51,7 +51,16 @@ def attached(plant: Plant) -> tuple[int, int]:
 
 
 def strut(compensator: Compensator, plant: Plant, state: State) -> Strut:
-    """The compensator in held poses, theta = 0."""
+    """Compute the gravity compensator in held poses, theta = 0.
+
+    Args:
+        compensator: The compensator.
+        plant: The plant that it is attached to.
+        state: The held poses.
+
+    Returns:
+        The compensator with what the solver needs of these poses.
+    """
     ends = attached(plant)
     hinges = _hinges(compensator, ends, state)
     held = _length(hinges)
@@ -63,7 +72,17 @@ def strut(compensator: Compensator, plant: Plant, state: State) -> Strut:
 
 
 def strut_force(strut: Strut, plant: Plant, state: State, some: Ids) -> Array:
-    """Its generalised force where the arm is, (some, nv) [N, N m]."""
+    """Compute the generalised force of the compensator in the present poses.
+
+    Args:
+        strut: The compensator.
+        plant: The plant.
+        state: The present poses.
+        some: Places of the poses that are wanted.
+
+    Returns:
+        Force on every degree of freedom, (some, nv) [N, N m].
+    """
     spring, held = strut.spring, strut.held[some]
     hinges = _hinges(spring, strut.ends, state)
     force = spring.rate * (held - spring.rest_length) + strut.slope * (_length(hinges) - held)
@@ -71,9 +90,17 @@ def strut_force(strut: Strut, plant: Plant, state: State, some: Ids) -> Array:
 
 
 def stiffen(strut: Strut, step: Array, some: Ids) -> Array:
-    """Steps of the arm's own springs, (some, nv), as the strut lets them be.
+    """Correct steps of the arm's own springs for the stiffness of the compensator.
 
     It applies the inverse of C (C^-1 + k g g^T) of the held pose, by Sherman and Morrison.
+
+    Args:
+        strut: The compensator.
+        step: Steps without it, (some, nv) [m, rad].
+        some: Places of the poses.
+
+    Returns:
+        Steps with it, (some, nv) [m, rad].
     """
     along = np.vecdot(strut.share[some], step)
     return np.asarray(step - along[:, None] * strut.C_g[some])

@@ -37,7 +37,15 @@ DAMPING = 0.02
 
 
 def virtual_joint(link: str, axis: str) -> str:
-    """Name of a virtual joint of a link in the elastic MJCF."""
+    """Return the name of a virtual joint in the elastic MJCF.
+
+    Args:
+        link: Name of the link.
+        axis: Name of the axis.
+
+    Returns:
+        The name.
+    """
     return f"{link}_theta_{axis}"
 
 

@@ -70,7 +70,7 @@ def settle(
     *,
     before: Equilibrium | None = None,
 ) -> Equilibrium:
-    """Static equilibrium of every pose under the arm's own weight and a wrench at the tool.
+    """Find the static equilibrium of every pose under the arm's own weight and a wrench at the tool.
 
     The wrench keeps its direction in the world and acts at a point fixed in the tool, as a hung weight
     does; without one the arm's own weight is left, without a point it acts at the tool's origin.
@@ -125,13 +125,32 @@ def _law(plant: Plant, runs: int, before: Equilibrium | None) -> JointLaw | None
 
 
 def settle_pair(plant: Plant, q: Array, wrench: Array, point: Array) -> tuple[Equilibrium, Equilibrium]:
-    """The arm unloaded, then loaded from there."""
+    """Find the equilibria of the arm unloaded, then loaded from there.
+
+    Args:
+        plant: The plant.
+        q: Joint angles, (runs, n) [rad, m].
+        wrench: Force and moment in world axes, (runs, 6) [N, N m].
+        point: Point where the force acts in the tool's frame, (runs, 3) [m].
+
+    Returns:
+        Both equilibria.
+    """
     rest = settle(plant, q)
     return rest, settle(plant, q, wrench, point, before=rest)
 
 
 def in_parts(plant: Plant, runs: int, settled: Callable[[slice, Row], Equilibrium]) -> Equilibrium:
-    """Equilibria of all runs, from those of parts of them."""
+    """Find the equilibria of all runs part by part.
+
+    Args:
+        plant: The plant.
+        runs: Number of runs.
+        settled: Finds the equilibria of one part.
+
+    Returns:
+        The equilibria of all runs.
+    """
     row = open_row(plant)
     starts = stepwise(range(0, max(runs, 1), TOGETHER), "settling the arm")
     found = [settled(slice(start, start + TOGETHER), row) for start in starts]
@@ -139,17 +158,30 @@ def in_parts(plant: Plant, runs: int, settled: Callable[[slice, Row], Equilibriu
 
 
 def hold(plant: Plant, q: Array) -> Array:
-    """Configurations with the actuated joints at q and theta = 0, (runs, nv)."""
+    """Make configurations with the actuated joints at q and theta = 0.
+
+    Args:
+        plant: The plant.
+        q: Joint angles, (runs, n) [rad, m].
+
+    Returns:
+        MuJoCo configurations, (runs, nv) [m, rad].
+    """
     held = np.zeros((len(q), plant.model.nv))
     held[:, plant.joints] = q
     return held
 
 
 def unloaded(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, Array]]:
-    """Where MuJoCo places bodies of the elastic arm at theta = 0.
+    """Compute where MuJoCo places bodies of the elastic arm at theta = 0.
+
+    Args:
+        plant: The plant.
+        q: Joint angles, (runs, n) [rad, m].
+        names: Names of the bodies.
 
     Returns:
-        Of each body its origin in the world, (runs, 3) [m], and world from body, (runs, 3, 3).
+        Of each body its origin in the world, (runs, 3) [m], and world from body, (runs, 3, 3) [1].
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     bodies = [int(plant.model.body(name).id) for name in names]
@@ -244,7 +276,17 @@ def _corrected(poses: Poses, inverses: dict[int, Array], step: Array, some: Ids)
 
 
 def tangent(poses: Poses, row: Row, qpos: Array, pose: int) -> Array:
-    """I - C dQ/dqpos = C (K_theta - K_w) of Eq. (7) of one pose, by central differences, (nv, nv)."""
+    """Compute I - C dQ/dqpos = C (K_theta - K_w) of Eq. (7) in one pose, by central differences.
+
+    Args:
+        poses: The poses.
+        row: Arms in one MuJoCo model that are evaluated at once.
+        qpos: Configuration of the pose.
+        pose: Its number.
+
+    Returns:
+        The tangent, (nv, nv).
+    """
     h, unit, hinges = 1e-6, np.eye(len(qpos)), poses.plant.hinges
     around = np.concatenate([qpos[None], qpos + h * unit, qpos - h * unit])
     Q = _force(poses, evaluate(row, around, poses.bodies), np.full(len(around), pose))
@@ -272,7 +314,13 @@ def _not_found(steps: int, size: float) -> str:
 
 
 def settle_linear(plant: Plant, q: Array, wrench: Array, point: Array) -> Equilibrium:
-    """First-order equilibrium of a weightless arm: theta = C_theta J_F^T w at theta = 0.
+    """Compute the first-order equilibrium of a weightless arm: theta = C_theta J_F^T w at theta = 0.
+
+    Args:
+        plant: The plant.
+        q: Joint angles, (runs, n) [rad, m].
+        wrench: Force and moment in world axes, (runs, 6) [N, N m].
+        point: Point where the force acts in the tool's frame, (runs, 3) [m].
 
     Returns:
         The displaced poses.

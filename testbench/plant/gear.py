@@ -42,7 +42,16 @@ class Gears:
 
 
 def draw_gears(errors: GearErrors, joints: int, rng: np.random.Generator) -> Gears:
-    """Errors of so many joints; those of an order do not depend on how many orders there are."""
+    """Draw gear errors of joints; the errors of an order do not depend on how many orders there are.
+
+    Args:
+        errors: Sizes of the errors.
+        joints: Number of joints.
+        rng: Source of randomness.
+
+    Returns:
+        The drawn gears.
+    """
     ratio, _ = (
         rng.standard_normal(joints),
         rng.uniform(size=joints),
@@ -52,7 +61,15 @@ def draw_gears(errors: GearErrors, joints: int, rng: np.random.Generator) -> Gea
 
 
 def gear_error(gears: Gears, q: Array) -> Array:
-    """True minus commanded joint angles at the commanded ones, (runs, n) [rad]."""
+    """Compute true minus commanded joint angles at the commanded ones.
+
+    Args:
+        gears: The gears.
+        q: Commanded joint angles, (runs, n) [rad].
+
+    Returns:
+        Error, (runs, n) [rad].
+    """
     order = np.arange(1, len(gears.sine) + 1)[:, None, None]
     periodic = gears.sine[:, None] * np.sin(order * q) + gears.cosine[:, None] * np.cos(order * q)
     return np.asarray(gears.ratio * q + periodic.sum(axis=0))

@@ -42,7 +42,15 @@ class JointLaw:
 
 
 def turn(law: JointLaw, torque: Array) -> Array:
-    """Turn theta under a torque, (..., n) [rad]."""
+    """Compute the turn theta of joints under a torque.
+
+    Args:
+        law: Law of the joints.
+        torque: Torque, (..., n) [N m].
+
+    Returns:
+        Turn, (..., n) [rad].
+    """
     target = _target(law, torque)
     if law.before is None:
         return target
@@ -51,7 +59,15 @@ def turn(law: JointLaw, torque: Array) -> Array:
 
 
 def slope(law: JointLaw, torque: Array) -> Array:
-    """Compliance under a torque, d theta / d torque; zero where friction holds, (..., n) [rad/(N m)]."""
+    """Compute the tangent compliance d theta / d torque of joints; zero where friction holds.
+
+    Args:
+        law: Law of the joints.
+        torque: Torque, (..., n) [N m].
+
+    Returns:
+        Compliance, (..., n) [rad/(N m)].
+    """
     x = law.compliance * torque
     phi = _spring_turn(law, x)
     rate = 1 / (1 + 3 * law.stiffening * (phi / STIFFENING_ANGLE) ** 2)

@@ -61,7 +61,16 @@ class Frames:
 
 
 def origins(site: Site, names: Sequence[str], frames: Frames) -> Array:
-    """Origins of named bodies, (rows, len(names), 3) [m]."""
+    """Return the origins of named bodies.
+
+    Args:
+        site: The site.
+        names: Names of the bodies.
+        frames: Places of all bodies.
+
+    Returns:
+        Origins, (rows, len(names), 3) [m].
+    """
     return np.asarray(frames.positions[:, [site.names.index(name) for name in names]])
 
 
@@ -99,13 +108,29 @@ def _shape(model: mujoco.MjModel, g: int) -> Shape:
 
 
 def half_sizes(kind: Kind, size: Array) -> Array:
-    """Half sizes along the axes of a geom from MuJoCo's size, (3,) [m]; see `Shape.size`."""
+    """Compute the half sizes of a geom along its axes from MuJoCo's size; see `Shape.size`.
+
+    Args:
+        kind: Kind of the geom.
+        size: MuJoCo's size, (3,) [m].
+
+    Returns:
+        Half sizes, (3,) [m].
+    """
     places = {"sphere": [0, 0, 0], "capsule": [0, 0, 1], "cylinder": [0, 0, 1]}
     return size[places.get(kind, [0, 1, 2])]
 
 
 def geom_rgba(model: mujoco.MjModel, g: int) -> Array:
-    """The geom's own colour, or its material's where the geom has MuJoCo's default."""
+    """Return the colour of a geom, or of its material if the geom has MuJoCo's default.
+
+    Args:
+        model: The MuJoCo model.
+        g: Number of the geom.
+
+    Returns:
+        Red, green, blue and opacity, (4,) [1].
+    """
     material, rgba = int(model.geom_matid[g]), model.geom_rgba[g]
     own = material < 0 or not np.array_equal(rgba, [0.5, 0.5, 0.5, 1])
     return np.asarray(rgba if own else model.mat_rgba[material], dtype=float)
@@ -174,13 +199,30 @@ def quaternions(R: Array) -> Array:
 
 
 def rigid_frames(site: Site, q: Array) -> Frames:
-    """Where the bodies of the rigid arm are."""
+    """Compute the places of the bodies of the rigid arm.
+
+    Args:
+        site: The site.
+        q: Joint angles, (rows, n) [rad, m].
+
+    Returns:
+        The places of all bodies.
+    """
     q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
     return _frames(site.model, site.joints, q, np.arange(site.model.nbody))
 
 
 def elastic_frames(plant: Plant, q: Array, theta: Array) -> Frames:
-    """Where the bodies of the elastic arm are, in the order of the rigid arm's; theta may be magnified."""
+    """Compute the places of the bodies of the elastic arm, in the order of the rigid arm's.
+
+    Args:
+        plant: The plant.
+        q: Joint angles, (rows, n) [rad, m].
+        theta: Deflection of the virtual joints, (rows, n_theta) [m, rad]; it may be magnified.
+
+    Returns:
+        The places of all bodies.
+    """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     theta = check_array(theta, (len(q), plant.arm.n_theta), "theta [m, rad]")
     model = plant.model

@@ -260,9 +260,14 @@ def _poses(site: Site, q: Array) -> Iterator[mujoco.MjData]:
 
 
 def contacts(site: Site, q: Array) -> list[Contact | None]:
-    """What touches in every pose, None where the arm and its payload are clear.
+    """Find the contacts of the arm and its payload in every pose.
 
-    Of several contacts the first in the order of `KINDS` is told.
+    Args:
+        site: The site.
+        q: Joint angles, (poses, n) [rad, m].
+
+    Returns:
+        Per pose the first contact in the order of `KINDS`; None where there is none.
     """
     found: list[Contact | None] = []
     geoms, depths = [np.empty((0, 2), dtype=int)], [np.empty(0)]
@@ -291,12 +296,24 @@ def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:
 
 
 def collisions(site: Site, q: Array) -> list[tuple[str, str] | None]:
-    """The two bodies of `contacts` in every pose, None where the arm is clear."""
+    """Find the two bodies that touch in every pose.
+
+    Args:
+        site: The site.
+        q: Joint angles, (poses, n) [rad, m].
+
+    Returns:
+        Per pose the names of the bodies of `contacts`; None where there is no contact.
+    """
     return [found.bodies if found else None for found in contacts(site, q)]
 
 
 def check_poses(site: Site, q: Array) -> None:
     """Refuse the first pose that the arm cannot take.
+
+    Args:
+        site: The site.
+        q: Joint angles, (poses, n) [rad, m].
 
     Raises:
         PoseError: Names the pose and the limit or the colliding bodies.
@@ -320,10 +337,17 @@ def has_surroundings(site: Site) -> bool:
 
 
 def hidden(site: Site, q: Array) -> list[tuple[str, str] | None]:
-    """The first marker in every pose whose line of sight is blocked, and by which body; None where none is.
+    """Find the first marker of every pose whose line of sight is blocked.
 
-    A ray is cast from the station to every marker. The marker's own body stops none, nor does what is nearer
+    A ray is cast from the station to every marker. The marker's own body blocks none, nor does what is nearer
     than TARGET_RADIUS to it; another marker, the load point's shackle and the payload do.
+
+    Args:
+        site: The site.
+        q: Joint angles, (poses, n) [rad, m].
+
+    Returns:
+        Per pose the marker and the body that blocks it; None where all are visible.
 
     Raises:
         BenchError: When no tracker stands there.

@@ -86,7 +86,16 @@ def evaluate(row: Row, qpos: Array, bodies: Collection[int] = ()) -> State:
 
 
 def place(state: State, body: int, point: Array) -> Array:
-    """World position of a point of a body's frame, (3,) or (poses, 3), in every pose, (poses, 3) [m]."""
+    """Compute the world position of a point of a body in every pose.
+
+    Args:
+        state: The poses.
+        body: Number of the body.
+        point: Point in the body's frame, (3,) or (poses, 3) [m].
+
+    Returns:
+        Position, (poses, 3) [m].
+    """
     return np.asarray(state.position[body] + np.matvec(state.rotation[body], point))
 
 

@@ -43,7 +43,14 @@ class Misfit(BenchError):
 
 
 def aligned(state: State, series: tuple[Series, ...]) -> State:
-    """The state with a frame and a mount for every series; those that it has are kept.
+    """Return the state with a frame and a mount for every series; existing ones are kept.
+
+    Args:
+        state: The arm's state.
+        series: The readings.
+
+    Returns:
+        The completed state.
 
     Raises:
         BenchError: When a series has too few rows, or does not fit the arm.
@@ -78,11 +85,18 @@ def _tells_little(vjm: Vjm, series: Series) -> bool:
 
 
 def align(state: State, series: Series) -> tuple[Frame, Mount]:
-    """Frame and mount of one series by the arm's nominal geometry.
+    """Find the frame and the mount of one series by the arm's nominal geometry.
 
-    Where something moved far in mid-series, those of its first half. What its poses leave open is taken from
-    the state, which may have the frame or the mount; else, where three joints turn, targets are taken where
-    the arm's folder has them, and the frame as upright.
+    If something moved far in mid-series, they are those of its first half. What its poses leave undetermined
+    is taken from the state, which may have the frame or the mount. Else, if three joints turn, the targets
+    are those of the arm's folder, and the frame is upright.
+
+    Args:
+        state: The arm's state.
+        series: The readings.
+
+    Returns:
+        Frame and mount.
     """
     if lost := [name for name in series.markers if name not in _read(series)]:
         raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
@@ -182,7 +196,15 @@ def _turns(state: State, series: Series, rotation: Array) -> Array:
 
 
 def too_few(vjm: Vjm, series: Series) -> str:
-    """Why a series alone cannot tell its frame and mount; "" if it may."""
+    """Explain why a series alone cannot determine its frame and mount.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: The readings.
+
+    Returns:
+        The reason; "" if the series may suffice.
+    """
     poses, joints = len(np.unique(series.q[series.seen.any(axis=1)], axis=0)), turning(vjm, (series,))
     turn = WITH_ORIENTATIONS if series.turned.any() else TURNING
     count = 6 + 3 * len(series.markers) + 3 * bool(series.turned.any())
@@ -223,9 +245,13 @@ def _check_shared(state: State, series: tuple[Series, ...]) -> None:
 
 
 def check_fits(state: State, series: Sequence[Series]) -> None:
-    """Refuse a series that geometry and springs do not bring near the arm, by Misfit.
+    """Refuse by Misfit a series that geometry and springs do not bring near the arm.
 
-    No sound arm is that far from its readings then: neither more poses nor a tracker that moved explains it.
+    No sound arm is that far from its readings: neither more poses nor a tracker that moved explains it.
+
+    Args:
+        state: The arm's state.
+        series: The readings.
     """
     for one in series:
         left = np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen]
@@ -238,9 +264,16 @@ def check_fits(state: State, series: Sequence[Series]) -> None:
 
 
 def far_off(state: State, series: Series) -> float:
-    """How far three quarters of a series are from its frame and mount at least [m]; 0 where these may be its.
+    """Compute how far at least three quarters of a series are from its frame and mount.
 
-    Those of a quarter are where something moved in mid-series.
+    The distance is the 25th percentile: if something moved in mid-series, a quarter may still fit.
+
+    Args:
+        state: The arm's state.
+        series: The readings.
+
+    Returns:
+        Distance [m]; 0 where frame and mount may be those of the series.
     """
     left = np.linalg.norm(residuals(state, series)[: len(series.markers)], axis=1).T[series.seen]
     off = float(np.percentile(left, 25)) if len(left) else 0.0
@@ -279,7 +312,15 @@ def _read(series: Series) -> tuple[str, ...]:
 
 
 def with_targets(series: Series, markers: tuple[str, ...]) -> Series:
-    """A series with these targets in this order, lost where it has none of the name."""
+    """Return a series with given targets in given order.
+
+    Args:
+        series: The readings.
+        markers: Names of the targets; readings of a name that the series lacks are lost.
+
+    Returns:
+        The series.
+    """
     if markers == series.markers:
         return series
     there = [k for k, name in enumerate(markers) if name in series.markers]

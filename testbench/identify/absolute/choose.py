@@ -76,9 +76,16 @@ class Candidate:
 
 
 def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
-    """Block of joint space of every row, by k-means on sine and cosine; rows of a pose share theirs.
+    """Divide rows into blocks of joint space by k-means on sine and cosine; rows of a pose share a block.
 
-    Two halves where it leaves too few poses beside a block.
+    If a block leaves too few poses beside it, there are two halves.
+
+    Args:
+        series: The readings.
+        seed: Seed of k-means.
+
+    Returns:
+        Block of every row, (rows,) per series.
     """
     from scipy.cluster.vq import kmeans2  # here: it takes long to import, and few runs need it
 

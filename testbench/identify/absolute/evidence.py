@@ -66,7 +66,15 @@ class Choice:
 
 
 def choice(unknowns: Unknowns, kinds: frozenset[str], elastic: Metric | None) -> Choice:
-    """The columns of some kinds of errors, and of the structure of a metric.
+    """Select the columns of some kinds of errors, and of the structure of a metric.
+
+    Args:
+        unknowns: All unknowns.
+        kinds: Names of the errors.
+        elastic: Metric of the compliances; None for none.
+
+    Returns:
+        The choice.
 
     Raises:
         BenchError: When the structure has compliances that the unknowns lack.
@@ -108,7 +116,15 @@ def usual(unknowns: Unknowns, kinds: int) -> Learnt:
 
 
 def squares(own: Choice, gram: Array) -> Array:
-    """Sums of squares of a choice, compliances in the metric of their prior, (kinds, c + 1, c + 1)."""
+    """Compute the Gram matrices of a choice, compliances in the metric of their prior.
+
+    Args:
+        own: The choice, c columns.
+        gram: Gram matrices of all unknowns, (kinds, size + 1, size + 1).
+
+    Returns:
+        (kinds, c + 1, c + 1).
+    """
     some = np.r_[own.columns, gram.shape[1] - 1]
     found = gram[np.ix_(range(len(gram)), some, some)]
     if own.elastic is not None:
@@ -119,7 +135,16 @@ def squares(own: Choice, gram: Array) -> Array:
 
 
 def prior(own: Choice, learnt: Learnt, strength: Strength) -> tuple[Array, Array]:
-    """Precision that priors add, (c, c), and what it pulls towards, (c,)."""
+    """Compute the precision that the priors add.
+
+    Args:
+        own: The choice, c columns.
+        learnt: Learnt sizes of errors.
+        strength: Relative uncertainty of the compliances.
+
+    Returns:
+        Precision, (c, c), and its right-hand side, (c,).
+    """
     c = len(own.columns)
     P, b = np.zeros((c, c)), np.zeros(c)
     held = np.arange(own.rigid)

@@ -116,20 +116,25 @@ def calibrate(
     options: Options | None = None,
     weights: Weights | None = None,
 ) -> Calibration:
-    """Calibrate an arm.
+    """Calibrate an arm from absolute readings: geometry, joint errors and compliances.
+
+    Gauss-Newton linearises geometry and joint errors; least squares or GCO, Eq. (14)-(19), fits the
+    compliances of what remains. Evidence sets the sizes of the errors, and cross-validation selects the kinds
+    of errors.
 
     Args:
-        vjm: Its nominal kinematics.
-        series: Absolute readings, all of it.
-        prior: Expected compliances.
-        options: What to try; None for all there is.
-        weights: What its links weigh; None for what rigid.xml says.
+        vjm: The arm's nominal virtual joint model.
+        series: All absolute readings: joint angles, loads, target positions [m].
+        prior: Expected compliances, such as `cad_prior(arm)`.
+        options: Errors that are tried, and how; None to try all.
+        weights: Weights of the links; None for those of the arm's rigid.xml.
 
     Returns:
-        The arm, what was kept of what was tried, and how sure it is.
+        The calibrated state with its posterior, its noise, and the errors that were kept.
 
     Raises:
-        BenchError: When there is no series, or one does not fit the arm or leaves its frame or target open.
+        BenchError: When there is no series, or one does not fit the arm or leaves its frame or target
+            undetermined.
     """
     if not series:
         raise BenchError("series: expected one or more, got none")
@@ -140,7 +145,18 @@ def calibrate(
 def gather(
     vjm: Vjm, series: Sequence[Series], prior: Prior, options: Options, weights: Weights | None = None
 ) -> Gathered:
-    """The part of `calibrate` that is the same whatever errors are on; of links, if they may be."""
+    """Reduce the readings once, for any selection of errors: the first part of `calibrate`.
+
+    Args:
+        vjm: The arm's nominal kinematics.
+        series: Absolute readings.
+        prior: Expected compliances.
+        options: Errors that may be tried.
+        weights: Weights of the links; None for those of the arm's folder.
+
+    Returns:
+        The reduced equations, with frames, mounts and noise.
+    """
     series, lost = alike(series)
     check_order(vjm, series)
     weights = weights or read_weights(vjm.arm)
@@ -170,10 +186,18 @@ def gather(
 
 
 def explain(found: Gathered, options: Options) -> Calibration:
-    """What explains the readings best, of the errors that are to be on or tried.
+    """Select the errors that predict held-out readings best, and calibrate with them.
+
+    Args:
+        found: The reduced equations.
+        options: Errors that are on or may be tried.
+
+    Returns:
+        The calibrated arm.
 
     Raises:
-        BenchError: When the readings leave a frame or target open, or were gathered without the links.
+        BenchError: When the readings leave a frame or target undetermined, or were gathered without the
+            links.
     """
     series, reduced = found.series, found.reduced
     expected = expected_of(series)
@@ -206,7 +230,17 @@ def explain(found: Gathered, options: Options) -> Calibration:
 def first_fit(
     state: State, series: tuple[Series, ...], joints: Metric, constraint: Constraint = "psd"
 ) -> tuple[State, Noise]:
-    """Geometry and joint springs from a state that has frames and mounts, and how readings scatter."""
+    """Fit geometry and joint springs, from a state that has frames and mounts.
+
+    Args:
+        state: The start.
+        series: The readings.
+        joints: Metric of the joint compliances.
+        constraint: "psd" for GCO, "none" for least squares.
+
+    Returns:
+        The fitted state, and the noise of the readings about it.
+    """
     first = unknowns_of(state.vjm, series, JointErrors(), joints.structure)
     own, noise = choice(first, GEOMETRY, joints), scatter(state, series, 1.0)
     for _ in range(2):

@@ -94,14 +94,31 @@ def _pressed(regression: Regression, belief: Belief, estimate: Estimate) -> floa
 
 
 def of_compliances(T: Array, elastic: Metric, equations: int) -> Regression:
-    """What is left of so many equations for compliances, of the factor T of all, compliances last."""
+    """Eliminate all other unknowns, and return the equations of the compliances.
+
+    Args:
+        T: Triangular factor of all unknowns, compliances last.
+        elastic: Metric of the compliances.
+        equations: Number of equations.
+
+    Returns:
+        The regression of the compliances.
+    """
     r = len(T) - 1 - len(elastic.expected)
     term = term_of(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
     return regression_of(elastic.structure, (term,))
 
 
 def with_others(T: Array, pi: Array) -> Array:
-    """All unknowns, (c,), of compliances (n,): the others as they are most likely then."""
+    """Compute the most probable other unknowns for given compliances.
+
+    Args:
+        T: Triangular factor of all unknowns, compliances last.
+        pi: Compliances, (n,).
+
+    Returns:
+        All unknowns, (c,).
+    """
     r = len(T) - 1 - len(pi)
     others: Array = solve_triangular(T[:r, :r], T[:r, -1] - T[:r, r:-1] @ pi)
     return np.concatenate([others, pi])
@@ -115,7 +132,16 @@ def _widened(root: Array, moves: Array) -> Array:
 
 
 def factor_of(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
-    """Triangular factor of all equations and of the priors but compliances', readings last."""
+    """Compute the triangular factor of all equations and of all priors but the compliances'.
+
+    Args:
+        own: The choice, c columns.
+        reduced: The reduced equations.
+        learnt: Learnt sizes of errors and noise.
+
+    Returns:
+        The factor.
+    """
     some = np.r_[own.columns, own.unknowns.size]
     deviation = learnt.deviation[own.columns[: own.rigid]]
     held = np.flatnonzero(np.isfinite(deviation))
@@ -140,7 +166,16 @@ def _believed(regression: Regression, elastic: Metric) -> Belief:
 
 
 def moved(state: State, own: Choice, x: Array) -> State:
-    """The state with the unknowns of a choice, (c,); what is off is zero."""
+    """Return the state with new values of the unknowns of a choice; all others are zero.
+
+    Args:
+        state: The state.
+        own: The choice, c columns.
+        x: Values, (c,).
+
+    Returns:
+        The new state.
+    """
     unknowns = own.unknowns
     every = np.zeros(unknowns.size)
     every[own.columns] = x
@@ -164,7 +199,15 @@ def moved(state: State, own: Choice, x: Array) -> State:
 
 
 def moved_frame(frame: Frame, step: Array) -> Frame:
-    """A frame after the base moved by a step, base axes: x + move + turn x x."""
+    """Return a frame after the base moved: x + move + turn x x in base axes.
+
+    Args:
+        frame: The frame.
+        step: Move, then turn, (6,) [m, rad].
+
+    Returns:
+        The new frame.
+    """
     [turn] = turned(step[None, 3:])
     return Frame(frame.rotation @ turn, frame.translation + frame.rotation @ step[:3])
 

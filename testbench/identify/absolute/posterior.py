@@ -104,18 +104,31 @@ def known(model: ArmModel, series: Series) -> RegisteredSeries:
 
 
 def without(state: State, series: Series) -> State:
-    """The state without the frame and the mount of a series."""
+    """Return the state without the frame and the mount of a series.
+
+    Args:
+        state: The state.
+        series: The series.
+
+    Returns:
+        The state.
+    """
     frames = {key: one for key, one in state.frames.items() if key != series.frame}
     mounts = {key: one for key, one in state.mounts.items() if key != series.target}
     return replace(state, frames=frames, mounts=mounts)
 
 
 def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[Array, Array]:
-    """Positions of all rows of a series by the model beside those read, and how sure it is.
+    """Predict positions of all rows of a series, with the uncertainty of the residual.
+
+    Args:
+        model: The calibrated arm.
+        placed: The series' frame and mount.
+        series: The readings.
 
     Returns:
-        Reading minus model in base axes, (rows, m, 3) [m], and the covariance of that, with the scatter of
-        the reading, (rows, m, 3, 3) [m^2].
+        Reading minus model in base axes, (rows, m, 3) [m], and its covariance with the reading's noise,
+        (rows, m, 3, 3) [m^2].
     """
     m, a = len(series.markers), len(model.columns)
     told = np.r_[: 6 + 3 * m, -a:0]  # positions do not depend on the turn of a target

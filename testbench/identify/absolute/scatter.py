@@ -14,14 +14,31 @@ from testbench.identify.rows import left_over
 
 
 def residuals(state: State, series: Series) -> Array:
-    """Readings minus model in base axes, (s, 3, rows) [m, rad]; zero where nothing was read."""
+    """Compute residuals, readings minus model, in base axes.
+
+    Args:
+        state: The model.
+        series: The readings.
+
+    Returns:
+        (s, 3, rows) [m, rad]; zero where nothing was read.
+    """
     starts = range(0, max(series.rows, 1), BATCH)
     some = (select_rows(series, np.arange(k, min(k + BATCH, series.rows))) for k in starts)
     return np.concatenate([left_over(state, one, forward(state, one)) for one in some], axis=2)
 
 
 def pulls_of(state: State, series: Series, noise: Noise) -> Array:
-    """How much every reading counts, by its own residual, (s, rows)."""
+    """Compute the robust weight of every reading from its own residual.
+
+    Args:
+        state: The model.
+        series: The readings.
+        noise: Their noise.
+
+    Returns:
+        Weights, (s, rows) [1].
+    """
     return weights(series, noise, state.frame(series).rotation, residuals(state, series))[1]
 
 
@@ -83,7 +100,16 @@ def units(expected: tuple[Array, float], noise: Noise) -> Array:
 
 
 def distance(before: State, after: State, series: Sequence[Series]) -> float:
-    """How far targets are from where they were, root mean square [m]."""
+    """Compute how far the targets moved between two states.
+
+    Args:
+        before: The first state.
+        after: The second state.
+        series: Readings whose poses are compared.
+
+    Returns:
+        Root mean square distance [m].
+    """
     total, count = 0.0, 0
     for one in series:
         m = len(one.markers)

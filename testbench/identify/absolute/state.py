@@ -69,7 +69,16 @@ class State:
 
 
 def nominal(vjm: Vjm, weights: Weights, torque_scale: Array) -> State:
-    """The arm as drawn: rigid, without errors."""
+    """Make the state of the nominal arm: rigid, without errors.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        weights: Weights of the links.
+        torque_scale: Typical torque of every joint, (n,) [N m, N].
+
+    Returns:
+        The state.
+    """
     n = vjm.n_theta
     empty = np.zeros((vjm.arm.n_joints, 0))
     return State(vjm, weights, np.zeros(n), np.zeros((n, n)), JointErrors(), empty, torque_scale)
@@ -126,25 +135,60 @@ def _start(state: State, q: Array, loads: Sequence[Load]) -> tuple[Array, Array,
 
 
 def loads_at(state: State, where: Chain, loads: Sequence[Load]) -> Array:
-    """Load u of every virtual joint: own weight and all loads, (n_theta, runs) [N, N m]."""
+    """Compute the generalised load u of every virtual joint, from own weight and all loads.
+
+    Args:
+        state: The model.
+        where: The poses.
+        loads: Loads that act at once.
+
+    Returns:
+        u, (n_theta, runs) [N, N m].
+    """
     return own_weight(where, state.weights) + on_joints(where, loads)
 
 
 def unbent(state: State, q: Array, loads: Sequence[Load]) -> Array:
-    """Virtual joints but for the springs: theta_0, and the joints' errors Phi(q) n, (runs, n_theta)."""
+    """Compute the virtual joints without their springs: theta_0 + Phi(q) n.
+
+    Args:
+        state: The model.
+        q: Joint angles, (runs, n) [rad, m].
+        loads: Loads that act at once.
+
+    Returns:
+        theta, (runs, n_theta) [m, rad].
+    """
     if not state.errors.size:
         return np.tile(state.theta_0, (len(q), 1))
     return _start(state, q, loads)[0]
 
 
 def forward(state: State, series: Series) -> Equilibrium:
-    """Where the tool is in every row of a series, in base axes, after `LOAD_STEPS` steps."""
+    """Compute the arm at rest in every row of a series, by `LOAD_STEPS` steps.
+
+    Args:
+        state: The model.
+        series: The readings, which give poses and loads.
+
+    Returns:
+        The arm in every row, in base axes.
+    """
     loads = [Load(series.wrench, series.point)] if series.wrench.any() else []
     return equilibrium(state, series.q, loads, LOAD_STEPS)
 
 
 def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Array:
-    """Root mean square torque of every joint over all rows, (n,) [N m, N]."""
+    """Compute the root mean square torque of every joint over all rows.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        weights: Weights of the links.
+        series: The readings, which give poses and loads.
+
+    Returns:
+        Torque, (n,) [N m, N].
+    """
     total = np.zeros(vjm.arm.n_joints)
     for one in series:
         for first in range(0, one.rows, BATCH):

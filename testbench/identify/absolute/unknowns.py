@@ -100,7 +100,17 @@ class Unknowns:
 
 
 def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, structure: Structure) -> Unknowns:
-    """The unknowns of some series."""
+    """Make the list of all unknowns of some series.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: The readings.
+        errors: Joint errors.
+        structure: The compliances.
+
+    Returns:
+        The unknowns.
+    """
     mounts: dict[str, tuple[int, bool]] = {}
     for one in series:
         turned = one.rotation is not None or mounts.get(one.target, (0, False))[1]
@@ -110,5 +120,13 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
 
 
 def compliances(vjm: Vjm, structure: Structure) -> Unknowns:
-    """The unknowns of pairs: all others cancel."""
+    """Make the unknowns of pairs, compliances only: all others cancel in a difference.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        structure: The compliances.
+
+    Returns:
+        The unknowns.
+    """
     return Unknowns(vjm, (), {}, JointErrors(), structure, geometry=False)
