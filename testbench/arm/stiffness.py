@@ -64,6 +64,8 @@ def tube_compliance(tube: Tube) -> Array:
     L/(E I), c26 = +L^2/(2 E I), c35 = -L^2/(2 E I), with the beam along x, A = pi (D^2 - d^2)/4, I = pi (D^4
     - d^4)/64 and J = 2 I.
 
+    Mathematics: `vjm-9`.
+
     Args:
         tube: Dimensions and material.
 
@@ -87,6 +89,8 @@ def turned(C: Array, axis: Array, angle: float) -> Array:
     """Express the compliance of a turned beam in the axes before the turn, diag(R, R) C diag(R, R)^T.
 
     R is the rotation about the axis by the angle (Rodrigues).
+
+    Mathematics: `vjm-10`.
 
     Args:
         C: Compliance in the beam's own axes, (6, 6) [m/N, rad/N, rad/(N m)].

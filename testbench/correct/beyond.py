@@ -27,6 +27,8 @@ class Extent:
 def extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> Extent:
     """Compute the largest force and moment over some poses, and their ratios to those of the model's data.
 
+    Mathematics: `cor-7`.
+
     Args:
         model: The model, with the largest loads of its data where these are known.
         q: Actuated joints, (poses, n) [rad, m].

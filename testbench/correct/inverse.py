@@ -50,6 +50,8 @@ def reach(vjm: Vjm, target: Target, start: Array) -> Reached:
     It minimises the squared error by damped least squares, d = J^T (J J^T + weight 1)^-1 e, whose motion is
     short. A joint at its limit whose step would leave it stays there.
 
+    Mathematics: `cor-9`.
+
     Args:
         vjm: Kinematics of the rigid arm.
         target: Poses of the tool's origin.

@@ -47,6 +47,8 @@ RANK = 1e-7  #: Singular value of J_p over its largest below which the tool cann
 def solutions(J: Array, hold: Hold, axis: Array) -> Array:
     """Compute the operator G of a Newton step, d = G b, that meets position first and then rotation.
 
+    Mathematics: `cor-4`, `cor-5`.
+
     Args:
         J: Jacobian of the actuated joints at the tool point, translation first, world axes, (points, 6, n)
             [m, 1].
@@ -131,6 +133,8 @@ class Aim:
 
 def asked(state: State, q: Array, meant: Asked, point: Array) -> Target:
     """Compute the target poses that programmed joints ask for.
+
+    Mathematics: `cor-2`.
 
     Args:
         state: The identified arm.
@@ -231,6 +235,8 @@ def solve(points: Points) -> Corrected:
     batch they come from. Points that still do not converge are tried with an operator renewed in every step,
     and then for their position alone: where the arm is stretched, rotation may keep the position from being
     met.
+
+    Mathematics: `cor-1`, `cor-3`.
 
     Args:
         points: Start, loads, target, aim and which joints may move.

@@ -22,6 +22,8 @@ def process_wrench(
     s. Seen against s, a positive cross force points to the left of the feed. Resistance to the feed is
     negative; so is the thrust of a drill whose s points into the work.
 
+    Mathematics: `cor-6`.
+
     Args:
         along: Forces along the feed, across it, and along the spindle, (points, 3) [N].
         position: Points of the path, world, (points, 3) [m].

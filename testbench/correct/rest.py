@@ -95,6 +95,8 @@ def rest(state: State, q: Array, loads: Sequence[Load] = ()) -> Rest:
     theta = theta_0 + C_theta u(q, theta, loads) + Phi(q) n, with u the generalised loads at theta, geometric
     errors theta_0 and joint errors Phi n.
 
+    Mathematics: `loaded-1`.
+
     Args:
         state: The identified arm.
         q: Joints as commanded, (poses, n) [rad, m].

@@ -48,6 +48,8 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Arra
     K_w holds the loads alone. The term of the arm's own weight, which turns with the arm too, is left out: on
     a KR 500 it changes a compliance by less than a hundredth.
 
+    Mathematics: `loaded-6`.
+
     Args:
         model: Identified model of the arm.
         q: Joints as commanded, (poses, n) [rad, m].

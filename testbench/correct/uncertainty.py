@@ -85,6 +85,8 @@ class Poses:
 def half_widths(model: ArmModel, end: Poses, start: Poses | None, points: Array) -> Array:
     """Compute half widths of 95 % intervals of positions, or of motions from one pose to another.
 
+    Mathematics: `int-8`.
+
     Args:
         model: Identified model of the arm.
         end: Poses whose positions are predicted.
@@ -129,6 +131,8 @@ def fitted_half_widths(model: ArmModel, end: Poses, point: Array) -> Array:
     than against its base. The rigid motion that fits all places best is removed here, as a work frame
     measured by the tool removes it.
 
+    Mathematics: `int-9`.
+
     Args:
         model: Absolute model.
         end: At least 3 poses, not all in one place.
@@ -155,6 +159,8 @@ def fitted_half_widths(model: ArmModel, end: Poses, point: Array) -> Array:
 
 def rows_between(model: ArmModel, end: Poses, start: Poses | None, points: Array) -> Array:
     """Compute positions, or motions from one pose to another, per unit of every uncertain unknown.
+
+    Mathematics: `cor-8`.
 
     Args:
         model: Identified model of the arm.
@@ -198,6 +204,8 @@ def curvature(model: ArmModel, poses: Poses, free: Poses, points: Array) -> Arra
     """Compute the deflection that a linear model leaves out, which its fit put into other parameters.
 
     Compliances are identified by Eq. (12), which is linear; the equilibrium is not.
+
+    Mathematics: `int-7`.
 
     Args:
         model: Identified model of the arm.

@@ -40,6 +40,8 @@ class Observability:
 def observability(problem: Problem, chosen: Ids) -> Observability:
     """Compute the observability indices O1 to O5 of a plan.
 
+    Mathematics: `pose-13`.
+
     Args:
         problem: Candidates.
         chosen: Indices of the candidates in the plan, (poses,).

@@ -45,6 +45,8 @@ class Determinant:
     def information(self, M: Array) -> float:
         """Compute Phi(M) = det(M)^(1/r).
 
+        Mathematics: `pose-4`.
+
         Args:
             M: Information matrix, (r, r).
 
@@ -56,6 +58,8 @@ class Determinant:
 
     def after(self, M: Array, rows: Array) -> Array:
         """Compute Phi with one more candidate, by det(M + F^T F) = det(M) det(1 + F M^-1 F^T).
+
+        Mathematics: `pose-7`.
 
         Args:
             M: Information matrix, (r, r).
@@ -70,6 +74,8 @@ class Determinant:
 
     def tangent(self, M: Array) -> Tangent:
         """Compute the plane Z = Phi(M) M^-1 / r, from the inequality of arithmetic and geometric means.
+
+        Mathematics: `pose-9`.
 
         Args:
             M: Information matrix, (r, r).
@@ -93,6 +99,8 @@ class Linear:
     def information(self, M: Array) -> float:
         """Compute Phi(M) = 1 / tr(W M^-1).
 
+        Mathematics: `pose-5`.
+
         Args:
             M: Information matrix, (r, r).
 
@@ -103,6 +111,8 @@ class Linear:
 
     def after(self, M: Array, rows: Array) -> Array:
         """Compute Phi with one more candidate, by Woodbury's formula.
+
+        Mathematics: `pose-7`.
 
         Args:
             M: Information matrix, (r, r).
@@ -117,6 +127,8 @@ class Linear:
         """Compute the plane Z = M^-1 W M^-1 / tr(W M^-1)^2, the gradient of Phi.
 
         A concave and homogeneous function lies below <gradient, M'>.
+
+        Mathematics: `pose-9`.
 
         Args:
             M: Information matrix, (r, r).
@@ -142,6 +154,8 @@ class Largest:
 
     def information(self, M: Array) -> float:
         """Compute Phi(M) = 1 / largest cost.
+
+        Mathematics: `pose-6`.
 
         Args:
             M: Information matrix, (r, r).
@@ -265,6 +279,8 @@ def criterion_g(rows: Array) -> Largest:
 
 def mean_square(rows: Array) -> Array:
     """Compute W of predictions: tr(W M^-1) is the mean square distance of a target from its prediction.
+
+    Mathematics: `pose-5`.
 
     Args:
         rows: Predictions per unit of the unknowns, (poses, 3 m, r) [m].

@@ -84,6 +84,8 @@ def exchange(problem: Problem, criterion: Criterion, rows: Array, plan: Ids) -> 
     Phi of any M is at most <Z, M> with Z of a tangent taken at any point. A tangent, even one of some
     exchanges ago, therefore tells which candidates can help.
 
+    Mathematics: `pose-10`.
+
     Args:
         problem: Candidates, for the prior's information.
         criterion: Information function.

@@ -46,6 +46,8 @@ class Forecast:
 def widened(forecast: Forecast) -> Forecast:
     """Widen a forecast's intervals to hold also where the arm is nonlinear and the prior wrong, by `WIDER`.
 
+    Mathematics: `pose-11`.
+
     Args:
         forecast: A forecast of the linear model.
 
@@ -80,6 +82,8 @@ def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:
     """Forecast the errors of predictions after a plan, by a linear model with normal noise.
 
     The covariance of x is lift M^-1 lift^T + hidden; a root of it spreads the predictions.
+
+    Mathematics: `pose-11`.
 
     Args:
         problem: Candidates, for lift, hidden and unseen directions.

@@ -32,6 +32,8 @@ Surcharge = Callable[[int, int], float]
 def joint_travel(q: Array) -> Array:
     """Compute the travel between all pairs of poses: that of the joint that moves farthest.
 
+    Mathematics: `pose-14`.
+
     Args:
         q: Actuated joints, (poses, n) [rad, m].
 

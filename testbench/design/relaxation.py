@@ -63,6 +63,8 @@ def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | N
 
     For G and E, which are not smooth, the bound is within a few per cent.
 
+    Mathematics: `pose-8`.
+
     Args:
         problem: Candidates.
         criterion: Information function.

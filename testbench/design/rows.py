@@ -89,6 +89,8 @@ def reading_rows(experiment: Experiment, q: Array, load: Load) -> Array:
     In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist. The
     triangular factor of that matrix leaves at most six rows per pose.
 
+    Mathematics: `pose-1`.
+
     Args:
         experiment: How every pose is measured.
         q: Actuated joints, (poses, n_joints) [rad, m].
@@ -188,6 +190,8 @@ def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
 def marker_motion(points: Array) -> Array:
     """Compute how points of a rigid tool move per unit twist of the tool, all in the tool's frame.
 
+    Mathematics: `vjm-4`.
+
     Args:
         points: Points in the tool's frame, (m, 3) [m].
 
@@ -213,6 +217,8 @@ def times(rows: Array, X: Array) -> Array:
 
 def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None) -> Problem:
     """Restrict candidates to the directions that they can show, and project the prior on these.
+
+    Mathematics: `pose-3`.
 
     Args:
         experiment: Metric of the prior.
@@ -248,6 +254,8 @@ def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None
 
 def information(problem: Problem, chosen: Sequence[int] | Ids) -> Array:
     """Compute the information matrix of a plan, M = prior + sum F^T F.
+
+    Mathematics: `pose-2`.
 
     Args:
         problem: Candidates.

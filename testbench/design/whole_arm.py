@@ -41,6 +41,8 @@ class Fitted:
 def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array, load: Ids) -> Fitted:
     """Fit a specification's model, with or without its prior, to a plan that is measured on the whole arm.
 
+    Mathematics: `pose-12`.
+
     Args:
         whole: The same measurement with every unknown of the arm.
         uncertainty: Relative uncertainty of the arm's compliances around their expectation [1].
@@ -58,6 +60,8 @@ def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array,
 
 def promise_on(fit: Fitted, q: Array, load: Load) -> Forecast:
     """Forecast the errors of the fit's predictions, with intervals.
+
+    Mathematics: `pose-12`.
 
     Args:
         fit: The fit.

@@ -57,6 +57,8 @@ def of_two_priors(r: Regression, constraint: Constraint, prior: Metric, softened
     If the readings want links whose compliance varies from pose to pose, they are weighted for it first, see
     `wander`.
 
+    Mathematics: `prior-12`.
+
     Args:
         r: The reduced dataset, of a structure with laws.
         constraint: Least squares or GCO.
@@ -121,6 +123,8 @@ def _of_two(r: Regression, constraint: Constraint, prior: Metric, softened: Metr
 
 def averaged(r: Regression, constraint: Constraint, prior: Metric, *, widths: bool) -> Estimate:
     """Fit a dataset with a prior that is learnt from it, and average the fit with what is simpler.
+
+    Mathematics: `prior-12`.
 
     Args:
         r: The reduced dataset; a structure with laws has them averaged in.

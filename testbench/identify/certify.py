@@ -127,6 +127,8 @@ def shortened(y: Array, rest: Array) -> Dual:
 def gradient_dual(regression: Regression, pi: Array) -> Dual:
     """Compute the unit residuals y_k = r_k / |r_k| of parameters; their S_i are the gradient of F_M there.
 
+    Mathematics: `est-13`.
+
     Args:
         regression: The reduced dataset.
         pi: Parameters, (n,) [m/N, rad/(N m), rad/N].
@@ -148,6 +150,8 @@ def bound(
     regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | None = None, *, penalty: Penalty
 ) -> Certificate:
     """Bound F_M(pi), and F_M(pi) + w <W, C>, above their least values by a dual.
+
+    Mathematics: `est-12`.
 
     Args:
         regression: The reduced dataset, by the parameters of the penalty's own structure.
@@ -210,6 +214,8 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
     It is proven for one axis at a time and assumed for several: compliances whose deflections cancel may be
     larger and still fit. An axis that no reading observes is treated as if its sensitivity were
     `UNSEEN_SHARE` of the largest. A block is allowed twice the trace of pi if that is more.
+
+    Mathematics: `est-14`.
 
     Args:
         regression: The reduced dataset.

@@ -175,6 +175,8 @@ def residuals(seen: Means, at: Layout) -> Array:
 def kabsch(points: Array, read: Array, *, mirrored: bool = False) -> tuple[Array, Array]:
     """Find the rotation and translation that take points to readings with least squares.
 
+    Mathematics: `abs-6`.
+
     Args:
         points: Points, (n, 3) [m].
         read: Their readings, (n, 3) [m].

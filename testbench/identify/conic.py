@@ -86,6 +86,8 @@ def optimum(regression: Regression, penalty: Penalty | None = None) -> Estimate:
     an unseen entry grows without end. The certificate bounds what is left of the program, and what the trace
     term costs in F_M.
 
+    Mathematics: `est-7`.
+
     Args:
         regression: The reduced dataset.
         penalty: The trace term; None for `tie_break`, so light that it only chooses among models that fit

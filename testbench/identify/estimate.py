@@ -238,6 +238,8 @@ def is_conservative(structure: Structure, C: Array) -> bool:
 
     It scales C to unit diagonal first, so that metres and radians do not mix.
 
+    Mathematics: `loaded-7`.
+
     Args:
         structure: The unknowns, which define the blocks.
         C: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].

@@ -122,6 +122,8 @@ class Posterior:
 def posterior(problem: Problem, h: Array) -> Posterior:
     """Compute the most probable unknowns and -log p(y, h) at given hyperparameters.
 
+    Mathematics: `prior-8`.
+
     Args:
         problem: The linear model, c unknowns and m hyperparameters.
         h: Hyperparameters, logarithms, (m,) [1].
@@ -157,6 +159,8 @@ def bends(problem: Problem, h: Array, own: Posterior) -> tuple[Array, Array]:
 
     With w = d^-2 and U = -d^2 loss / dx dh it is dx/dh = V U. The loss at the best x bends by U^T V U less
     than at a fixed x; the determinant of P bends by tr(V P' V P') less than by its own P''.
+
+    Mathematics: `prior-9`.
 
     Args:
         problem: The linear model.
@@ -197,6 +201,8 @@ def _shares(problem: Problem, V: Array, w: Array, s2: Array) -> list[Array]:
 
 def greatest(problem: Problem, start: Array, held: int | None = None) -> Array:
     """Maximise the evidence over the hyperparameters by Newton's method with step halving.
+
+    Mathematics: `prior-9`.
 
     Args:
         problem: The linear model.

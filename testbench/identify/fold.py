@@ -154,6 +154,8 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regres
 
     Memory does not grow with the number of runs.
 
+    Mathematics: `obs-3`.
+
     Args:
         vjm: The arm's virtual joint model.
         structure: The unknowns, n of them.

@@ -89,6 +89,8 @@ class Evidence:
 def evidence(regression: Regression, metric: Metric, *, alike: bool = False) -> Evidence:
     """What a dataset says of a prior.
 
+    Mathematics: `prior-7`.
+
     Args:
         regression: The reduced dataset.
         metric: Of the structure and the prior.
@@ -171,6 +173,8 @@ def squares(regression: Regression, metric: Metric) -> Array:
 def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Belief:
     """The prior as a dataset corrects it, and what the dataset leaves open of it.
 
+    Mathematics: `int-4`, `prior-10`.
+
     Args:
         regression: The reduced dataset.
         metric: Of the structure and the prior.
@@ -230,6 +234,8 @@ def log_evidence_alone(regression: Regression, metric: Metric) -> tuple[float, B
 
     The scale is integrated out: the readings determine it.
 
+    Mathematics: `prior-11`.
+
     Args:
         regression: The reduced dataset of joints only.
         metric: The metric of the prior on these joints.
@@ -278,7 +284,10 @@ TENFOLD, OPEN = math.log(10), 2.0
 
 
 def contradicted(belief: Belief) -> tuple[Scale, ...]:
-    """List the scales of a learnt prior that the readings contradict, by `TOLD` and `FAR`."""
+    """List the scales of a learnt prior that the readings contradict, by `TOLD` and `FAR`.
+
+    Mathematics: `prior-14`.
+    """
 
     def wrong(scale: Scale) -> bool:
         size = abs(math.log(scale.factor))
@@ -297,6 +306,8 @@ class Unchecked:
 
 def unchecked(regression: Regression, metric: Metric) -> Unchecked:
     """What the readings leave open of a prior.
+
+    Mathematics: `prior-15`.
 
     Args:
         regression: The reduced dataset.

@@ -95,6 +95,8 @@ def search(
 
     Without a prior, GCO uses the compliances of the arm's folder with a relative uncertainty of `WEAK`.
 
+    Mathematics: `est-16`.
+
     Args:
         vjm: The arm's virtual joint model.
         readings: Readings one by one.

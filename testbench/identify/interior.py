@@ -107,6 +107,8 @@ class State:
 def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Array, float]:
     """Minimise |M x - r|^2 / 2 over x, svec of blocks of these orders that are positive semi-definite.
 
+    Mathematics: `est-15`.
+
     Args:
         M: (rows, n), of rank n.
         r: (rows,).
@@ -159,6 +161,8 @@ def inside(x: Array, sizes: tuple[int, ...], share: float) -> bool:
 
 def interior(program: Program) -> State:
     """Minimise the program by the predictor and corrector method, as far as rounding allows.
+
+    Mathematics: `est-11`.
 
     Args:
         program: The program.
@@ -249,7 +253,10 @@ class Scaling:
 
     @classmethod
     def of(cls, at: Ids, x: Array, s: Array) -> "Scaling":
-        """Of a pair, (..., n) each."""
+        """Of a pair, (..., n) each.
+
+        Mathematics: `est-10`.
+        """
         L = np.linalg.cholesky(cone.smat(x[..., at]))
         squares, V = np.linalg.eigh(L.swapaxes(-1, -2) @ cone.smat(s[..., at]) @ L)
         d = np.sqrt(np.maximum(squares, TINY))

@@ -24,6 +24,8 @@ def minimum_norm(regression: Regression) -> Estimate:
     Positions and rotations are weighted by 1 / (sqrt(2) sigma). The norm is that of pi in units in which each
     column of the observation matrix has length one.
 
+    Mathematics: `est-1`.
+
     Args:
         regression: The reduced dataset.
 
@@ -69,6 +71,8 @@ def completed(regression: Regression) -> Estimate:
 
     It minimises |w| subject to X_0 + N w positive semi-definite in every block. If no w does that, it returns
     the solution of minimum norm, and the status says so.
+
+    Mathematics: `est-2`.
 
     Args:
         regression: The reduced dataset.

@@ -144,6 +144,8 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
     A joint that the structure leaves out adds its compliance to the link before it, about its axis: the
     paper's aggregation. A link that it leaves out is rigid. Joint laws have the expected size one.
 
+    Mathematics: `prior-1`.
+
     Args:
         prior: Expected compliances P.
         vjm: The arm's virtual joint model.
@@ -194,6 +196,8 @@ def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
     With deviations d of the entries of x and v of the common scale, the prior's covariance is diag(d)^2 + v^2
     e e^T. B is a root of its inverse; where v is infinite B projects e out.
 
+    Mathematics: `prior-2`.
+
     Args:
         metric: The metric of the prior.
         strength: Its relative uncertainty.
@@ -218,6 +222,8 @@ def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
 def with_prior_rows(regression: Regression, metric: Metric, strength: Strength) -> tuple[Array, Array]:
     """Stack the rows of data and prior: weighted least squares with a prior minimises |M x - r|^2.
 
+    Mathematics: `prior-4`.
+
     Args:
         regression: The reduced dataset.
         metric: The metric of the prior.
@@ -234,6 +240,8 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
     """Scale the metric of a prior by the one factor that fits the data best.
 
     A relative uncertainty then refers to compliances of the right size, however wrong the prior's scale is.
+
+    Mathematics: `prior-3`.
 
     Args:
         metric: The metric of the prior.

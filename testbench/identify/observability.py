@@ -65,7 +65,10 @@ class Hidden:
 
 
 def null_space(A: Array) -> Array:
-    """Basis of what rows, (rows, n), with columns of unlike units do not see, (n, n - rank)."""
+    """Basis of what rows, (rows, n), with columns of unlike units do not see, (n, n - rank).
+
+    Mathematics: `obs-5`.
+    """
     n = A.shape[1]
     seen = np.flatnonzero(~idle(A))
     norm = np.linalg.norm(A, axis=0)
@@ -180,6 +183,8 @@ def hidden(
     quantities: Sequence[Quantity], L: Array, M: Array, never: Array, further: Sequence[Array] = ()
 ) -> tuple[Hidden, ...]:
     """Quantities that readings leave open, those that hide first, the most open before others.
+
+    Mathematics: `obs-8`.
 
     Args:
         quantities: All that may be named.

@@ -91,6 +91,8 @@ class Posterior:
     def of_rows(cls, M: Array, L: Array, x: Array) -> "Posterior":
         """Make the posterior of unknowns x = L z from rows of known equations in z.
 
+        Mathematics: `int-1`.
+
         Args:
             M: Rows in standard deviations, (e, n) [1].
             L: Unknowns per unit of z, (n, n).
@@ -104,6 +106,8 @@ class Posterior:
 
     def deviations(self, functionals: Array) -> Array:
         """Compute standard deviations of linear functionals.
+
+        Mathematics: `int-2`.
 
         Args:
             functionals: One per row, (k, n).
@@ -130,6 +134,8 @@ class Posterior:
 
     def half_widths(self, functionals: Array, confidence: float = CONFIDENCE) -> Array:
         """Compute half widths of intervals of functionals: noise and prior in quadrature.
+
+        Mathematics: `int-6`.
 
         Args:
             functionals: One per row, (k, n).
@@ -175,6 +181,8 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     The half width adds in quadrature the noise, the prior and `CURVED` times the second-order deflection that
     the linear model omits, see `curvature`.
 
+    Mathematics: `int-8`.
+
     Args:
         vjm: The arm's virtual joint model.
         estimate: From least squares, or with a prior; from GCO without a prior away from the cone's boundary.
@@ -209,6 +217,8 @@ def curvature(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
     The load acts, and the targets are, where the linear deflection brings them: one step of the fixed point
     of Eq. (7). One step exists for any C_theta.
 
+    Mathematics: `int-7`.
+
     Args:
         vjm: The arm's virtual joint model.
         C_theta: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
@@ -225,6 +235,8 @@ def curvature(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
 
 def linearise(estimate: Estimate) -> Posterior:
     """Compute the posterior of an estimate's parameters, Eq. (14)-(15); its prior counts as data.
+
+    Mathematics: `int-1`, `int-3`, `int-5`.
 
     Args:
         estimate: From any method.

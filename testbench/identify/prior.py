@@ -87,6 +87,8 @@ def cad_prior(arm: Arm) -> Prior:
 def softened(prior: Prior) -> Prior:
     """Make a prior whose links are less like beams: equal on the diagonal, couplings reduced by `SOFTENED`.
 
+    Mathematics: `prior-6`.
+
     Args:
         prior: Expected compliances.
 
@@ -121,6 +123,8 @@ def distorted(prior: Prior, *, scale: float, shape: float, rng: np.random.Genera
 
 def aggregate(C: Array, vjm: Vjm, structure: Structure) -> Array:
     """Add the compliance of joints that a structure leaves out to the link before them, as the paper does.
+
+    Mathematics: `prior-5`.
 
     Args:
         C: Compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].

@@ -138,6 +138,8 @@ def register(
     It refines every start of the closed form by Gauss-Newton, and returns the one with the least median
     residual.
 
+    Mathematics: `abs-5`.
+
     Args:
         vjm: The arm's virtual joint model.
         series: The readings, such as one series per station.

@@ -69,13 +69,18 @@ class Regression:
 
     @property
     def f_m_floor(self) -> float:
-        """Return the F_M to expect from noise alone: sqrt(3 (1 - rank / equations)) per term [1]."""
+        """Return the F_M to expect from noise alone: sqrt(3 (1 - rank / equations)) per term [1].
+
+        Mathematics: `est-4`.
+        """
         dof = max(0.0, 1 - self.rank / self.equations)
         return len(self.terms) * math.sqrt(3 * dof)
 
 
 def term_of(T: Array, rest: float, equations: int) -> Term:
     """Make a term of F_M from the triangular factor of its rows.
+
+    Mathematics: `obs-3`.
 
     Args:
         T: Triangular factor of the rows [A | y] over sqrt(N), (n + 1, n + 1) [1].
@@ -169,7 +174,10 @@ def check_symmetric(structure: Structure) -> None:
 
 
 def rank(A: Array) -> int:
-    """Compute the rank of a matrix whose columns have unlike units: each is scaled to norm one first."""
+    """Compute the rank of a matrix whose columns have unlike units: each is scaled to norm one first.
+
+    Mathematics: `obs-4`.
+    """
     norm = np.linalg.norm(A, axis=0)
     seen = norm > ROUNDING * norm.max(initial=0)
     if not seen.any():
@@ -183,6 +191,8 @@ def rank(A: Array) -> int:
 
 def f_m(regression: Regression, pi: Array) -> float:
     """Compute the cost F_M of parameters, Eq. (19): the sum over terms of RMS / (sqrt(2) sigma).
+
+    Mathematics: `est-3`.
 
     Args:
         regression: The reduced dataset.
@@ -224,6 +234,8 @@ def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
 
     QR with pivoting of a generic observation matrix selects the columns. A removed parameter is zero, and its
     effect is regrouped into the kept ones (Klimchik et al.; Khalil and Gautier's base parameters).
+
+    Mathematics: `obs-6`.
 
     Args:
         vjm: The arm's virtual joint model.

@@ -21,11 +21,16 @@ class Loss:
     mean_square: float  #: Mean of min(|z|, bend)^2 of normal 3-vectors z.
 
     def pull(self, length: Array) -> Array:
-        """By how much a reading pulls less than a sound one, by the length of its whitened residual [1]."""
+        """By how much a reading pulls less than a sound one, by the length of its whitened residual [1].
+
+        Mathematics: `est-16`.
+        """
         return np.asarray(np.minimum(1.0, self.bend / np.maximum(length, self.bend)))
 
     def spread(self, residual: Array, variance: Array, share: float) -> float:
         """S such that residuals have the length that their variances promise, 0 where they are shorter.
+
+        Mathematics: `est-17`.
 
         Args:
             residual: Along axes in which the components of a reading are independent, (n, k) [m, rad].

@@ -28,6 +28,8 @@ def jacobian(
 ) -> Array:
     """Compute the change of readings with every unknown, Eq. (3) and (12).
 
+    Mathematics: `abs-3`.
+
     Args:
         unknowns: The unknowns, `size` of them.
         told: The arm at rest in every run.
@@ -93,6 +95,8 @@ def rows_of(unknowns: Unknowns, state: State, series: Series) -> Array:
 def left_over(state: State, series: Series, told: Equilibrium) -> Array:
     """Compute residuals, readings minus model, in base axes.
 
+    Mathematics: `abs-2`.
+
     Args:
         state: The model with its frames and mounts.
         series: The readings.
@@ -154,6 +158,8 @@ def pair_rows(unknowns: Unknowns, told: Equilibrium, data: Dataset, runs: Ids) -
 
 def whiten(A: Array, data: Dataset, runs: Ids) -> Ids:
     """Scale moves and turns of pairs, in place, to standard deviations of a difference, sqrt(2) sigma.
+
+    Mathematics: `obs-2`.
 
     Args:
         A: Rows, (s, 3, c, runs) [m, rad]; overwritten.

@@ -33,6 +33,8 @@ METHODS: dict[Constraint, str] = {"none": "least squares with prior", "psd": "GC
 def solve(regression: Regression, constraint: Constraint, belief: Belief | Penalty | None = None) -> Estimate:
     """Solve least squares or GCO on weighted equations, with a prior or without.
 
+    Mathematics: `prior-4`.
+
     Args:
         regression: The reduced dataset: F_M of n parameters, as triangular factors.
         constraint: "none" for least squares, "psd" for GCO, "free" for least squares made conservative along

@@ -47,6 +47,8 @@ chosen by (`kr500_l480`, seeds 300000 to 300039) one standard error of F_M itsel
 def weighed(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
     """Make the trace term of the arm's kinematics.
 
+    Mathematics: `est-8`.
+
     Args:
         vjm: The model.
         structure: The unknowns.
@@ -70,6 +72,8 @@ def weighed(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
 
 def learnt(vjm: Vjm, parts: Parts | Regression) -> Penalty | None:
     """Learn the trace term from readings.
+
+    Mathematics: `est-9`.
 
     Args:
         vjm: The model.

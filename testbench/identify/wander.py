@@ -99,6 +99,8 @@ def _log_evidence(
 def wandering(r: Regression, pi: Array, rho: float) -> Regression:
     """Weigh a dataset as if every link's compliance varied from pose to pose by a share rho.
 
+    Mathematics: `prior-13`.
+
     Args:
         r: The reduced dataset, with its rows pose by pose.
         pi: Parameters of a fit, (n,) or the first of them [m/N, rad/(N m), rad/N].

@@ -69,6 +69,8 @@ def basis(errors: JointErrors, arm: Arm, q: Array, torque: Array, scale: Array) 
     abs(tau) / tau_0^2, each as far as it is selected. The harmonic terms of a sliding joint are zero. A
     typical torque tau_0 of zero counts as one.
 
+    Mathematics: `law-8`.
+
     Args:
         errors: Selection of the terms, k per joint.
         arm: The arm, for its number of joints and which of them slide.

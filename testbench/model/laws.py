@@ -81,6 +81,8 @@ class JointLaws:
     def load(self, where: Chain, u: Array) -> Array:
         """Compute the turn of every law per unit of its size, by the shapes of the module.
 
+        Mathematics: `law-1`, `law-3`, `law-4`, `law-5`, `law-6`.
+
         Args:
             where: The arm in its poses, with origins and axes of its bodies.
             u: Torques of the load at the actuated joints, (n, runs) [N m, N].
@@ -98,6 +100,8 @@ class JointLaws:
 
     def before(self, where: Chain) -> Array:
         """Compute the torques at the joints before the load: own weight, less what a compensator carries.
+
+        Mathematics: `law-2`.
 
         Args:
             where: The arm in its poses.
@@ -239,6 +243,8 @@ def tangent(vjm: Vjm, C_theta: Array, where: Chain, u: Array) -> Array:
     """Compute the tangent compliance of links and joints at a loaded equilibrium, joint laws included.
 
     The compliance of a joint is its own plus the sum of size times slope of its laws, and at least zero.
+
+    Mathematics: `law-7`.
 
     Args:
         vjm: Kinematics, with or without laws.

@@ -21,6 +21,8 @@ def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
     potential g^T f. A moment of fixed direction has none: omega_j turns with i, but omega_i does not turn
     with j. Such a moment is not conservative, and its part of K_w is not symmetric.
 
+    Mathematics: `loaded-3`.
+
     Args:
         where: Tool and Jacobian of every run, without joint laws.
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
@@ -81,6 +83,8 @@ def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:
     This equals J (K_theta - K_w)^-1 J^T where K_theta exists. With J and K_w at the loaded equilibrium it is
     the tangent there: d(twist) = C d(wrench). With K_w = 0 it is Eq. (6), C = J C_theta J^T.
 
+    Mathematics: `loaded-4`.
+
     Args:
         J_theta: Jacobian of the virtual joints, translation first, (runs, 6, n_theta) [1, m].
         C_theta: Compliance of the virtual joints, (n_theta, n_theta) or (runs, n_theta, n_theta) [m/N, rad/N,
@@ -115,6 +119,8 @@ def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array
 
     Without K_w, theta = C_theta J^T w, Eq. (6). With it, theta = (I - C_theta K_w)^-1 C_theta J^T w, Eq. (7).
 
+    Mathematics: `loaded-5`, `vjm-7`.
+
     Args:
         where: Tool and Jacobian of every run, the springs at zero.
         C_theta: Compliance of the virtual joints, (n_theta, n_theta) [m/N, rad/N, rad/(N m)].
@@ -141,6 +147,8 @@ def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array
 def displacement(where: Chain, theta: Array, targets: Array) -> Array:
     """Compute deflections of points of the tool to first order, dp = J_p theta.
 
+    Mathematics: `vjm-8`.
+
     Args:
         where: Tool and Jacobian of every run.
         theta: Virtual joint coordinates, (runs, n_theta) [m, rad].
@@ -159,6 +167,8 @@ def displacement(where: Chain, theta: Array, targets: Array) -> Array:
 
 def loaded_deflection(vjm: Vjm, q: Array, theta: Array, targets: Array) -> Array:
     """Compute deflections of points of the tool from theta = 0 to theta by Eq. (2), without linearisation.
+
+    Mathematics: `loaded-2`.
 
     Args:
         vjm: Kinematics of the extended chain.

@@ -153,6 +153,8 @@ class Chain:
 def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     """Evaluate the extended chain: tool pose X = g(q, theta) of Eq. (1) and (2), and J_theta = dg / d theta.
 
+    Mathematics: `vjm-1`, `vjm-3`.
+
     Args:
         vjm: Kinematics of the extended chain.
         q: Actuated joints, (runs, n) [rad, m].
@@ -323,6 +325,8 @@ def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
 def bend(p: Array, beam: Array, theta: Array) -> tuple[Array, Array, Array]:
     """Move a link's virtual joint away from zero: slides x, y, z, then hinges x, y, z in series.
 
+    Mathematics: `vjm-2`.
+
     Args:
         p: World position of the virtual joint, (3, runs) [m].
         beam: Beam frame, world from beam, (3, 3, runs) [1].
@@ -401,6 +405,8 @@ def cross(a: Array, b: Array) -> Array:
 def translation_rows(where: Chain, points: Array) -> Array:
     """Compute the translational rows J_p of J_theta at points fixed to the tool.
 
+    Mathematics: `vjm-4`.
+
     Args:
         where: Tool and Jacobian of every run.
         points: Points in the tool's frame, (p, 3) [m].
@@ -433,6 +439,8 @@ def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
 
 def plain_load(where: Chain, wrench: Array, point: Array) -> Array:
     """Compute the load J_F^T w of the virtual joints of links and joints, joint laws left out.
+
+    Mathematics: `obs-7`, `vjm-5`.
 
     Args:
         where: Tool and Jacobian of every run.
@@ -472,6 +480,8 @@ def with_laws(where: Chain, u: Array) -> Array:
 def observation(where: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:
     """Compute the observation matrix A of Eq. (12), so that the deflection of Eq. (11) is A @ pi.
 
+    Mathematics: `obs-1`.
+
     Args:
         where: Tool and Jacobian of every run.
         structure: Structure of the unknowns, n_par of them.
@@ -496,6 +506,8 @@ def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
 
     A row is linear in the load u = J_F^T w. The parameter C_theta[a, b] moves the reading by J[a] u[b] + J[b]
     u[a]; the second term is absent on the diagonal, and where C_theta[b, a] is another parameter or zero.
+
+    Mathematics: `obs-1`.
 
     Args:
         structure: Structure of the unknowns, n_par of them.

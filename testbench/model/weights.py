@@ -169,6 +169,8 @@ def own_weight(where: Chain, weights: Weights) -> Array:
     Everything behind a virtual joint pulls as one body: masses and moments are summed from the tool on. The
     base link lies before every virtual joint, so its mass loads none. Loads of joint laws are zero.
 
+    Mathematics: `vjm-6`.
+
     Args:
         where: Tool, bodies and Jacobian of every run.
         weights: Masses and centres of the bodies.

@@ -74,6 +74,8 @@ def strut(compensator: Compensator, plant: Plant, state: State) -> Strut:
 def strut_force(strut: Strut, plant: Plant, state: State, some: Ids) -> Array:
     """Compute the generalised force of the compensator in the present poses.
 
+    Mathematics: `law-10`.
+
     Args:
         strut: The compensator.
         plant: The plant.

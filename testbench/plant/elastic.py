@@ -142,6 +142,8 @@ def springs(C: Array) -> tuple[Array, Array]:
     The eigenvectors are those of the unit-diagonal matrix D^-1/2 C D^-1/2, not of C: C mixes m/N with
     rad/(N m), and its raw eigenvectors lose digits of the small entries. inv(C) = sum k v v^T all the same.
 
+    Mathematics: `loaded-8`.
+
     Args:
         C: Positive definite compliance, (6, 6) [m/N, rad/(N m)].
 

@@ -75,6 +75,8 @@ def settle(
     The wrench keeps its direction in the world and acts at a point fixed in the tool, as a hung weight
     does; without one the arm's own weight is left, without a point it acts at the tool's origin.
 
+    Mathematics: `loaded-9`.
+
     Args:
         plant: The arm, with what disturbs it.
         q: Commanded joint angles, (runs, n) [rad, m].

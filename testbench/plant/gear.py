@@ -63,6 +63,8 @@ def draw_gears(errors: GearErrors, joints: int, rng: np.random.Generator) -> Gea
 def gear_error(gears: Gears, q: Array) -> Array:
     """Compute true minus commanded joint angles at the commanded ones.
 
+    Mathematics: `law-11`.
+
     Args:
         gears: The gears.
         q: Commanded joint angles, (runs, n) [rad].

@@ -44,6 +44,8 @@ class JointLaw:
 def turn(law: JointLaw, torque: Array) -> Array:
     """Compute the turn theta of joints under a torque.
 
+    Mathematics: `law-3`, `law-9`.
+
     Args:
         law: Law of the joints.
         torque: Torque, (..., n) [N m].

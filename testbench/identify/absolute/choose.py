@@ -118,6 +118,8 @@ class Rules:
 def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate], rules: Rules) -> Chosen:
     """Try candidates one after the other.
 
+    Mathematics: `abs-10`.
+
     Args:
         unknowns: All that there might be.
         reduced: The readings, in blocks.

@@ -207,6 +207,8 @@ def learn(own: Choice, S: Array, counts: Array, start: Learnt, constraint: Const
     Where compliances lie on the border of their cone, scatters are those of the readings about the arm with
     the cone: without it they would be those of another arm, which nobody gets.
 
+    Mathematics: `abs-9`.
+
     Args:
         own: The unknowns.
         S: Their `squares`.

@@ -45,6 +45,8 @@ def eliminate(
 ) -> Solved:
     """The most likely unknowns by QR: the others are eliminated, compliances solved for, then the others.
 
+    Mathematics: `abs-8`.
+
     Args:
         own: The unknowns.
         reduced: The equations, in the basis of the unknowns.

@@ -29,6 +29,8 @@ def held(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
 
     A mount where a target is left open by more than `ROUGH`, a frame where its turn is by more than `LEVEL`.
 
+    Mathematics: `abs-7`.
+
     Args:
         vjm: The arm.
         series: All readings, which may share frames and mounts.

@@ -66,6 +66,8 @@ def multiplicity(groups: Sequence[Ids], runs: int) -> Ids:
 def roots(series: Series, noise: Noise, rotation: Array, groups: Sequence[Ids] = ()) -> tuple[Array, Ids]:
     """Inverse roots of the covariances of combined rows, and their kinds.
 
+    Mathematics: `abs-4`.
+
     Args:
         series: The readings.
         noise: Their scatter.

@@ -41,7 +41,10 @@ def waves(errors: JointErrors) -> Ids:
 
 
 def turned(f: Array, turn: Array | float, sense: int, orders: Ids) -> Array:
-    """Waves of s f(s q + phi), by those of f, (..., 2 k), sines first."""
+    """Waves of s f(s q + phi), by those of f, (..., 2 k), sines first.
+
+    Mathematics: `abs-11`.
+    """
     (a, b), angle = np.split(f, 2, axis=-1), np.asarray(turn, dtype=float)[..., None] * orders
     c, s = np.cos(angle), np.sin(angle)
     return np.concatenate([a * c - b * s, sense * (a * s + b * c)], axis=-1)
@@ -86,6 +89,8 @@ def find(told: Sequence[tuple[Array, Array]], own: Array, shared: Array, orders:
 
     The two that share it best begin; then whoever is surest by those before, one after the other. In the end
     each is to be sure by all others.
+
+    Mathematics: `abs-11`.
 
     Args:
         told: Of every joint the precision of its waves by the readings, (2 k, 2 k), and its product with

@@ -52,7 +52,10 @@ def deviations_root(precision: Array, L: Array) -> Array:
 
 
 def posterior_of(calibration: "Calibration") -> Posterior:
-    """Of all unknowns that a calibration has on, (c,); frames and mounts are steps from where they are."""
+    """Of all unknowns that a calibration has on, (c,); frames and mounts are steps from where they are.
+
+    Mathematics: `abs-13`.
+    """
     own = calibration.own
     L = np.zeros((0, 0)) if own.elastic is None else own.elastic.L
     x = own.unknowns.current(calibration.state)[own.columns]
@@ -73,6 +76,8 @@ def model_of(calibration: "Calibration") -> ArmModel:
 
 def place(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
     """Frame and mount of a series by some of its rows, by Gauss-Newton; all else is held.
+
+    Mathematics: `abs-13`.
 
     Raises:
         BenchError: When these rows do not tell them.

@@ -100,6 +100,8 @@ def equilibrium(state: State, q: Array, loads: Sequence[Load] = (), steps: int |
     Each takes the loads where the last one bent the arm to. They converge only where the loaded springs
     K_theta - K_w of Eq. (7) are stable: an arm that buckles is found by that.
 
+    Mathematics: `loaded-1`.
+
     Args:
         state: The arm.
         q: Joints as commanded, (runs, n) [rad, m].
@@ -166,6 +168,8 @@ def unbent(state: State, q: Array, loads: Sequence[Load]) -> Array:
 
 def forward(state: State, series: Series) -> Equilibrium:
     """Compute the arm at rest in every row of a series, by `LOAD_STEPS` steps.
+
+    Mathematics: `abs-1`.
 
     Args:
         state: The model.

@@ -49,6 +49,8 @@ class MassFit:
 def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassFit | None:
     """Masses that explain the torques of all series that have some.
 
+    Mathematics: `abs-12`.
+
     Args:
         vjm: The arm.
         weights: What rigid.xml says; bodies without mass there stay without.

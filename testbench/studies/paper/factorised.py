@@ -102,7 +102,10 @@ def vectors(problem: Factorised, b: Array) -> Array:
 
 
 def parameters(problem: Factorised, b: Array) -> Array:
-    """Parameters pi of the compliances that b generates, Eq. (16), (n,) [m/N, rad/(N m)]."""
+    """Parameters pi of the compliances that b generates, Eq. (16), (n,) [m/N, rad/(N m)].
+
+    Mathematics: `est-5`.
+    """
     x = _gramians(problem, vectors(problem, b))
     return problem.program.parameters(x, problem.regression.structure.n)
 
@@ -233,6 +236,8 @@ def order_range(structure: Structure, runs: int) -> tuple[float, float]:
     (n + 1) / 2 <= m <= 6 N / (n n_theta), with n the size of a compliance and n_theta their number: the
     larger blocks are counted, joints are of size one. The lower bound counts parameters; a smaller order than
     n still caps the rank.
+
+    Mathematics: `est-6`.
     """
     sizes = [len(block) for block in structure.blocks]
     n = max(sizes)
