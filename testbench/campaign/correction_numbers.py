@@ -19,6 +19,7 @@ from testbench.trials.rows import Row, finite
 MRAD = 1e3
 FITTED, MOST = 4, 200  #: Points to which a frame is fitted at least, and at most, evenly picked.
 JUMPS = 0.2  #: Change of a correction from a point to the next that raises a warning [deg, mm].
+OPEN = 0.25  #: Half width over the error from which the part that keeps it open is named [1].
 SUDDEN = 0.2  #: Change of a force over its size that is sudden [1].
 TURNED = 1e-2  #: A turn that is left counts from here [mrad].
 
@@ -78,6 +79,8 @@ def warnings(f: Row) -> Iterator[str]:
     if f.corrected < f.points:
         yield f"Not corrected: {f.points - f.corrected} of {f.points} points"
     yield from f.extrapolated
+    if f.open and (not f.half_95_mm or f.half_95_mm.median > OPEN * f.before_mm.median):
+        yield f"{100 * f.open.share:.0f} % of the variance that stays open comes from {f.open.name}"
     if f.turned:
         yield f"Points with a turn left near a singular pose: {f.turned}, at most {f.turn_left_mrad:.3f} mrad"
     yield from (f"Points with {joint} at its limit: {n}" for joint, n in f.held.items())

@@ -286,7 +286,7 @@ def test_a_model_that_foretells_worse_than_the_drawing_says_so(poses, told, tmp_
     found = json.loads((tmp_path / "model/report.json").read_text())
     assert any(text.startswith(told) for text in found["doubts"]) or not told, words
     assert ("Held-out readings" in words) == (found["held_out_mm"] is not None) == (poses == 13)
-    assert (found["badge"]["verdict"] == "do not use") == bool(told)
+    assert found["badge"]["verdict"] == "do not use" or not told
     assert [step["name"] for step in found["steps"] if step["kept"]] == ["joint springs"]
 
 

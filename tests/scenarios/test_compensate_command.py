@@ -417,12 +417,13 @@ def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded
     said = report(replace(found, found=own))
     off, moved = np.linalg.norm(own.before, axis=1), np.degrees(np.abs(np.diff(q - own.start, axis=0)).max())
     text = check(said, ["worst"])
-    assert [*said.claims][1:] == [
+    for warning in (
         "Not corrected: 1 of 12 points.",
         "Points with a turn left near a singular pose: 1, at most 2.000 mrad.",
         "Points with joint_5 at its limit: 3.",
         f"The correction of joint_4 jumps by {moved:.2f} deg after line 9.",
-    ]
+    ):
+        assert warning in said.claims
     assert f"| 5 | 4 | {1e3 * off[3]:.3f} |" in text
     free = replace(found, aim=Aim("position"), found=replace(own, held=0 * held > 1))
     assert numbers(free).turns_mrad == pytest.approx(2.0)
