@@ -9,6 +9,7 @@ import os
 import shlex
 import stat
 from collections.abc import Iterator
+from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 
@@ -264,3 +265,13 @@ def of_flag(flag: str) -> Iterator[None]:
         yield
     except BenchError as err:
         raise BenchError(f"{flag}: {err}") from err
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Name what may be wrong with an arm or with readings, for people."""
+
+    name: str  #: A word for programs, such as "frame".
+    sentence: str  #: What is seen, by how much, what to check.
+    #: By how many nats the readings are likelier with the mistake than without; None for what is plain.
+    evidence: float | None = None

@@ -243,7 +243,7 @@ def problem(args: list[str], before: State, after: State, done: tuple[int, str, 
     if left or (code == 2 and new):
         return f"left {left or new}"
     free = code == 0 and ("--force" in args or args[0] == "simulate")  # which replaces a dataset
-    reads = set() if args[0] in ("elastic", "simulate") else {"data.csv", "poses.csv", "tasks.csv"}
+    reads = set() if args[0] in ("check", "simulate") else {"data.csv", "poses.csv", "tasks.csv"}
     if set(changed) - (set(args) - reads if free else set()):
         return f"changed {changed}"
     return ""

@@ -12,9 +12,8 @@ from testbench.arm.elastic import LinkEntry, read_elastic
 from testbench.arm.folder import find_arm
 from testbench.campaign.arm_doubts import UPRIGHT, Looked, arm_doubts, sag, stance
 from testbench.campaign.campaign import build_cell, check_agreement
-from testbench.campaign.doubt import Doubt
 from testbench.campaign.rows import rms
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Doubt
 from testbench.model.vjm import body_poses
 
 UNSURE = ("estimated", "assumed")  #: Origins that want to be confirmed.

@@ -10,8 +10,7 @@ import numpy as np
 from testbench.arm.elastic import Elastic
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell, stream
-from testbench.campaign.doubt import Doubt
-from testbench.errors import Array
+from testbench.errors import Array, Doubt
 from testbench.model.vjm import Vjm, body_poses, chain, generalised_load
 
 POSES = 96  #: Poses drawn over the joint limits.

@@ -94,20 +94,15 @@ class Readings:
     """Measured runs of an arm, and how they are read."""
 
     arm: ArmName
-    dataset: Annotated[
-        Path, typer.Argument(help="Measured runs, CSV, any other text table, or FILE.xlsx#SHEET.")
-    ]
+    dataset: Annotated[Path, typer.Argument(help="Measured runs: CSV, text, or FILE.xlsx#SHEET.")]
     mapping: MapFile = None
     sigma_um: SigmaUm = None
     load: Load = None
     frame: Annotated[
-        str,
-        typer.Option(
-            help="Of the readings: auto, base, tracker, or a TOML file with the base in the tracker's."
-        ),
+        str, typer.Option(metavar="FRAME", help="auto, base, tracker, or a TOML file with it.")
     ] = "auto"
     new_target: Annotated[
-        list[str] | None, typer.Option(help="Target in the file that the arm's folder lacks; again for more.")
+        list[str] | None, typer.Option(metavar="NAME", help="Target that the folder lacks; again.")
     ] = None
 
     @property

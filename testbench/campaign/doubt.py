@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import gammainc
 
 from testbench.arm.folder import Arm
 from testbench.data.scatter import SIGMA
-from testbench.errors import Array
+from testbench.errors import Array, Doubt
 from testbench.identify import Estimate
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.hierarchy import KIND
@@ -35,16 +34,6 @@ QUIET, CHANCE = 0.6, 1e-6
 """Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
 HALF = 0.5  #: Share of the readings below the median.
 WHICH = {"unloaded": "unloaded readings", "loaded": "loaded readings", "all": "readings"}
-
-
-@dataclass(frozen=True)
-class Doubt:
-    """What may be wrong, for people."""
-
-    name: str  #: A word for programs, such as "frame".
-    sentence: str  #: What is seen, by how much, what to check.
-    #: By how many nats the readings are likelier with the mistake than without; None for what is plain.
-    evidence: float | None = None
 
 
 def said(found: Finding, arm: Arm, columns: Sequence[tuple[str, str]] = ()) -> Doubt:

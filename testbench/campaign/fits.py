@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.campaign.campaign import Cell
-from testbench.campaign.doubt import Doubt, of_noise, of_scale
+from testbench.campaign.doubt import of_noise, of_scale
 from testbench.campaign.evaluation import EstimatorFailed, failed_row, of_model
 from testbench.campaign.identifiability import set_aside
 from testbench.campaign.model_selection import Recommendation, default_name, folded, recommend, why
@@ -14,7 +14,7 @@ from testbench.campaign.models import Model
 from testbench.campaign.rows import MM, error_row, fit_row
 from testbench.campaign.runs import Runs
 from testbench.data.dataset import SHOWN, Dataset, evenly, in_order
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Doubt
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.evaluate import Score, deflections, score
 from testbench.identify.fold import BLOCK_RUNS, Parts, with_poses

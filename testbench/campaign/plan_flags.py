@@ -35,24 +35,20 @@ class Options:
     mapping: MapFile = None
     tracker: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Where it is, m.")] = None
     acceptance_deg: Annotated[
-        float | None, typer.Option(min=0.1, max=90, metavar="DEG", help="Half angle of fixed targets.")
+        float | None, typer.Option(metavar="DEG", help="Half angle of fixed targets.")
     ] = None
     box: Annotated[str | None, typer.Option(metavar="X0,...,Z1", help="Where the tool may be, m.")] = None
     criterion: Annotated[str | None, typer.Option(metavar="NAME", help="test, D, A, E, G or I.")] = None
     model: Annotated[str | None, typer.Option(metavar="NAME", help="What will be identified.")] = None
-    sigma_um: Annotated[
-        float, typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise of a reading along an axis.")
-    ] = 50.0
+    sigma_um: Annotated[float, typer.Option(metavar="UM", help="Noise of a reading along an axis.")] = 50.0
     uncertainty_percent: Annotated[
         float | None, typer.Option(metavar="PERCENT", help="Of the prior; default: 30.")
     ] = None
     no_prior: Annotated[bool, typer.Option("--no-prior", help="Plan for a fit without a prior.")] = False
     candidates: Annotated[int | None, typer.Option(metavar="N", help="Poses to choose from.")] = None
-    sling_m: Annotated[
-        float, typer.Option(min=0, max=100, metavar="M", help="From the load point to the weight.")
-    ] = 0.5
+    sling_m: Annotated[float, typer.Option(metavar="M", help="From the load point to the weight.")] = 0.5
     floor_z: Annotated[float | None, typer.Option(metavar="M", help="Height of a floor.")] = None
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, metavar="N", help="Of random numbers.")] = 1
+    seed: Annotated[int, typer.Option(metavar="N", help="Of random numbers.")] = 1
 
 
 @dataclass(frozen=True)

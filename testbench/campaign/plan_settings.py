@@ -69,6 +69,9 @@ class PlanSettings:
             ("--gear-urad", self.gear_urad, 1e-6, 1e5),
             ("--orders", self.orders, 0, MOST_ORDERS),
             ("--floor-z [m]", self.floor_z_m, -HIGHEST, HIGHEST),
+            ("--acceptance-deg", self.acceptance_deg, 0.1, 90),
+            ("--sling-m", self.sling_m, 0, 100),
+            ("--seed", self.seed, 0, 2**63 - 1),
         )
         for own in ranges:
             _check_range(*own)

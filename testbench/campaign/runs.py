@@ -13,13 +13,13 @@ from testbench.arm.document import Strict, parse_toml
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
 from testbench.campaign.campaign_flags import Readings
-from testbench.campaign.doubt import Doubt, said
+from testbench.campaign.doubt import said
 from testbench.campaign.plan_input import overloads
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
 from testbench.data.dataset import Dataset, split
 from testbench.data.read_pairs import Export, read_export
-from testbench.errors import BenchError, InputError, read_text
+from testbench.errors import BenchError, Doubt, InputError, read_text
 from testbench.identify.diagnosis.deflected import scale
 from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
 from testbench.identify.metric import metric

@@ -108,11 +108,17 @@ def report(a: Finished, b: Finished) -> Report:
     told = Column("verdict", "B is"), Column("by", "judged by")
     kind = Column("kind", "where", called=KINDS)
     plain = (Column("what", "number"), *(Column(k, k.upper(), form=",.5g", exact=True) for k in "ab"), ratio)
-    shades = {"headline": "ratio", "looks": looks, "bold": lead.name if lead else ""}
     texts = Column("what", "input"), Column("a", "A"), Column("b", "B")
     where = f"RMS error {KINDS[lead.kind]}" if lead else ""
     tables = {
-        "models": Table((Column("name", "model"), *sides, ratio, *told), led, where, **shades),
+        "models": Table(
+            (Column("name", "model"), *sides, ratio, *told),
+            led,
+            where,
+            bold=lead.name if lead else "",
+            headline="ratio",
+            looks=looks,
+        ),
         "others": Table((Column("name", "model"), kind, *sides, ratio, *told), rest, "Other errors"),
         "numbers": Table(plain, [] if led else apart[:SHOWN], "Numbers that differ"),
         "inputs": Table(texts, inputs, "Inputs that differ"),

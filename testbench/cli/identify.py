@@ -34,11 +34,10 @@ from testbench.report.table import plain as plain_data
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
 from testbench.views.fitted_runs import seen
-from testbench.views.markdown import Markdown, capital, ended
+from testbench.views.markdown import Markdown, capital, ended, place
 from testbench.views.schema import Column, Table
 
-COMMAND, PICTURE = "testbench identify", "identify.png"
-OLD = frozenset((FITS,))  #: All that earlier versions left.
+COMMAND, PICTURE, OLD = "testbench identify", "identify.png", frozenset((FITS,))
 MOST = 30  #: Runs that are listed, the worst.
 MODELS = (
     "name parameters rank conservative check.rms_mm f_m_held_out identification.rms_mm f_m "
@@ -61,6 +60,7 @@ UNSEEN = (
     Column("directions", "directions", form="d"),
     Column("parameters", "parameters of the first"),
 )
+LAWS = columns("part stiffer_percent backlash_urad friction_urad strut_percent")
 MEANS = Markdown("What tables, columns and warnings mean: docs/identify.md, *The report*.")
 
 
@@ -68,18 +68,18 @@ MEANS = Markdown("What tables, columns and warnings mean: docs/identify.md, *The
 class Options:
     """Flags of the command."""
 
-    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/identify")
-    model: Annotated[list[str] | None, typer.Option(help="Model to fit; may be given again.")] = None
-    check_pose: Annotated[list[int] | None, typer.Option(help="Pose to hold out; again for more.")] = None
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Results.")] = Path("runs/identify")
+    model: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Model to fit; again.")] = None
+    check_pose: Annotated[list[int] | None, typer.Option(metavar="N", help="Pose to hold out; again.")] = None
     full_pose: Annotated[bool, typer.Option("--full-pose", help="Insist on orientations.")] = False
-    prior: Annotated[bool, typer.Option(help="Use the arm's folder as prior.")] = True
+    no_prior: Annotated[bool, typer.Option("--no-prior", help="Fit without the arm's folder.")] = False
     uncertainty_percent: Annotated[
-        float | None, typer.Option(min=1e-4, max=1e8, help="Of the prior; default: learnt.")
+        float | None, typer.Option(metavar="PERCENT", help="Of the prior; default: learnt.")
     ] = None
     robust: Annotated[bool, typer.Option("--robust", help="Find outliers, fit without them.")] = False
-    intervals: Annotated[bool, typer.Option(help="95 % intervals of the predicted deflections.")] = True
+    no_intervals: Annotated[bool, typer.Option("--no-intervals", help="Without 95 % intervals.")] = False
     identifiability: Annotated[
-        bool, typer.Option("--identifiability", help="List what is not observable, what to measure next.")
+        bool, typer.Option("--identifiability", help="What is not observable; what else to measure.")
     ] = False
     strict: Annotated[bool, typer.Option("--strict", help="Fail if there is any warning.")] = False
     force: Force = False
@@ -90,24 +90,25 @@ def command(readings: Readings, asked: Options, tried: EstimatorOptions) -> None
     """Fit the models, judge them, recommend one, and write it."""
     arm, out = find_arm(readings.arm), asked.out
     with claim_folder(out, COMMAND, own=OLD, inputs=[arm, *files_read(readings)], force=asked.force):
-        if asked.uncertainty_percent is not None and not asked.prior:
+        if asked.uncertainty_percent is not None and asked.no_prior:
             raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
         filed = build_cell(readings.arm)
         cell, runs = read_runs(filed, readings, asked.check_pose or (), full_pose=asked.full_pose)
-        prior, percent = cad_prior(cell.arm) if asked.prior else None, asked.uncertainty_percent
+        prior, percent = None if asked.no_prior else cad_prior(cell.arm), asked.uncertainty_percent
+        if percent is not None and not 1e-4 <= percent <= 1e8:
+            raise BenchError(f"--uncertainty-percent: expected 0.0001 to 1e+08, got {percent:g}")
         strength = None if percent is None else Strength(percent / 100)
         loss = robust if asked.robust else None
         with of_flag("--model"):
             models = asked_models(cell, asked.model or (), prior, strength, loss=loss)
         models += hired(tried.own)(cell, prior)
-        found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
+        found = fit(cell, models, runs, time.perf_counter, widths=not asked.no_intervals)
         if asked.strict:
             refuse_doubts(readings.arm, found.fits.doubts)
         left = left_by(cell, found)
-        f = numbers(filed, cell, found, left, widths=asked.intervals)
+        f = numbers(filed, cell, found, left, widths=not asked.no_intervals)
         f["badge"] = badge(found, left)
-        if asked.identifiability:
-            f["identifiability"] = identifiability(cell, found)
+        f["identifiability"] = identifiability(cell, found) if asked.identifiability else None
         said, flags = report(f), plain(readings, asked, read="dataset", without=("arm",))
         flags |= {"estimators": {each.name: asdict(each) for each in tried.own}} if tried.own else {}
 
@@ -150,15 +151,16 @@ def report(f: Row) -> Report:
     if any(doubt["name"] != "prior" for doubt in f.doubts):
         first = "First look at the runs, see the doubt below; if they are right, take"
     kind, where = ("check", "held-out") if taken.check else ("identification", "fitted")
+    sure = (taken.intervals or Row()).get("half_width_mm") is not None
+    half = ", deflections +- {intervals.half_width_mm:.3f} mm (95 %, median)" if sure else ""
     runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:MOST]
-    laws = "part stiffer_percent backlash_urad friction_urad"
-    laws += " strut_percent" if any(row.get("strut_percent") is not None for row in f.laws) else ""
+    laws = tuple(c for c in LAWS if any(c.value(row) is not None for row in f.laws))
     told, rest = "part parameters told_percent decided_by_prior", f.get("identifiability")
     tables = {
         "models": table_of(f, MODELS),
         "fit": Table(SINGLE, _fit(f), "The fit"),
         "elsewhere": Table(WORST, [*_elsewhere(f)], "How sure it is elsewhere"),
-        "laws": Table(columns(laws), f.laws, "Joints beyond a spring"),
+        "laws": Table(laws, f.laws, "Joints beyond a spring"),
         "runs": Table(columns("which_run pose moved_mm taken_mm"), runs, f"Residuals, the worst {MOST} runs"),
         "told": Table(columns(told), f.seen.blocks, "What the runs tell"),
         "help": Table(HELP, rest.help if rest else [], "What else could be measured"),
@@ -169,7 +171,7 @@ def report(f: Row) -> Report:
         scenario="identify",
         question=say("Which stiffness model of {arm} to take, and how sure is it?", f),
         title=say("{arm}: {runs:counted run} in {poses:counted pose} of {dataset} fitted", f),
-        answer=say(f"{first} {{name}}: {{{kind}.rms_mm:.3f}} mm RMS in the {where} runs.", taken),
+        answer=say(f"{first} {{name}}: {{{kind}.rms_mm:.3f}} mm RMS in the {where} runs{half}.", taken),
         claims=list(_warnings(f, taken)),
         numbers=f,
         tables=tables,
@@ -211,12 +213,10 @@ def _elsewhere(f: Row) -> Iterator[Row]:
     for name in f.map.errors.compared[::-1] if f.map else ():
         errors, worst = f.map.errors, f.map.errors.worst.get(name)
         row = Row(name=name, half_mm=errors.typical_mm(name), unbounded=errors.unbounded(name))
-        at = Row(worst_mm=None, place="nowhere bounded", joints="")
+        at = {"worst_mm": None, "place": "nowhere bounded", "joints": ""}
         if worst is not None:
-            at = Row(
-                worst_mm=worst.error_mm, place=say("{position_m:place}", vars(worst)), joints=worst.joints
-            )
-        yield row | at
+            at = {"worst_mm": worst.error_mm, "place": place(worst.position_m), "joints": worst.joints}
+        yield Row(row, **at)
 
 
 def _warnings(f: Row, taken: Row) -> Iterator[Markdown]:

@@ -77,7 +77,8 @@ def write_project(arm: Path, robot: Path) -> None:
     found = {"arm": arm, **({"urdf": robot} if robot.suffix == ".urdf" else {})}
     for key, path in found.items():
         value = json.dumps(str(path), ensure_ascii=False)
-        text = re.sub(rf"^# {key} = \S+", lambda _, line=f"{key} = {value}": line, text, flags=re.MULTILINE)
+        line = f"{key} = {value}".replace("\\", r"\\")  # re.sub reads a backslash as an escape
+        text = re.sub(rf"^# {key} = \S+", line, text, flags=re.MULTILINE)
     with whole_file(PROJECT) as part:
         part.write_text(text, encoding="utf-8")
 

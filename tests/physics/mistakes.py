@@ -9,7 +9,8 @@ from sound_sets import PAYLOAD, Sound
 
 from testbench import BenchError, registered
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.doubt import Doubt, said
+from testbench.campaign.doubt import said
+from testbench.errors import Doubt
 from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
 from testbench.identify.prior import Prior
 from testbench.model.vjm import tool_pose

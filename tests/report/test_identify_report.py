@@ -115,7 +115,8 @@ def test_what_was_not_asked_for_is_not_shown(f):
 def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is(f, name):
     said = report(Row(f, recommended=name))
     own = next(m for m in f.models if m.name == name)
-    assert said.answer == f"Take {name}: {own.check.rms_mm:.3f} mm RMS in the held-out runs."
+    half = f"deflections +- {own.intervals.half_width_mm:.3f} mm (95 %, median)"
+    assert said.answer == f"Take {name}: {own.check.rms_mm:.3f} mm RMS in the held-out runs, {half}."
     assert [line for line in said.whole().splitlines() if line.startswith(f"| **{name}** |")]
     axes = overview(said, Seen(tables=[said.tables["models"]])).axes[0]
     first, dot = axes.get_yticklabels()[0].get_text(), axes.get_lines()[1]

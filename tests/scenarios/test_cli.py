@@ -22,9 +22,11 @@ from run_here import do, fine, heed_ctrl_c, refused
 from testbench import __version__
 from testbench.campaign.campaign import Scenario, build_cell, simulate
 from testbench.campaign.campaign_flags import mass
+from testbench.campaign.model_selection import asked_models
 from testbench.campaign.plan_input import read_masses
 from testbench.cli.program import COMMANDS
 from testbench.data.write import write_csv
+from testbench.identify.prior import cad_prior
 from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
 from testbench.views.scene import Seen
@@ -92,18 +94,10 @@ FILLED = ["Joints + prior", "MGCO56 + prior", "MGCO68 + prior", "ALL153 + prior"
 EVERY = ["Joints", "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68", "MGCO69", "MGCO147", "ALL153"]
 
 
-@pytest.mark.parametrize(
-    ("flags", "wanted"),
-    [([], [*PLAIN, *FILLED]), pytest.param(["--no-prior"], EVERY, marks=pytest.mark.study)],
-)
-def test_without_a_model_those_of_the_default_are_fitted(simulated, tmp_path, flags, wanted):
-    _, written = identified(simulated / "data.csv", tmp_path / "fit", *flags)
-    assert [m["name"] for m in written["models"]] == wanted
-    assert [m["intervals"] is not None for m in written["models"]] == [
-        m in FILLED or bool(flags) for m in wanted
-    ]
-    assert written["recommended"] in wanted
-    assert bool(written["unchecked"]["stiffer"]) == (written["recommended"] in FILLED)
+def test_without_a_model_those_of_the_default_are_fitted(kr500):
+    prior = cad_prior(kr500.arm)
+    assert [m.name for m in asked_models(kr500, (), prior)] == [*PLAIN, *FILLED]
+    assert [m.name for m in asked_models(kr500, (), None)] == EVERY
 
 
 def test_a_marker_that_did_not_move_is_no_fault(simulated, tmp_path):

@@ -36,6 +36,12 @@ def identified(kr500):
     return found, left, numbers
 
 
+def test_beside_a_prior_only_models_with_one_have_intervals_and_name_what_no_reading_checks(identified):
+    found, _, f = identified
+    assert [(m.name, bool(m.intervals)) for m in f.models] == [("MGCO56", False), ("ALL153 + prior", True)]
+    assert found.fits.recommended != "ALL153 + prior" or found.fits.unchecked.stiffer
+
+
 def test_every_law_of_a_joint_stands_in_its_own_column(identified):
     found, *_ = identified
     sizes = {"stiffening": 0.11, "backlash": 2.2e-5, "friction": 3.3e-5, STRUT: 0.044}
