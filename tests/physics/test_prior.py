@@ -234,6 +234,9 @@ def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, cam
     functionals = rows @ np.linalg.inv(belief.metric.L)
     covariance = np.diag(P) - (P[:, None] * A.T) @ np.linalg.solve(S, A * P)
     variance = np.einsum("ki,ij,kj->k", rows, covariance, rows)
+    # entries as large as the mean of their squares: what the readings leave of them
+    left = rows @ (np.eye(153) - (P[:, None] * A.T) @ np.linalg.solve(S, A))
+    variance += left**2 @ (P * (belief.unsure**2 - 1))
     variance += np.square(functionals @ belief.moves.T).sum(axis=1)
     np.testing.assert_allclose(linearise(estimate).deviations(functionals), np.sqrt(variance), rtol=1e-5)
 
