@@ -30,7 +30,7 @@ from testbench.model.vjm import chain, observation
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {page.stem: page.read_text(encoding="utf-8") for page in (ROOT / "docs/mathematics").glob("*.md")}
-LIBRARY = ("arm", "model", "plant", "identify", "design", "correct", "studies/estimators")
+LIBRARY = ("arm", "model", "plant", "identify", "design", "correct", "studies")
 EQUATION = re.compile(r"^\$\$\n.+?\n\$\$ \(([^)]+)\)\n\n([^\n]*)$", re.DOTALL | re.MULTILINE)
 NAME = re.compile(r"`(testbench\.[\w.]+)`")
 CONSTANT = re.compile(r"^\| `(testbench\.[\w.]+)` \| ([-\d][^|]*) \|", re.MULTILINE)
@@ -205,10 +205,12 @@ def test_half_widths_are_those_of_their_equations(kr500, rng):
     d = d * np.repeat(strength.shares, [size * (size + 1) // 2 for size in own.sizes])
     A = r.rows[0] @ own.L
     V = np.linalg.inv(A.T @ A + np.diag(d**-2))
-    noise, prior = (belief.misfit**2 * own.L @ V @ X @ V @ own.L.T for X in (A.T @ A, np.diag(d**-2)))
+    noise, prior = (
+        belief.misfit**2 * own.L @ V @ X @ V @ own.L.T for X in (A.T @ A, np.diag((belief.unsure / d) ** 2))
+    )
     prior = prior + belief.moves.T @ belief.moves
     a = rng.standard_normal((5, s.n)) / np.abs(s.entries(kr500.arm.C_theta) + 1e-12)
     spread = [np.einsum("kp,pq,kq->k", a, X, a) for X in (noise, prior)]
-    expected = np.sqrt(norm.ppf(0.975) ** 2 * spread[0] + student.ppf(0.975, 3) ** 2 * spread[1])
+    expected = np.sqrt(norm.ppf(0.975) ** 2 * spread[0] + student.ppf(0.975, 4) ** 2 * spread[1])
     found = linearise(solve(r, "psd", belief)).half_widths(a)
     np.testing.assert_allclose(found, expected, rtol=1e-6)
