@@ -72,16 +72,6 @@ def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
     return max(alike, key=lambda name: own[name].parameters, default="")
 
 
-def recommended(models: Sequence[Row]) -> str:
-    """The conservative model of least error over the workspace; of those alike the one of fewest unknowns.
-
-    Of those again one that is conservative by construction. Empty where none is conservative.
-    """
-    held = {m.name: m for m in models if m.conservative is True}
-    alike = [held[name] for name in best_of({n: m.workspace.rms_mm for n, m in held.items()}).names]
-    return min(alike, key=lambda m: (m.parameters, m.constraint != "psd")).name if alike else ""
-
-
 def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]], value: str = TRUE, scale: float = 1.0) -> Row:
     """Two models in the same trials, by what the comparison is called; those that are there.
 

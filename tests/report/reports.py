@@ -9,7 +9,7 @@ from pathlib import Path
 import matplotlib.colors
 import numpy as np
 import pytest
-from checks import check_spread, check_words, curves, unit_in
+from checks import check_words, unit_in
 from made_up import of_one_trial
 from page_checks import check_tables
 from rich.console import Console
@@ -90,44 +90,6 @@ def check_said(report, *sentences):
     assert [sentence for sentence in sentences if sentence not in whole] == []
 
 
-def check_cells(cells, trials, *by):
-    """Every cell of a factorial campaign is what its own trials hold in all columns, and none is left out.
-
-    Args:
-        cells: Rows of the report, a model each.
-        trials: Those that the cells are of; numbers are medians with their spread, truth values shares.
-        by: The factors.
-    """
-    known = {tuple(cell[key] for key in ("name", *by)) for cell in cells}
-    assert known == set(zip(*(trials[key].tolist() for key in ("name", *by)), strict=True))
-    assert len(known) == len(cells)
-    for cell in cells:
-        own = trials.where(**{key: cell[key] for key in ("name", *by)})
-        for key in own.made.keys() & cell.keys():
-            values = own[key]
-            if values.dtype.kind == "b":
-                assert cell[key] == np.mean(values), key
-            elif values.dtype.kind == "f" and not np.isnan(values).any():
-                check_spread(cell[key], values)
-
-
-def check_duels(duels, trials, *by, of="name"):
-    """Every pair is ratio and share of wins, trial by trial.
-
-    Args:
-        duels: Rows of the report.
-        trials: Those that the pairs are of.
-        by: The factors.
-        of: Column of what is compared.
-    """
-    for row in duels:
-        at = trials.where(**{key: row[key] for key in by})
-        ours, theirs = (at.where(**{of: row[who]})["rms_um"] for who in ("ours", "theirs"))
-        assert len(ours) == row.trials
-        check_spread(row.ratio, ours / theirs)
-        assert (row.won, row.tied) == (np.mean(ours < theirs), np.mean(ours == theirs))
-
-
 def fit_row(kind, rng, models, name, **own):
     """A made-up row of a factorial campaign's model.
 
@@ -141,31 +103,6 @@ def fit_row(kind, rng, models, name, **own):
     known = dict(zip(("structure", "constraint", "prior"), models[name], strict=True))
     factors = dict.fromkeys(("part", "case", "instrument", "distance_m", "sigma_um", "data_file"))
     return of_one_trial(kind, rng, **{**factors, "name": name, **known, **own})
-
-
-def check_ranges(axes, numbers, looks, unit=None):
-    """Medians, spreads and colours of a pane of `figure.ranges`, whose dots nothing joins.
-
-    Args:
-        axes: The pane.
-        numbers: What is drawn by model, from top to bottom.
-        looks: Of the models.
-        unit: Of its axis; None without.
-    """
-    assert unit is None or unit_in(axes.get_xlabel()) == unit
-    spreads = [line.get_data() for line in axes.get_lines() if line.get_label().startswith("_")]
-    colours = {line.get_label(): line.get_color() for line in axes.get_lines()}
-    points = curves(axes)
-    assert list(points) == list(numbers)
-    for name, (x, y) in points.items():
-        assert x.tolist() == [middle(number) for number in numbers[name]]
-        assert np.rint(y).tolist() == list(range(len(y)))
-        assert colours[name] == looks[name].hex
-        for number, place in zip(numbers[name], y, strict=True):
-            assert any(np.allclose(own, [ends(number), (place, place)]) for own in spreads)
-    assert all(line.get_linestyle() == "None" or len(line.get_xdata()) == 2 for line in axes.get_lines())
-    low, high = axes.get_ylim()
-    assert low > high  # the first on top
 
 
 def place_of(found, names):

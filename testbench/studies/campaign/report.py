@@ -113,6 +113,7 @@ class Preset(Generic[O, S, W]):
     derived: Callable[[S, Trials], Trials] = lambda _, trials: trials  #: Adds columns, picks fits.
     listed: str = ""  #: Table whose rows are report.json's models, where rows hold all of the contract.
     also: str = ""  #: Other columns of report.json's models, blanks between.
+    page: str = ""  #: Where it is written what its tables and columns mean.
     value: str = ERROR  #: Column of the error by which models are judged.
 
     def study(self) -> Study[O, S, W]:
@@ -170,7 +171,7 @@ class Preset(Generic[O, S, W]):
             title=how,
             numbers=numbers,
             tables=tables,
-            body=[*tables, Markdown(f"What tables and columns mean: docs/studies/{self.name}.md.")],
+            body=[*tables, *([Markdown(f"What tables and columns mean: {self.page}.")] if self.page else [])],
             claims=warnings(found[self.listed] if self.listed else models[first]),
             badge=of_rivals(at, ours, rivals, self.value, "case" if SHARED in own else "trial"),
         )

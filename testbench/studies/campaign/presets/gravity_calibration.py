@@ -123,6 +123,7 @@ def write(run: Run[Settings]) -> Seen:
 
 PRESET = Preset(
     name="gravity_calibration",
+    page="docs/studies/gravity_calibration.md",
     question="Which stiffness model predicts best how an arm sags under a hung weight?",
     how="Runs in 11 poses, three markers; 8 poses identify, 3 check; judged over the workspace.",
     options=Options,

@@ -137,6 +137,7 @@ def figures(found: Report) -> Mapping[str, Figure]:
 
 PRESET = Preset(
     name="model_error",
+    page="docs/studies/model_error.md",
     question="What do disturbances cost that the model does not know?",
     how="An arm in the poses and under the weight of section 6, judged in poses never measured, without "
     "noise and with it.",

@@ -98,6 +98,7 @@ def figures(found: Report) -> Mapping[str, Figure]:
 
 PRESET = Preset(
     name="noise_sensitivity",
+    page="docs/studies/noise_sensitivity.md",
     question="What does tracker noise cost, by method and structure?",
     how="108 runs of section 5.2 (judged in check runs), the KR 500 in 8 poses and read by several "
     "instruments (judged over the workspace). The noise of all levels has the same random numbers.",

@@ -135,6 +135,7 @@ def figures(found: Report) -> Mapping[str, Figure]:
 
 PRESET = Preset(
     name="regimes",
+    page="docs/studies/regimes.md",
     question="Where does the cone pay by itself?",
     how="GCO beside least squares of the same structure on the same readings, without a prior, judged over "
     "the workspace. Two kinds of true arm in every trial.",
