@@ -16,7 +16,6 @@ FLOORS = (
     {"campaign"},
     {"views", "shell"},
     {"report"},
-    {"commands"},
     {"studies"},
     {"cli"},
 )
@@ -98,9 +97,9 @@ def arrows():
     return found
 
 
-def test_every_room_stands_on_one_of_eleven_floors():
+def test_every_room_stands_on_one_of_ten_floors():
     assert sorted(arrows()) == sorted(name for floor in FLOORS for name in floor)
-    assert len(FLOORS) <= 11
+    assert len(FLOORS) <= 10
 
 
 def test_imports_lead_down():

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 import testbench as tb
-from testbench.campaign import fit_numbers
+from testbench.campaign import calibration_numbers, fit_numbers
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.campaign.arm_models import weights_known
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
-from testbench.commands import calibrate_numbers
 from testbench.correct.predicted import predict
 from testbench.identify.absolute.fit import Options, calibrate
-from testbench.identify.arm_model import of_estimate
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.laws import STRUT
 from testbench.model.load import Load
@@ -58,7 +55,7 @@ def test_words_of_workspace_poses_hold_the_half_width_of_the_model_to_take(kr500
     data, taken = found.runs.used, found.fits.recommended
     drawn = seen(kr500, found, f, left).scene.groups[-1]
     k = int(np.linalg.norm(data.wrench[:, :3], axis=1).argmax())
-    own = of_estimate(kr500.vjm, found.estimates[taken], weights_known(kr500.arm)[0])
+    own = kr500.model(found.estimates[taken])
     load = Load(data.wrench[k], data.point[k])
     there = predict(own, np.array(f.map.errors.q), [load], points=np.zeros((0, 3)))
     told = [
@@ -93,7 +90,7 @@ def calibration(kr500):
 def test_the_rms_of_a_joints_error_over_a_turn_is_that_of_its_waves(calibration):
     """By the angles themselves: a wave of amplitude a has a / sqrt 2."""
     errors, n = calibration.state.errors, calibration.state.n
-    rows = list(calibrate_numbers._spectrum(calibration))
+    rows = list(calibration_numbers._spectrum(calibration))
     assert rows
     q = np.linspace(0, 2 * np.pi, 720, endpoint=False)
     names = [joint.name for joint in calibration.state.vjm.arm.joints]
@@ -108,7 +105,7 @@ def test_the_rms_of_a_joints_error_over_a_turn_is_that_of_its_waves(calibration)
 
 def test_the_folders_compliance_of_a_joint_is_its_own_and_the_turn_of_the_link_before_it(calibration):
     vjm = calibration.state.vjm
-    rows = calibrate_numbers._compliances(calibration)
+    rows = calibration_numbers._compliances(calibration)
     assert len(rows) == vjm.arm.n_joints
     for row, joint, link, axis in zip(rows, vjm.arm.joints, vjm.arm.links, vjm.beam_axes, strict=False):
         turn, slide = (axis @ link.compliance[part, part] @ axis for part in (slice(3, 6), slice(0, 3)))
