@@ -8,13 +8,13 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.evaluation import CampaignRow
 from testbench.campaign.model_selection import DEFAULT
 from testbench.campaign.models import JOINTS
-from testbench.campaign.true_arms import member, true_cell
+from testbench.campaign.true_arms import CALLED, member, true_cell
 from testbench.campaign.workspace_errors import ErrorPlaces
 from testbench.report import campaigns
 from testbench.report.badge import drawn
 from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, distinct
 from testbench.report.columns import columns
-from testbench.report.report import Report
+from testbench.report.report import Report, say
 from testbench.report.table import Row, Trials, merged
 from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.campaign import calibration
@@ -91,7 +91,14 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     )
     worst = Table(columns(WORST), list(_worst(errors)), "Where models err most, first trial")
     body = [*(name for name in found.body if name != "short"), "worst"]
-    return replace(found, numbers=numbers, tables={**found.tables, "worst": worst}, body=body)
+    title = say(
+        "{arm} under {payload_kg:g} kg: markers move {dataset.deflection_min_mm:~.2f} to "
+        "{dataset.deflection_max_mm:~.2f} mm; tracker noise {dataset.sigma_um:~g} um. True arm: {true}. {how}",
+        numbers,
+        true=CALLED.get(asked.true_arm, asked.true_arm),
+        how=found.title,
+    )
+    return replace(found, title=title, numbers=numbers, tables={**found.tables, "worst": worst}, body=body)
 
 
 def _worst(errors: ErrorPlaces) -> Iterator[Row]:
