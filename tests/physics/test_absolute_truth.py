@@ -159,6 +159,7 @@ def test_true_parameters_leave_less_than_a_micrometre(kr500, mass):
     assert off(kr500, replace(REAL_ARM, gear=GearErrors(ratio=1e-4)), mass).mean() < 1e-6
 
 
+@pytest.mark.study
 def test_joint_errors_that_stand_in_for_soft_links_are_declined_once_links_are_known(kr500):
     """Without joint errors in the truth: of four such arms one where they pay beside rigid links."""
     asked = AbsoluteCampaign(poses=60, disturbances=replace(REAL_ARM, gear=None))

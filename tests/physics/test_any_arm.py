@@ -134,6 +134,7 @@ def test_a_campaign_of_any_arm_is_under_its_payload_in_all_its_reach(tmp_path):
     assert section_6.station.lower == (1.7, -0.9, 1.1)
 
 
+@pytest.mark.study
 def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(tmp_path):
     """Hinges about z and slides along y: a hung weight bends the links alone."""
     cell = build_cell(write_arm(tmp_path / "arm", "zYzYzY", mount='euler="0 0 0.7"'))

@@ -79,6 +79,7 @@ def test_eq_22_is_the_papers_dataset_and_eq_23_is_not_its_optimum(single_link, p
     assert own.order[-1].f_m == pytest.approx(own.optimum_f_m, rel=1e-6)
 
 
+@pytest.mark.study
 def test_a_draw_is_the_same_alone_and_among_others():
     def without_clock(rows):
         return [replace(row, solve_seconds=0.0) for row in rows]

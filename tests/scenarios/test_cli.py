@@ -150,6 +150,7 @@ def test_view_without_a_display_says_what_else_there_is(tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.study
 def test_view_serves_a_browser_of_this_machine_only_until_ctrl_c(tmp_path):
     write_run(tmp_path / "recording.rrd", Header("test", "{}", 1), REPORT, Seen(), {})
     start = "from testbench.cli import main; main()"

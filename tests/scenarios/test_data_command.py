@@ -104,6 +104,7 @@ def test_both_examples_hold_the_same_loads_and_deflections():
     np.testing.assert_allclose(size, again, atol=5e-4)  # two readings of each unloaded target, 50 um
 
 
+@pytest.mark.study
 def test_damaged_files_are_one_line(tmp_path):
     """A sample of 12; 500 of them were tried."""
     random, whole = Random(5), (MAPS / "spatialanalyzer.csv").read_bytes()

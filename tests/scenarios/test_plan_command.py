@@ -53,10 +53,9 @@ def fixtures(*flags):
     """The folder of a plan, and its plan.json."""
 
     @pytest.fixture(scope="module")
-    def folder(tmp_path_factory, legible):
+    def folder(tmp_path_factory):
         out = tmp_path_factory.mktemp("plan") / "first"
-        with legible():
-            fine("plan", *flags, "--out", out)
+        fine("plan", *flags, "--out", out)
         return out
 
     @pytest.fixture(scope="module")
@@ -69,6 +68,15 @@ def fixtures(*flags):
 
 planned, report = fixtures(ARM, "--task", TASKS, *FLAGS)
 absolute, calibration = fixtures(UR10, *ABSOLUTE)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(
+    "flags", [(ARM, "--task", TASKS, *FLAGS), (UR10, *ABSOLUTE)], ids=["pairs", "absolute"]
+)
+def test_figures_of_a_plan_are_legible(tmp_path, legible, flags):
+    with legible():
+        fine("plan", *flags, "--out", tmp_path / "plan")
 
 
 def test_a_plan_is_nine_files_with_the_answer_first(planned, report):

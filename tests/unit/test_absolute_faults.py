@@ -260,6 +260,7 @@ def test_a_target_that_was_never_read_is_left_out(kr500):
     assert left.seen.all()
 
 
+@pytest.mark.study
 def test_targets_of_a_shared_mount_go_by_their_names(kr500):
     """In another order nothing changes; a series that lacks one is fitted with what the other says of it."""
     one, two = read(kr500, series=2, poses=30, targets=3, orientations=False, share_target=True)
@@ -400,6 +401,7 @@ def test_nothing_slipped_in_sound_rows_nor_where_a_tracker_moved_or_poses_repeat
         check_order(ur10.vjm, [one])
 
 
+@pytest.mark.study
 def test_a_zero_that_geometry_hides_is_a_doubt_with_its_joint_and_size(ur10, hundred):
     """A turn of the link before it does the same, so that the readings fit; sound ones raise no doubt."""
     some = select_rows(hundred, np.arange(ROWS))
