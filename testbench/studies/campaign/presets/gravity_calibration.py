@@ -93,7 +93,8 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     body = [*(name for name in found.body if name != "short"), "worst"]
     title = say(
         "{arm} under {payload_kg:g} kg: markers move {dataset.deflection_min_mm:~.2f} to "
-        "{dataset.deflection_max_mm:~.2f} mm; tracker noise {dataset.sigma_um:~g} um. True arm: {true}. {how}",
+        "{dataset.deflection_max_mm:~.2f} mm; tracker noise {dataset.sigma_um:~g} um. "
+        "True arm: {true}. {how}",
         numbers,
         true=CALLED.get(asked.true_arm, asked.true_arm),
         how=found.title,
