@@ -368,6 +368,7 @@ def test_a_tip_must_be_there_and_lie_behind_three_joints_or_more(tmp_path, tip, 
     assert said in is_refused(done) if said else done.returncode == 0
 
 
+@pytest.mark.attack
 def test_whatever_the_file_holds_nothing_but_an_arm_or_one_line_comes_of_it(tmp_path):
     """Truncated, overwritten, with huge numbers, exchanged names, lost and doubled elements, odd meshes."""
     rng, made = random.Random(20), 0

@@ -110,6 +110,7 @@ def test_a_file_has_its_own_values_and_flags_count_more(cell):
     assert json.loads(Path("flags/manifest.json").read_text())["scenario"]["sigma_um"] == 5.0
 
 
+@pytest.mark.study
 def test_a_pair_without_a_mass_has_the_project_s_load(cell):
     fine("simulate", ARM, ROOT / "docs" / "poses.csv", "--payload-kg", 460, "--out", "pairs.csv")
     names, *rows = [line.split(",") for line in Path("pairs.csv").read_text().splitlines()]

@@ -162,6 +162,7 @@ def test_true_check_deflections_are_those_of_the_same_runs_without_noise(kr500, 
         assert result.check_true.rms == pytest.approx(rms, rel=1e-9) != pytest.approx(result.check.rms)
 
 
+@pytest.mark.study
 def test_random_wrenches_have_their_magnitudes_and_deflections_out_of_reach_are_counted(arm_6r, rng):
     said = "found 0 of 120 check runs with a deflection of 900 to 1000 mm among"
     with pytest.raises(PoseError, match=said):

@@ -137,7 +137,9 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
     assert promise(plan, plans.task_rows(spec)).overall < min(chance)
 
 
-@pytest.mark.parametrize("name", CRITERIA)
+@pytest.mark.parametrize(
+    "name", [pytest.param(own, marks=[pytest.mark.study] * (own in "EG")) for own in CRITERIA]
+)
 def test_every_criterion_makes_a_plan_with_a_certificate(kr500, spec, poses, name):
     few = replace(spec, poses=3)
     found = make_plan(few, name, poses[:12], Reach(lambda q: clear(kr500, q)), stream(1))

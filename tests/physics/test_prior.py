@@ -547,6 +547,7 @@ def default(cell, seed):
     return model.estimator, model.structure
 
 
+@pytest.mark.study
 def test_coupled_joints_are_found_and_where_there_are_none_nothing_moves(kr500):
     """By the true couplings of neighbours; without couplings in the structure the cone bends the fit."""
     for kind, seed in (("tied_joints", 3), ("tubes", 1)):
@@ -642,6 +643,7 @@ def test_links_that_are_others_in_every_pose_weigh_readings_by_their_covariance(
     np.testing.assert_allclose(weighed.wander[3, link == 3], rho * pi[link[:147] == 3])
 
 
+@pytest.mark.study
 def test_links_that_follow_the_pose_widen_intervals_and_others_are_left_alone(kr500):
     for kind, seed in (("following_50", 1), ("tubes", 1)):
         campaign, (method, s) = simulate(true_cell(kr500, kind, seed), SCENARIO, seed), default(kr500, seed)

@@ -84,6 +84,7 @@ def errors(found, vjm, R, t):
     return np.r_[np.ravel(parts), (found.targets - vjm.markers[: len(found.targets)]).ravel()]
 
 
+@pytest.mark.study
 def test_covariance_is_that_of_the_errors(kr500):
     """Mean normalised squared error of 60 campaigns, noise of 1 mm that no reading states.
 
