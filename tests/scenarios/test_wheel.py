@@ -54,7 +54,7 @@ def test_an_arm_that_comes_with_it_is_found_by_name(program, tmp_path):
 def test_the_demo_runs_from_any_folder(program, tmp_path):
     said = run(program, tmp_path, "demo", "--quick", "--out", "results")
     report = json.loads((tmp_path / "results" / "report.json").read_text())
-    assert f"Take {report['take']}" in " ".join(said.split())
+    assert f"Tie: {report['badge']['winner']} ties with" in " ".join(said.split())
     assert (tmp_path / "results" / "recording.rrd").stat().st_size > 100_000
     manifest = json.loads((tmp_path / "results" / "manifest.json").read_text())
     assert manifest["git"] == "unknown"
