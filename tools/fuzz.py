@@ -184,6 +184,8 @@ def arguments(rng: random.Random) -> list[str]:
         words, found = [*words, sub], found.commands[sub]
     if name == "plan":
         words += ["--candidates", "60", "--poses", "3"]
+    if name == "bench":  # all of its tasks take minutes
+        words += ["--quick", "--seeds", "1", "--task", "gravity-8", "--workers", "1"]
     for param in found.params:
         needed = param.required or param.name in ("out", "model")
         if (needed and rng.random() < 0.97) or rng.random() < 0.15:
