@@ -33,7 +33,7 @@ ROBUST_UNCERTAINTY = 0.3
 class Method:
     """Identify compliances from a dataset by least squares or GCO, with a prior or without.
 
-    With A pi = y the weighted equations (13) and F_M the cost of Eq. (19), a method solves one of
+    With A pi = y the weighted equations (13) and F_M the cost of Eq. (19), a method solves one of::
 
         least squares    min |A pi - y|^2,               Eq. (14)-(15)
         GCO              min F_M(C) + w <W, C>           over C_i = V_i^T V_i, Eq. (16)-(19)
