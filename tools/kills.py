@@ -59,7 +59,7 @@ SHM = Path("/dev/shm")
 CODES = {"TERM": (143, -15), "INT": (130, -2), "KILL": (-9,)}
 """Exit codes after each signal; negative ones also before a command has begun, while Python starts."""
 TRACKER = r"^.*resource_tracker: There appear to be .*\n  warnings\.warn\(\n"
-"""Said by loky's own process, which cleans up behind a study that was killed by SIGKILL."""
+"""Said by loky's own process, which cleans up behind a study that was killed, or left at once."""
 UNDER_WAY = r"(^|/)\.[^/]+\.(new|lock)(/|$)"
 """Names of what a run makes, and of the lock that keeps others out of its place."""
 MOVING = r"(^|/)\.[^/]+\.new/(earlier|gone)/"  #: Names of earlier results that have left their place.
@@ -288,7 +288,7 @@ def killed(case: Case, place: Bench, after: float, way: str, rng: random.Random)
             raise Fault(f"{way} after {after:.2f} s: {GRACE:g} s later there run {left}")
         code = process.wait()
     said, when = place.said(), f"{way} after {after:.2f} s"
-    said = re.sub(TRACKER, "", said, flags=re.MULTILINE) if "KILL" in way else said
+    said = re.sub(TRACKER, "", said, flags=re.MULTILINE) if "KILL" in way or way == "INT INT" else said
     begun = code not in (-2, -15) or re.search(OURS, said)
     if (begun and said.count("\n") > 1) or (early and said):
         raise Fault(f"{when}: said {said[-3000:]!r}")

@@ -4,7 +4,6 @@ import gc
 import sys
 
 from testbench.shell import interrupt
-from testbench.shell.surroundings import undisturbed
 
 GARBAGE = 50_000  #: Objects between two searches for garbage: looking every 700 is a tenth of short commands.
 
@@ -12,6 +11,8 @@ GARBAGE = 50_000  #: Objects between two searches for garbage: looking every 700
 def main() -> None:
     """Entry point of the command."""
     interrupt.handle(interrupt.leave_at_once)
+    from testbench.shell.surroundings import undisturbed  # here: it imports numpy
+
     undisturbed()
     gc.set_threshold(GARBAGE)
     from testbench.cli.program import program  # here: imports can be interrupted from now on

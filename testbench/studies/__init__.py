@@ -5,7 +5,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from testbench.shell import interrupt
-from testbench.shell.surroundings import undisturbed
 
 if TYPE_CHECKING:
     from testbench.studies.study import AnyStudy
@@ -45,6 +44,8 @@ def main(name: str) -> None:
         name: Of its scenario.
     """
     interrupt.handle(interrupt.leave_at_once)
+    from testbench.shell.surroundings import undisturbed  # here: it imports numpy
+
     undisturbed()
     from testbench.shell import command  # here: imports can be interrupted from now on
     from testbench.studies.run import app
