@@ -98,4 +98,3 @@ PRIORS: Mapping[str, Wrong] = {
 }
 """By name what is wrong with a prior; all but the right one are SCALE and SHAPE wrong before."""
 PRIORS_CALLED = {name: own.called for name, own in PRIORS.items()}
-PRIOR_WORDS = {name: own.words for name, own in PRIORS.items()}

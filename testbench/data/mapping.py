@@ -188,14 +188,6 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
     )
 
 
-def is_map(path: Path) -> bool:
-    """Whether a file is there and its keys are those of a map."""
-    try:
-        return bool(_read(path))
-    except InputError:
-        return False
-
-
 def _read(path: Path) -> Map:
     data = parse_toml(path, read_text(path, MAX_BYTES))
     try:

@@ -5,11 +5,8 @@ from collections.abc import Mapping, Sequence
 from testbench.campaign.models import JOINTS
 from testbench.campaign.workspace_errors import ErrorPlaces, Places, error_places
 from testbench.identify import Constraint
-from testbench.report.report import say
-from testbench.report.table import TRIAL, Row, Trials, aligned, merged, nested, paired
+from testbench.report.table import Row, Trials, aligned, merged, nested, paired
 from testbench.trials.spread import span, wins
-from testbench.views.gains import beside
-from testbench.views.markdown import Markdown
 from testbench.views.schema import best_of
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
@@ -33,31 +30,6 @@ def dataset(trials: Trials, fitted: int | None = None) -> Row:
     if fitted is None:
         return own
     return Row(own, runs=own.identification_runs, points=own.identification_points, poses=fitted)
-
-
-def with_gains(
-    models: Sequence[Row], trials: Trials, rival: str, value: str, paper: Mapping[str, Mapping[str, float]]
-) -> list[Row]:
-    """Models, each with how many times less than a rival it errs, and with the paper's numbers."""
-    gains = [paired(trials, model.name, rival, value) for model in models]
-    return [
-        Row(model, times_less=gain and gain.times, paper=paper.get(model.name))
-        for model, gain in zip(models, gains, strict=True)
-    ]
-
-
-def beside_rivals(error: str, gains: Row) -> Markdown:
-    """An answer: the error of a model, of least squares and of joint stiffness only."""
-    sentence = (
-        ": {a.ours} {a.ours_mm:~.3f} mm, least squares without prior {a.theirs_mm:~.3f} mm; {a:less seed}. "
-        "Joint stiffness only {b.theirs_mm:~.3f} mm, {b:more}."
-    )
-    return say(error + sentence, a=gains.least_squares, b=gains.joints)
-
-
-def gains_told(gains: Row) -> str:
-    """The same for the title of a figure."""
-    return beside({"least squares without prior": gains.least_squares, "joint stiffness only": gains.joints})
 
 
 def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
@@ -84,15 +56,6 @@ def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]], value: str = TRU
             a, b = aligned(trials, (ours, theirs), value).T
             found[name] = Row(vars(gain), tie=gain.tie, won=wins(a, b) / len(a))
     return found
-
-
-def worst_trial(trials: Trials, ours: str, *others: str, value: str = TRUE) -> Row:
-    """The trial in which a model errs most, by its seed, and the errors of others in the same, by name."""
-    names = (ours, *others)
-    errors = aligned(trials, names, value)
-    k = int(errors[:, 0].argmax())
-    seed = int(aligned(trials, names, TRIAL)[k, 0])
-    return Row(seed=seed, errors=Row(zip(names, errors[k].tolist(), strict=True)))
 
 
 def by_arm(trials: Trials, value: str, of: str = "name") -> list[Row]:
