@@ -14,10 +14,10 @@ import numpy as np
 from measure import Row, at_most, note
 from scipy.linalg.lapack import dgeqrf
 
-from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.campaign.campaign import build_cell
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.prior import cad_prior
+from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.workflows.cell import build_cell
 
 ARM, SEED = "kr500_l480", 3
 FEW, MANY = 2500, 10_000

@@ -2,7 +2,6 @@
 
 from measure import MODELS, Row, at_most, note, seconds, spread
 
-from testbench.campaign.campaign import Cell, Scenario, build_cell, simulate
 from testbench.data.dataset import Dataset
 from testbench.identify import reduce
 from testbench.identify.metric import metric
@@ -10,6 +9,7 @@ from testbench.identify.prior import cad_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.studies.estimators.bounds import CEILING, FitSet, bounds, fit_set
+from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
 
 ARM = "kr500_l480"
 CONFIDENCE = 0.95

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, note, seconds, spread
 
-from testbench.campaign.campaign import Cell, build_cell
-from testbench.campaign.tracker import Tracker, read_orientations, read_positions
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, paper_gco, reduce
@@ -17,7 +15,9 @@ from testbench.identify.cone import TOLERANCE
 from testbench.identify.conic import by_clarabel, scale_program
 from testbench.model.structure import Structure, all153
 from testbench.plant.equilibrium import settle_linear
+from testbench.plant.tracker import Tracker, read_orientations, read_positions
 from testbench.studies.estimators.modelled import Entries, cvxpy, solve_modelled, vectorised
+from testbench.workflows.cell import Cell, build_cell
 
 ARMS = ("arm_6r", "kr500_l480")
 POSES = 18

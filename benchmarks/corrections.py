@@ -3,7 +3,6 @@
 import numpy as np
 from measure import Row, at_most, feasible_poses, interleave, note, spread
 
-from testbench.campaign.campaign import build_cell, simulate
 from testbench.correct.compensated import compensate
 from testbench.correct.newton import Aim, Points, asked
 from testbench.correct.newton import solve as corrected
@@ -15,6 +14,7 @@ from testbench.identify.prior import cad_prior
 from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.model.weights import read_weights
+from testbench.workflows.cell import build_cell, simulate
 
 ARM, SEED, POINTS, REPEATS = "kr500_l480", 5, 10_000, 5
 FORCE = 2000.0  #: Of the process [N].

@@ -10,11 +10,11 @@ import numpy.typing as npt
 from measure import MODELS, Row, at_least, at_most, feasible_poses, hung, interleave, note, seconds, spread
 from mujoco.batch import Batch
 
-from testbench.campaign.campaign import Cell, build_cell
 from testbench.errors import Array
 from testbench.plant.elastic import DAMPING
 from testbench.plant.equilibrium import STEP_TOLERANCE, Equilibrium, hold, settle
 from testbench.plant.state import evaluate, open_row
+from testbench.workflows.cell import Cell, build_cell
 
 POSES = 1000
 FORWARD_PASSES = 4000

@@ -3,7 +3,6 @@
 import numpy as np
 from measure import MODELS, Row, at_most, interleave, note, spread
 
-from testbench.campaign.campaign import Cell, Scenario, build_cell, simulate
 from testbench.errors import Array
 from testbench.identify import reduce
 from testbench.identify.conic import optimum
@@ -13,6 +12,7 @@ from testbench.identify.regression import Regression
 from testbench.identify.solve import answer, referee
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.studies.estimators.bootstrap import resampler
+from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
 
 ARM = "kr500_l480"
 FITS, ALONE, REPEATS = 100, 8, 5

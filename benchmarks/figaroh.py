@@ -19,18 +19,18 @@ import typer
 from threadpoolctl import threadpool_limits
 
 import testbench as tb
-from testbench import files
 from testbench.arm.folder import Arm
-from testbench.campaign.absolute import evenly, score
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.export import draft_new
 from testbench.data.series import Series, select_rows
+from testbench.files.export import draft_new
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.arm_model import bending
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
-from testbench.shell import command
+from testbench.runs import command
+from testbench.runs import provenance as files
+from testbench.workflows.absolute import evenly, score
+from testbench.workflows.cell import build_cell
 
 ROOT = Path(__file__).resolve().parents[1]
 READINGS = ROOT / "models" / "ur10" / "readings"

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 from measure import MODELS, Row, at_least, interleave, note, spread
 
-from testbench.campaign.campaign import build_cell
 from testbench.identify import gco
+from testbench.runs.cores import on_cores
+from testbench.runs.engine import run_study
+from testbench.runs.experiment import Experiment
+from testbench.runs.store import open_store, write_parquet
 from testbench.studies.paper import single_link
-from testbench.trials.cores import on_cores
-from testbench.trials.engine import run_study
-from testbench.trials.experiment import Experiment
-from testbench.trials.store import open_store, write_parquet
+from testbench.workflows.cell import build_cell
 
 SEEDS = range(1, 2001)  # some 20 s on one process
 CHUNK = 10

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.campaign import Cell
 from testbench.errors import Array
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.vjm import Vjm
 from testbench.plant.site import collisions
+from testbench.workflows.cell import Cell
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 PAYLOAD = 460.3 * GRAVITY

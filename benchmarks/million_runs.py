@@ -11,7 +11,7 @@ from pathlib import Path
 from large_dataset import model, synthetic
 from measure import Row, at_most
 
-from testbench.data.write import write_csv
+from testbench.files.write import write_csv
 from testbench.model.vjm import tool_points
 
 RUNS, BLOCK = 1_000_000, 10_000

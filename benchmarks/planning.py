@@ -4,7 +4,6 @@ import numpy as np
 from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, spread
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.campaign import build_cell
 from testbench.design.criteria import Criterion, Linear, mean_square
 from testbench.design.exchange import BETTER, SWEEPS, exchange
 from testbench.design.planning import make_plan
@@ -23,6 +22,7 @@ from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.model.load import Load
 from testbench.model.structure import mgco68
+from testbench.workflows.cell import build_cell
 
 ARM, WEIGHT = "kr500_l480", 460.0
 FEW, MANY, CANDIDATES, TASKS = 12, 200, 1000, 20

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 from measure import MODELS, Row, at_most, interleave, spread
 
-from testbench.campaign.campaign import Cell, build_cell, clear_poses
 from testbench.plant.shapes import elastic_frames, origins, rigid_frames
+from testbench.report.colours import MEASURED, look
+from testbench.report.markdown import Markdown
+from testbench.report.recording.run import write_run
+from testbench.report.recording.stream import Header
 from testbench.report.report import Report
-from testbench.views.colours import MEASURED, look
-from testbench.views.markdown import Markdown
-from testbench.views.recording.run import write_run
-from testbench.views.recording.stream import Header
-from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen
+from testbench.report.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen
+from testbench.workflows.cell import Cell, build_cell, clear_poses
 
 RUNS, REPEATS = 200, 5
 MEBIBYTE = 2**20

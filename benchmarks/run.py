@@ -29,8 +29,8 @@ from rich.console import Console
 from rich.table import Table
 from single_fits import single_fits
 
-from testbench import files
-from testbench.shell import command
+from testbench.runs import command
+from testbench.runs import provenance as files
 
 BENCHMARKS = {
     "a": newton_against_forward_passes,

@@ -17,8 +17,6 @@ import typer
 from measure import MODELS
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign.absolute_truth import by_trackers
-from testbench.campaign.campaign import Cell, Scenario, build_cell, draw_poses, hanging, measure, stream
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import gco, with_prior
@@ -31,6 +29,9 @@ from testbench.model.structure import mgco68
 from testbench.model.vjm import Vjm, tool_pose
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
+from testbench.plant.tracker import stream
+from testbench.workflows.absolute_truth import by_trackers
+from testbench.workflows.cell import Cell, Scenario, build_cell, draw_poses, hanging, measure
 
 ARM, PLACE, POSES, MASS = "kr500_l480", (2.2, -4.0, 1.6), 10, 460.3
 ROUGH, NOISE = 0.03, 1e-3  #: Of nominal targets, and of readings where the covariance is judged [m].

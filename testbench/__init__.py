@@ -12,27 +12,18 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from testbench.arm.folder import load_arm as load_arm
-    from testbench.campaign.arm_models import load_model as load_model
-    from testbench.campaign.arm_models import save_model as save_model
-    from testbench.campaign.campaign import Scenario as Scenario
-    from testbench.campaign.campaign import build_cell as build_cell
-    from testbench.campaign.campaign import simulate as simulate
-    from testbench.campaign.load_dataset import load_dataset as load_dataset
-    from testbench.campaign.models import MODELS as MODELS
-    from testbench.campaign.plan import plan as plan
-    from testbench.campaign.plan_settings import PlanSettings as PlanSettings
     from testbench.correct.compensated import compensate as compensate
     from testbench.correct.newton import Aim as Aim
     from testbench.correct.predicted import predict as predict
     from testbench.correct.stiffness import stiffness as stiffness
     from testbench.data.dataset import Dataset as Dataset
-    from testbench.data.program import read_program as read_program
-    from testbench.data.read_pairs import read_csv as read_csv
-    from testbench.data.read_series import read_series as read_series
     from testbench.data.series import Series as Series
-    from testbench.data.write import write_csv as write_csv
-    from testbench.data.write import write_program as write_program
     from testbench.errors import BenchError as BenchError
+    from testbench.files.program import read_program as read_program
+    from testbench.files.read_pairs import read_csv as read_csv
+    from testbench.files.read_series import read_series as read_series
+    from testbench.files.write import write_csv as write_csv
+    from testbench.files.write import write_program as write_program
     from testbench.identify import Estimate as Estimate
     from testbench.identify import certify as certify
     from testbench.identify import completed_least_squares as completed_least_squares
@@ -53,19 +44,28 @@ if TYPE_CHECKING:
     from testbench.model.load import Load as Load
     from testbench.model.load import weight as weight
     from testbench.model.structure import Structure as Structure
+    from testbench.workflows.arm_models import load_model as load_model
+    from testbench.workflows.arm_models import save_model as save_model
+    from testbench.workflows.cell import Scenario as Scenario
+    from testbench.workflows.cell import build_cell as build_cell
+    from testbench.workflows.cell import simulate as simulate
+    from testbench.workflows.load_dataset import load_dataset as load_dataset
+    from testbench.workflows.models import MODELS as MODELS
+    from testbench.workflows.plan import plan as plan
+    from testbench.workflows.plan_settings import PlanSettings as PlanSettings
 
 HOMES = {
     "load_arm": "arm.folder",
-    "build_cell": "campaign.campaign",
-    "Scenario": "campaign.campaign",
-    "simulate": "campaign.campaign",
-    "load_dataset": "campaign.load_dataset",
-    "MODELS": "campaign.models",
+    "build_cell": "workflows.cell",
+    "Scenario": "workflows.cell",
+    "simulate": "workflows.cell",
+    "load_dataset": "workflows.load_dataset",
+    "MODELS": "workflows.models",
     "Dataset": "data.dataset",
-    "read_csv": "data.read_pairs",
-    "write_csv": "data.write",
+    "read_csv": "files.read_pairs",
+    "write_csv": "files.write",
     "Series": "data.series",
-    "read_series": "data.read_series",
+    "read_series": "files.read_series",
     "Structure": "model.structure",
     "registered": "identify.registered",
     "least_squares": "identify",
@@ -89,13 +89,13 @@ HOMES = {
     "predict": "correct.predicted",
     "Aim": "correct.newton",
     "compensate": "correct.compensated",
-    "read_program": "data.program",
-    "write_program": "data.write",
+    "read_program": "files.program",
+    "write_program": "files.write",
     "stiffness": "correct.stiffness",
-    "load_model": "campaign.arm_models",
-    "save_model": "campaign.arm_models",
-    "PlanSettings": "campaign.plan_settings",
-    "plan": "campaign.plan",
+    "load_model": "workflows.arm_models",
+    "save_model": "workflows.arm_models",
+    "PlanSettings": "workflows.plan_settings",
+    "plan": "workflows.plan",
     "BenchError": "errors",
 }
 """The module of every public name."""

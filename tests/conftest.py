@@ -17,10 +17,10 @@ from PIL import Image
 from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
 
-from testbench.campaign.campaign import Cell, build_cell
 from testbench.cli import GARBAGE
+from testbench.report import figure as views
 from testbench.studies import run
-from testbench.views import figure as views
+from testbench.workflows.cell import Cell, build_cell
 
 LOOKS = {"blank_panes", "open_page"}  #: Fixtures that draw recordings and pages.
 ATTACKS = {"hostile", "property"} | {

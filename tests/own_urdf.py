@@ -5,7 +5,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign.export_geometry import drawn, within
+from testbench.files.export_geometry import drawn, within
 
 EXTRA = """
   <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from chromium import DESKTOP, PHONE, Opened
 
-from testbench.views.markdown import as_plain
+from testbench.report.markdown import as_plain
 
 
 def check_page(open_page: Callable[..., Opened], page: Path, told: Sequence[str]) -> Opened:

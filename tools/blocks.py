@@ -12,13 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from testbench.campaign.model_selection import DEFAULT
 from testbench.errors import InputError
+from testbench.report.gains import share
+from testbench.report.markdown import grid, lines, titled
 from testbench.report.report import LISTS, PARTS, Report, read_report
 from testbench.studies import find_study
 from testbench.studies.rivals import SAME
-from testbench.views.gains import share
-from testbench.views.markdown import grid, lines, titled
+from testbench.workflows.model_selection import DEFAULT
 
 FROM = re.compile(r"(<!-- from (\w+): ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 PLAIN = re.compile(r"(<!-- (bench|times|expected) -->\n)(.*?)(<!-- end -->)", re.DOTALL)

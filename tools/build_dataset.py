@@ -15,19 +15,19 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from testbench import files
 from testbench.arm.folder import find_arm, load_arm
-from testbench.campaign.model_folder import copy_arm, digests
-from testbench.campaign.perturbed_prior import PRIORS_CALLED
-from testbench.campaign.public_dataset import ARM, GRID, ROUNDS, SCENARIO, TABLES, write_rounds
-from testbench.campaign.true_arms import CALLED, TRUTHS
 from testbench.errors import BenchError
-from testbench.output.place import claim_folder
-from testbench.output.whole import whole_folder
-from testbench.shell.trials import show_progress
-from testbench.trials.cores import on_cores
-from testbench.trials.engine import Chunks
-from testbench.trials.tables import join_tables, kinds
+from testbench.files.model_folder import copy_arm, digests
+from testbench.plant.true_arms import CALLED, TRUTHS
+from testbench.runs import provenance as files
+from testbench.runs.cores import on_cores
+from testbench.runs.engine import Chunks
+from testbench.runs.place import claim_folder
+from testbench.runs.tables import join_tables, kinds
+from testbench.runs.whole import whole_folder
+from testbench.workflows.backend import show_progress
+from testbench.workflows.perturbed_prior import PRIORS_CALLED
+from testbench.workflows.public_dataset import ARM, GRID, ROUNDS, SCENARIO, TABLES, write_rounds
 
 COMMAND = "tools/build_dataset.py"
 

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from testbench.campaign.campaign import build_cell, stream
-from testbench.views.gains import wilson
+from testbench.plant.tracker import stream
+from testbench.report.gains import wilson
+from testbench.workflows.cell import build_cell
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests" / "physics"))

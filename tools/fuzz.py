@@ -25,7 +25,7 @@ from pathlib import Path
 import typer
 
 from testbench.cli.program import COMMANDS, program
-from testbench.shell import command
+from testbench.runs import command
 
 ROOT = Path(__file__).resolve().parents[1]
 UNDER_WAY = r"(^|/)\.[^/]+\.(new|lock)(/|$)"  #: Names of what a command makes, and of the lock of its place.

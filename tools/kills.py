@@ -31,15 +31,15 @@ from pathlib import Path
 from pyarrow import parquet
 
 from testbench.errors import InputError
-from testbench.trials.store import part_seeds
+from testbench.runs.store import part_seeds
 
 ROOT = Path(__file__).resolve().parents[1]
 MAIN = (sys.executable, "-c", "from testbench.cli import main; main()")
 TRIALS = f"""
-from testbench.shell import interrupt
+from testbench.runs import interrupt
 interrupt.handle(interrupt.leave_at_once)
 import sys
-from testbench.shell import command
+from testbench.runs import command
 sys.path.insert(0, {str(ROOT / "tests" / "scenarios")!r})
 from trial_study import app
 interrupt.leave(command.run(app))

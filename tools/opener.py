@@ -21,20 +21,20 @@ from matplotlib.figure import Figure
 from shot import write_film
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.campaign import Campaign, Cell, build_cell, settle_both
-from testbench.campaign.evaluation import Result
-from testbench.campaign.model_selection import DEFAULT
-from testbench.campaign.models import JOINTS
 from testbench.cli.demo import Demo
 from testbench.errors import Array
 from testbench.model.laws import vjm_of
 from testbench.model.vjm import chain, generalised_load, turns
-from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, origins
-from testbench.shell import command
+from testbench.report.colours import CHOICE, GREY, LEAST_SQUARES, LOAD, Colour, hexadecimal
+from testbench.report.colours import JOINTS as BLUE
+from testbench.runs import command
+from testbench.runs.whole import whole_file
 from testbench.studies.campaign import calibration as trial
-from testbench.views.colours import CHOICE, GREY, LEAST_SQUARES, LOAD, Colour, hexadecimal
-from testbench.views.colours import JOINTS as BLUE
+from testbench.workflows.cell import Campaign, Cell, build_cell, settle_both
+from testbench.workflows.evaluation import Result
+from testbench.workflows.model_selection import DEFAULT
+from testbench.workflows.models import JOINTS
 
 SHOWN: Mapping[str, tuple[str, Colour]] = {
     JOINTS: ("Joint stiffness only", BLUE),

@@ -21,14 +21,14 @@ from blocks import fill
 from stamps import Stamp, digest, stamp
 
 from testbench.errors import BenchError
+from testbench.report.figure import save
+from testbench.report.markdown import capital, grid, titled
 from testbench.report.report import Report, read_report
-from testbench.shell import command
+from testbench.report.schema import Column, Table, narrowed
+from testbench.runs import command
+from testbench.runs.spread import Spread
 from testbench.studies import find_study
 from testbench.studies.run import headed_figures
-from testbench.trials.spread import Spread
-from testbench.views.figure import save
-from testbench.views.markdown import capital, grid, titled
-from testbench.views.schema import Column, Table, narrowed
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES, README = ROOT / "docs" / "studies", ROOT / "README.md"

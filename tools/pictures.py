@@ -25,7 +25,7 @@ from stamps import Stamp, read_stamp, stamp
 
 from testbench.errors import BenchError
 from testbench.report.report import read_report
-from testbench.shell import command
+from testbench.runs import command
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS, RUNS, FULL = ROOT / "docs", ROOT / "runs" / "pictures", ROOT / "runs" / "full"

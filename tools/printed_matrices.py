@@ -5,14 +5,15 @@ import math
 import numpy as np
 from scipy.special import gammainc, gammaincc
 
-from testbench.campaign.campaign import Cell, stream
-from testbench.campaign.pose_campaign import FullPose
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import paper_gco, reduce
 from testbench.identify.regression import f_m
+from testbench.plant.tracker import stream
 from testbench.report.columns import columns
+from testbench.report.schema import Column, Table
 from testbench.report.table import Row
+from testbench.runs.spread import Spread, spread
 from testbench.studies.paper.factorised import every_order
 from testbench.studies.paper.published import EQ_22, EQ_23
 from testbench.studies.paper.single_link import (
@@ -26,8 +27,8 @@ from testbench.studies.paper.single_link import (
     wrenches_within,
 )
 from testbench.studies.paper.verdicts import judged, verdict_table
-from testbench.trials.spread import Spread, spread
-from testbench.views.schema import Column, Table
+from testbench.workflows.cell import Cell
+from testbench.workflows.pose_campaign import FullPose
 
 DRAWS = 20_000  #: Of noise, of random load sets, and of matrices that round to Eq. (23).
 ROUNDED_COSTS = 200  #: F_M taken of so many of them.

@@ -20,7 +20,23 @@ from scipy.optimize import minimize
 from scipy.stats import goodness_of_fit, norm
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import (
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify import Estimate, make_estimate, reduce
+from testbench.identify.evaluate import deflections, score
+from testbench.plant.tracker import stream
+from testbench.plant.true_arms import FAMILY, member
+from testbench.report.columns import columns
+from testbench.report.report import read_report
+from testbench.report.schema import Column, Table
+from testbench.report.table import Row, Trials, aligned
+from testbench.runs import command
+from testbench.runs.spread import Spread, middle, spread
+from testbench.studies.paper.factorised import Factorised, cost, factorise, parameters, random_start
+from testbench.studies.paper.published import SECTION_6
+from testbench.studies.paper.verdicts import LEVEL, comparison, judged, nearly, number, verdict_table
+from testbench.studies.rivals import IN_PAPER, as_in_paper
+from testbench.workflows.cell import (
     Campaign,
     Cell,
     Poses,
@@ -28,24 +44,9 @@ from testbench.campaign.campaign import (
     build_cell,
     draw_poses,
     simulate_at,
-    stream,
+    true_cell,
 )
-from testbench.campaign.models import MODELS
-from testbench.campaign.true_arms import FAMILY, member, true_cell
-from testbench.data.dataset import Dataset
-from testbench.errors import Array
-from testbench.identify import Estimate, make_estimate, reduce
-from testbench.identify.evaluate import deflections, score
-from testbench.report.columns import columns
-from testbench.report.report import read_report
-from testbench.report.table import Row, Trials, aligned
-from testbench.shell import command
-from testbench.studies.paper.factorised import Factorised, cost, factorise, parameters, random_start
-from testbench.studies.paper.published import SECTION_6
-from testbench.studies.paper.verdicts import LEVEL, comparison, judged, nearly, number, verdict_table
-from testbench.studies.rivals import IN_PAPER, as_in_paper
-from testbench.trials.spread import Spread, middle, spread
-from testbench.views.schema import Column, Table
+from testbench.workflows.models import MODELS
 
 ROOT = Path(__file__).resolve().parents[1]
 ARM, MODEL, PAPER = "kr500_l480", "MGCO68", 0.136

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 from testbench.arm.folder import load_arm
-from testbench.data.read_series import read_series
-from testbench.data.write import write_series
+from testbench.files.read_series import read_series
+from testbench.files.write import write_series
 
 ROOT = Path(__file__).resolve().parents[1]
 MAP = ROOT / "docs" / "maps" / "ur10.toml"

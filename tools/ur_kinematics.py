@@ -21,15 +21,15 @@ import numpy as np
 from testbench.arm.document import parse_xml
 from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import rpy_of
-from testbench.campaign.arm_models import load_model
-from testbench.campaign.controller_files import MAX_BYTES, STAMP
-from testbench.campaign.export import BEGINS, Draft, beside_of, export
-from testbench.campaign.export_controller import six_axes
-from testbench.campaign.export_geometry import identified
-from testbench.campaign.export_own import chain_of, own_origins, place
 from testbench.errors import Array, BenchError, InputError, read_bytes
+from testbench.files.controller_files import MAX_BYTES, STAMP
+from testbench.files.export import BEGINS, Draft, beside_of, export
+from testbench.files.export_controller import six_axes
+from testbench.files.export_geometry import identified
+from testbench.files.export_own import chain_of, own_origins, place
 from testbench.identify.absolute.state import State
-from testbench.output.place import Kind, check_file
+from testbench.runs.place import Kind, check_file
+from testbench.workflows.arm_models import load_model
 
 BYTES = "latin-1"  #: A byte a character, whatever the encoding is.
 TITLE = "kinematics of a UR driver"

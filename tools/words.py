@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.shell import command
+from testbench.runs import command
 
 ROOT = Path(__file__).resolve().parents[1]
 LONGEST = 25  #: Words of a sentence that is read once.

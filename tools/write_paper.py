@@ -19,13 +19,13 @@ from jinja2 import Environment, StrictUndefined, TemplateError
 from printed_matrices import printed_matrices, tables
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import build_cell
 from testbench.errors import InputError
+from testbench.report.markdown import as_markdown, counted, grid
 from testbench.report.report import read_report
-from testbench.shell import command
+from testbench.report.schema import Table, show_truth, written_out
+from testbench.runs import command
 from testbench.studies.paper import single_link
-from testbench.views.markdown import as_markdown, counted, grid
-from testbench.views.schema import Table, show_truth, written_out
+from testbench.workflows.cell import build_cell
 
 ROOT = Path(__file__).resolve().parents[1]
 RUNS, PAGE = ROOT / "runs" / "full", ROOT / "docs" / "paper.md"

@@ -3,7 +3,7 @@
 import gc
 import sys
 
-from testbench.shell import interrupt
+from testbench.runs import interrupt
 
 GARBAGE = 50_000  #: Objects between two searches for garbage: looking every 700 is a tenth of short commands.
 
@@ -11,11 +11,11 @@ GARBAGE = 50_000  #: Objects between two searches for garbage: looking every 700
 def main() -> None:
     """Entry point of the command."""
     interrupt.handle(interrupt.leave_at_once)
-    from testbench.shell.surroundings import undisturbed  # here: it imports numpy
+    from testbench.runs.surroundings import undisturbed  # here: it imports numpy
 
     undisturbed()
     gc.set_threshold(GARBAGE)
     from testbench.cli.program import program  # here: imports can be interrupted from now on
-    from testbench.shell import command
+    from testbench.runs import command
 
     interrupt.leave(command.run(program(sys.argv[1:])))

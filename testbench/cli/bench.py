@@ -3,11 +3,11 @@
 from dataclasses import replace
 from pathlib import Path
 
-from testbench.shell.options import Common, takes
+from testbench.report.terminal import plain_console
 from testbench.studies.bench.study import STUDY
 from testbench.studies.bench.trial import Options
 from testbench.studies.run import run
-from testbench.views.terminal import plain_console
+from testbench.workflows.options import Common, takes
 
 
 @takes(Common, Options)

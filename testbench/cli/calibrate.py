@@ -11,32 +11,32 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.campaign import calibration_numbers as counted
-from testbench.campaign.absolute import Calibrated, File, calibrated, files_of, read_all, score
-from testbench.campaign.arm_models import read_model, write_model
-from testbench.campaign.campaign import Cell, build_cell
-from testbench.campaign.campaign_flags import ArmName, SigmaUm, mass
-from testbench.campaign.plan import gain_of_more
-from testbench.campaign.rows import MM
 from testbench.cli.arguments import plain
 from testbench.errors import BenchError, PoseError, sheet_of
-from testbench.files import digest
 from testbench.identify.absolute import fit
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.registration import POSES
-from testbench.output.place import claim_folder
 from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report import scene as draw
 from testbench.report.badge import decide
+from testbench.report.colours import GCO, MEASURED, NOMINAL, Look
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
+from testbench.report.markdown import Markdown
 from testbench.report.report import Report, bullets, say
+from testbench.report.schema import Table
 from testbench.report.table import Row
-from testbench.shell.options import Force, of_flag, takes
-from testbench.views import scene as draw
-from testbench.views.colours import GCO, MEASURED, NOMINAL, Look
-from testbench.views.markdown import Markdown
-from testbench.views.schema import Table
-from testbench.views.terminal import looked_at, plain_console, print_words
+from testbench.report.terminal import looked_at, plain_console, print_words
+from testbench.runs.place import claim_folder
+from testbench.runs.provenance import digest
+from testbench.workflows import calibration_numbers as counted
+from testbench.workflows.absolute import Calibrated, File, calibrated, files_of, read_all, score
+from testbench.workflows.arm_models import read_model, write_model
+from testbench.workflows.campaign_flags import ArmName, SigmaUm, mass
+from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.options import Force, of_flag, takes
+from testbench.workflows.plan import gain_of_more
+from testbench.workflows.rows import MM
 
 COMMAND, PICTURE = "testbench calibrate", "calibration.png"
 TABLES = {

@@ -11,24 +11,24 @@ import typer
 from testbench.arm.elastic import JointEntry, LinkEntry
 from testbench.arm.folder import Joint, find_arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.arm_check import Checked, check
-from testbench.campaign.campaign_flags import ArmName
 from testbench.cli.arguments import ShownFolder
 from testbench.errors import Array, word
+from testbench.files.elastic_mjcf import write_elastic
 from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
-from testbench.output.place import Kind, check_file, claim_folder
-from testbench.plant.elastic import write_elastic
 from testbench.plant.shapes import RING, elastic_frames, rigid_frames
+from testbench.report.colours import GREY, LOAD, NOMINAL
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
+from testbench.report.markdown import Markdown, ended
 from testbench.report.report import Report, bullets, say
+from testbench.report.scene import Layer, Poses, Scene, Seen, arrow_scale
+from testbench.report.schema import Column, Table, show
 from testbench.report.table import Row
-from testbench.shell.options import Force, takes
-from testbench.views.colours import GREY, LOAD, NOMINAL
-from testbench.views.markdown import Markdown, ended
-from testbench.views.scene import Layer, Poses, Scene, Seen, arrow_scale
-from testbench.views.schema import Column, Table, show
-from testbench.views.terminal import looked_at, plain_console, print_words
+from testbench.report.terminal import looked_at, plain_console, print_words
+from testbench.runs.place import Kind, check_file, claim_folder
+from testbench.workflows.arm_check import Checked, check
+from testbench.workflows.campaign_flags import ArmName
+from testbench.workflows.options import Force, takes
 
 COMMAND = "testbench check"  #: As manifest.json names it.
 ELASTIC = Kind("an elastic arm", rb"<mujoco [^>]*model=\"[^\"]*_elastic\"")

@@ -8,11 +8,10 @@ from typing import Annotated
 
 import typer
 
-from testbench.campaign.true_arms import CALLED, TRUTHS, member
 from testbench.errors import BenchError
-from testbench.output.manifest import Finished, read_run
-from testbench.output.place import claim_folder
-from testbench.output.whole import reading
+from testbench.plant.true_arms import CALLED, TRUTHS, member
+from testbench.report import terminal
+from testbench.report.colours import look
 from testbench.report.join import (
     KINDS,
     badge_of,
@@ -23,14 +22,15 @@ from testbench.report.join import (
     numbers_compared,
 )
 from testbench.report.leave import Asked, leave
+from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
+from testbench.report.scene import Seen
+from testbench.report.schema import Column, Table
 from testbench.report.table import Row
-from testbench.shell.options import Force, takes
-from testbench.views import terminal
-from testbench.views.colours import look
-from testbench.views.markdown import Markdown
-from testbench.views.scene import Seen
-from testbench.views.schema import Column, Table
+from testbench.runs.manifest import Finished, read_run
+from testbench.runs.place import claim_folder
+from testbench.runs.whole import reading
+from testbench.workflows.options import Force, takes
 
 COMMAND = "testbench compare"  #: As manifest.json names it.
 SHOWN = 200  #: Numbers beside the models that are listed.

@@ -9,35 +9,35 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from testbench.campaign import correction_numbers as counted
-from testbench.campaign import program as programs
-from testbench.campaign.arm_models import load_model
-from testbench.campaign.campaign import Cell, build_cell
-from testbench.campaign.campaign_flags import MapFile, Payload
-from testbench.campaign.plan_input import joints_of, payload_of
-from testbench.campaign.program import CorrectedProgram
 from testbench.cli.arguments import ArmCheck, plain
 from testbench.correct.newton import Asked as Meant
 from testbench.correct.newton import Hold
-from testbench.data.program import read_program
 from testbench.errors import BenchError, Ids
-from testbench.files import digest
-from testbench.output.place import check_file, claim_folder
-from testbench.output.whole import whole_file
+from testbench.files.program import read_program
 from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report import scene as draw
 from testbench.report.badge import Badge, decide
+from testbench.report.colours import GCO, LOAD, MEASURED, TASK, Look
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
+from testbench.report.markdown import Markdown, capital, ended
+from testbench.report.markdown import counted as number_of
 from testbench.report.report import Report, say
+from testbench.report.schema import Table
 from testbench.report.table import Row
-from testbench.shell.options import Force, of_flag, takes
-from testbench.trials.spread import ENOUGH
-from testbench.views import scene as draw
-from testbench.views.colours import GCO, LOAD, MEASURED, TASK, Look
-from testbench.views.markdown import Markdown, capital, ended
-from testbench.views.markdown import counted as number_of
-from testbench.views.schema import Table
-from testbench.views.terminal import looked_at, plain_console, print_words
+from testbench.report.terminal import looked_at, plain_console, print_words
+from testbench.runs.place import check_file, claim_folder
+from testbench.runs.provenance import digest
+from testbench.runs.spread import ENOUGH
+from testbench.runs.whole import whole_file
+from testbench.workflows import correction_numbers as counted
+from testbench.workflows import program as programs
+from testbench.workflows.arm_models import load_model
+from testbench.workflows.campaign_flags import MapFile, Payload
+from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.options import Force, of_flag, takes
+from testbench.workflows.plan_input import joints_of, payload_of
+from testbench.workflows.program import CorrectedProgram
 
 COMMAND, WRITTEN = "testbench compensate", ("report.md", "report.json", "compensation.png")
 SURE = 0.95  #: Chance that the median point gets better from which on the correction is sure to help [1].

@@ -10,33 +10,33 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.absolute import kinematic_misfit
-from testbench.campaign.campaign import Cell, build_cell
-from testbench.campaign.campaign_flags import ArmName, Readings
-from testbench.campaign.file_contents import column_rows, contents, farthest_off, nominal_targets, shown_runs
-from testbench.campaign.propose_map import map_text, propose
-from testbench.campaign.registration_notes import registration_notes
-from testbench.campaign.rows import MM, UM
-from testbench.campaign.runs import files_read, look_at, read, register
 from testbench.cli.arguments import ShownFolder
 from testbench.data.dataset import Dataset
-from testbench.data.read_series import read_series
 from testbench.errors import BenchError, Ids, sheet_of
+from testbench.files.propose_map import map_text, propose
+from testbench.files.read_series import read_series
 from testbench.identify.registered import Registered
-from testbench.output.place import Kind, check_file, claim_folder
-from testbench.output.whole import whole_file
 from testbench.plant.shapes import rigid_frames
+from testbench.report import scene as draw
+from testbench.report.colours import LOAD, MEASURED, NOMINAL, SERIES, Look
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
+from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.report import Report, bullets, say
+from testbench.report.schema import NUMBER, Table, plain, show, written_out
 from testbench.report.table import Row
-from testbench.shell.options import Force, takes
-from testbench.shell.project import ProjectCommand
-from testbench.views import scene as draw
-from testbench.views.colours import LOAD, MEASURED, NOMINAL, SERIES, Look
-from testbench.views.markdown import Markdown, capital, ended
-from testbench.views.schema import NUMBER, Table, plain, show, written_out
-from testbench.views.terminal import looked_at, plain_console, print_words
+from testbench.report.terminal import looked_at, plain_console, print_words
+from testbench.runs.place import Kind, check_file, claim_folder
+from testbench.runs.whole import whole_file
+from testbench.workflows.absolute import kinematic_misfit
+from testbench.workflows.campaign_flags import ArmName, Readings
+from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.file_contents import column_rows, contents, farthest_off, nominal_targets, shown_runs
+from testbench.workflows.options import Force, takes
+from testbench.workflows.project import ProjectCommand
+from testbench.workflows.read_runs import files_read, look_at, read, register
+from testbench.workflows.registration_notes import registration_notes
+from testbench.workflows.rows import MM, UM
 
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")

@@ -6,13 +6,13 @@ from typing import Annotated
 
 import typer
 
-from testbench.campaign.own_estimator import EstimatorOptions
-from testbench.campaign.true_arms import TrueArmName
-from testbench.shell.options import Common, takes
+from testbench.plant.true_arms import TrueArmName
+from testbench.report.terminal import plain_console
 from testbench.studies.campaign.calibration import Options
 from testbench.studies.campaign.presets.gravity_calibration import STUDY
 from testbench.studies.run import run
-from testbench.views.terminal import plain_console
+from testbench.workflows.options import Common, takes
+from testbench.workflows.own_estimator import EstimatorOptions
 
 
 @dataclass(frozen=True)

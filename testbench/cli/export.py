@@ -13,20 +13,20 @@ from testbench.arm.decimal import read_decimals
 from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
-from testbench.campaign.arm_models import load_model
-from testbench.campaign.controller_files import ABB, STAMP, read_controller
-from testbench.campaign.export import BEGINS, Draft, beside_of, draft_new, draft_own, export
-from testbench.campaign.export_controller import export_offsets
-from testbench.campaign.export_geometry import POSES
-from testbench.campaign.export_left import BestOffsets, Sizes
 from testbench.errors import BenchError, InputError
+from testbench.files.controller_files import ABB, STAMP, read_controller
+from testbench.files.export import BEGINS, Draft, beside_of, draft_new, draft_own, export
+from testbench.files.export_controller import export_offsets
+from testbench.files.export_geometry import POSES
+from testbench.files.export_left import BestOffsets, Sizes
 from testbench.identify.arm_model import ArmModel
-from testbench.output.manifest import read_plain
-from testbench.output.place import HEAD, INSTEAD, Kind, check_file, look
-from testbench.output.whole import writing
-from testbench.shell.options import Force, takes
-from testbench.trials.rows import Row
-from testbench.views.terminal import plain_console
+from testbench.report.terminal import plain_console
+from testbench.runs.manifest import read_plain
+from testbench.runs.place import HEAD, INSTEAD, Kind, check_file, look
+from testbench.runs.rows import Row
+from testbench.runs.whole import writing
+from testbench.workflows.arm_models import load_model
+from testbench.workflows.options import Force, takes
 
 URDF = Kind("a URDF that testbench export wrote", STAMPED)
 BESIDE = Kind("the JSON beside such a file", BEGINS)

@@ -8,34 +8,34 @@ from typing import Annotated
 
 import typer
 
-from testbench import files
 from testbench.arm.folder import find_arm
-from testbench.campaign.arm_check import refuse_doubts
-from testbench.campaign.arm_models import write_stiffness
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.campaign_flags import Readings
-from testbench.campaign.fit_numbers import held_out, identifiability, left_by, numbers
-from testbench.campaign.fits import Identified, fit
-from testbench.campaign.model_folder import DOCUMENT, FITS
-from testbench.campaign.model_selection import asked_models
-from testbench.campaign.own_estimator import EstimatorOptions, hired
-from testbench.campaign.runs import files_read, read_runs
 from testbench.cli.arguments import plain
 from testbench.errors import Array, BenchError
+from testbench.files.model_folder import DOCUMENT, FITS
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
-from testbench.output.place import claim_folder
+from testbench.report import terminal
 from testbench.report.badge import FEWEST, Badge, beside_all, incumbents
 from testbench.report.columns import columns
+from testbench.report.fitted_runs import seen
 from testbench.report.leave import MAP, Asked, leave
+from testbench.report.markdown import Markdown, capital, ended, place
 from testbench.report.report import Report, say
+from testbench.report.schema import Column, Table
 from testbench.report.table import Row, find
 from testbench.report.table import plain as plain_data
-from testbench.shell.options import Force, of_flag, takes
-from testbench.views import terminal
-from testbench.views.fitted_runs import seen
-from testbench.views.markdown import Markdown, capital, ended, place
-from testbench.views.schema import Column, Table
+from testbench.runs import provenance as files
+from testbench.runs.place import claim_folder
+from testbench.workflows.arm_check import refuse_doubts
+from testbench.workflows.arm_models import write_stiffness
+from testbench.workflows.campaign_flags import Readings
+from testbench.workflows.cell import build_cell
+from testbench.workflows.fit_numbers import held_out, identifiability, left_by, numbers
+from testbench.workflows.fits import Identified, fit
+from testbench.workflows.model_selection import asked_models
+from testbench.workflows.options import Force, of_flag, takes
+from testbench.workflows.own_estimator import EstimatorOptions, hired
+from testbench.workflows.read_runs import files_read, read_runs
 
 COMMAND, PICTURE, OLD = "testbench identify", "identify.png", frozenset((FITS,))
 MOST = 30  #: Runs that are listed, the worst.

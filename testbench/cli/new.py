@@ -12,20 +12,20 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.decimal import read_decimals
 from testbench.arm.elastic import PAYLOAD_RANGE
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.new_arm import write_arm
-from testbench.campaign.propose import Wishes
 from testbench.errors import Array, BenchError, InputError, check_array, word
-from testbench.output.place import look
-from testbench.output.whole import new_folder, whole_file
-from testbench.plant.import_robot.chain import read_chain
-from testbench.plant.import_robot.robot import pose_of
-from testbench.shell.project import NAME as PROJECT
-from testbench.shell.project import TEMPLATE
-from testbench.views.terminal import plain_console
+from testbench.files.robot.chain import read_chain
+from testbench.files.robot.robot import pose_of
+from testbench.report.terminal import plain_console
+from testbench.runs.place import look
+from testbench.runs.whole import new_folder, whole_file
+from testbench.workflows.cell import build_cell
+from testbench.workflows.new_arm import write_arm
+from testbench.workflows.project import NAME as PROJECT
+from testbench.workflows.project import TEMPLATE
+from testbench.workflows.propose import Wishes
 
 
-def command(  # noqa: PLR0913
+def command(
     name: Annotated[Path, typer.Argument(help="Folder to make.")],
     source: Annotated[Path, typer.Option("--from", help="The robot: URDF, or MJCF.")],
     tip: Annotated[

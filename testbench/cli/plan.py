@@ -8,26 +8,26 @@ from typing import Annotated
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.plan import plan_absolute, plan_for
-from testbench.campaign.plan_flags import Absolute, Options, known_before, settings_of
-from testbench.campaign.plan_input import overloads, read_tasks
-from testbench.campaign.plan_numbers import CURVE, numbers, write_poses, write_tasks
-from testbench.campaign.plan_settings import pull_words, structure
 from testbench.cli.arguments import absolute_alone
 from testbench.errors import BenchError
 from testbench.model.load import weight
-from testbench.output.place import claim_folder
+from testbench.report import terminal
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
+from testbench.report.markdown import Markdown, listed
+from testbench.report.planned_poses import seen
 from testbench.report.report import Report, bullets, say
+from testbench.report.schema import Column, Table
 from testbench.report.table import Row
-from testbench.shell.options import Force, of_flag, takes
-from testbench.trials.spread import Spread
-from testbench.views import terminal
-from testbench.views.markdown import Markdown, listed
-from testbench.views.planned_poses import seen
-from testbench.views.schema import Column, Table
+from testbench.runs.place import claim_folder
+from testbench.runs.spread import Spread
+from testbench.workflows.cell import build_cell
+from testbench.workflows.options import Force, of_flag, takes
+from testbench.workflows.plan import plan_absolute, plan_for
+from testbench.workflows.plan_flags import Absolute, Options, known_before, settings_of
+from testbench.workflows.plan_input import overloads, read_tasks
+from testbench.workflows.plan_numbers import CURVE, numbers, write_poses, write_tasks
+from testbench.workflows.plan_settings import pull_words, structure
 
 COMMAND = "testbench plan"  #: As manifest.json names it.
 MOST, WORST = 40, 5  #: Rows of the plan that the report shows, tasks of the largest errors.

@@ -10,29 +10,29 @@ import numpy as np
 import typer
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.arm_models import load_model
-from testbench.campaign.campaign_flags import MapFile, Payload
-from testbench.campaign.plan_input import box, overloads, payload_of
-from testbench.campaign.prediction_numbers import TABLE, numbers, write_predictions
-from testbench.campaign.program import FORCE, Predicted, direction_words, predicted, read_asked
-from testbench.campaign.rows import MM
 from testbench.cli.arguments import ArmCheck, plain
 from testbench.correct.rest import rest
 from testbench.errors import Array, Ids
 from testbench.model.poses import WorkArea
 from testbench.model.vjm import turns
-from testbench.output.place import claim_folder
 from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report import scene as draw
+from testbench.report.colours import GCO, MEASURED, NOMINAL, Look
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
+from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.report import Report, say
+from testbench.report.schema import Table
 from testbench.report.table import Row
-from testbench.shell.options import Force, takes
-from testbench.views import scene as draw
-from testbench.views.colours import GCO, MEASURED, NOMINAL, Look
-from testbench.views.markdown import Markdown, capital, ended
-from testbench.views.schema import Table
-from testbench.views.terminal import looked_at, plain_console, print_words
+from testbench.report.terminal import looked_at, plain_console, print_words
+from testbench.runs.place import claim_folder
+from testbench.workflows.arm_models import load_model
+from testbench.workflows.campaign_flags import MapFile, Payload
+from testbench.workflows.options import Force, takes
+from testbench.workflows.plan_input import box, overloads, payload_of
+from testbench.workflows.prediction_numbers import TABLE, numbers, write_predictions
+from testbench.workflows.program import FORCE, Predicted, direction_words, predicted, read_asked
+from testbench.workflows.rows import MM
 
 COMMAND, PICTURE = "testbench predict", "predict.png"
 POSES = (

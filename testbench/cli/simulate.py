@@ -10,23 +10,24 @@ import typer
 from rich.console import Console
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.absolute_truth import AbsoluteCampaign, by_trackers, simulate_series
-from testbench.campaign.campaign import Cell, Scenario, build_cell, hanging, measure, stream
-from testbench.campaign.campaign_flags import ArmName, MapFile, mass
-from testbench.campaign.candidates import Conditions, build_checks, find
-from testbench.campaign.plan_input import Place, overloads, payload_of, place, read_loads, read_masses
 from testbench.cli.arguments import Orientations, absolute_alone
-from testbench.data.program import read_poses
-from testbench.data.write import write_csv, write_series
 from testbench.errors import Array, BenchError, InputError
-from testbench.output.place import Kind, check_file
-from testbench.output.whole import whole_files
+from testbench.files.program import read_poses
+from testbench.files.write import write_csv, write_series
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
 from testbench.plant.gear import GearErrors
 from testbench.plant.site import check_poses, check_position
-from testbench.shell.options import Force, takes
-from testbench.views.terminal import plain_console
+from testbench.plant.tracker import stream
+from testbench.report.terminal import plain_console
+from testbench.runs.place import Kind, check_file
+from testbench.runs.whole import whole_files
+from testbench.workflows.absolute_truth import AbsoluteCampaign, by_trackers, simulate_series
+from testbench.workflows.campaign_flags import ArmName, MapFile, mass
+from testbench.workflows.candidates import Conditions, build_checks, find
+from testbench.workflows.cell import Cell, Scenario, build_cell, hanging, measure
+from testbench.workflows.options import Force, takes
+from testbench.workflows.plan_input import Place, overloads, payload_of, place, read_loads, read_masses
 
 DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")

@@ -8,8 +8,8 @@ import typer
 
 from testbench.cli.arguments import RunFolder
 from testbench.errors import BenchError, word
-from testbench.shell.options import takes
-from testbench.views.recording import viewer
+from testbench.report.recording import viewer
+from testbench.workflows.options import takes
 
 PAGE = "report.html"
 

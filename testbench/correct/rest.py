@@ -13,7 +13,7 @@ from testbench.errors import Array, Ids, check_array
 from testbench.identify.absolute.state import State, equilibrium
 from testbench.model.load import Load
 from testbench.model.vjm import on_tool
-from testbench.session import stepwise
+from testbench.progress import stepwise
 
 TOGETHER = 512  #: Poses computed side by side: enough for numpy, few for its cache.
 

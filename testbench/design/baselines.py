@@ -17,7 +17,7 @@ from testbench.design.planning import Plan
 from testbench.design.rows import Problem, information
 from testbench.errors import Array, Ids
 from testbench.identify.regression import RANK_TOLERANCE
-from testbench.session import stepwise
+from testbench.progress import stepwise
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from testbench.design.criteria import Criterion, Largest
 from testbench.design.relaxation import Relaxed, sensitivity
 from testbench.design.rows import Problem, behind, information, total
 from testbench.errors import Array, Ids
-from testbench.session import stepwise
+from testbench.progress import stepwise
 
 STARTS, FEWER, DRAWN = 12, 4, 190
 """Most random starts from the relaxed weights; the same for G and E, whose trials cost more; and the most

@@ -14,7 +14,7 @@ from testbench.design.criteria import Criterion
 from testbench.design.relaxation import sensitivity
 from testbench.design.rows import behind, total
 from testbench.errors import Array, Ids, Mask
-from testbench.session import stepwise
+from testbench.progress import stepwise
 
 NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time by `refine`.
 FEWER = 16  #: Neighbours of a pose that are judged at a time by `ascend`, where many poses climb at once.

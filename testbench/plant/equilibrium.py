@@ -21,7 +21,7 @@ from testbench.plant.compensator import Strut, attached, stiffen, strut, strut_f
 from testbench.plant.gear import gear_error
 from testbench.plant.joint_law import JointLaw, slope, turn
 from testbench.plant.state import Row, State, evaluate, generalised_force, moved, open_row, place
-from testbench.session import stepwise
+from testbench.progress import stepwise
 
 TOGETHER = 512  #: Poses that take their Newton steps together: enough for numpy, few for memory.
 STEP_TOLERANCE = 1e-9  #: A pose is in equilibrium when the last Newton step is below this [m, rad].

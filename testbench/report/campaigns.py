@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
-from testbench.campaign.models import JOINTS
-from testbench.campaign.workspace_errors import ErrorPlaces, Places, error_places
 from testbench.identify import Constraint
+from testbench.report.schema import best_of
 from testbench.report.table import Row, Trials, aligned, merged, nested, paired
-from testbench.trials.spread import span, wins
-from testbench.views.schema import best_of
+from testbench.runs.spread import span, wins
+from testbench.workflows.models import JOINTS
+from testbench.workflows.workspace_errors import ErrorPlaces, Places, error_places
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
 NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.", "data_file")

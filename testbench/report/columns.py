@@ -4,9 +4,9 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
-from testbench.campaign.perturbed_prior import PRIORS_CALLED
-from testbench.campaign.true_arms import CALLED
-from testbench.views.schema import Column
+from testbench.plant.true_arms import CALLED
+from testbench.report.schema import Column
+from testbench.workflows.perturbed_prior import PRIORS_CALLED
 
 WORDS = """
     method status interval quantity values rows number truth what verdict why prediction

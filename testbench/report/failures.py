@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.campaign.rows import FAILED
 from testbench.report.columns import columns
 from testbench.report.report import Report, say
+from testbench.report.schema import Table
 from testbench.report.table import TRIAL, Row, Trials, find
-from testbench.views.schema import Table
+from testbench.workflows.rows import FAILED
 
 FAILURES = "failures"  #: Name of the table.
 Failures = Mapping[tuple[str, int], str]

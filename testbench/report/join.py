@@ -7,23 +7,13 @@ from typing import Any, Literal
 import numpy as np
 
 from testbench.errors import InputError
-from testbench.output.manifest import Finished
 from testbench.report.badge import Badge, decide
 from testbench.report.report import number
+from testbench.report.schema import ALIKE
 from testbench.report.table import Row, finite
-from testbench.trials.spread import (
-    SAME,
-    Number,
-    Spread,
-    ends,
-    median_interval,
-    middle,
-    spread,
-    triple,
-    wins,
-)
-from testbench.trials.store import WHOLE
-from testbench.views.schema import ALIKE
+from testbench.runs.manifest import Finished
+from testbench.runs.spread import SAME, Number, Spread, ends, median_interval, middle, spread, triple, wins
+from testbench.runs.store import WHOLE
 
 KINDS = {
     "workspace": "over the workspace, against the truth",
@@ -167,7 +157,7 @@ def _trials(run: Finished) -> Mapping[tuple[str, str], Sequence[BySeed]]:
     path = run.folder / WHOLE
     if not run.several or not path.is_file():
         return {}
-    from testbench.trials.parquet import series  # here: few runs have trials
+    from testbench.runs.parquet import series  # here: few runs have trials
 
     found: dict[tuple[str, str], list[BySeed]] = {}
     for own in series(path, [f"{kind}.rms_mm" for kind in KINDS]):

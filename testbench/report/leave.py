@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench import files
-from testbench.campaign.model_folder import digests
-from testbench.output.whole import whole_folder
+from testbench.files.model_folder import digests
+from testbench.progress import stepwise
 from testbench.report.report import Report
-from testbench.session import stepwise
-from testbench.views.scene import Seen, typical_first
+from testbench.report.scene import Seen, typical_first
+from testbench.runs import provenance as files
+from testbench.runs.whole import whole_folder
 
 More = Callable[[Path], Mapping[str, object] | None]
 """Writes what else a command leaves into the folder; what it returns goes into manifest.json."""
@@ -37,11 +37,11 @@ class Asked:
 
 def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
     """Write a run; InputError when its folder cannot be written."""
-    from testbench.views.figure import save  # here: matplotlib and rerun take half a second, and not
-    from testbench.views.page.page import write_page  # every command leaves a folder
-    from testbench.views.recording.run import write_run
-    from testbench.views.recording.stream import Header
-    from testbench.views.run_figure import error_map, overview
+    from testbench.report.figure import save  # here: matplotlib and rerun take half a second, and not
+    from testbench.report.page.page import write_page  # every command leaves a folder
+    from testbench.report.recording.run import write_run
+    from testbench.report.recording.stream import Header
+    from testbench.report.run_figure import error_map, overview
 
     with whole_folder(out) as folder:
         found = (asked.more(folder) if asked.more else None) or {}

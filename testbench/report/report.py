@@ -11,14 +11,14 @@ from typing import Any
 from pydantic import JsonValue
 
 from testbench.errors import InputError
-from testbench.output.manifest import read_plain
 from testbench.report.badge import Badge
+from testbench.report.colours import Look
+from testbench.report.gains import less, more, ratio, share
+from testbench.report.markdown import MOST, Markdown, as_markdown, counted, ended, grid, listed, place, titled
+from testbench.report.schema import Column, Table, looks, show, show_truth, written_out
 from testbench.report.table import DRAWN, SPREAD, Row, plain, rows
-from testbench.trials.spread import Spread, middle, most
-from testbench.views.colours import Look
-from testbench.views.gains import less, more, ratio, share
-from testbench.views.markdown import MOST, Markdown, as_markdown, counted, ended, grid, listed, place, titled
-from testbench.views.schema import Column, Table, looks, show, show_truth, written_out
+from testbench.runs.manifest import read_plain
+from testbench.runs.spread import Spread, middle, most
 
 FORMS = {
     "yes": show_truth,

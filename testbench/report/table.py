@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from testbench.trials.rows import Row as Row
-from testbench.trials.rows import finite as finite
-from testbench.trials.spread import Spread, spread, twins_once
-from testbench.views.gains import Gain, gained
+from testbench.report.gains import Gain, gained
+from testbench.runs.rows import Row as Row
+from testbench.runs.rows import finite as finite
+from testbench.runs.spread import Spread, spread, twins_once
 
 Cells = npt.NDArray[Any]
 MODEL, TRIAL = "name", "seed"

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from testbench.shell import interrupt
+from testbench.runs import interrupt
 
 if TYPE_CHECKING:
     from testbench.studies.study import AnyStudy
@@ -44,10 +44,10 @@ def main(name: str) -> None:
         name: Of its scenario.
     """
     interrupt.handle(interrupt.leave_at_once)
-    from testbench.shell.surroundings import undisturbed  # here: it imports numpy
+    from testbench.runs.surroundings import undisturbed  # here: it imports numpy
 
     undisturbed()
-    from testbench.shell import command  # here: imports can be interrupted from now on
+    from testbench.runs import command  # here: imports can be interrupted from now on
     from testbench.studies.run import app
 
     interrupt.leave(command.run(app(find_study(name))))

@@ -5,17 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.campaign.campaign import Cell, Setup, settle_both
-from testbench.campaign.rows import MM
 from testbench.data.dataset import Dataset, in_order, split
-from testbench.data.read_pairs import from_text
-from testbench.data.write import write_csv
 from testbench.errors import Array
+from testbench.files.read_pairs import from_text
+from testbench.files.write import write_csv
 from testbench.plant.shapes import elastic_frames, origins, rigid_frames
-from testbench.report.table import Row, Trials
-from testbench.studies.study import AnyRun
-from testbench.views.colours import LOAD, MEASURED, Look, look_of
-from testbench.views.scene import (
+from testbench.report.colours import LOAD, MEASURED, Look, look_of
+from testbench.report.scene import (
     Layer,
     Line,
     PlaceMap,
@@ -27,6 +23,10 @@ from testbench.views.scene import (
     of_all,
     picked,
 )
+from testbench.report.table import Row, Trials
+from testbench.studies.study import AnyRun
+from testbench.workflows.cell import Cell, Setup, settle_both
+from testbench.workflows.rows import MM
 
 ARROWS = 0.25  #: Length of an arrow longer than 95 % of all over the reach of the arm [1].
 FORCE = 0.2  #: Length of the arrow of the largest force over the reach [1].

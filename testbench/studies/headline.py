@@ -3,11 +3,11 @@
 from collections import Counter
 
 from testbench.report.badge import Badge
+from testbench.report.markdown import Markdown, capital
 from testbench.report.report import say
+from testbench.report.schema import Column, Table
 from testbench.report.table import Row, Trials
-from testbench.trials.spread import ENOUGH, middle
-from testbench.views.markdown import Markdown, capital
-from testbench.views.schema import Column, Table
+from testbench.runs.spread import ENOUGH, middle
 
 READ = Markdown("docs/study_tables.md says what tables and columns mean.")
 NOTHING = Markdown("Nothing is compared.")

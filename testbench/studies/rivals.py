@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from testbench.campaign.campaign import Cell
-from testbench.campaign.model_selection import FILLED
-from testbench.campaign.models import WITHOUT_CONE, Model, equal_fit, named_models
 from testbench.identify import gco, least_squares, paper_gco
 from testbench.model.structure import all153, template56
 from testbench.studies.estimators.shrunk import clipped, ridge
+from testbench.workflows.cell import Cell
+from testbench.workflows.model_selection import FILLED
+from testbench.workflows.models import WITHOUT_CONE, Model, equal_fit, named_models
 
 IN_PAPER = " (paper)"  #: Behind the name of a model that GCO identifies without a trace weight.
 LEAST_SQUARES = "MLS56"

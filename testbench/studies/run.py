@@ -12,28 +12,28 @@ import typer
 from pydantic import TypeAdapter
 from rich.console import Console
 
-from testbench import files
-from testbench.campaign.model_folder import digests
-from testbench.campaign.own_estimator import EstimatorOptions, digests_of
 from testbench.errors import InputError
-from testbench.output.place import claim_folder
-from testbench.output.whole import whole_folder
+from testbench.files.model_folder import digests
+from testbench.report import terminal
 from testbench.report.failures import FAILURES, failures, fitted, with_failures
+from testbench.report.figure import Figure, headed, save
+from testbench.report.markdown import titled
+from testbench.report.page.page import write_page
+from testbench.report.recording.run import write_run
 from testbench.report.report import Report
+from testbench.report.scene import Seen, typical_first
+from testbench.report.schema import Table
 from testbench.report.table import Trials
-from testbench.shell.options import Common, takes
-from testbench.shell.trials import choose_backend, show_progress
+from testbench.runs import provenance as files
+from testbench.runs.engine import Backend, run_study
+from testbench.runs.experiment import Experiment
+from testbench.runs.place import claim_folder
+from testbench.runs.store import open_store, write_parquet
+from testbench.runs.whole import whole_folder
 from testbench.studies.study import AnyStudy, Everywhere, P, Run
-from testbench.trials.engine import Backend, run_study
-from testbench.trials.experiment import Experiment
-from testbench.trials.store import open_store, write_parquet
-from testbench.views import terminal
-from testbench.views.figure import Figure, headed, save
-from testbench.views.markdown import titled
-from testbench.views.page.page import write_page
-from testbench.views.recording.run import write_run
-from testbench.views.scene import Seen, typical_first
-from testbench.views.schema import Table
+from testbench.workflows.backend import choose_backend, show_progress
+from testbench.workflows.options import Common, takes
+from testbench.workflows.own_estimator import EstimatorOptions, digests_of
 
 NOBODY = EstimatorOptions()  #: No estimator of one's own.
 PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.

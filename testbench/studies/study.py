@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.own_process import Own
+from testbench.report.figure import Figure
+from testbench.report.recording.stream import Header
 from testbench.report.report import Report
+from testbench.report.scene import Seen
 from testbench.report.table import Trials
-from testbench.views.figure import Figure
-from testbench.views.recording.stream import Header
-from testbench.views.scene import Seen
+from testbench.workflows.own_process import Own
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from testbench.campaign.campaign import build_cell
 from testbench.model.vjm import tool_pose
 from testbench.plant.equilibrium import unloaded
+from testbench.workflows.cell import build_cell
 
 
 @dataclass(frozen=True)

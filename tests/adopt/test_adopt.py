@@ -7,12 +7,12 @@ from oracles import mujoco_mjcf, mujoco_urdf, ours, random_q
 from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, sliding_mjcf
 
 from testbench.arm.folder import load_arm
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.new_arm import sentence, write_arm
-from testbench.campaign.propose import Wishes
-from testbench.plant.import_robot.chain import read_chain
-from testbench.plant.import_robot.weigh import DENSITY
-from testbench.plant.import_robot.write import drawn_mesh
+from testbench.files.robot.chain import read_chain
+from testbench.files.robot.weigh import DENSITY
+from testbench.files.robot.write import drawn_mesh
+from testbench.workflows.cell import build_cell
+from testbench.workflows.new_arm import sentence, write_arm
+from testbench.workflows.propose import Wishes
 
 ARMS = {
     light_urdf: (mujoco_urdf, "tool0", "a1 a2 a3 a4 a5 a6 a7"),

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from testbench.arm.folder import find_arm, load_arm
-from testbench.campaign.propose_map import map_text, propose
-from testbench.data.meaning import joint_family, overlooked
-from testbench.data.read_pairs import read_export
-from testbench.data.read_series import read_series
-from testbench.data.targets import read_log
 from testbench.errors import InputError
+from testbench.files.meaning import joint_family, overlooked
+from testbench.files.propose_map import map_text, propose
+from testbench.files.read_pairs import read_export
+from testbench.files.read_series import read_series
+from testbench.files.targets import read_log
 
 ARM = load_arm(find_arm("kr500_l480"))
 N = 12

@@ -14,10 +14,10 @@ from run_here import do, fine, is_refused
 from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, sliding_mjcf
 
 from testbench.arm.folder import load_arm
-from testbench.campaign.arm_check import check
 from testbench.model.kinematics import build_vjm
 from testbench.model.vjm import body_poses, tool_pose
 from testbench.plant.site import build_site, collisions
+from testbench.workflows.arm_check import check
 
 STRANGERS = light_urdf, heavy_urdf, classes_mjcf, mounted_mjcf, sliding_mjcf
 FUZZED = 25

@@ -10,8 +10,8 @@ from run_here import do, fine, refused
 from strangers import heavy_urdf
 
 from testbench.arm.folder import load_arm
-from testbench.data.read_series import read_series
-from testbench.shell.project import NAME, Project, read_project
+from testbench.files.read_series import read_series
+from testbench.workflows.project import NAME, Project, read_project
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = "kr500_l480"

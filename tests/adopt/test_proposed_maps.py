@@ -12,8 +12,8 @@ from run_here import ROOT, do, fine, is_refused
 from workbooks import packed, parts
 
 from testbench.arm.folder import find_arm, load_arm
-from testbench.data.read_series import read_series
 from testbench.errors import InputError
+from testbench.files.read_series import read_series
 
 ARM = "kr500_l480"
 BEGAN = datetime(2026, 9, 14, 9, 1, 30)

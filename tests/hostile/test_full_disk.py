@@ -8,7 +8,7 @@ import os
 import pytest
 
 from testbench.cli.program import COMMANDS
-from testbench.output.whole import remove
+from testbench.runs.whole import remove
 
 FULL = 600  #: Largest file that the disk takes [byte]: what the commands say fits, their results do not.
 QUICK = {

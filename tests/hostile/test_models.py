@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.campaign.arm_models import _read_arrays
 from testbench.errors import InputError
+from testbench.workflows.arm_models import _read_arrays
 
 Change = Callable[[dict], object]
 

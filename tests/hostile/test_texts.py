@@ -16,14 +16,14 @@ import pytest
 from markdown_it import MarkdownIt
 from spoil import swap
 
-from testbench.campaign.campaign import build_cell
-from testbench.data.formula import as_cell, from_cell
-from testbench.data.program import read_program
-from testbench.data.read_pairs import read_csv
-from testbench.data.write import write_program
 from testbench.errors import BenchError, InputError, shown, word
-from testbench.views.figure import page, save
-from testbench.views.markdown import as_markdown, as_plain, lines
+from testbench.files.formula import as_cell, from_cell
+from testbench.files.program import read_program
+from testbench.files.read_pairs import read_csv
+from testbench.files.write import write_program
+from testbench.report.figure import page, save
+from testbench.report.markdown import as_markdown, as_plain, lines
+from testbench.workflows.cell import build_cell
 
 NAMES = {
     "markup": "[/nope]",

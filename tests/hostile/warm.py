@@ -16,7 +16,7 @@ from pathlib import Path
 import typer
 
 from testbench.cli.program import COMMANDS, program
-from testbench.shell import command
+from testbench.runs import command
 from testbench.studies import find_study
 from testbench.studies import run as studies
 
@@ -31,7 +31,7 @@ def load() -> None:
     """Import all commands, and what they import when they run."""
     for name in COMMANDS:
         importlib.import_module(f"testbench.cli.{name}")
-    for name in ("testbench.campaign.campaign", "testbench.views.recording.stream", "testbench.views.figure"):
+    for name in ("testbench.workflows.cell", "testbench.report.recording.stream", "testbench.report.figure"):
         importlib.import_module(name)
 
 

@@ -9,11 +9,11 @@ from sound_sets import PAYLOAD, Sound
 
 from testbench import BenchError, registered
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.doubt import said
 from testbench.errors import Doubt
 from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
 from testbench.identify.prior import Prior
 from testbench.model.vjm import tool_pose
+from testbench.workflows.doubt import said
 
 POSES = 12  #: Of a set-up in which the tracker moves by half a millimetre.
 

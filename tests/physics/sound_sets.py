@@ -13,8 +13,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.campaign import Cell, LoadedPoses, clear_poses, stream
-from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset
 from testbench.identify.prior import Prior, cad_prior, distorted
 from testbench.model.poses import WorkArea
@@ -22,6 +20,9 @@ from testbench.plant.build import with_model
 from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import settle_pair
+from testbench.plant.tracker import stream
+from testbench.plant.true_arms import TRUTHS
+from testbench.workflows.cell import Cell, LoadedPoses, clear_poses, true_cell
 
 PAYLOAD = {"kr500_l480": 460.3, "arm_6r": 20.0}
 """Largest mass that hangs from each arm [kg]."""

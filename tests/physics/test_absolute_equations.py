@@ -9,9 +9,6 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 from unsure import unsure_everywhere
 
-from testbench.campaign.absolute import DRIFT, drifted
-from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
-from testbench.campaign.named_parameters import functionals
 from testbench.data.series import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.align import aligned
@@ -38,6 +35,9 @@ from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
+from testbench.workflows.absolute import DRIFT, drifted
+from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.workflows.named_parameters import functionals
 
 PAIRS = AbsoluteCampaign(
     poses=25, masses=(0.0, 230.0, 460.0), orientations=True, sigma_rotation=1e-4, disturbances=REAL_ARM

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from testbench import BenchError, cad_prior
-from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
-from testbench.campaign.campaign import Cell
 from testbench.data.series import select_rows
 from testbench.identify.absolute import choose
 from testbench.identify.absolute import state as absolute
@@ -22,6 +20,8 @@ from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.equilibrium import settle
 from testbench.plant.gear import GearErrors
+from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.workflows.cell import Cell
 
 WEIGHT = Disturbances(own_weight=True)
 EXACT = AbsoluteCampaign(poses=12, series=2, targets=3, orientations=True, noise=False, disturbances=WEIGHT)

@@ -11,10 +11,6 @@ from loads import random_q
 from serial_arms import turned_arm, write_arm
 
 from testbench import cad_prior, least_squares, read_series
-from testbench.campaign.campaign import Scenario, build_cell, hanging, measure, simulate
-from testbench.campaign.fits import Runs, fit
-from testbench.campaign.model_selection import default_models, default_name
-from testbench.campaign.models import named_models, plain_name
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.scatter import residuals
@@ -24,6 +20,10 @@ from testbench.model.weights import read_weights
 from testbench.plant.disturbance import NOMINAL, TYPICAL
 from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import settle, settle_pair
+from testbench.workflows.cell import Scenario, build_cell, hanging, measure, simulate
+from testbench.workflows.fits import Runs, fit
+from testbench.workflows.model_selection import default_models, default_name
+from testbench.workflows.models import named_models, plain_name
 
 
 @pytest.mark.parametrize("turned", ['zaxis="0 0 -1"', 'xyaxes="0 0 2 0 -1 0"', 'euler="0 0 1.57"', ""])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from spoil import swap
 
-from testbench.campaign.arm_check import check
-from testbench.campaign.new_arm import elastic_toml
-from testbench.campaign.propose import Wishes, propose
+from testbench.files.robot.chain import read_chain
 from testbench.model.vjm import chain
-from testbench.plant.import_robot.chain import read_chain
+from testbench.workflows.arm_check import check
+from testbench.workflows.new_arm import elastic_toml
+from testbench.workflows.propose import Wishes, propose
 
 MODELS = Path(__file__).parents[2] / "models"
 TOML, XML = "elastic.toml", "rigid.xml"

@@ -9,7 +9,6 @@ from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_e
 
 from testbench import Load, compensate, predict
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.program import extrapolated
 from testbench.correct.beyond import extent
 from testbench.correct.newton import SMALL, Aim, Target, asked
 from testbench.correct.rest import rest
@@ -25,6 +24,7 @@ from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import no_weights, read_weights
 from testbench.plant.equilibrium import settle
 from testbench.plant.site import collisions
+from testbench.workflows.program import extrapolated
 
 POSES = 60  #: Drawn all over the limits.
 HUNG = Load(np.array([0, 0, -900.0, 0, 0, 0]), TIP)

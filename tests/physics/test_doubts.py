@@ -15,8 +15,6 @@ from scipy.stats import f as f_ratio
 from scipy.stats import multivariate_normal
 from sound_sets import sound
 
-from testbench.campaign.campaign import stream
-from testbench.campaign.doubt import said
 from testbench.data.dataset import Dataset, in_order, select
 from testbench.identify.diagnosis import find
 from testbench.identify.diagnosis.find import AT_A_TIME, HandedIn, doubts
@@ -32,6 +30,8 @@ from testbench.identify.registered import Registered, registered
 from testbench.model.loaded import displacement
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
+from testbench.plant.tracker import stream
+from testbench.workflows.doubt import said
 
 SEEDS = {"levels": 10, "pressed": 11, "tracker": 17}
 """A set of every kind, of a KR 500: three hung masses, forces in all directions, a tracker's frame."""

@@ -5,11 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.campaign.advice import advice
-from testbench.campaign.campaign import Scenario, draw_poses, simulate_at, stream
-from testbench.campaign.campaign import simulate as calibrate
-from testbench.campaign.identifiability import imagined
-from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify import (
     completed_least_squares,
@@ -28,12 +23,18 @@ from testbench.identify.prior import cad_prior
 from testbench.identify.regression import f_m
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
+from testbench.plant.tracker import stream
 from testbench.studies.campaign import compared as fits
 from testbench.studies.campaign.grids import Clean, Grid, expected
 from testbench.studies.campaign.trial import reread
 from testbench.studies.estimators.shrunk import RIDGES, clipped, ridge
 from testbench.studies.paper import factorised
 from testbench.studies.paper.search import BOX, Budget, explore, trial_points
+from testbench.workflows.advice import advice
+from testbench.workflows.cell import Scenario, draw_poses, simulate_at
+from testbench.workflows.cell import simulate as calibrate
+from testbench.workflows.identifiability import imagined
+from testbench.workflows.pose_campaign import FullPose, simulate
 
 SECTION_5_2 = FullPose(arm="arm_6r", least=9e-3, most=41e-3, check_runs=10)
 

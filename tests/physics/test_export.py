@@ -15,12 +15,11 @@ from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
 
 from testbench.arm.urdf_text import STAMP
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.export import draft_new, draft_own, export
-from testbench.campaign.export_controller import export_offsets
-from testbench.campaign.export_geometry import apart, drawn, random_joints, tool_poses
-from testbench.campaign.export_left import best_offsets
 from testbench.errors import BenchError, InputError
+from testbench.files.export import draft_new, draft_own, export
+from testbench.files.export_controller import export_offsets
+from testbench.files.export_geometry import apart, drawn, random_joints, tool_poses
+from testbench.files.export_left import best_offsets
 from testbench.identify.absolute.state import nominal
 from testbench.identify.arm_model import bending
 from testbench.model.joint_errors import JointErrors
@@ -28,6 +27,7 @@ from testbench.model.kinematics import build_vjm
 from testbench.model.laws import lawful
 from testbench.model.vjm import chain, generalised_load, plain_load
 from testbench.model.weights import read_weights
+from testbench.workflows.cell import build_cell
 
 SHIFT, TURN, SLIDE = 0.5e-3, 1e-3, 0.5e-3  #: Planted errors [m], [rad], of a slide's offset [m].
 

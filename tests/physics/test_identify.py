@@ -7,8 +7,6 @@ import pytest
 from loads import SIGMA, SIGMA_ROTATION, axis_loads, rotation_observation
 
 from testbench import BenchError, Scenario, simulate
-from testbench.campaign.advice import advice
-from testbench.campaign.identifiability import describe, tasks, unseen
 from testbench.data.dataset import in_order
 from testbench.identify import gco, least_squares, reduce
 from testbench.identify.certify import gradient_dual
@@ -17,6 +15,8 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, rank
 from testbench.model.structure import Structure, all153, free36, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.model.vjm import chain, observation
+from testbench.workflows.advice import advice
+from testbench.workflows.identifiability import describe, tasks, unseen
 
 
 @pytest.fixture(scope="module")

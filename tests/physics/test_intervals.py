@@ -15,14 +15,6 @@ from scipy.stats import t as student
 from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 
 from testbench import BenchError, compensate, gco, intervals, least_squares, predict, reduce, with_prior
-from testbench.campaign import named_parameters
-from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
-from testbench.campaign.campaign import Scenario, clear_poses, simulate, stream
-from testbench.campaign.fits import fit
-from testbench.campaign.models import named_models
-from testbench.campaign.pose_campaign import FullPose
-from testbench.campaign.pose_campaign import simulate as simulate_full_pose
-from testbench.campaign.runs import Runs
 from testbench.correct.newton import asked
 from testbench.correct.rest import rest
 from testbench.data.dataset import in_order
@@ -35,11 +27,20 @@ from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.gear import GearErrors
+from testbench.plant.tracker import stream
 from testbench.studies.absolute.beside import true_state
 from testbench.studies.absolute.simulated import check
 from testbench.studies.campaign.coverage import draw_conservative
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.estimators.bounds import bounds, fit_set
+from testbench.workflows import named_parameters
+from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.workflows.cell import Scenario, clear_poses, simulate
+from testbench.workflows.fits import fit
+from testbench.workflows.models import named_models
+from testbench.workflows.pose_campaign import FullPose
+from testbench.workflows.pose_campaign import simulate as simulate_full_pose
+from testbench.workflows.read_runs import Runs
 
 LEVEL, DRAWS = 1e-6, 300  #: Of false alarms; truths drawn.
 Z = norm.ppf(0.975)  #: Half of an interval of 95 % over a standard deviation.
@@ -332,7 +333,7 @@ def test_memory_of_intervals_grows_with_what_they_are_and_not_with_their_rows(kr
 
 def test_of_many_runs_some_have_intervals_evenly_and_the_notes_say_so(kr500, monkeypatch):
     data = simulate(kr500, Scenario(arm="kr500_l480", truth="linear", workspace_poses=1), 3).identification
-    monkeypatch.setattr("testbench.campaign.fits.SHOWN", 4)
+    monkeypatch.setattr("testbench.workflows.fits.SHOWN", 4)
     runs = Runs("runs.csv", data, data, None)
     fits = fit(kr500, named_models(kr500, ["Joints"]), runs, lambda: 0.0, widths=True).fits
     shown = [row["run"] for row in fits.models[0].intervals.deflections[:: len(data.markers)]]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from serial_arms import write_arm
 
-from testbench.campaign.campaign import build_cell
 from testbench.correct.inverse import THERE, joints_along, reach
 from testbench.correct.newton import Target
 from testbench.model.vjm import rotation, tool_pose
+from testbench.workflows.cell import build_cell
 
 
 @pytest.fixture(scope="session")

@@ -14,30 +14,31 @@ from unsure import normal
 import testbench as tb
 from testbench.arm.folder import Joint
 from testbench.arm.joint_map import build_map
-from testbench.campaign.campaign import build_cell, stream
-from testbench.campaign.export import draft_new, export
-from testbench.campaign.new_arm import write_arm as write_own
-from testbench.campaign.plan import around as workspace
-from testbench.campaign.plan import nearest_turn, search
-from testbench.campaign.plan_numbers import numbers, write_poses
-from testbench.campaign.program import correct_program, more_columns
-from testbench.campaign.propose import Wishes
 from testbench.correct.inverse import joints_along
 from testbench.correct.newton import Aim
-from testbench.data.motion import WRITERS, write_moves
-from testbench.data.program import read_poses
 from testbench.data.series import series_of
-from testbench.data.write import write_program, write_series
 from testbench.design.refine import Reach, Search
 from testbench.errors import InputError
+from testbench.files.export import draft_new, export
+from testbench.files.motion import WRITERS, write_moves
+from testbench.files.program import read_poses
+from testbench.files.robot.chain import read_chain
+from testbench.files.write import write_program, write_series
 from testbench.identify.arm_model import About, bending, of_compliances
 from testbench.model.structure import all153
 from testbench.model.tool_motion import turn_between
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
 from testbench.plant.equilibrium import settle
-from testbench.plant.import_robot.chain import read_chain
 from testbench.plant.shapes import rigid_frames
+from testbench.plant.tracker import stream
+from testbench.workflows.cell import build_cell
+from testbench.workflows.new_arm import write_arm as write_own
+from testbench.workflows.plan import around as workspace
+from testbench.workflows.plan import nearest_turn, search
+from testbench.workflows.plan_numbers import numbers, write_poses
+from testbench.workflows.program import correct_program, more_columns
+from testbench.workflows.propose import Wishes
 
 SETTINGS = tb.PlanSettings(loads_kg=(60.0,), poses=4, candidates_wanted=30)
 ROUND_TRIP = 1e-12  #: Of joints from files to the chain and back [rad, m].

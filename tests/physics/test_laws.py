@@ -10,9 +10,6 @@ from loads import GRAVITY, hung
 from run_here import here
 
 from testbench import Load, deflections, load_model, predict, read_csv, score, stiffness, write_csv
-from testbench.campaign.campaign import Scenario, simulate, stream
-from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import named_models
 from testbench.cli.program import program
 from testbench.correct.rest import put
 from testbench.data.dataset import in_order
@@ -30,7 +27,11 @@ from testbench.model.weights import read_weights
 from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import settle, settle_pair
+from testbench.plant.tracker import stream
 from testbench.studies.campaign.disturbed import disturbed
+from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.model_selection import with_priors
+from testbench.workflows.models import named_models
 
 SCENARIO = Scenario(
     arm="kr500_l480", truth="linear", noise=False, identification_poses=8, identification_runs=16

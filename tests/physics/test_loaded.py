@@ -10,7 +10,6 @@ from serial_arms import write_arm
 from spoil import swap
 
 from testbench import Series, load_arm
-from testbench.campaign.absolute import of_masses
 from testbench.errors import BenchError, InputError, NoEquilibrium
 from testbench.identify.absolute.torques import CENTRE, LIMIT, MASS, fit_weights
 from testbench.identify.regression import non_redundant, rank
@@ -22,6 +21,7 @@ from testbench.plant.build import weightless
 from testbench.plant.equilibrium import Poses, settle
 from testbench.plant.equilibrium import tangent as plant_tangent
 from testbench.plant.state import open_row
+from testbench.workflows.absolute import of_masses
 
 HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}
 """Most that the arm carries in every pose [N]: the light arm's virtual joints then turn by 0.2 rad."""

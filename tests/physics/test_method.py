@@ -8,11 +8,6 @@ import pytest
 from loads import axis_loads
 
 from testbench import BenchError, Scenario, score, simulate
-from testbench.campaign.advice import advice
-from testbench.campaign.evaluation import identify, of_model
-from testbench.campaign.fits import Runs, fit
-from testbench.campaign.model_selection import DEFAULT, choose, default_models, recommend
-from testbench.campaign.models import Model, is_least_squares, named_models
 from testbench.identify import (
     gco,
     huber,
@@ -37,6 +32,11 @@ from testbench.identify.weighed import one_by_one
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import tool_pose
 from testbench.studies.campaign.instruments import spoil
+from testbench.workflows.advice import advice
+from testbench.workflows.evaluation import identify, of_model
+from testbench.workflows.fits import Runs, fit
+from testbench.workflows.model_selection import DEFAULT, choose, default_models, recommend
+from testbench.workflows.models import Model, is_least_squares, named_models
 
 HALF = Strength(0.5)
 

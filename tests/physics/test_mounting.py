@@ -5,13 +5,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
 
-from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.doubt import said
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.diagnosis.mounting import DOWN, angle, mounted, towards
 from testbench.identify.diagnosis.own_weight import by_own_weight
 from testbench.identify.prior import cad_prior
+from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.workflows.cell import build_cell
+from testbench.workflows.doubt import said
 
 ONLY = Options(only=frozenset({"joint springs"}), orders=5)
 TURNS = {"hangs": (180, 0, 0), "stands on a wall": (0, 90, 0), "is tilted": (12, 16, 0)}

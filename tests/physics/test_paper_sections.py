@@ -9,15 +9,15 @@ from printed_matrices import OWN, least_cost, printed_matrices, readings, tables
 from scipy.spatial.transform import Rotation
 
 from testbench import Scenario, deflections
-from testbench.campaign.campaign import simulate as calibrate
-from testbench.campaign.evaluation import identify
-from testbench.campaign.models import named_models
-from testbench.campaign.pose_campaign import FullPose, random_wrenches, simulate
 from testbench.errors import PoseError
 from testbench.report.table import Row, Trials
+from testbench.runs.spread import spread
 from testbench.studies.paper import EQ_22, EQ_23, SECTION_6
 from testbench.studies.paper import single_link as trial
-from testbench.trials.spread import spread
+from testbench.workflows.cell import simulate as calibrate
+from testbench.workflows.evaluation import identify
+from testbench.workflows.models import named_models
+from testbench.workflows.pose_campaign import FullPose, random_wrenches, simulate
 
 STUDY = trial.Settings()
 LOADS = np.diag([10.0] * 6)

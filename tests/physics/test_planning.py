@@ -10,14 +10,6 @@ from scipy.stats import wishart
 
 from testbench import BenchError, Load, PlanSettings, deflections, least_squares, reduce, with_prior
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign import predicted_error
-from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.campaign.campaign import Scenario, hanging, measure, stream
-from testbench.campaign.candidates import Conditions, build_checks, find
-from testbench.campaign.open_laws import open_laws
-from testbench.campaign.plan import left_open, union_after, union_of
-from testbench.campaign.plan_numbers import filled
-from testbench.campaign.unobservable import quantities, unobservable
 from testbench.design import absolute
 from testbench.design import rows as plans
 from testbench.design.baselines import error_after
@@ -38,6 +30,15 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.plant.site import collisions
+from testbench.plant.tracker import stream
+from testbench.workflows import predicted_error
+from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.workflows.candidates import Conditions, build_checks, find
+from testbench.workflows.cell import Scenario, hanging, measure
+from testbench.workflows.open_laws import open_laws
+from testbench.workflows.plan import left_open, union_after, union_of
+from testbench.workflows.plan_numbers import filled
+from testbench.workflows.unobservable import quantities, unobservable
 
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
 

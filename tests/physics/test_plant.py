@@ -12,12 +12,12 @@ from loads import hung, random_q
 
 from testbench.arm.folder import Compensator, load_arm
 from testbench.errors import BenchError, InputError, NoEquilibrium
+from testbench.files.elastic_mjcf import write_elastic
 from testbench.plant.beyond import Beyond, Follows
 from testbench.plant.build import build_plant, plant_of
 from testbench.plant.compensator import attached, stiffen, strut, strut_force
 from testbench.plant.disturbance import FOUNDATION, KR500_COMPENSATOR, TYPICAL, Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb, exactly_loaded
-from testbench.plant.elastic import write_elastic
 from testbench.plant.equilibrium import hold, settle, settle_linear, settle_pair
 from testbench.plant.gear import GearErrors
 from testbench.plant.joint_law import JointLaw, slope, turn

@@ -9,12 +9,6 @@ from loads import at_rest
 from scipy.integrate import quad
 
 from testbench import BenchError, Scenario, deflections, gco, paper_gco, reduce, score, simulate, with_prior
-from testbench.campaign.advice import of_average
-from testbench.campaign.doubt import of_scale
-from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import named_models
-from testbench.campaign.perturbed_prior import prior_of
-from testbench.campaign.true_arms import true_cell
 from testbench.data.dataset import select
 from testbench.identify import average, hierarchy
 from testbench.identify import posterior as posteriors
@@ -33,6 +27,12 @@ from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
 from testbench.studies.estimators import stein
+from testbench.workflows.advice import of_average
+from testbench.workflows.cell import true_cell
+from testbench.workflows.doubt import of_scale
+from testbench.workflows.model_selection import with_priors
+from testbench.workflows.models import named_models
+from testbench.workflows.perturbed_prior import prior_of
 
 
 def runs(cell, seed, **changes):

@@ -10,12 +10,12 @@ from scipy.stats import chi2
 from serial_arms import write_arm
 
 from testbench import BenchError, Dataset, Scenario, build_cell, simulate
-from testbench.campaign.registration_notes import registration_notes
 from testbench.identify.registered import LOOSE, in_base, registered
 from testbench.identify.registered import unloaded as series_of_stations
 from testbench.identify.registration import Frame
 from testbench.identify.registration import register as register_series
 from testbench.model.vjm import tool_points
+from testbench.workflows.registration_notes import registration_notes
 
 FINE = 1e-7  #: Noise said of exact readings [m]: nominal positions then pull by less than 1e-11 m.
 

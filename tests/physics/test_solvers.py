@@ -8,7 +8,6 @@ from agreement import APART, OFF, WORSE, compared, least_squares_off
 from programs import NASTY, random_regression, with_random_prior
 
 from testbench import BenchError, Scenario, build_cell, deflections, simulate
-from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import in_order
 from testbench.identify import (
     certify,
@@ -34,6 +33,8 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import Term, f_m, regression_of
 from testbench.identify.solve import answer, solve
 from testbench.model.structure import Structure, all153, mgco47, mgco68, template56
+from testbench.plant.true_arms import TRUTHS
+from testbench.workflows.cell import true_cell
 
 STRENGTHS = (1e-6, 0.01, 0.3, 2.0, 30.0, 1e3)
 

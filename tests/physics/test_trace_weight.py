@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from testbench import BenchError, Scenario, deflections, score, simulate
-from testbench.campaign.true_arms import true_cell
 from testbench.identify import batch, certify, gco, least_squares, paper_gco, reduce, trace
 from testbench.identify.crossval import divided
 from testbench.identify.fold import reduce_parts
 from testbench.identify.trace import _strongest, learnt, weighed
 from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
+from testbench.workflows.cell import true_cell
 
 STRUCTURES = (template56, mgco68, mgco147, all153)
 

@@ -8,12 +8,13 @@ from scipy.optimize import minimize
 
 from testbench import MODELS, BenchError, cad_prior, deflections
 from testbench.arm import stiffness
-from testbench.campaign import true_arms
-from testbench.campaign.campaign import Scenario, simulate, stream
-from testbench.campaign.cast import CAST_IRON, Casting, Line, as_compliant, beam_compliance, draw_casting
-from testbench.campaign.perturbed_prior import FAR, PRIORS, TURN, prior_of, wrong_prior
-from testbench.campaign.section import Sections, rib_thickness
 from testbench.model.structure import TEMPLATE
+from testbench.plant import true_arms
+from testbench.plant.cast import CAST_IRON, Casting, Line, as_compliant, beam_compliance, draw_casting
+from testbench.plant.section import Sections, rib_thickness
+from testbench.plant.tracker import stream
+from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.perturbed_prior import FAR, PRIORS, TURN, prior_of, wrong_prior
 
 TUBE = stiffness.tube_compliance(stiffness.Tube(1.3, 0.34, 0.31, 1.1e11, 0.26))
 OFF = {"off_10": 0.1, "off_20": 0.2, "off_40": 0.4}

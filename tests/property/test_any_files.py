@@ -18,9 +18,9 @@ from refused import one_line
 
 from testbench import load_arm, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
-from testbench.data.names import LARGEST, LEAST
-from testbench.data.scatter import SIGMA_RANGE
 from testbench.errors import InputError
+from testbench.files.names import LARGEST, LEAST
+from testbench.files.scatter import SIGMA_RANGE
 
 ROOT = Path(__file__).parents[2]
 MODELS = ROOT / "models"

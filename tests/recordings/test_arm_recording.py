@@ -9,7 +9,7 @@ from page_checks import check_page, said
 from read_back import columns, document, on, sound
 from run_here import fine
 
-from testbench.campaign.arm_check import check
+from testbench.workflows.arm_check import check
 
 
 @pytest.fixture(scope="module")

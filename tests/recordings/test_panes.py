@@ -4,8 +4,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from testbench.views.colours import Look
-from testbench.views.recording.stream import Header, layout, recording, text_view
+from testbench.report.colours import Look
+from testbench.report.recording.stream import Header, layout, recording, text_view
 
 ROWS = np.arange(3)
 RED = (200, 60, 20)

@@ -11,12 +11,12 @@ from read_back import chunks_of, columns, document, on, rerun, series, sound, vi
 from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
-from testbench.views.colours import SCALE, look
-from testbench.views.page.page import seen_plain
-from testbench.views.recording.run import write_run
-from testbench.views.recording.stream import Header
-from testbench.views.run_figure import overview
-from testbench.views.scene import Line, Seen, typical_first
+from testbench.report.colours import SCALE, look
+from testbench.report.page.page import seen_plain
+from testbench.report.recording.run import write_run
+from testbench.report.recording.stream import Header
+from testbench.report.run_figure import overview
+from testbench.report.scene import Line, Seen, typical_first
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 from read_back import chunks_of, columns
 
-from testbench.campaign.campaign import build_cell, settle_both
 from testbench.plant.shapes import elastic_frames, join_meshes, rigid_frames, visual_shapes
-from testbench.views.recording.stream import Header, layout, recording
-from testbench.views.recording.world import reach, write_arm
+from testbench.report.recording.stream import Header, layout, recording
+from testbench.report.recording.world import reach, write_arm
+from testbench.workflows.cell import build_cell, settle_both
 
 
 def test_shapes_are_the_visual_geoms_of_the_mjcf_in_their_own_places(kr500):

@@ -14,9 +14,9 @@ from PIL import Image
 from shot import Sight, film, shot, write_film
 
 from testbench.errors import BenchError, InputError
-from testbench.views.recording import viewer
-from testbench.views.recording.run import write_run
-from testbench.views.recording.stream import Header
+from testbench.report.recording import viewer
+from testbench.report.recording.run import write_run
+from testbench.report.recording.stream import Header
 
 
 @pytest.fixture

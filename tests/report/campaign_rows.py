@@ -7,13 +7,13 @@ import numpy as np
 from made_up import of_one_trial
 from reports import AT, campaign_row, fit_row
 
-from testbench.campaign.campaign import Scenario
-from testbench.campaign.evaluation import CampaignRow
-from testbench.campaign.rows import ErrorRow
-from testbench.campaign.true_arms import HELD_OUT, member
+from testbench.plant.true_arms import HELD_OUT, member
 from testbench.studies.campaign import calibration, disturbances, disturbed, family, grids, noise, priors
 from testbench.studies.campaign.coverage import Covered
 from testbench.studies.campaign.trial import Cover, FitRow
+from testbench.workflows.cell import Scenario
+from testbench.workflows.evaluation import CampaignRow
+from testbench.workflows.rows import ErrorRow
 
 MODELS = {
     "Joints": ("Joints", "none", False),

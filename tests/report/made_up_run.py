@@ -3,13 +3,13 @@
 import numpy as np
 
 from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report.colours import GCO, MEASURED, Look
 from testbench.report.columns import columns as quantities
+from testbench.report.markdown import Markdown
 from testbench.report.report import Report
+from testbench.report.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen
+from testbench.report.schema import Table
 from testbench.report.table import Row
-from testbench.views.colours import GCO, MEASURED, Look
-from testbench.views.markdown import Markdown
-from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen
-from testbench.views.schema import Table
 
 POSES, PLACES = 5, 7
 LOOK = Look(GCO, 0, prior=True)

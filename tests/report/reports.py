@@ -14,16 +14,16 @@ from made_up import of_one_trial
 from page_checks import check_tables
 from rich.console import Console
 
-from testbench.campaign.evaluation import Measured
-from testbench.campaign.workspace_errors import Places
+from testbench.report import terminal
+from testbench.report.figure import SOFT
+from testbench.report.page import page as html
 from testbench.report.report import read
 from testbench.report.table import Trials
-from testbench.trials.parquet import arrow_table, write_trials
-from testbench.trials.rows import columns, tabled
-from testbench.trials.spread import Spread, ends, middle
-from testbench.views import terminal
-from testbench.views.figure import SOFT
-from testbench.views.page import page as html
+from testbench.runs.parquet import arrow_table, write_trials
+from testbench.runs.rows import columns, tabled
+from testbench.runs.spread import Spread, ends, middle
+from testbench.workflows.evaluation import Measured
+from testbench.workflows.workspace_errors import Places
 
 WIDTH = 80  #: Of a terminal.
 

@@ -6,11 +6,11 @@ from checks import check_spread, curves
 from made_up import of_one_trial
 from reports import check, check_forest, place_of, table_of
 
+from testbench.report.colours import GCO, LEAST_SQUARES
 from testbench.report.table import find
 from testbench.studies.absolute import simulated as s
 from testbench.studies.absolute.beside import Held
 from testbench.studies.absolute.simulated import BY, LOOKS, OPTIMUM, figures, report
-from testbench.views.colours import GCO, LEAST_SQUARES
 
 SEEDS, NUMBERS = range(300, 306), (50, 200)
 ALONE = (s.REAL, s.ABSOLUTE)

@@ -13,7 +13,7 @@ from testbench.report import badge
 from testbench.report.badge import Badge, decide, drawn, incumbents, of_models
 from testbench.report.report import read
 from testbench.report.table import SHARED, Row, Trials, merged, paired
-from testbench.trials.spread import independent
+from testbench.runs.spread import independent
 
 NOISE = np.exp(np.random.default_rng(3).normal(0, 0.3, 40))
 MODELS = [

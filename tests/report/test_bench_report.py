@@ -5,11 +5,11 @@ import pytest
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.campaign.rows import NO_ERRORS, DatasetRow, ErrorRow
 from testbench.studies.bench.entries import DEFAULT, JOINTS
 from testbench.studies.bench.scores import errors, overall, standings
 from testbench.studies.bench.study import figures, report
 from testbench.studies.bench.trial import DONE, SKIPPED, EntryRow, Settings, covariance, half_widths
+from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow
 
 TASKS, SEEDS, WHOLE = ("gravity-8", "loads"), range(1, 25), 700.0
 TIMES = dict(

@@ -9,15 +9,15 @@ from campaign_rows import COVERED, EXPECTED, GRIDS, MODELS, TRIALS
 from checks import check_spread, curves
 from reports import check, table_of
 
-from testbench.campaign.perturbed_prior import PRIORS, PRIORS_CALLED
-from testbench.campaign.true_arms import CALLED, HELD_OUT
+from testbench.plant.true_arms import CALLED, HELD_OUT
 from testbench.report.badge import LEAST_SQUARES
 from testbench.report.report import read
 from testbench.report.table import SHARED
+from testbench.runs.spread import Spread, middle
 from testbench.studies.campaign import family, grids
 from testbench.studies.campaign.presets.regimes import FREE, KINDS, pays
 from testbench.studies.campaign.report import RIVALS
-from testbench.trials.spread import Spread, middle
+from testbench.workflows.perturbed_prior import PRIORS, PRIORS_CALLED
 
 SEEDS = range(1, 7)
 SCORES = {"rms_mm", "p95_mm", "max_mm"}

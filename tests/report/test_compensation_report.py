@@ -8,14 +8,14 @@ import pytest
 from checks import check_spread, unit_in
 from reports import check, table_of
 
-from testbench.campaign.true_arms import FAMILY, TRUTHS, member
+from testbench.plant.true_arms import FAMILY, TRUTHS, member
+from testbench.report.colours import CHOICE, JOINTS
 from testbench.report.table import Row, find
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, IDENTIFIED, LINEAR, NOWHERE, REAL
 from testbench.studies.compensation.study import LOOKS, figures, report
 from testbench.studies.compensation.trial import JobsRow
 from testbench.studies.rivals import SAME
-from testbench.views.colours import CHOICE, JOINTS
 
 SETTINGS, SEEDS, POINTS = s.Settings("kr500_l480", 300), range(300, 306), 94
 LEFT = {s.PERFECT: 1e-8, DEFAULT: 0.02, "Joints": 0.08, s.NOMINAL: 0.3, s.PRIOR: 0.7}

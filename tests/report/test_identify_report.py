@@ -7,10 +7,10 @@ import reports
 from testbench.cli.identify import MODELS as COLUMNS
 from testbench.cli.identify import PAGE, report, table_of
 from testbench.report.badge import decide
+from testbench.report.colours import look
+from testbench.report.run_figure import overview
+from testbench.report.scene import Seen
 from testbench.report.table import Row
-from testbench.views.colours import look
-from testbench.views.run_figure import overview
-from testbench.views.scene import Seen
 
 MODELS = {
     "Joints": ("Joints", "none", False),

@@ -8,13 +8,13 @@ from checks import at, check_spread, tables_of, unit_in
 from made_up import of_one_trial
 from reports import AT, campaign_row, check, check_forest, place_of, table_of
 
-from testbench.campaign.models import EQUAL_FIT, JOINTS
-from testbench.campaign.rows import DatasetRow, ErrorRow
+from testbench.report.colours import GCO, LEAST_SQUARES, NOMINAL, look
+from testbench.report.markdown import grid
 from testbench.report.table import find
+from testbench.runs.spread import middle
 from testbench.studies.paper import loaded_stiffness, single_link, six_dof_arm, solver_comparison
-from testbench.trials.spread import middle
-from testbench.views.colours import GCO, LEAST_SQUARES, NOMINAL, look
-from testbench.views.markdown import grid
+from testbench.workflows.models import EQUAL_FIT, JOINTS
+from testbench.workflows.rows import DatasetRow, ErrorRow
 
 SEEDS = range(1, 21)
 

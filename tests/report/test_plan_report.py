@@ -10,19 +10,19 @@ from reports import check
 from rich.console import Console
 
 from testbench.arm.folder import Joint
-from testbench.campaign.open_laws import OpenLaw
-from testbench.campaign.plan import Planned, plan_for
-from testbench.campaign.plan_input import FORCE, read_loads, read_tasks
-from testbench.campaign.plan_numbers import _listed, numbers, plan_columns, write_poses, write_tasks
-from testbench.campaign.plan_settings import PlanSettings
-from testbench.campaign.predicted_error import Expected, Unloaded, Unshown
 from testbench.cli.plan import WORST, printed, report
 from testbench.model.load import weight
 from testbench.model.vjm import chain, tool_points
+from testbench.report import terminal
+from testbench.report.colours import look
+from testbench.report.planned_poses import OURS, WORK, seen
 from testbench.report.table import Row
-from testbench.views import terminal
-from testbench.views.colours import look
-from testbench.views.planned_poses import OURS, WORK, seen
+from testbench.workflows.open_laws import OpenLaw
+from testbench.workflows.plan import Planned, plan_for
+from testbench.workflows.plan_input import FORCE, read_loads, read_tasks
+from testbench.workflows.plan_numbers import _listed, numbers, plan_columns, write_poses, write_tasks
+from testbench.workflows.plan_settings import PlanSettings
+from testbench.workflows.predicted_error import Expected, Unloaded, Unshown
 
 TASKS = Path(__file__).resolve().parents[2] / "docs" / "tasks.csv"
 POSES, PULL = 5, (-500.0, 3000.0, 0.0)

@@ -8,15 +8,15 @@ from checks import bands, curves, key_of, looks_differ, unit_in
 from made_up import of_one_trial
 from reports import campaign_row, check, check_forest, place_of, table_of
 
-from testbench.campaign.evaluation import CampaignRow
-from testbench.campaign.predicted_error import Expected
-from testbench.campaign.true_arms import CALLED
+from testbench.plant.true_arms import CALLED
+from testbench.report.markdown import grid
+from testbench.runs.spread import ends, spread
 from testbench.studies.planning import settings as s
 from testbench.studies.planning.settings import BARE, FITS, INCUMBENT, PLANNED, WHOLE
 from testbench.studies.planning.study import LOOKS, figures, report
 from testbench.studies.planning.trial import Row
-from testbench.trials.spread import ends, spread
-from testbench.views.markdown import grid
+from testbench.workflows.evaluation import CampaignRow
+from testbench.workflows.predicted_error import Expected
 
 CRITERIA, POSES, SEEDS = ("test", "I", "D"), (8, 12), range(4, 7)
 NAMES = (*CRITERIA, "random")

@@ -8,13 +8,14 @@ from checks import at, check_spread, tables_of
 from made_up import of_one_trial
 from reports import check, check_forest, place_of, table_of
 
-from testbench.campaign.absolute import Score
-from testbench.campaign.campaign import build_cell
 from testbench.data.series import Series
 from testbench.identify.absolute.state import Mount, nominal
 from testbench.identify.registration import Frame
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
+from testbench.report import colours
+from testbench.report.markdown import as_markdown, grid
+from testbench.report.schema import show
 from testbench.report.table import find
 from testbench.studies.absolute.joint_effects import approach, drift
 from testbench.studies.absolute.real import (
@@ -34,9 +35,8 @@ from testbench.studies.absolute.real import (
     report,
 )
 from testbench.studies.calibration_scene import amid_errors
-from testbench.views import colours
-from testbench.views.markdown import as_markdown, grid
-from testbench.views.schema import show
+from testbench.workflows.absolute import Score
+from testbench.workflows.cell import build_cell
 
 SEEDS, ORDERS, POSES = range(3, 6), 4, (50, 100)
 JUDGED = {"blocks": "AC", "blocks, realigned": "AC", "A to C": "C", "C to A": "A", "both": ""}

@@ -9,13 +9,13 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from reports import check_forest
 
+from testbench.report.colours import look
+from testbench.report.figure import headed, log_ticks
+from testbench.report.run_figure import error_map, overview
+from testbench.report.scene import Line, PlaceMap, scale_of
+from testbench.report.schema import Column, Table
 from testbench.report.table import Row
-from testbench.trials.spread import spread
-from testbench.views.colours import look
-from testbench.views.figure import headed, log_ticks
-from testbench.views.run_figure import error_map, overview
-from testbench.views.scene import Line, PlaceMap, scale_of
-from testbench.views.schema import Column, Table
+from testbench.runs.spread import spread
 
 
 @pytest.fixture(scope="module")

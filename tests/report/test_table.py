@@ -10,14 +10,14 @@ from reports import table_of
 
 from testbench.report import table
 from testbench.report.columns import EVERY, KNOWN, columns
+from testbench.report.markdown import Markdown
 from testbench.report.report import Report, read, say
+from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, aligned, matched, merged, paired, plain
-from testbench.trials.parquet import arrow_table, write_trials
-from testbench.trials.rows import columns as row_columns
-from testbench.trials.rows import tabled
-from testbench.trials.spread import Spread
-from testbench.views.markdown import Markdown
-from testbench.views.schema import Table
+from testbench.runs.parquet import arrow_table, write_trials
+from testbench.runs.rows import columns as row_columns
+from testbench.runs.rows import tabled
+from testbench.runs.spread import Spread
 
 
 @dataclass(frozen=True)

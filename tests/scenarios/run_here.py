@@ -17,11 +17,11 @@ from page_checks import check_winner
 from pyarrow import parquet
 from read_back import document, sound
 
-from testbench import files
 from testbench.cli.program import program
-from testbench.shell import command
+from testbench.report.markdown import as_plain
+from testbench.runs import command
+from testbench.runs import provenance as files
 from testbench.studies import find_study, run
-from testbench.views.markdown import as_plain
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {

@@ -5,7 +5,7 @@ import pytest
 from run_here import app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
-from testbench.data.read_series import read_series
+from testbench.files.read_series import read_series
 from testbench.studies.absolute.simulated import ALL, CHOSEN, DRAWN, Options, settings
 
 APP = app_of_study("absolute_calibration")

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from run_here import fine
 
-from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.data.read_series import read_series
+from testbench.files.read_series import read_series
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.gear import GearErrors
+from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 
 FLAGS = ("--poses", 15, "--series", 2, "--geometry-mm", 0.5, "--gear-urad", 20, "--sigma-um", 10, "--seed", 7)
 ASKED = AbsoluteCampaign(

@@ -10,11 +10,11 @@ from run_here import ROOT, check_files, do, fine, numbers_alone
 from test_own_estimator import BAD, EXAMPLE, PAGE, TIMEOUT, WHY
 
 import testbench as tb
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.evaluation import unseen
-from testbench.campaign.own_process import Limits, ask
 from testbench.studies.bench.entries import FLOORS, read_entries
 from testbench.studies.bench.tasks import TASKS, problem
+from testbench.workflows.cell import build_cell
+from testbench.workflows.evaluation import unseen
+from testbench.workflows.own_process import Limits, ask
 
 ENTRIES = sorted((ROOT / "entries").glob("*.py"))
 DRAWS = '''

@@ -17,8 +17,6 @@ from run_here import check_folder, do, fine, refused
 
 import testbench as tb
 from testbench.arm.folder import load_arm
-from testbench.campaign.absolute import File, evenly, read_all, score
-from testbench.campaign.arm_models import read_model
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.posterior import RegisteredSeries, predict, without
 from testbench.identify.absolute.scatter import residuals
@@ -27,9 +25,11 @@ from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.posterior import Posterior
 from testbench.identify.rows import rows_of
 from testbench.plant.build import build_plant
+from testbench.report.markdown import grid
 from testbench.report.report import read
-from testbench.views.markdown import grid
-from testbench.views.schema import show
+from testbench.report.schema import show
+from testbench.workflows.absolute import File, evenly, read_all, score
+from testbench.workflows.arm_models import read_model
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "adopt"))
 from strangers import write_stl

@@ -20,16 +20,16 @@ from made_up_run import REPORT
 from run_here import do, fine, heed_ctrl_c, refused
 
 from testbench import __version__
-from testbench.campaign.campaign import Scenario, build_cell, simulate
-from testbench.campaign.campaign_flags import mass
-from testbench.campaign.model_selection import asked_models
-from testbench.campaign.plan_input import read_masses
 from testbench.cli.program import COMMANDS
-from testbench.data.write import write_csv
+from testbench.files.write import write_csv
 from testbench.identify.prior import cad_prior
-from testbench.views.recording.run import write_run
-from testbench.views.recording.stream import Header
-from testbench.views.scene import Seen
+from testbench.report.recording.run import write_run
+from testbench.report.recording.stream import Header
+from testbench.report.scene import Seen
+from testbench.workflows.campaign_flags import mass
+from testbench.workflows.cell import Scenario, build_cell, simulate
+from testbench.workflows.model_selection import asked_models
+from testbench.workflows.plan_input import read_masses
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"

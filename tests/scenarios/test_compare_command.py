@@ -12,20 +12,20 @@ from made_up_run import REPORT
 from read_back import document
 from run_here import check_folder, do, fine, refused
 
-from testbench import files
 from testbench.arm.folder import find_arm
-from testbench.campaign.model_folder import digests
+from testbench.files.model_folder import digests
+from testbench.report.colours import look
 from testbench.report.columns import columns as quantities
 from testbench.report.join import differ
 from testbench.report.report import read_report
+from testbench.report.run_figure import overview
+from testbench.report.scene import Seen
+from testbench.report.schema import Table
 from testbench.report.table import Trials, merged
-from testbench.trials.parquet import arrow_table, write_trials
-from testbench.trials.rows import columns, tabled
-from testbench.trials.spread import Spread
-from testbench.views.colours import look
-from testbench.views.run_figure import overview
-from testbench.views.scene import Seen
-from testbench.views.schema import Table
+from testbench.runs import provenance as files
+from testbench.runs.parquet import arrow_table, write_trials
+from testbench.runs.rows import columns, tabled
+from testbench.runs.spread import Spread
 
 NAMES = {"Joints": "none", "MLS56": "none", "MGCO56": "psd", "MGCO56 + prior": "psd", "ALL153 + prior": "psd"}
 SIZES = dict(zip(NAMES, (0.3, 1.4, 0.6, 0.2, 0.1), strict=True))

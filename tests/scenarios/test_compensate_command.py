@@ -12,25 +12,25 @@ from read_back import columns, on, series, sound
 from reports import check
 from run_here import do, fine, refused, table
 
-from testbench import files
 from testbench.arm.folder import find_arm, load_arm
-from testbench.campaign.arm_models import load_model, write_stiffness
-from testbench.campaign.campaign import Scenario, simulate
-from testbench.campaign.correction_numbers import numbers
-from testbench.campaign.fits import Runs, fit
-from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import Model, named_models
-from testbench.campaign.program import correct_program, write_corrected
 from testbench.cli.compensate import report, seen
 from testbench.correct.compensated import Refusal
 from testbench.correct.newton import Aim
-from testbench.data.program import read_program
+from testbench.files.program import read_program
 from testbench.identify.estimate import make_estimate
 from testbench.identify.fold import reduce
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose
 from testbench.plant.equilibrium import settle
+from testbench.runs import provenance as files
+from testbench.workflows.arm_models import load_model, write_stiffness
+from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.correction_numbers import numbers
+from testbench.workflows.fits import Runs, fit
+from testbench.workflows.model_selection import with_priors
+from testbench.workflows.models import Model, named_models
+from testbench.workflows.program import correct_program, write_corrected
 
 TIP, SPINDLE = np.array([0.1, 0.0, 0.05]), np.array([1.0, 0.0, 0.0])
 FEED, CROSS, AXIAL = -700.0, 500.0, -900.0

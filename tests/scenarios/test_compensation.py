@@ -11,19 +11,20 @@ import pytest
 from pyarrow import parquet
 from run_here import app_of_study, check_files, here
 
-from testbench.campaign.campaign import build_cell, stream
-from testbench.campaign.model_selection import Choice, with_priors
-from testbench.campaign.models import named_models
 from testbench.correct.process import tangents
-from testbench.data.read_pairs import read_csv
+from testbench.files.read_pairs import read_csv
 from testbench.identify.arm_model import of_estimate
 from testbench.model.load import on_joints
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import read_weights
 from testbench.plant.disturbance import TYPICAL
 from testbench.plant.disturbed import disturb
+from testbench.plant.tracker import stream
 from testbench.studies.compensation import plans, settings, trial
 from testbench.studies.compensation.settings import ADVISED, BOTH, DEFAULT, IDEAL, PERFECT, REAL
+from testbench.workflows.cell import build_cell
+from testbench.workflows.model_selection import Choice, with_priors
+from testbench.workflows.models import named_models
 
 APP = app_of_study("compensation")
 

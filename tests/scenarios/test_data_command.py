@@ -12,7 +12,7 @@ from read_back import sound
 from run_here import check_folder, do, fine, is_refused, refused
 
 from testbench.arm.folder import load_arm
-from testbench.data.read_pairs import read_export
+from testbench.files.read_pairs import read_export
 
 ROOT = Path(__file__).resolve().parents[2]
 MAPS = ROOT / "docs" / "maps"

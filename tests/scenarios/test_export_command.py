@@ -11,10 +11,8 @@ import pytest
 from own_urdf import own_urdf
 from run_here import do, fine, held, refused
 
-from testbench import files
 from testbench.arm.folder import load_arm
-from testbench.campaign.arm_models import read_model, write_files
-from testbench.campaign.controller_files import STAMP
+from testbench.files.controller_files import STAMP
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import nominal
 from testbench.identify.arm_model import About, ArmModel
@@ -22,6 +20,8 @@ from testbench.identify.posterior import Posterior
 from testbench.model.kinematics import build_vjm
 from testbench.model.structure import joints_only
 from testbench.model.weights import Weights
+from testbench.runs import provenance as files
+from testbench.workflows.arm_models import read_model, write_files
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -9,13 +9,13 @@ import pytest
 from run_here import fine, refused, table
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign.absolute_truth import by_trackers
-from testbench.campaign.campaign import Scenario, simulate
-from testbench.campaign.registration_notes import registration_notes
-from testbench.campaign.runs import read_frames, registration_row, to_base
 from testbench.errors import InputError
 from testbench.identify.registered import registered
 from testbench.report.table import rows as as_rows
+from testbench.workflows.absolute_truth import by_trackers
+from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.read_runs import read_frames, registration_row, to_base
+from testbench.workflows.registration_notes import registration_notes
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM, POSES = ROOT / "models" / "kr500_l480", ROOT / "docs" / "poses.csv"

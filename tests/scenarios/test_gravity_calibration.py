@@ -14,13 +14,12 @@ from chromium import DESKTOP, IDLE, PHONE
 from pyarrow import parquet
 from run_here import ROOT, app_of_study, check_files, heed_ctrl_c, here, numbers_alone, quick_study
 
-from testbench.campaign.campaign import Scenario, build_cell, simulate
-from testbench.campaign.true_arms import true_cell
 from testbench.cli.program import program
-from testbench.data.read_pairs import read_csv
-from testbench.data.write import write_csv
+from testbench.files.read_pairs import read_csv
+from testbench.files.write import write_csv
 from testbench.model.vjm import tool_pose
 from testbench.studies.campaign.calibration import WITH_PRIOR, Settings, calibrate, results
+from testbench.workflows.cell import Scenario, build_cell, simulate, true_cell
 
 APP = app_of_study("gravity_calibration")
 ROWS = 'table[data-table="0"] tbody tr'

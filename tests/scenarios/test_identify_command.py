@@ -17,7 +17,7 @@ from testbench.data.dataset import select
 from testbench.model.load import Load
 from testbench.model.loaded import displacement, secant
 from testbench.model.vjm import chain
-from testbench.views.recording.stream import snake
+from testbench.report.recording.stream import snake
 
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = {"model.json", "posterior.npz", "models.json", "rigid.xml", "elastic.toml"}

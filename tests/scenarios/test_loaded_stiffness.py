@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from run_here import app_of_study, check_files, here, numbers_alone, quick_study
 
-from testbench.campaign.campaign import clear_poses
 from testbench.model.poses import WorkArea
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
 from testbench.studies.paper.loaded_stiffness import joints_alone
+from testbench.workflows.cell import clear_poses
 
 APP = app_of_study("loaded_stiffness")
 METHODS = ["linear", "secant", "integrated", "joints"]

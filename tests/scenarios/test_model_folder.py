@@ -9,14 +9,14 @@ import pytest
 from run_here import refused
 
 import testbench as tb
-from testbench.campaign.arm_models import write_stiffness
-from testbench.campaign.campaign import Scenario, simulate
-from testbench.campaign.fits import Runs, fit
-from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import named_models
 from testbench.errors import InputError
 from testbench.identify.posterior import CURVED, curvature, linearise
 from testbench.model.vjm import chain, marker_points, observation
+from testbench.workflows.arm_models import write_stiffness
+from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.fits import Runs, fit
+from testbench.workflows.model_selection import with_priors
+from testbench.workflows.models import named_models
 
 ROOT = Path(__file__).resolve().parents[2]
 FORCE, LEVER = 460.3 * 9.81, 0.15  #: Of section 6 [N]; the load point is so far from the tool's origin [m].

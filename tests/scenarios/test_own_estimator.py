@@ -17,13 +17,13 @@ from pyarrow import parquet
 from run_here import ROOT, app_of_study, check_files, fine, here, is_refused, numbers_alone
 
 import testbench as tb
-from testbench.campaign.own_estimator import hired, parameters
-from testbench.campaign.own_process import Limits, Own, ask
 from testbench.errors import BenchError
 from testbench.identify.prior import Prior
 from testbench.model.structure import all153
+from testbench.report.colours import look
 from testbench.studies.bench.trial import covariance
-from testbench.views.colours import look
+from testbench.workflows.own_estimator import hired, parameters
+from testbench.workflows.own_process import Limits, Own, ask
 
 APP = app_of_study("gravity_calibration")
 PAGE = (ROOT / "docs" / "own_estimator.md").read_text()
@@ -155,7 +155,7 @@ def dies(*_):
     os._exit(0)
 """
 ASKS = """
-from testbench.campaign.own_process import Limits, Own, ask
+from testbench.workflows.own_process import Limits, Own, ask
 
 if __name__ == "__main__":
     ask(Own("slow", {file!r}, "slow", Limits(600.0)), (1, 2, 3, 4))

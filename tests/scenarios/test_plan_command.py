@@ -10,20 +10,20 @@ from page_checks import check_page, said
 from run_here import fine, refused, table
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.campaign import Scenario, build_cell, hanging, measure
-from testbench.campaign.models import MODELS
-from testbench.campaign.plan import straight_way
-from testbench.campaign.plan_input import read_tasks
-from testbench.campaign.plan_numbers import absolute_columns, plan_columns
-from testbench.campaign.tracker import Station
-from testbench.data.program import read_poses
-from testbench.data.read_pairs import read_csv
+from testbench.files.program import read_poses
+from testbench.files.read_pairs import read_csv
 from testbench.identify import least_squares
 from testbench.model.load import weight
 from testbench.model.loaded import load_jacobian
 from testbench.model.poses import in_area
 from testbench.model.vjm import chain
 from testbench.plant.site import collisions
+from testbench.plant.tracker import Station
+from testbench.workflows.cell import Scenario, build_cell, hanging, measure
+from testbench.workflows.models import MODELS
+from testbench.workflows.plan import straight_way
+from testbench.workflows.plan_input import read_tasks
+from testbench.workflows.plan_numbers import absolute_columns, plan_columns
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"

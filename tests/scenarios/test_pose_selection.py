@@ -6,7 +6,7 @@ from unittest import mock
 
 from run_here import app_of, check_files, here, numbers_alone, quick_study
 
-from testbench.campaign.true_arms import CALLED
+from testbench.plant.true_arms import CALLED
 from testbench.studies.planning import plans
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -14,18 +14,18 @@ from run_here import check_folder, fine, refused, table
 
 import testbench as tb
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.arm_models import write_stiffness
-from testbench.campaign.campaign import Scenario, settle_both, simulate
-from testbench.campaign.fits import Runs, fit
-from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import named_models
-from testbench.campaign.prediction_numbers import write_predictions
-from testbench.campaign.program import predicted, read_asked
 from testbench.cli.predict import report
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import Weights
-from testbench.views.schema import show
+from testbench.report.schema import show
+from testbench.workflows.arm_models import write_stiffness
+from testbench.workflows.cell import Scenario, settle_both, simulate
+from testbench.workflows.fits import Runs, fit
+from testbench.workflows.model_selection import with_priors
+from testbench.workflows.models import named_models
+from testbench.workflows.prediction_numbers import write_predictions
+from testbench.workflows.program import predicted, read_asked
 
 ROOT = Path(__file__).resolve().parents[2]
 MEDIAN = "the force moves the tool in the worst direction, median of the map, mm"

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 import testbench as tb
-from testbench.campaign import calibration_numbers, fit_numbers
-from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.campaign.fits import Runs, fit
-from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import named_models
 from testbench.correct.predicted import predict
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.laws import STRUT
 from testbench.model.load import Load
+from testbench.report.fitted_runs import seen
 from testbench.report.table import find
-from testbench.views.fitted_runs import seen
+from testbench.workflows import calibration_numbers, fit_numbers
+from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.workflows.fits import Runs, fit
+from testbench.workflows.model_selection import with_priors
+from testbench.workflows.models import named_models
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from run_here import app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
-from testbench.data.read_pairs import read_csv
+from testbench.files.read_pairs import read_csv
 
 ROOT = Path(__file__).resolve().parents[2]
 APP = app_of_study("single_link")

@@ -5,7 +5,7 @@ import pytest
 from run_here import ROOT, app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
-from testbench.data.read_pairs import read_csv
+from testbench.files.read_pairs import read_csv
 from testbench.studies.paper.six_dof_arm import Options, settings, trials
 
 APP = app_of_study("six_dof_arm")

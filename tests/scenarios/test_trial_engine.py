@@ -22,12 +22,12 @@ from test_bench import DRAWS
 
 from testbench.cli.program import program
 from testbench.errors import BenchError
-from testbench.trials import cluster
-from testbench.trials.cluster import on_cluster
-from testbench.trials.cores import on_cores
-from testbench.trials.engine import RETRIES, WorkersLost, do_chunk, run_study
-from testbench.trials.experiment import Experiment
-from testbench.trials.store import PARTS, open_store, part_seeds, write_parquet
+from testbench.runs import cluster
+from testbench.runs.cluster import on_cluster
+from testbench.runs.cores import on_cores
+from testbench.runs.engine import RETRIES, WorkersLost, do_chunk, run_study
+from testbench.runs.experiment import Experiment
+from testbench.runs.store import PARTS, open_store, part_seeds, write_parquet
 
 HERE = Path(__file__).resolve().parent
 SCRIPT = HERE / "trial_study.py"
@@ -120,7 +120,7 @@ def test_a_worker_killed_in_mid_study_costs_nothing(tmp_path, alone):
 
 
 def test_a_trial_that_kills_every_worker_is_given_up_and_the_others_are_kept(tmp_path, alone, monkeypatch):
-    monkeypatch.setattr("testbench.trials.engine.RETRIES", 1)
+    monkeypatch.setattr("testbench.runs.engine.RETRIES", 1)
     with pytest.raises(
         BenchError, match=r"2 times in a row; (\d+) of 30 trials are stored, --resume goes on"
     ):

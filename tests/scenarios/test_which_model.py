@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from run_here import app_of_study, check_files, quick_study
 
-from testbench.campaign.campaign import draw_poses, simulate_at
-from testbench.campaign.model_selection import choose
-from testbench.campaign.perturbed_prior import PRIORS, prior_of, wrong_link
-from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.identify.prior import cad_prior
+from testbench.plant.true_arms import TRUTHS
 from testbench.studies.campaign.family import POSES, RUNS, Settings, pairs, read, scenario
 from testbench.studies.campaign.trial import cover, covers
+from testbench.workflows.cell import draw_poses, simulate_at, true_cell
+from testbench.workflows.model_selection import choose
+from testbench.workflows.perturbed_prior import PRIORS, prior_of, wrong_link
 
 LINKS = [f"link_{k}" for k in range(7)]
 JOINTS = [f"joint_{k}" for k in range(1, 7)]

@@ -11,13 +11,13 @@ from typing import Annotated
 import trial_work
 import typer
 
-from testbench.output.whole import whole_folder
-from testbench.shell import command, interrupt
-from testbench.shell.options import Common, takes
-from testbench.shell.trials import choose_backend, show_progress
-from testbench.trials.engine import run_study
-from testbench.trials.experiment import Experiment
-from testbench.trials.store import open_store, write_parquet
+from testbench.runs import command, interrupt
+from testbench.runs.engine import run_study
+from testbench.runs.experiment import Experiment
+from testbench.runs.store import open_store, write_parquet
+from testbench.runs.whole import whole_folder
+from testbench.workflows.backend import choose_backend, show_progress
+from testbench.workflows.options import Common, takes
 
 FIRST = 5  # seed of the first trial
 

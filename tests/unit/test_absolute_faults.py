@@ -8,11 +8,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
 
-from testbench.campaign.absolute import calibrated, explained
-from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.campaign.calibration_numbers import left_of, numbers
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.doubt import said
 from testbench.data.series import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.align import align, aligned, alike
@@ -22,6 +17,11 @@ from testbench.identify.absolute.state import nominal
 from testbench.identify.diagnosis.notation import check_order, unplaced
 from testbench.identify.prior import cad_prior
 from testbench.model.weights import read_weights
+from testbench.workflows.absolute import calibrated, explained
+from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.workflows.calibration_numbers import left_of, numbers
+from testbench.workflows.cell import build_cell
+from testbench.workflows.doubt import said
 
 ONLY = Options(only=frozenset({"joint springs"}), orders=5)
 ROWS = 40

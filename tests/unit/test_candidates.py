@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign.candidates import (
+from testbench.errors import Array, BenchError, PoseError
+from testbench.model.poses import WorkArea
+from testbench.plant.shapes import rigid_frames
+from testbench.plant.site import Payload, contacts, hidden
+from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
+from testbench.workflows.candidates import (
     ADVICE,
     BATCH,
     BLOCKED,
@@ -21,11 +26,6 @@ from testbench.campaign.candidates import (
     find,
     why_not,
 )
-from testbench.campaign.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
-from testbench.errors import Array, BenchError, PoseError
-from testbench.model.poses import WorkArea
-from testbench.plant.shapes import rigid_frames
-from testbench.plant.site import Payload, contacts, hidden
 
 HERE = (4.5, -2.5, 1.6)
 FRONT = WorkArea((1.0, -1.5, 1.0), (3.0, 1.5, 2.6))

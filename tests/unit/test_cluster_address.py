@@ -9,12 +9,12 @@ import pytest
 from run_here import here
 
 from testbench.errors import BenchError
-from testbench.shell.options import Common
-from testbench.shell.trials import choose_backend
+from testbench.runs.cluster import check_address, on_cluster
+from testbench.runs.cores import on_cores
 from testbench.studies.campaign.presets.gravity_calibration import STUDY
 from testbench.studies.run import app
-from testbench.trials.cluster import check_address, on_cluster
-from testbench.trials.cores import on_cores
+from testbench.workflows.backend import choose_backend
+from testbench.workflows.options import Common
 
 SAFE = """tls://cluster.example:8786 tls://[2001:db8::1]:8786 tcp://127.1.2.3:8786 tcp://[::1]:8786
     tcp://localhost:8786""".split()
@@ -84,7 +84,7 @@ def test_certificates_are_asked_for_whatever_there_is_to_do(tmp_path):
 
 def test_a_study_of_one_chunk_goes_to_the_cluster_that_is_asked_for(tmp_path, monkeypatch):
     """It was done here, in silence, however wrong the address; nobody listens there."""
-    monkeypatch.setattr("testbench.shell.trials.on_cluster", partial(on_cluster, patience=0.3))
+    monkeypatch.setattr("testbench.workflows.backend.on_cluster", partial(on_cluster, patience=0.3))
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         nobody = f"tcp://127.0.0.1:{free.getsockname()[1]}"

@@ -13,12 +13,12 @@ from refused import refused
 from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm, load_arm
-from testbench.campaign.tracker import LaserTracker, precision
 from testbench.data.dataset import Dataset, select, split
-from testbench.data.read_pairs import read_csv
-from testbench.data.table import read_table
-from testbench.data.write import write_csv
 from testbench.errors import BenchError, InputError
+from testbench.files.read_pairs import read_csv
+from testbench.files.table import read_table
+from testbench.files.write import write_csv
+from testbench.plant.tracker import LaserTracker, precision
 
 MODELS = Path(__file__).parents[2] / "models"
 ARM = load_arm(MODELS / "kr500_l480")

@@ -10,9 +10,9 @@ from refused import refused
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset, select
-from testbench.data.names import our_names, recognise
-from testbench.data.read_pairs import read_export
 from testbench.errors import InputError
+from testbench.files.names import our_names, recognise
+from testbench.files.read_pairs import read_export
 
 ROOT = Path(__file__).parents[2]
 ARM = load_arm(ROOT / "models" / "kr500_l480")

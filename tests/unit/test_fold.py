@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from testbench.campaign.campaign import Scenario, simulate
 from testbench.identify import fold
 from testbench.identify.fold import Folded, batches, reduce
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
+from testbench.workflows.cell import Scenario, simulate
 
 COLUMNS = 12
 SOME = np.array([1, 4, 5, 7, 11])  #: Five columns, as many as a part has rows.

@@ -5,10 +5,10 @@ import pytest
 
 from testbench.report.badge import decide
 from testbench.report.columns import columns
+from testbench.report.schema import Table
 from testbench.report.table import Row, Trials
+from testbench.runs.spread import spread
 from testbench.studies.headline import FEW, NOTHING, headline, warnings
-from testbench.trials.spread import spread
-from testbench.views.schema import Table
 
 ROWS = [
     Row(name="other", error_mm=0.3, rms_um=9.0),

@@ -7,10 +7,6 @@ import numpy as np
 import pytest
 from run_here import do
 
-from testbench.campaign import calibration_numbers
-from testbench.campaign.absolute import calibrated
-from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.campaign.calibration_numbers import left_of, numbers
 from testbench.cli.calibrate import report
 from testbench.data.series import select_rows
 from testbench.errors import BenchError
@@ -25,6 +21,10 @@ from testbench.identify.registration import Frame
 from testbench.model.structure import all153
 from testbench.model.weights import read_weights
 from testbench.report.table import Row
+from testbench.workflows import calibration_numbers
+from testbench.workflows.absolute import calibrated
+from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.workflows.calibration_numbers import left_of, numbers
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from testbench.arm.folder import Joint
-from testbench.data.motion import WRITERS, format_of, write_moves
 from testbench.errors import BenchError
+from testbench.files.motion import WRITERS, format_of, write_moves
 
 LEAST = 1e-7  #: What reading back may lose [deg, mm].
 WORST = (

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.campaign.absolute import calibrated, score
-from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.correct.inverse import reach
 from testbench.correct.newton import Target
 from testbench.data.series import select_rows
@@ -19,6 +17,8 @@ from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import nominal
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
+from testbench.workflows.absolute import calibrated, score
+from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 
 HOME = {"kr500_l480": (0.3, -1.4, 1.6, 0.4, 0.5, 0.2), "ur10": (0.3, -1.2, 1.4, -1.2, -1.3, 0.3)}
 SPRINGS = Options(only=frozenset({"joint springs"}), orders=1)

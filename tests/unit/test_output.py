@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from testbench.errors import InputError
-from testbench.files import git_commit, write_manifest
-from testbench.output.place import PNG, check_file, check_folder, claim_folder
-from testbench.output.whole import new_folder, whole_file, whole_folder
+from testbench.runs.place import PNG, check_file, check_folder, claim_folder
+from testbench.runs.provenance import git_commit, write_manifest
+from testbench.runs.whole import new_folder, whole_file, whole_folder
 
 OURS, OTHER = "testbench identify", "testbench plan"
 PICTURE = b"\x89PNG\r\n\x1a\n"

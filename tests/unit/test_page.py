@@ -15,8 +15,15 @@ from rich.console import Console
 
 import testbench
 from testbench.plant.shapes import Mesh, Shape, visual_shapes
+from testbench.report import terminal
+from testbench.report.colours import hexadecimal, look
+from testbench.report.page import page as html
+from testbench.report.page.page import TRIANGLES, plain, seen_plain, solid
+from testbench.report.scene import Line, PlaceMap, RunChart
+from testbench.report.schema import Column, Table, brackets, looks
 from testbench.report.table import Row
-from testbench.trials.spread import (
+from testbench.report.terminal import grid, plain_console, print_table
+from testbench.runs.spread import (
     Spread,
     dotted,
     inner,
@@ -27,13 +34,6 @@ from testbench.trials.spread import (
     twins_once,
     wins,
 )
-from testbench.views import terminal
-from testbench.views.colours import hexadecimal, look
-from testbench.views.page import page as html
-from testbench.views.page.page import TRIANGLES, plain, seen_plain, solid
-from testbench.views.scene import Line, PlaceMap, RunChart
-from testbench.views.schema import Column, Table, brackets, looks
-from testbench.views.terminal import grid, plain_console, print_table
 
 SIZE = np.array([0.3, 0.3, 0.5])
 VOLUMES = {
@@ -271,7 +271,7 @@ def test_a_table_has_medians_and_below_them_the_ends_of_their_spread_and_the_pap
 def test_all_of_the_package_prints_by_it_but_for_bars():
     package = Path(testbench.__file__).parent
     makers = [p for p in package.rglob("*.py") if re.search(r"\b\w*Console\(", p.read_text(encoding="utf-8"))]
-    assert sorted(makers) == [package / "shell/follow.py", package / "views/terminal.py"]
+    assert sorted(makers) == [package / "runs/follow.py", package / "report/terminal.py"]
 
 
 def test_a_table_has_six_columns_at_most_and_among_them_that_of_the_answer():

@@ -8,12 +8,12 @@ from refused import refused
 from tables import write_table as write
 
 from testbench.arm.folder import Joint
-from testbench.campaign.plan import nearest_turn
-from testbench.campaign.plan_input import box, overloads, place, read_loads, read_tasks
-from testbench.campaign.plan_settings import PlanSettings
-from testbench.data.program import read_poses
 from testbench.errors import BenchError
+from testbench.files.program import read_poses
 from testbench.model.load import weight
+from testbench.workflows.plan import nearest_turn
+from testbench.workflows.plan_input import box, overloads, place, read_loads, read_tasks
+from testbench.workflows.plan_settings import PlanSettings
 
 NAMES = [f"joint_{k}" for k in range(1, 7)]
 POSES = np.array([[0, -90, 90, 0, 20, 0], [20, -80, 95, 10, -30, 15]], dtype=float)

@@ -10,9 +10,9 @@ from tables import write_table
 
 from testbench.correct.inverse import joints_along
 from testbench.correct.process import process_wrench
-from testbench.data.program import read_program, unread
-from testbench.data.write import write_program
 from testbench.errors import InputError
+from testbench.files.program import read_program, unread
+from testbench.files.write import write_program
 from testbench.model.vjm import tool_pose
 from testbench.plant.site import collisions
 

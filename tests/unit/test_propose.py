@@ -5,12 +5,12 @@ import tomllib
 import numpy as np
 import pytest
 
-from testbench.campaign.beam import outer_diameter, triangles
-from testbench.campaign.new_arm import SPREAD, elastic_toml
-from testbench.campaign.propose import Wishes, joint_compliance, propose
 from testbench.cli.new import read_wishes
 from testbench.errors import BenchError
-from testbench.plant.import_robot.robot import Body, Chain, Joint, Mesh, Shape, Site, pose_of
+from testbench.files.robot.robot import Body, Chain, Joint, Mesh, Shape, Site, pose_of
+from testbench.workflows.beam import outer_diameter, triangles
+from testbench.workflows.new_arm import SPREAD, elastic_toml
+from testbench.workflows.propose import Wishes, joint_compliance, propose
 
 Z = np.array([0.0, 0.0, 1.0])
 KNOWN = [  # payload [kg], stretched reach [m], joints counted from 0 and their compliances [1e-6 rad/(N m)]

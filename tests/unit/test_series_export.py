@@ -10,15 +10,15 @@ from scipy.spatial.transform import Rotation
 from workbooks import packed, parts
 
 from testbench.arm.folder import load_arm
-from testbench.campaign.absolute import File, read_all
 from testbench.data.dataset import Dataset
-from testbench.data.program import read_poses
-from testbench.data.read_pairs import read_csv
-from testbench.data.read_series import SeriesExport, read_series
 from testbench.data.series import Series, series_of
-from testbench.data.write import write_series
 from testbench.errors import BenchError, InputError
-from testbench.files import digest
+from testbench.files.program import read_poses
+from testbench.files.read_pairs import read_csv
+from testbench.files.read_series import SeriesExport, read_series
+from testbench.files.write import write_series
+from testbench.runs.provenance import digest
+from testbench.workflows.absolute import File, read_all
 
 ROOT = Path(__file__).parents[2]
 ARM = load_arm(ROOT / "models" / "arm_6r")
@@ -516,6 +516,6 @@ def test_any_cut_of_a_workbook_and_one_that_unpacks_to_too_much_are_refused_in_o
         del made[name]
         file.write_bytes(packed(made))
         assert "expected a workbook" in refused(one_of, file)
-    monkeypatch.setattr("testbench.data.workbook.MAX_UNPACKED", 2000)
+    monkeypatch.setattr("testbench.files.workbook.MAX_UNPACKED", 2000)
     file.write_bytes(whole)
     assert "expected a workbook: at most 2000 bytes when unpacked" in refused(one_of, file)

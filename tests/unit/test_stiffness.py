@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from testbench.arm.stiffness import Tube, check_compliance, eigenvalue_scale, tube_compliance
-from testbench.campaign.cast import Line, beam_compliance
 from testbench.errors import Array, BenchError
+from testbench.plant.cast import Line, beam_compliance
 
 STEEL = Tube(length=0.9, outer_diameter=0.2, inner_diameter=0.16, youngs_modulus=2.1e11, poissons_ratio=0.3)
 

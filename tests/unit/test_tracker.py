@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from testbench.campaign.tracker import LaserTracker, Tracker, precision, read_orientations, read_positions
 from testbench.errors import Array, BenchError
+from testbench.plant.tracker import LaserTracker, Tracker, precision, read_orientations, read_positions
 from testbench.studies.campaign.instruments import Drift, drifted
 
 DRAWS = 20_000

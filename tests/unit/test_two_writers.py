@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from testbench import files
 from testbench.errors import InputError
-from testbench.output.place import claim_folder
-from testbench.output.whole import claimed, new_folder, reading, restore, whole_files, whole_folder
+from testbench.runs import provenance as files
+from testbench.runs.place import claim_folder
+from testbench.runs.whole import claimed, new_folder, reading, restore, whole_files, whole_folder
 
 RACES = int(os.environ.get("TESTBENCH_RACES", "8"))
 COMMAND = "testbench identify"

@@ -8,12 +8,12 @@ import pytest
 from workbooks import packed, parts
 
 from testbench.arm.folder import load_arm
-from testbench.data.names import OTHER_NAMES, UNITS
-from testbench.data.read_pairs import read_export
-from testbench.data.read_series import read_series
 from testbench.data.series import series_of
-from testbench.data.table import read_table
 from testbench.errors import InputError
+from testbench.files.names import OTHER_NAMES, UNITS
+from testbench.files.read_pairs import read_export
+from testbench.files.read_series import read_series
+from testbench.files.table import read_table
 
 ROOT = Path(__file__).parents[2]
 ARM = load_arm(ROOT / "models" / "arm_6r")

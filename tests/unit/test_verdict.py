@@ -2,8 +2,8 @@
 
 import pytest
 
+from testbench.runs.spread import Spread
 from testbench.studies.paper.verdicts import comparison, nearly, number
-from testbench.trials.spread import Spread
 
 WIDE = Spread(median=7.76, p05=4.18, p95=48.7)  #: What section 6 finds of MLS56, in per cent.
 OURS = Spread(median=0.80, p05=0.67, p95=1.08)  #: What 5.2 finds of MGCO56, in per cent.

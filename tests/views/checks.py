@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from testbench.trials.spread import Spread
-from testbench.views import markdown
+from testbench.report import markdown
+from testbench.runs.spread import Spread
 
 UNITS = {
     "mm": 1e-3, "um": 1e-6, "m": 1.0, "%": 1e-2, "s": 1.0, "ms": 1e-3, "kg": 1.0, "N": 1.0, "deg": 1.0,

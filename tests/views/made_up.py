@@ -8,7 +8,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from numpy.random import Generator
 
-from testbench.trials.spread import Spread
+from testbench.runs.spread import Spread
 
 COUNT = 3
 """Entries of tuples of any length."""

@@ -5,12 +5,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from testbench.campaign.models import MODELS, named_models
 from testbench.model.structure import all153, template56
+from testbench.report import colours
+from testbench.report.colours import CHOICE, SCALE, SERIES, look
+from testbench.report.recording import run
 from testbench.studies.campaign.priors import FILLERS, GCO, LS
-from testbench.views import colours
-from testbench.views.colours import CHOICE, SCALE, SERIES, look
-from testbench.views.recording import run
+from testbench.workflows.models import MODELS, named_models
 
 APART = 5.0  #: Least CIEDE2000 of two models' colours: a just noticeable one is 1.
 GROUNDS = ((252, 252, 252), (28, 28, 30))  #: A page, and a label in the dark viewer.

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from checks import word_faults
 
+from testbench.report.gains import beside, gained, less, more, share, wilson
+from testbench.report.markdown import place
 from testbench.report.report import say
-from testbench.trials.spread import Spread, median_interval
-from testbench.views.gains import beside, gained, less, more, share, wilson
-from testbench.views.markdown import place
-from testbench.views.schema import plain, show, written_out
+from testbench.report.schema import plain, show, written_out
+from testbench.runs.spread import Spread, median_interval
 
 
 def test_a_ratio_is_that_of_each_seed_and_not_of_the_medians():

@@ -3,9 +3,9 @@
 import pytest
 from legible import check_legible
 
+from testbench.report import figure as views
+from testbench.report.figure import page, say
 from testbench.studies import run
-from testbench.views import figure as views
-from testbench.views.figure import page, say
 
 
 def drawn():

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from testbench.plant.shapes import Frames
 from testbench.report.badge import decide
-from testbench.views.page.page import FOLDER, SCRIPTS, write_page
-from testbench.views.page.page import frames_plain as _frames
-from testbench.views.schema import Column, Table
+from testbench.report.page.page import FOLDER, SCRIPTS, write_page
+from testbench.report.page.page import frames_plain as _frames
+from testbench.report.schema import Column, Table
 
 FITS = '<meta name="viewport" content="width=device-width">'
 PAGE = f"""<!doctype html><meta charset="utf-8">{FITS}<title>A page</title>

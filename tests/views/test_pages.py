@@ -13,9 +13,9 @@ from stamps import digest, read_stamp
 from words import sentences
 
 from testbench.errors import InputError
+from testbench.report.markdown import grid
 from testbench.report.report import read_report
 from testbench.studies.paper.loaded_stiffness import STUDY
-from testbench.views.markdown import grid
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = ("paper.md", "wrong_inputs.md")

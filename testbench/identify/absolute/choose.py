@@ -20,7 +20,7 @@ from testbench.identify.estimate import Constraint
 from testbench.identify.fold import Part, Reduced, total
 from testbench.identify.metric import Belief, Metric
 from testbench.identify.prior import Strength
-from testbench.session import stepwise
+from testbench.progress import stepwise
 
 GEOMETRY = frozenset({"geometry shift", "geometry turn"})
 BLOCKS = 16  #: Blocks of joint space over all series.

@@ -33,7 +33,7 @@ from testbench.identify.weighed import MOST_READINGS, check_runs
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_points
 from testbench.model.weights import Weights, read_weights
-from testbench.session import stepwise
+from testbench.progress import stepwise
 
 HUGE = 20.0  #: Deflection over that distance from which loaded readings are of something else.
 AT_A_TIME, PARTS = 90, 12  #: Runs that are weighed together, and how often at most.

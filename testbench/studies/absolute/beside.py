@@ -4,9 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.campaign.absolute_truth import Truth
-from testbench.campaign.named_parameters import Part, functionals
-from testbench.campaign.rows import MM
 from testbench.data.series import Series
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.choose import GEOMETRY
@@ -25,6 +22,9 @@ from testbench.identify.rows import rows_of
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
+from testbench.workflows.absolute_truth import Truth
+from testbench.workflows.named_parameters import Part, functionals
+from testbench.workflows.rows import MM
 
 SHAPE = 0.3  #: How well compliances are known beside a common factor, standard deviation [1].
 

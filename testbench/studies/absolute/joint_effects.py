@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from testbench.arm.folder import Joint
-from testbench.campaign.rows import UM
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.pattern import FIRST
@@ -14,6 +13,7 @@ from testbench.identify.absolute.state import State, forward
 from testbench.identify.diagnosis.moves import in_time
 from testbench.model.vjm import translation_rows
 from testbench.report.table import Row, Trials
+from testbench.workflows.rows import UM
 
 STRANGE = 2.0
 """Distance of an angle from those that trained, beyond which order 60 has turned by a third [deg]."""

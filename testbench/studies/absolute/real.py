@@ -11,11 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.absolute import FRAME_POSES, File, Score, evenly, read_all, score
-from testbench.campaign.campaign import Cell, build_cell, stream
-from testbench.campaign.plan import MORE, best_of, union_after
-from testbench.campaign.plan_settings import PlanSettings
-from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series, select_rows
 from testbench.design.absolute import position_rows
 from testbench.errors import Ids
@@ -25,20 +20,26 @@ from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.prior import Strength, cad_prior
+from testbench.plant.tracker import stream
+from testbench.report import colours
 from testbench.report.badge import Badge, beside_all
+from testbench.report.colours import CHOICE, Look, look
 from testbench.report.columns import columns
+from testbench.report.figure import Figure, forest
+from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
+from testbench.report.scene import Seen
+from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged
 from testbench.studies.absolute.joint_effects import approach, drift, effect_rows, joint_rows
 from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.headline import READ, headline
 from testbench.studies.study import Run, Study
-from testbench.views import colours
-from testbench.views.colours import CHOICE, Look, look
-from testbench.views.figure import Figure, forest
-from testbench.views.markdown import Markdown
-from testbench.views.scene import Seen
-from testbench.views.schema import Table
+from testbench.workflows.absolute import FRAME_POSES, File, Score, evenly, read_all, score
+from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.plan import MORE, best_of, union_after
+from testbench.workflows.plan_settings import PlanSettings
+from testbench.workflows.rows import MM, UM
 
 ARM = "ur10"
 FILES = {"A": "series_A_every_8th.csv", "C": "series_C.csv"}

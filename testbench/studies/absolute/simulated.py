@@ -11,35 +11,35 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
-from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
-from testbench.campaign.perturbed_prior import wrong_prior
-from testbench.campaign.rows import MM, UM, rms
-from testbench.campaign.tracker import Tracker, read_positions
-from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.series import Series
-from testbench.data.write import series_text
 from testbench.errors import Array, BenchError, Mask
+from testbench.files.write import series_text
 from testbench.identify.absolute.fit import Calibration, explain, gather
 from testbench.identify.absolute.fit import Options as Fit
 from testbench.identify.absolute.posterior import inside, model_of, posterior_of, predict
 from testbench.plant.build import build_plant
 from testbench.plant.gear import GearErrors
+from testbench.plant.tracker import Tracker, read_positions, stream
+from testbench.plant.true_arms import FAMILY, member
+from testbench.report import colours
 from testbench.report.badge import of_rivals
+from testbench.report.colours import CHOICE, Look, look
 from testbench.report.columns import columns
+from testbench.report.figure import Figure, forest, sweeps
+from testbench.report.markdown import Markdown, listed
 from testbench.report.report import Report, lines, say
+from testbench.report.scene import Seen
+from testbench.report.schema import Table, pivot
 from testbench.report.table import Row, Trials, number
+from testbench.runs.spread import ENOUGH, span, spread
 from testbench.studies.absolute.beside import Held, judged, optimum_mm, registered, true_state
 from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.headline import FEW, READ, headline
 from testbench.studies.study import Run, Study
-from testbench.trials.spread import ENOUGH, span, spread
-from testbench.views import colours
-from testbench.views.colours import CHOICE, Look, look
-from testbench.views.figure import Figure, forest, sweeps
-from testbench.views.markdown import Markdown, listed
-from testbench.views.scene import Seen
-from testbench.views.schema import Table, pivot
+from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
+from testbench.workflows.cell import Cell, build_cell, clear_poses, true_cell
+from testbench.workflows.perturbed_prior import wrong_prior
+from testbench.workflows.rows import MM, UM, rms
 
 NAME = "absolute_calibration"
 BY = ("arm", "true_arm", "campaign", "poses", "name")  #: What a row of the report is of.

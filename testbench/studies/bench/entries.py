@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from testbench.arm.folder import PACKAGE
-from testbench.campaign.own_estimator import read_own
-from testbench.campaign.own_process import SUFFIX, Limits, Own
+from testbench.workflows.own_estimator import read_own
+from testbench.workflows.own_process import SUFFIX, Limits, Own
 
 DEFAULT = "default"  #: What identify does by default, with the class's prior.
 JOINTS = "joints"

@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.stats import rankdata
 
-from testbench.campaign.rows import FAILED
 from testbench.errors import Array
 from testbench.report.table import Row, Trials, number
+from testbench.runs.spread import TAIL, spread
 from testbench.studies.bench.entries import DEFAULT, JOINTS
 from testbench.studies.bench.trial import DONE, SKIPPED
-from testbench.trials.spread import TAIL, spread
+from testbench.workflows.rows import FAILED
 
 DRAWS = 2000  #: Of the bootstrap, the same in every run.
 DECIMALS = 6  #: Of a logarithm of errors: entries nearer than that have one rank.

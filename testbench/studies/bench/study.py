@@ -5,12 +5,15 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.rows import FAILED
 from testbench.report.badge import FEWEST, Badge
 from testbench.report.campaigns import seeds_of
 from testbench.report.columns import columns
+from testbench.report.figure import Figure, forest
+from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
+from testbench.report.schema import Table
 from testbench.report.table import Row, Trials
+from testbench.runs.spread import ENOUGH
 from testbench.studies.bench import scores, trial
 from testbench.studies.bench.entries import DEFAULT, JOINTS
 from testbench.studies.bench.tasks import REAL, TASKS
@@ -18,10 +21,7 @@ from testbench.studies.bench.trial import EntryRow, Settings
 from testbench.studies.campaign.report import dataset
 from testbench.studies.headline import READ, headline
 from testbench.studies.study import Study
-from testbench.trials.spread import ENOUGH
-from testbench.views.figure import Figure, forest
-from testbench.views.markdown import Markdown
-from testbench.views.schema import Table
+from testbench.workflows.rows import FAILED
 
 CLASSES = {True: "with prior", False: "without prior"}
 BOARD = "name standing over_default tied conservative covered_percent over_ideal failed cpu_seconds"

@@ -9,13 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.campaign.absolute import FRAME_POSES, evenly
-from testbench.campaign.absolute_truth import by_trackers
-from testbench.campaign.campaign import Cell, Scenario, draw_poses, simulate_at, stream
-from testbench.campaign.perturbed_prior import prior_of
-from testbench.campaign.plan_input import Place
-from testbench.campaign.pose_campaign import FullPose, simulate
-from testbench.campaign.true_arms import true_cell
 from testbench.data.dataset import Dataset
 from testbench.data.series import select_rows
 from testbench.errors import Array
@@ -29,10 +22,17 @@ from testbench.identify.registered import registered
 from testbench.model.structure import Structure, all153
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.disturbance import Disturbances
+from testbench.plant.tracker import stream
 from testbench.studies.absolute.real import LINKS, SPRINGS, read
 from testbench.studies.campaign.disturbances import ALL, disturbances
 from testbench.studies.campaign.disturbed import disturbed
 from testbench.studies.campaign.trial import reread
+from testbench.workflows.absolute import FRAME_POSES, evenly
+from testbench.workflows.absolute_truth import by_trackers
+from testbench.workflows.cell import Cell, Scenario, draw_poses, simulate_at, true_cell
+from testbench.workflows.perturbed_prior import prior_of
+from testbench.workflows.plan_input import Place
+from testbench.workflows.pose_campaign import FullPose, simulate
 
 HEAVY, SIX_AXES, REAL = "kr500_l480", "arm_6r", "ur10"
 JUDGED = 100  #: Poses of a weight's deflections that judge, never measured.

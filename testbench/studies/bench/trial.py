@@ -10,24 +10,24 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.evaluation import unseen
-from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import named_models
-from testbench.campaign.own_estimator import MOST, LimitOptions, check_reach, check_unchanged, parameters
-from testbench.campaign.own_process import Own, ask
-from testbench.campaign.rows import FAILED, MM, NO_ERRORS, DatasetRow, ErrorRow, dataset_row, error_row
 from testbench.data.dataset import Dataset
-from testbench.data.write import csv_text
 from testbench.errors import Array, BenchError
+from testbench.files.write import csv_text
 from testbench.identify.estimate import Constraint, is_conservative
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.identify.prior import Prior
+from testbench.runs.spread import Number, Share
 from testbench.studies.bench.entries import DEFAULT, read_entries
 from testbench.studies.bench.tasks import TASKS, Problem, observation_of, problem
 from testbench.studies.campaign.trial import LEARNS, Cover, cover, covers
-from testbench.trials.spread import Number, Share
+from testbench.workflows.cell import build_cell
+from testbench.workflows.evaluation import unseen
+from testbench.workflows.model_selection import with_priors
+from testbench.workflows.models import named_models
+from testbench.workflows.own_estimator import MOST, LimitOptions, check_reach, check_unchanged, parameters
+from testbench.workflows.own_process import Own, ask
+from testbench.workflows.rows import FAILED, MM, NO_ERRORS, DatasetRow, ErrorRow, dataset_row, error_row
 
 DONE, SKIPPED = "done", "skipped: "
 SKIP = "raised NotImplementedError: "  #: How an entry says that a task, or class, is none of its own.

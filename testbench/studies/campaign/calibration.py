@@ -5,16 +5,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at
-from testbench.campaign.campaign_flags import CampaignOptions
-from testbench.campaign.evaluation import CampaignRow, Result, campaign_rows, identify
-from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import JOINTS, Model, named_models
-from testbench.campaign.own_estimator import hired
-from testbench.campaign.own_process import Own
-from testbench.campaign.perturbed_prior import wrong_prior
-from testbench.campaign.true_arms import FAMILY, member, true_cell
+from testbench.plant.true_arms import FAMILY, member
 from testbench.studies.rivals import as_in_paper, plain_models, without_cone
+from testbench.workflows.campaign_flags import CampaignOptions
+from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
+from testbench.workflows.evaluation import CampaignRow, Result, campaign_rows, identify
+from testbench.workflows.model_selection import with_priors
+from testbench.workflows.models import JOINTS, Model, named_models
+from testbench.workflows.own_estimator import hired
+from testbench.workflows.own_process import Own
+from testbench.workflows.perturbed_prior import wrong_prior
 
 QUICK_WORKSPACE = 40
 WITHOUT_PRIOR = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")

@@ -10,12 +10,6 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.campaign.campaign import Cell, Scenario, Truth, simulate, stream
-from testbench.campaign.perturbed_prior import prior_of
-from testbench.campaign.pose_campaign import FullPose
-from testbench.campaign.pose_campaign import simulate as simulate_full_pose
-from testbench.campaign.rows import UM
-from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import gco, intervals, reduce, with_prior
@@ -28,8 +22,15 @@ from testbench.identify.regression import Regression
 from testbench.identify.solve import METHODS, solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
+from testbench.plant.tracker import stream
+from testbench.plant.true_arms import FAMILY, member
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.estimators.bounds import Bounds, bounds, fit_set
+from testbench.workflows.cell import Cell, Scenario, Truth, simulate, true_cell
+from testbench.workflows.perturbed_prior import prior_of
+from testbench.workflows.pose_campaign import FullPose
+from testbench.workflows.pose_campaign import simulate as simulate_full_pose
+from testbench.workflows.rows import UM
 
 CONFIDENCE = 0.95
 DRAWS_LS, DRAWS_GCO = 199, 39  #: Refits of a bootstrap: the interval's order statistics are exact for both.

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from testbench.campaign.campaign_flags import TrueArmFlag
-from testbench.campaign.true_arms import FAMILY, HELD_OUT
 from testbench.errors import BenchError
 from testbench.plant.disturbance import STIFF_COMPENSATOR, TYPICAL, Disturbances
+from testbench.plant.true_arms import FAMILY, HELD_OUT
+from testbench.workflows.campaign_flags import TrueArmFlag
 
 SIZES = 0.5, 2.0  #: Of all disturbances, over those of the cases [1].
 QUICK_WORKSPACE = 20

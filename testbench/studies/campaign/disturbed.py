@@ -11,16 +11,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
-from testbench.campaign.model_selection import DEFAULT, FILLED
-from testbench.campaign.models import JOINTS, Model
-from testbench.campaign.own_estimator import Hired, Models
-from testbench.campaign.rows import UM, rms
-from testbench.campaign.true_arms import member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.plant.disturbance import Disturbances
 from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import settle_pair
+from testbench.plant.tracker import stream
+from testbench.plant.true_arms import member
 from testbench.studies.campaign.disturbances import ALL, Settings, disturbances
 from testbench.studies.campaign.trial import (
     Case,
@@ -33,6 +29,11 @@ from testbench.studies.campaign.trial import (
     reread,
     with_wrong_priors,
 )
+from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, simulate, true_cell
+from testbench.workflows.model_selection import DEFAULT, FILLED
+from testbench.workflows.models import JOINTS, Model
+from testbench.workflows.own_estimator import Hired, Models
+from testbench.workflows.rows import UM, rms
 
 MODELS, ONLY_WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68"), "MGCO68"
 """All are fitted with a prior too."""

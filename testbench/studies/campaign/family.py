@@ -13,19 +13,14 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
-from testbench.campaign.model_selection import choose, with_priors
-from testbench.campaign.models import JOINTS, MODELS, Model
-from testbench.campaign.own_estimator import Models
-from testbench.campaign.perturbed_prior import PRIORS, prior_of, wrong_link
-from testbench.campaign.rows import UM
-from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, select
 from testbench.identify import Estimate, least_squares
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.hierarchy import KIND, contradicted, unchecked
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
+from testbench.plant.tracker import stream
+from testbench.plant.true_arms import TRUTHS
 from testbench.studies.campaign.trial import (
     Case,
     Cover,
@@ -38,6 +33,12 @@ from testbench.studies.campaign.trial import (
     reread,
 )
 from testbench.studies.rivals import plain_models, without_cone
+from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
+from testbench.workflows.model_selection import choose, with_priors
+from testbench.workflows.models import JOINTS, MODELS, Model
+from testbench.workflows.own_estimator import Models
+from testbench.workflows.perturbed_prior import PRIORS, prior_of, wrong_link
+from testbench.workflows.rows import UM
 
 POSES = (8, 12, 20)  #: From how many is identified; the last one is how many there are.
 CHECK_POSES = 3

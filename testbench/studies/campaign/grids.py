@@ -12,13 +12,6 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import Cell, Scenario, build_cell, draw_poses, simulate_at, stream
-from testbench.campaign.models import Model
-from testbench.campaign.own_estimator import Models
-from testbench.campaign.pose_campaign import FullPose
-from testbench.campaign.pose_campaign import simulate as simulate_full_pose
-from testbench.campaign.rows import UM
-from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify import reduce
@@ -28,8 +21,16 @@ from testbench.identify.regression import RANK_TOLERANCE, Regression
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
+from testbench.plant.tracker import stream
+from testbench.plant.true_arms import TRUTHS
 from testbench.studies.campaign.compared import Compared, with_prior, without_prior
 from testbench.studies.campaign.trial import Case, FitRow, Fits, each_seed, fitted, judged, reread
+from testbench.workflows.cell import Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
+from testbench.workflows.models import Model
+from testbench.workflows.own_estimator import Models
+from testbench.workflows.pose_campaign import FullPose
+from testbench.workflows.pose_campaign import simulate as simulate_full_pose
+from testbench.workflows.rows import UM
 
 Kind = Literal["gravity", "full_pose"]
 """A weight and three markers (section 6), or wrenches along all axes and the tool's full pose (5.2)."""

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.campaign.campaign import stream
-from testbench.campaign.tracker import LONGEST, TYPICAL, LaserTracker, precision, read_positions
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask, check_least
+from testbench.plant.tracker import LONGEST, TYPICAL, LaserTracker, precision, read_positions, stream
 
 FLAT, WEIGHTED, UNWEIGHTED = "flat 50 um", "weighted", "flat weights"
 CENTRE = (2.2, 0.0, 1.6)  #: Middle of the work area, section 6 [m].

@@ -14,16 +14,9 @@ from typing import Annotated
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
-from testbench.campaign.campaign_flags import TrueArmFlag
-from testbench.campaign.model_selection import DEFAULT
-from testbench.campaign.models import JOINTS, Model
-from testbench.campaign.own_estimator import Models
-from testbench.campaign.pose_campaign import FullPose
-from testbench.campaign.pose_campaign import simulate as simulate_full_pose
-from testbench.campaign.rows import UM
-from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.errors import BenchError
+from testbench.plant.tracker import stream
+from testbench.plant.true_arms import FAMILY, member
 from testbench.studies.campaign.instruments import UNWEIGHTED, WEIGHTED, readings
 from testbench.studies.campaign.trial import (
     Case,
@@ -34,6 +27,14 @@ from testbench.studies.campaign.trial import (
     reread,
     with_wrong_priors,
 )
+from testbench.workflows.campaign_flags import TrueArmFlag
+from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
+from testbench.workflows.model_selection import DEFAULT
+from testbench.workflows.models import JOINTS, Model
+from testbench.workflows.own_estimator import Models
+from testbench.workflows.pose_campaign import FullPose
+from testbench.workflows.pose_campaign import simulate as simulate_full_pose
+from testbench.workflows.rows import UM
 
 LIGHT, HEAVY = "arm_6r", "kr500_l480"
 SIX_DOF = (JOINTS, "MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")

@@ -12,25 +12,13 @@ from typing import Annotated, Literal
 import typer
 
 from testbench.arm.folder import find_arm, load_arm
-from testbench.campaign.campaign import (
-    Campaign,
-    Cell,
-    Scenario,
-    build_cell,
-    draw_poses,
-    of_arm,
-    simulate,
-    simulate_at,
-)
-from testbench.campaign.models import JOINTS, Model, named_models
-from testbench.campaign.own_estimator import Models
-from testbench.campaign.perturbed_prior import SCALE, wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
 from testbench.identify.metric import metric, rescaled
 from testbench.identify.prior import Prior
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
+from testbench.runs.spread import Number
 from testbench.studies.campaign import coverage
 from testbench.studies.campaign.coverage import Covered
 from testbench.studies.campaign.trial import Case, FitRow, each_seed, fitted, judged
@@ -42,7 +30,19 @@ from testbench.studies.estimators.stein import (
     stein_parameters,
 )
 from testbench.studies.rivals import plain_models
-from testbench.trials.spread import Number
+from testbench.workflows.cell import (
+    Campaign,
+    Cell,
+    Scenario,
+    build_cell,
+    draw_poses,
+    of_arm,
+    simulate,
+    simulate_at,
+)
+from testbench.workflows.models import JOINTS, Model, named_models
+from testbench.workflows.own_estimator import Models
+from testbench.workflows.perturbed_prior import SCALE, wrong_prior
 
 SIX_DOF = "arm_6r"  #: The arm of section 5.2: the data see all its predictions.
 PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")

@@ -9,19 +9,19 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from testbench.campaign.model_selection import DEFAULT
-from testbench.campaign.models import JOINTS
 from testbench.identify import Constraint
 from testbench.report.badge import incumbents, of_rivals
 from testbench.report.columns import KNOWN, columns
+from testbench.report.figure import Figure
+from testbench.report.markdown import Markdown, counted, listed
 from testbench.report.report import Report, say
+from testbench.report.schema import Table, best_of, pivot
 from testbench.report.table import SHARED, TRIAL, Row, Trials, aligned, merged, number, shared
+from testbench.runs.spread import Number, Spread, middle, span, wins
 from testbench.studies.rivals import SAME
 from testbench.studies.study import Study
-from testbench.trials.spread import Number, Spread, middle, span, wins
-from testbench.views.figure import Figure
-from testbench.views.markdown import Markdown, counted, listed
-from testbench.views.schema import Table, best_of, pivot
+from testbench.workflows.model_selection import DEFAULT
+from testbench.workflows.models import JOINTS
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")

@@ -14,23 +14,23 @@ from typing import TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign.campaign import Cell, Truth
-from testbench.campaign.evaluation import attempted, has_failed
-from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import Model, named_models
-from testbench.campaign.own_estimator import Models, hired
-from testbench.campaign.own_process import Own
-from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
-from testbench.campaign.rows import MM, NO_ERRORS, UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
-from testbench.campaign.tracker import Tracker, read_orientations, read_positions
 from testbench.data.dataset import Dataset
-from testbench.data.write import csv_text
 from testbench.errors import Array
+from testbench.files.write import csv_text
 from testbench.identify import Constraint, Estimate, intervals
 from testbench.identify.evaluate import Score, all_deflections, score
 from testbench.identify.posterior import CONFIDENCE
+from testbench.plant.tracker import Tracker, read_orientations, read_positions
+from testbench.runs.spread import Share
 from testbench.studies.rivals import plain_models, without_cone
-from testbench.trials.spread import Share
+from testbench.workflows.cell import Cell, Truth
+from testbench.workflows.evaluation import attempted, has_failed
+from testbench.workflows.model_selection import with_priors
+from testbench.workflows.models import Model, named_models
+from testbench.workflows.own_estimator import Models, hired
+from testbench.workflows.own_process import Own
+from testbench.workflows.perturbed_prior import with_wrong_prior, wrong_prior
+from testbench.workflows.rows import MM, NO_ERRORS, UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
 
 S = TypeVar("S")
 R = TypeVar("R")

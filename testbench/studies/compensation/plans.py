@@ -8,11 +8,6 @@ from itertools import product
 import numpy as np
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import Cell, build_cell, stream
-from testbench.campaign.candidates import Checks, Conditions, build_checks, feasible, find
-from testbench.campaign.models import MODELS
-from testbench.campaign.perturbed_prior import UNCERTAINTY, wrong_prior
-from testbench.campaign.tracker import Station
 from testbench.correct.inverse import joints_along
 from testbench.correct.process import process_wrench
 from testbench.design.planning import make_plan
@@ -22,8 +17,13 @@ from testbench.errors import Array, BenchError
 from testbench.identify.metric import metric
 from testbench.model.load import Load, weight
 from testbench.plant.site import Payload
+from testbench.plant.tracker import Station, stream
 from testbench.studies.compensation import settings as s
 from testbench.studies.study import Everywhere
+from testbench.workflows.candidates import Checks, Conditions, build_checks, feasible, find
+from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.models import MODELS
+from testbench.workflows.perturbed_prior import UNCERTAINTY, wrong_prior
 
 START = (0.3, -1.2, 1.6, 0.1, -0.4, 0.0)  #: Joints near the panel [rad].
 AROUND = 50  #: Candidates that stand for the workspace, which no criterion here asks for.

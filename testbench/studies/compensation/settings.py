@@ -9,10 +9,10 @@ import typer
 from pydantic import Field
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.models import JOINTS
 from testbench.errors import BenchError
 from testbench.model.poses import WorkArea
 from testbench.studies.rivals import SAME
+from testbench.workflows.models import JOINTS
 
 NAME = "compensation"
 ARM = "kr500_l480"  #: The panel stands in its work area.

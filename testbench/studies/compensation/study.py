@@ -5,17 +5,20 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.models import JOINTS, WITHOUT_CONE
-from testbench.campaign.rows import MM, UM
-from testbench.campaign.true_arms import FAMILY, TRUTH_WORDS, TRUTHS, member, true_cell
 from testbench.errors import Array
 from testbench.plant.equilibrium import settle
 from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.plant.true_arms import FAMILY, TRUTH_WORDS, TRUTHS, member
 from testbench.report.badge import of_rivals
+from testbench.report.colours import CHOICE, LOAD, MEASURED, TASK, Look, look
 from testbench.report.columns import columns
+from testbench.report.figure import Figure, ranges
+from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
+from testbench.report.scene import Layer, Poses, RunChart, Scene, Seen, arrow_scale
+from testbench.report.schema import Column, Table, pivot
 from testbench.report.table import Row, Trials
+from testbench.runs.spread import span, spread
 from testbench.studies.calibration_scene import with_errors
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.plans import FORCE, jobs, prepare
@@ -24,12 +27,9 @@ from testbench.studies.compensation.trial import JobsRow, tasks_of, trials
 from testbench.studies.headline import READ, headline, warnings
 from testbench.studies.rivals import SAME
 from testbench.studies.study import Run, Study
-from testbench.trials.spread import span, spread
-from testbench.views.colours import CHOICE, LOAD, MEASURED, TASK, Look, look
-from testbench.views.figure import Figure, ranges
-from testbench.views.markdown import Markdown
-from testbench.views.scene import Layer, Poses, RunChart, Scene, Seen, arrow_scale
-from testbench.views.schema import Column, Table, pivot
+from testbench.workflows.cell import build_cell, true_cell
+from testbench.workflows.models import JOINTS, WITHOUT_CONE
+from testbench.workflows.rows import MM, UM
 
 PART = 0.9  #: Share removed that cases are counted at.
 LOOKS = {

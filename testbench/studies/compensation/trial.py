@@ -11,29 +11,12 @@ from functools import partial
 import numpy as np
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import (
-    Cell,
-    LoadedPoses,
-    Setup,
-    build_cell,
-    read_markers,
-    settle_both,
-    stream,
-)
-from testbench.campaign.evaluation import attempted
-from testbench.campaign.model_selection import choose, with_priors
-from testbench.campaign.models import Model, named_models
-from testbench.campaign.own_estimator import Models, hired
-from testbench.campaign.own_process import Own
-from testbench.campaign.perturbed_prior import PRIORS, prior_of
-from testbench.campaign.rows import FAILED, MM
-from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
 from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.newton import Aim
 from testbench.data.dataset import Dataset, in_order
-from testbench.data.write import csv_text
 from testbench.design.rows import Tasks
 from testbench.errors import Array, Ids, NoEquilibrium
+from testbench.files.write import csv_text
 from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import About, ArmModel, bending, of_compliances, of_estimate
 from testbench.identify.posterior import Posterior
@@ -43,10 +26,28 @@ from testbench.model.weights import read_weights
 from testbench.plant.disturbance import TYPICAL
 from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import Equilibrium, settle_pair
+from testbench.plant.tracker import stream
+from testbench.plant.true_arms import FAMILY, TRUTHS, member
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.plans import TIP, drawn, jobs, loads, tasks
 from testbench.studies.compensation.settings import Settings, Way
 from testbench.studies.rivals import without_cone
+from testbench.workflows.cell import (
+    Cell,
+    LoadedPoses,
+    Setup,
+    build_cell,
+    read_markers,
+    settle_both,
+    true_cell,
+)
+from testbench.workflows.evaluation import attempted
+from testbench.workflows.model_selection import choose, with_priors
+from testbench.workflows.models import Model, named_models
+from testbench.workflows.own_estimator import Models, hired
+from testbench.workflows.own_process import Own
+from testbench.workflows.perturbed_prior import PRIORS, prior_of
+from testbench.workflows.rows import FAILED, MM
 
 AIM = Aim(point=TIP)  #: The whole pose of the tool is put right.
 SETUP = Setup(arm=s.ARM, truth="nonlinear", sigma=s.SIGMA)

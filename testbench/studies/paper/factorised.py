@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from testbench.campaign.campaign import Cell, stream
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.certify import certify, tie_break
@@ -24,6 +23,8 @@ from testbench.identify.fold import reduce
 from testbench.identify.regression import Regression, Term, check_symmetric
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
+from testbench.plant.tracker import stream
+from testbench.workflows.cell import Cell
 
 Observe = Callable[[float], None]
 """Told of every F_M that is the least so far; a clock or a plot may listen."""

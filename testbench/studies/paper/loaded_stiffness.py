@@ -10,9 +10,6 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm, load_arm
-from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
-from testbench.campaign.models import JOINTS
-from testbench.campaign.rows import MM, UM
 from testbench.correct.rest import rest
 from testbench.errors import Array
 from testbench.identify.arm_model import bending
@@ -29,17 +26,21 @@ from testbench.model.vjm import chain, observation
 from testbench.model.weights import no_weights
 from testbench.plant.build import Plant, weightless
 from testbench.plant.equilibrium import settle
+from testbench.plant.tracker import stream
 from testbench.report import campaigns
 from testbench.report.badge import Badge, of_rivals
+from testbench.report.colours import GCO, LEAST_SQUARES, NOMINAL, SERIES, Look, look
 from testbench.report.columns import ROUNDING_UM, columns
+from testbench.report.figure import Figure, sweeps
 from testbench.report.report import Report, say
+from testbench.report.schema import Table, pivot
 from testbench.report.table import Row, Trials
 from testbench.studies.headline import READ, headline
 from testbench.studies.paper.verdicts import comparison, verdict_table
 from testbench.studies.study import Run, Study
-from testbench.views.colours import GCO, LEAST_SQUARES, NOMINAL, SERIES, Look, look
-from testbench.views.figure import Figure, sweeps
-from testbench.views.schema import Table, pivot
+from testbench.workflows.cell import Cell, build_cell, clear_poses
+from testbench.workflows.models import JOINTS
+from testbench.workflows.rows import MM, UM
 
 FULL, QUICK = (7, 200), (4, 30)  #: How many weights, and poses a seed.
 WORKSPACE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: Where the tool has to be.

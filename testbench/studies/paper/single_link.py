@@ -15,32 +15,33 @@ import typer
 
 from testbench.arm.folder import find_arm
 from testbench.arm.stiffness import SYMMETRY_TOLERANCE
-from testbench.campaign.campaign import Cell, build_cell, stream
-from testbench.campaign.campaign import measure as read
-from testbench.campaign.evaluation import of_model
-from testbench.campaign.models import Model
-from testbench.campaign.pose_campaign import FullPose, at_tool, random_wrenches
-from testbench.campaign.rows import UM, DatasetRow, FitRow, dataset_row, fit_row
 from testbench.data.dataset import Dataset
-from testbench.data.write import csv_text
 from testbench.errors import Array
+from testbench.files.write import csv_text
 from testbench.identify import Estimate, least_squares, paper_gco
 from testbench.identify.estimate import CONSERVATIVE_TOLERANCE
 from testbench.model.structure import Structure, free36
+from testbench.plant.tracker import stream
 from testbench.report import campaigns
 from testbench.report.badge import of_rivals
 from testbench.report.columns import columns
+from testbench.report.figure import Figure, forest
+from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
+from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, aligned, merged, nested
+from testbench.runs.spread import wins
 from testbench.studies.headline import READ, headline, warnings
 from testbench.studies.paper.factorised import every_order, order_range
 from testbench.studies.paper.published import EQ_22, EQ_23
 from testbench.studies.paper.verdicts import comparison, judged, verdict_table
 from testbench.studies.study import Study
-from testbench.trials.spread import wins
-from testbench.views.figure import Figure, forest
-from testbench.views.markdown import Markdown
-from testbench.views.schema import Table
+from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.cell import measure as read
+from testbench.workflows.evaluation import of_model
+from testbench.workflows.models import Model
+from testbench.workflows.pose_campaign import FullPose, at_tool, random_wrenches
+from testbench.workflows.rows import UM, DatasetRow, FitRow, dataset_row, fit_row
 
 NAME = "single_link"
 LEAST_SQUARES, SYMMETRIC, GCO = "MLS36", "MLS21", "MGCO21"

@@ -11,19 +11,16 @@ import typer
 from scipy.special import chdtri
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import Campaign, Cell, Truth, build_cell
-from testbench.campaign.evaluation import CampaignRow, campaign_rows, identify, judge
-from testbench.campaign.models import EQUAL_FIT, JOINTS, Model, named_models
-from testbench.campaign.own_estimator import hired
-from testbench.campaign.own_process import Own
-from testbench.campaign.pose_campaign import FullPose, simulate
-from testbench.campaign.rows import MM, UM
 from testbench.identify import gco, paper_gco
 from testbench.report import badge, campaigns
 from testbench.report.campaigns import NOT_OF_A_MODEL
 from testbench.report.columns import columns
+from testbench.report.figure import Figure, forest
 from testbench.report.report import Report, say
+from testbench.report.scene import Seen
+from testbench.report.schema import Table, best_of
 from testbench.report.table import Row, Trials, aligned, merged
+from testbench.runs.spread import wins
 from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.headline import READ, headline, warnings
 from testbench.studies.paper.factorised import every_order
@@ -31,10 +28,13 @@ from testbench.studies.paper.published import SECTION_5_2
 from testbench.studies.paper.verdicts import comparison, judged, nearly, number, verdict_table
 from testbench.studies.rivals import plain_models
 from testbench.studies.study import Run, Study
-from testbench.trials.spread import wins
-from testbench.views.figure import Figure, forest
-from testbench.views.scene import Seen
-from testbench.views.schema import Table, best_of
+from testbench.workflows.cell import Campaign, Cell, Truth, build_cell
+from testbench.workflows.evaluation import CampaignRow, campaign_rows, identify, judge
+from testbench.workflows.models import EQUAL_FIT, JOINTS, Model, named_models
+from testbench.workflows.own_estimator import hired
+from testbench.workflows.own_process import Own
+from testbench.workflows.pose_campaign import FullPose, simulate
+from testbench.workflows.rows import MM, UM
 
 MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")  #: The models of Table I, in the paper's order.
 TRUTHS: tuple[Truth, ...] = ("linear", "nonlinear")

@@ -15,18 +15,19 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import Campaign, Cell, build_cell, stream
-from testbench.campaign.evaluation import CampaignRow, campaign_rows, judge
-from testbench.campaign.models import Model, named_models
-from testbench.campaign.pose_campaign import FullPose, simulate
-from testbench.data.write import csv_text
 from testbench.errors import Array, BenchError
+from testbench.files.write import csv_text
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, paper_gco, reduce
+from testbench.plant.tracker import stream
 from testbench.report import campaigns
 from testbench.report.badge import of_rivals
+from testbench.report.colours import GCO, SERIES, Look
 from testbench.report.columns import columns
+from testbench.report.figure import Figure, forest
 from testbench.report.report import Report, say
+from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged, number
+from testbench.runs.spread import most
 from testbench.studies.estimators.modelled import cvxpy, modelled
 from testbench.studies.headline import READ, headline
 from testbench.studies.paper.factorised import (
@@ -45,10 +46,10 @@ from testbench.studies.paper.search import Budget, explore
 from testbench.studies.paper.six_dof_arm import TUBES
 from testbench.studies.paper.verdicts import judged, verdict_table
 from testbench.studies.study import Study
-from testbench.trials.spread import most
-from testbench.views.colours import GCO, SERIES, Look
-from testbench.views.figure import Figure, forest
-from testbench.views.schema import Table
+from testbench.workflows.cell import Campaign, Cell, build_cell
+from testbench.workflows.evaluation import CampaignRow, campaign_rows, judge
+from testbench.workflows.models import Model, named_models
+from testbench.workflows.pose_campaign import FullPose, simulate
 
 ARM = "arm_6r"
 SIGMA = math.sqrt(0.5) * 25e-6  #: The paper's is that of a deflection, a difference of two readings [m].

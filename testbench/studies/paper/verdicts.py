@@ -11,9 +11,9 @@ import numpy as np
 from scipy.stats import binomtest
 
 from testbench.report.columns import columns
+from testbench.report.schema import Table
 from testbench.report.table import Row
-from testbench.trials.spread import Number, Share, Spread, ends
-from testbench.views.schema import Table
+from testbench.runs.spread import Number, Share, Spread, ends
 
 LEVEL = 0.05  #: Of the sign test, two-sided.
 MOST = 0.95  #: Share of the seeds in which two errors must be nearly the same.

@@ -8,20 +8,20 @@ from functools import partial
 import numpy as np
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import Cell, build_cell, stream
-from testbench.campaign.candidates import Conditions, build_checks, feasible, find
-from testbench.campaign.perturbed_prior import wrong_prior
-from testbench.campaign.predicted_error import overall
-from testbench.campaign.tracker import Station
 from testbench.design.baselines import observability
 from testbench.design.planning import make_plan, promise
 from testbench.design.refine import Reach
 from testbench.design.rows import task_rows
 from testbench.plant.site import Payload
+from testbench.plant.tracker import Station, stream
 from testbench.studies.planning import settings as s
 from testbench.studies.planning.settings import FITS, PLANNED, Settings
 from testbench.studies.planning.trial import specify
 from testbench.studies.study import Everywhere
+from testbench.workflows.candidates import Conditions, build_checks, feasible, find
+from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.perturbed_prior import wrong_prior
+from testbench.workflows.predicted_error import overall
 
 AWAY_STREAM = 20  #: Streams of the other ground, over those of the first.
 

@@ -8,10 +8,10 @@ import typer
 from pydantic import Field
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.model_selection import DEFAULT, FILLED
-from testbench.campaign.models import JOINTS
 from testbench.design.baselines import Observability
 from testbench.model.poses import WorkArea
+from testbench.workflows.model_selection import DEFAULT, FILLED
+from testbench.workflows.models import JOINTS
 
 NAME = "pose_selection"
 RANDOM = "random"  #: Poses without a plan, beside the criteria of criteria.CRITERIA.

@@ -7,27 +7,27 @@ import numpy as np
 
 from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.perturbed_prior import SCALE, SHAPE, UNCERTAINTY
-from testbench.campaign.true_arms import CALLED
 from testbench.model.vjm import chain
+from testbench.plant.true_arms import CALLED
 from testbench.report import campaigns
 from testbench.report.badge import of_rivals
+from testbench.report.colours import GREY, SERIES, Look
 from testbench.report.columns import columns
+from testbench.report.figure import Figure, forest, sweeps
+from testbench.report.planned_poses import ORDER, OURS, UNSCALED, World
 from testbench.report.report import Report, say
+from testbench.report.scene import Line, PlaceMap, Scene, Seen
+from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged, number
+from testbench.runs.spread import ends, independent, middle, span, wins
 from testbench.studies.headline import READ, headline, warnings
 from testbench.studies.planning import settings as s
 from testbench.studies.planning import trial
 from testbench.studies.planning.plans import prepare
 from testbench.studies.planning.settings import BARE, FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
 from testbench.studies.study import Run, Study
-from testbench.trials.spread import ends, independent, middle, span, wins
-from testbench.views.colours import GREY, SERIES, Look
-from testbench.views.figure import Figure, forest, sweeps
-from testbench.views.planned_poses import ORDER, OURS, UNSCALED, World
-from testbench.views.scene import Line, PlaceMap, Scene, Seen
-from testbench.views.schema import Table
+from testbench.workflows.cell import build_cell
+from testbench.workflows.perturbed_prior import SCALE, SHAPE, UNCERTAINTY
 
 CRITERIA = "plan efficiency_percent expected_tasks_mm tasks_mm workspace_mm"
 POSES = "plan poses tasks_mm workspace_mm expected_tasks_mm efficiency_percent"

@@ -10,30 +10,12 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import Campaign, Cell, Setup, build_cell, hanging, stream
-from testbench.campaign.campaign import measure as read
-from testbench.campaign.evaluation import (
-    CampaignRow,
-    attempted,
-    campaign_rows,
-    has_failed,
-    judge,
-    of_model,
-)
-from testbench.campaign.model_selection import FILLED, with_priors
-from testbench.campaign.models import MODELS, Model
-from testbench.campaign.own_estimator import Models, hired
-from testbench.campaign.own_process import Own
-from testbench.campaign.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
-from testbench.campaign.predicted_error import Expected, fitted, half_widths, joints_alone, overall
-from testbench.campaign.rows import MM
-from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
 from testbench.data.dataset import Dataset
-from testbench.data.write import csv_text
 from testbench.design.forecast import widened
 from testbench.design.rows import Experiment, Specification, Tasks
 from testbench.design.whole_arm import promise_on
 from testbench.errors import Array
+from testbench.files.write import csv_text
 from testbench.identify import Estimate
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.metric import metric
@@ -41,8 +23,20 @@ from testbench.identify.prior import Prior, Strength
 from testbench.model.laws import without_laws
 from testbench.model.load import weight
 from testbench.model.vjm import chain
+from testbench.plant.tracker import stream
+from testbench.plant.true_arms import FAMILY, TRUTHS, member
 from testbench.studies.planning import settings as s
 from testbench.studies.planning.settings import FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
+from testbench.workflows.cell import Campaign, Cell, Setup, build_cell, hanging, true_cell
+from testbench.workflows.cell import measure as read
+from testbench.workflows.evaluation import CampaignRow, attempted, campaign_rows, has_failed, judge, of_model
+from testbench.workflows.model_selection import FILLED, with_priors
+from testbench.workflows.models import MODELS, Model
+from testbench.workflows.own_estimator import Models, hired
+from testbench.workflows.own_process import Own
+from testbench.workflows.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
+from testbench.workflows.predicted_error import Expected, fitted, half_widths, joints_alone, overall
+from testbench.workflows.rows import MM
 
 NOISE, CHANCE = 100, 300  #: Streams of a seed for noise and for random poses, plus the number of poses.
 Part = Literal["measured", "ground", "promise"]

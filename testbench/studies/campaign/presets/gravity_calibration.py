@@ -4,17 +4,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.campaign import build_cell
-from testbench.campaign.evaluation import CampaignRow
-from testbench.campaign.model_selection import DEFAULT
-from testbench.campaign.models import JOINTS
-from testbench.campaign.true_arms import CALLED, member, true_cell
-from testbench.campaign.workspace_errors import ErrorPlaces
+from testbench.plant.true_arms import CALLED, member
 from testbench.report import campaigns
 from testbench.report.badge import drawn
 from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, distinct
 from testbench.report.columns import columns
+from testbench.report.figure import Figure, forest
 from testbench.report.report import Report, say
+from testbench.report.scene import Seen
+from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged
 from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.campaign import calibration
@@ -23,9 +21,11 @@ from testbench.studies.campaign.report import PAIRS, Grid, Preset, Where
 from testbench.studies.paper import SECTION_6
 from testbench.studies.rivals import IN_PAPER
 from testbench.studies.study import Run
-from testbench.views.figure import Figure, forest
-from testbench.views.scene import Seen
-from testbench.views.schema import Table
+from testbench.workflows.cell import build_cell, true_cell
+from testbench.workflows.evaluation import CampaignRow
+from testbench.workflows.model_selection import DEFAULT
+from testbench.workflows.models import JOINTS
+from testbench.workflows.workspace_errors import ErrorPlaces
 
 PAPERS_ARM = "kr500_l480"
 PAPER = SECTION_6 | {f"{name}{IN_PAPER}": cells for name, cells in SECTION_6.items()}

@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.models import JOINTS
+from testbench.report.colours import look
 from testbench.report.columns import KNOWN
+from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
 from testbench.report.table import Row, Trials
 from testbench.studies.campaign import priors
 from testbench.studies.campaign.coverage import CONFIDENCE
 from testbench.studies.campaign.priors import SIX_DOF, Options, Settings, TrialRow
 from testbench.studies.campaign.report import ERROR, Grid, Preset, Where
-from testbench.views.colours import look
-from testbench.views.figure import Figure, forest
+from testbench.workflows.models import JOINTS
 
 SEEN = "name parameters rank conservative uncertainty_percent rms_um"
 COVERAGE = "interval datasets covered_percent standard_error_percent width_um unbounded_percent"

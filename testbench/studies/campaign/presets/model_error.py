@@ -6,18 +6,18 @@ from math import ceil
 
 import numpy as np
 
-from testbench.campaign.model_selection import DEFAULT, FILLED
-from testbench.campaign.models import JOINTS
-from testbench.campaign.rows import UM
-from testbench.campaign.true_arms import CALLED, HELD_OUT
+from testbench.plant.true_arms import CALLED, HELD_OUT
+from testbench.report.figure import Figure, ranges
 from testbench.report.report import Report
 from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged, number
+from testbench.runs.spread import middle, wins
 from testbench.studies.campaign import disturbances, disturbed
 from testbench.studies.campaign.disturbances import ALL, NONE, PLAIN_COMPENSATOR, STIFF, Options, Settings
 from testbench.studies.campaign.disturbed import BESIDE_IT, IN_FAMILY, DisturbedRow
 from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, lines
-from testbench.trials.spread import middle, wins
-from testbench.views.figure import Figure, ranges
+from testbench.workflows.model_selection import DEFAULT, FILLED
+from testbench.workflows.models import JOINTS
+from testbench.workflows.rows import UM
 
 CLAIM_PERCENT = 4.8
 """Largest difference that the paper quotes of errors with and without a gravity compensator."""

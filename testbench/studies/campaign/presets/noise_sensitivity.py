@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.model_selection import DEFAULT
-from testbench.campaign.models import EQUAL_FIT, JOINTS
+from testbench.report.figure import Figure, sweeps
 from testbench.report.report import Report
 from testbench.report.table import TRIAL, Row, Trials, matched
 from testbench.studies.campaign import noise
@@ -16,7 +15,8 @@ from testbench.studies.campaign.noise import HEAVY, INSTRUMENT, LIGHT, Options, 
 from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, duels, lines
 from testbench.studies.campaign.trial import FitRow
 from testbench.studies.rivals import SAME
-from testbench.views.figure import Figure, sweeps
+from testbench.workflows.model_selection import DEFAULT
+from testbench.workflows.models import EQUAL_FIT, JOINTS
 
 GRAVITY, SIX_DOF = "KR 500, 8 poses", "108 runs of section 5.2"
 TRACKER_UM = {"gravity": 50.0, "six_dof": 25.0}  #: Noise of the paper's trackers, sections 6 and 5.2.

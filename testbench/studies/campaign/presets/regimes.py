@@ -6,10 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.folder import find_arm
-from testbench.campaign.rows import UM
+from testbench.report.colours import look
 from testbench.report.columns import columns
+from testbench.report.figure import Figure, ranges
 from testbench.report.report import Report
+from testbench.report.schema import Table
 from testbench.report.table import SHARED, TRIAL, Row, Trials, matched, number
+from testbench.runs.spread import SAME, Number, ends, middle
 from testbench.studies.campaign import grids
 from testbench.studies.campaign.grids import (
     EQUAL,
@@ -24,10 +27,7 @@ from testbench.studies.campaign.grids import (
     Settings,
 )
 from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, by_case
-from testbench.trials.spread import SAME, Number, ends, middle
-from testbench.views.colours import look
-from testbench.views.figure import Figure, ranges
-from testbench.views.schema import Table
+from testbench.workflows.rows import UM
 
 KINDS = {"gravity": "a weight, three markers", "full_pose": "six wrenches, full pose"}
 """Kinds of reading in words."""

@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.campaign.models import JOINTS
-from testbench.campaign.perturbed_prior import PRIORS, PRIORS_CALLED, RIGHT
-from testbench.campaign.true_arms import CALLED, TRUTHS
+from testbench.plant.true_arms import CALLED, TRUTHS
+from testbench.report.colours import CHOICE
 from testbench.report.columns import columns
+from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
 from testbench.report.table import SHARED, TRIAL, Cells, Row, Trials, matched, number
 from testbench.studies.campaign import family
 from testbench.studies.campaign.family import CHOSEN, POSES, MethodRow, Options, Settings
 from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, by_case
-from testbench.views.colours import CHOICE
-from testbench.views.figure import Figure, forest
+from testbench.workflows.models import JOINTS
+from testbench.workflows.perturbed_prior import PRIORS, PRIORS_CALLED, RIGHT
 
 MARGIN = 0.05  #: Share by which an error must exceed that of joints alone for a method to lose.
 MOVES = 0.05  #: Share of the true deflection over the workspace from which a link is said to move it.

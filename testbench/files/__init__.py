@@ -1,0 +1,1 @@
+"""Files in and out: tables, robots, model folders, programs and robot languages."""

@@ -1,0 +1,167 @@
+"""What stands beside positions: orientations in any notation, torques of the joints, temperature, time."""
+
+import re
+
+import numpy as np
+
+from testbench.arm.decimal import is_decimal
+from testbench.arm.folder import Arm
+from testbench.errors import Array, BenchError, InputError
+from testbench.files.columns import Column, Columns
+from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
+from testbench.files.rearranged import clock, seconds
+
+UNIT_NORM = 5e-3
+"""How far a quaternion's norm, or a matrix times its transpose, may be from one [1]: rounding in a file."""
+MOST = 2.5 * np.pi  #: Angles beyond it are in degrees [rad].
+ROUNDED = re.compile(r"\d([.,]\d*)?[eE]\+?13|\d{6}0{8}")  #: 2,02011E+13: its hour, and more, is gone.
+
+
+def read_rotations(columns: Columns) -> Array | None:
+    """Orientation of the target in every row, the tracker from the target, (rows, 3, 3).
+
+    Returns:
+        All NaN in rows where it is blank; None where no column says it.
+
+    Raises:
+        InputError: When the notation is not said or a part is missing, and at what is no rotation.
+    """
+    found = [c for c in columns.every(*ROTATIONS) if not c.slot.when]
+    if not found:
+        return None
+    kinds = sorted({c.slot.what for c in found})
+    if len(kinds) > 1:
+        raise columns.table.header_error(f"expected orientations in one notation, got {' and '.join(kinds)}")
+    what = found[0].slot.what
+    if what == "rotation":
+        return _from_angles(columns, found)
+    own = columns.whole(columns_of(what))
+    values, there = columns.together(own)
+    read = _from_quaternions if what == "quaternion" else _from_matrices
+    none = [1.0, 0, 0, 0] if what == "quaternion" else np.eye(3).ravel()
+    rotation = read(columns, own[0].name, np.where(there[:, None], values, none))
+    rotation[~there] = np.nan
+    return rotation
+
+
+def _from_angles(columns: Columns, found: list[Column]) -> Array:
+    """Of three angles in the notation of the map, or a rotation vector under our own names."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
+
+    notation = columns.names.map.series.rotation or _unsaid(columns, found)
+    first = found[0].slot.index // 3 * 3
+    ours = "123" if first else "xyz"
+    own = columns.whole({f"rotation_{x}_rad": Slot("rotation", first + k) for k, x in enumerate(ours)})
+    angles, there = columns.together(own)
+
+    def problem(row: int, k: int) -> str:
+        unit = own[k].unit
+        hint = "; are these degrees?" if unit and unit.name == "rad" else ""
+        return f"expected an angle of at most {MOST:.2f} rad, got {angles[row, k]:g} rad{hint}"
+
+    columns.table.refuse(np.abs(angles) > MOST, [column.name for column in own], problem)
+    angles[~there] = 0
+    if notation == "vector":
+        rotation = Rotation.from_rotvec(angles).as_matrix()
+    else:
+        kind, axes = notation.split()
+        if axes[1] in (axes[0], axes[2]):
+            raise columns.map_error("series.rotation", f"no Euler angles {axes!r}")
+        if not first:  # named by their axes
+            if len(set(axes)) < len(axes):
+                missing = ["rotation_1_rad", "rotation_2_rad", "rotation_3_rad"]
+                raise columns.lack(missing, f"; the angles {axes} are named by their order")
+            angles = angles[:, [XYZ.index(axis) for axis in axes]]
+        order = axes.upper() if kind == "intrinsic" else axes
+        rotation = Rotation.from_euler(order, angles).as_matrix()
+    rotation[~there] = np.nan
+    return np.asarray(rotation)
+
+
+def _unsaid(columns: Columns, found: list[Column]) -> str:
+    """Our own rotation_x, y, z are a rotation vector; what others call angles must be said."""
+    if all(column.slot.index < len(XYZ) and not columns.names.maps(column.name) for column in found):
+        return "vector"
+    problem = 'expected "intrinsic xyz", "extrinsic zyx" or the like, or "vector", for three angles'
+    raise columns.map_error("series.rotation", problem)
+
+
+def _from_quaternions(columns: Columns, name: str, values: Array) -> Array:
+    from scipy.spatial.transform import Rotation  # here: the same
+
+    norm = np.linalg.norm(np.clip(values, -MOST, MOST), axis=1)
+    columns.table.refuse(
+        np.abs(norm - 1) > UNIT_NORM,
+        name,
+        lambda row: f"expected a unit quaternion, got one of norm {norm[row]:.4g}",
+    )
+    return np.asarray(Rotation.from_quat(values[:, [1, 2, 3, 0]]).as_matrix())
+
+
+def _from_matrices(columns: Columns, name: str, values: Array) -> Array:
+    R = np.clip(values.reshape(-1, 3, 3), -MOST, MOST)
+    off, det = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0), np.linalg.det(R)
+
+    def problem(row: int) -> str:
+        differs = f"R R^T differs from 1 by {off[row]:.2g}, det R is {det[row]:.3g}"
+        return f"expected a rotation matrix, {differs}"
+
+    columns.table.refuse((off > UNIT_NORM) | (det < 0), name, problem)
+    U, _, V = np.linalg.svd(R)
+    return np.asarray(U @ V)
+
+
+def read_torques(columns: Columns, arm: Arm) -> Array | None:
+    """Read the torques of the chain's joints.
+
+    Args:
+        columns: The columns of the file.
+        arm: The arm.
+
+    Returns:
+        Torques, (rows, n) [N m, N]; None without such columns.
+
+    Raises:
+        InputError: When a joint has none, or joints follow others: their torques cannot be told apart.
+    """
+    found = columns.whole(torque_columns(arm))
+    torque = np.column_stack([columns.full(column) for column in found]) if found else None
+    try:
+        return torque if torque is None or not arm.joint_map else arm.joint_map.torque_to_model(torque)
+    except BenchError as err:
+        raise columns.table.header_error(str(err)) from err
+
+
+def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:
+    """Temperature, (rows,) [degree Celsius]; None where a cell holds no number."""
+    column = columns.get(Slot("temperature"))
+    if column is None:
+        return None, []
+    return _if_full(columns, column)
+
+
+def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
+    """Time since the first row, (rows,) [s]; None where the cells are no times."""
+    counted, stamp = columns.get(Slot("time", 1)), columns.get(Slot("time"))
+    if counted is not None:
+        return _if_full(columns, counted)
+    if stamp is None:
+        return None, []
+    texts = columns.table.texts(stamp.index)
+    values = clock(texts)
+    counted_in = is_decimal(texts[0]) and seconds(texts[0]) is None  # minutes, perhaps
+    if values is not None and not counted_in and (np.ptp(values) > 0 or len(texts) == 1):
+        return values - values[0], []
+    wrong = next((text for text in texts if seconds(text) is None), None)
+    if wrong is not None and ROUNDED.fullmatch(wrong):
+        return None, [f"{stamp.name}: {wrong!r} is a time that a spreadsheet rounded: no time is read"]
+    got = f"{wrong[:40]!r}" if wrong is not None else f"{texts[0][:40]!r} in every row"
+    return None, [f"{stamp.name}: expected 20200714163904 or 2020-07-14 16:39:04, got {got}: no time is read"]
+
+
+def _if_full(columns: Columns, column: Column) -> tuple[Array | None, list[str]]:
+    """A column of numbers, (rows,), or why it is not read: no reading is refused for what stands beside."""
+    try:
+        return columns.full(column), []
+    except InputError:
+        return None, [f"{column.name}: blank or no number in a row, not read"]

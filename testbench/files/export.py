@@ -1,0 +1,288 @@
+"""An identified arm as URDF, new or the robot's own, read back before anything stands at its place.
+
+What a URDF cannot hold, compliances, errors and laws of the joints and weights, is documented JSON beside it.
+A new URDF has links, joints with limits, tool and masses, no shapes.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.document import unique
+from testbench.arm.folder import Arm
+from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
+from testbench.arm.urdf_text import NEW_STAMP, origin_of, with_origins, words
+from testbench.errors import Array, BenchError
+from testbench.files.export_geometry import Frames, Rigid, apart, far, identified, random_joints, tool_poses
+from testbench.files.export_left import GEOMETRY, displacements
+from testbench.files.export_own import own_origins, place, read_own
+from testbench.identify.absolute.state import State
+from testbench.model.kinematics import body_pose, urdf_poses
+from testbench.model.laws import BESIDE, PLAY, STICK, STIFFER, TURN, sizes_of
+from testbench.runs import provenance as files
+from testbench.runs.rows import Row
+from testbench.runs.whole import whole_files
+
+NEAR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
+KIND = "what a URDF cannot hold"
+BEGINS = rb'\{\s*"format": 1,\s*"kind": "what a URDF cannot hold"'
+WORDS = {
+    "geometry": "is in the URDF; constants here are what was added to the drawing, slides x, y, z [m], then "
+    "turns about x, y, z [rad] in the link's beam axes at its end, and an offset a joint [rad, m]",
+    "links": "at_m is the link's end as identified and axes its beam axes, as columns, in the frame of "
+    "urdf_link; compliance times force and moment there, in these axes [N, N m], is its slide and "
+    "turn [m, rad]",
+    "joints": "compliance times the torque about, or the force along, the joint's axis is how far it gives "
+    "way [rad/(N m), m/N]",
+    "errors": "a hinge at q is further by sum sine_k sin(order_k q) + cosine_k cos(order_k q) + ratio q "
+    "+ play tanh(10 t) + stiffening t |t|, t its torque over torque_scale; [rad, m], of a slide without sine "
+    "and cosine",
+    "laws": "sizes s of a joint; beside its compliance, with x the torque times that of elastic.toml, "
+    "x_0 of own weight and compensator and x_1 under the load too, it turns by "
+    f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {STIFFER / TURN**2:g} f^3 = x (stiffening), "
+    f"s {PLAY:g} (tanh(x_1 / {PLAY:g}) - tanh(x_0 / {PLAY:g})) (backlash), and "
+    f"-s {STICK:g} clip((x_1 - x_0) / {STICK:g}, -1, 1) (friction) [rad, m], and with the lever r of "
+    f"elastic.toml's compensator over its longest, -s (x_1 - x_0) {BESIDE:g} r^2 / (1 + {BESIDE:g} r^2)",
+    "weights": "masses [kg] and centres [m] in the frame of urdf_link that the model bends under",
+    "joint_map": "only where files count joints otherwise: a joint of the URDF is its row of L times "
+    "file_joints, plus its number in q_0 [rad, m]",
+    "root": "the URDF's first link in the model's world",
+    "tool": "the URDF's tip in the model's tool",
+}
+"""A sentence for every part."""
+
+
+ROOT = "world"  #: The first link: MJCF keeps the name for itself, so no link of an arm has it.
+UNKNOWN = {"effort": "0", "velocity": "0"}
+"""Limits that URDF asks for and an arm's folder does not hold."""
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A URDF, or what stands for one, that is not written yet."""
+
+    text: str
+    joints: tuple[str, ...]  #: Names of its joints, in the arm's order.
+    frames: Frames
+    drawing_off: float | None = None  #: Between the two drawings, of a robot's own URDF [m, rad].
+    as_urdf: Callable[[str], str] = str  #: A URDF of the text that was written.
+    encoding: str = "utf-8"  #: Of the text.
+    loose_meshes: bool = False  #: Meshes are named by their place beside the URDF.
+
+    @property
+    def aside(self) -> float:
+        """From the model's tool to the tip, as drawn [m]."""
+        return float(np.linalg.norm(self.frames.tip[:3, 3]))
+
+
+def draft_new(state: State) -> Draft:
+    """A URDF from scratch: its frames are the bodies of rigid.xml."""
+    arm, geometry, one = state.vjm.arm, identified(state), np.eye(4)
+    names = [link.name for link in arm.links]
+    frames = Frames([*names, arm.tool], one, [one] * len(names), one)
+    return Draft(_new_urdf(state, geometry), tuple(joint.name for joint in arm.joints), frames)
+
+
+def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
+    """The robot's own URDF with other origins; InputError when it is not the arm's."""
+    own = read_own(file, state.vjm.arm, tip)
+    frames, off = place(own, state)
+    text = with_origins(file, own.text, own_origins(own, frames, identified(state)))
+    return Draft(text, tuple(j.name for j in own.joints), frames, off, loose_meshes=own.loose_meshes)
+
+
+def export(state: State, draft: Draft, out: Path) -> Row:
+    """Write a URDF and what it cannot hold beside it, in JSON of the same stem: both or none.
+
+    Returns:
+        How far the URDF was off when it was read back, `read_back`; how far the identified geometry moves the
+        tool from the drawing, `geometry_mm`, and what moves it beside, `left`, by kind: RMS and at most [mm].
+
+    Raises:
+        BenchError: When the URDF, read back, is not the model's geometry.
+        InputError: When a file cannot be written.
+    """
+    q = random_joints(state.vjm)
+    with whole_files([out, beside_of(out)]) as (urdf, other):
+        urdf.write_bytes(draft.text.encode(draft.encoding))
+        off = read_back(state, draft, out, urdf.read_bytes().decode(draft.encoding))
+        left = {kind: far(rows) for kind, rows in displacements(state, q).items()}
+        back = Row(poses=len(q), position_um=1e6 * off[0], rotation_urad=1e6 * off[1])
+        done = Row(read_back=back, geometry_mm=left.pop(GEOMETRY), left=left)
+        files.write_json(beside(state, draft.frames, urdf, done), other)
+    return done
+
+
+def beside_of(urdf: Path) -> Path:
+    """Where the JSON beside a URDF stands."""
+    return urdf.with_suffix(".json")
+
+
+def read_back(state: State, draft: Draft, urdf: Path, text: str) -> tuple[float, float]:
+    """How far the written file, as Pinocchio reads it, is from the model [m, rad]; BenchError for too far."""
+    q, frames = random_joints(state.vjm), draft.frames
+    found = frames.root @ urdf_poses(urdf, draft.as_urdf(text), draft.joints, frames.names[-1], q)
+    off = apart(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
+    if not max(off) <= NEAR:
+        got = f"{1e6 * off[0]:.3g} um and {1e6 * off[1]:.3g} urad"
+        raise BenchError(f"{urdf.name}, read back, is up to {got} from the model; nothing is written")
+    return off
+
+
+def beside(state: State, frames: Frames, urdf: Path, done: Row) -> dict[str, object]:
+    """The document; of the URDF as it is written it has the digest."""
+    arm = state.vjm.arm
+    return {
+        "format": 1,
+        "kind": KIND,
+        "arm": arm.name,
+        "digests": {name: files.digest(arm.rigid.with_name(name)) for name in ("rigid.xml", "elastic.toml")},
+        "urdf_sha256": files.digest(urdf),
+        "read_back": done.read_back,
+        "left_out": {what: {"rms_mm": rms, "max_mm": most} for what, (rms, most) in done.left.items()},
+        "words": WORDS,
+        "root": _pose(frames.root),
+        "tool": _pose(frames.tip),
+        "links": _links(state, frames),
+        "joints": _joints(state),
+        "orders": list(state.errors.orders),
+        "weights": _weights(state, frames),
+        **_joint_map(arm),
+    }
+
+
+def _joint_map(arm: Arm) -> dict[str, object]:
+    """How the URDF's joints follow from those of files; nothing where they are the same."""
+    found = arm.joint_map
+    if found is None:
+        return {}
+    rows = {joint.name: row for joint, row in zip(arm.joints, found.L.tolist(), strict=True)}
+    return {"joint_map": {"file_joints": list(found.names), "L": rows, "q_0": found.q_0.tolist()}}
+
+
+def _pose(pose: Array) -> dict[str, object]:
+    return {"rotation": pose[:3, :3].tolist(), "translation_m": pose[:3, 3].tolist()}
+
+
+def _links(state: State, frames: Frames) -> list[dict[str, object]]:
+    vjm = state.vjm
+    C, left = state.C_theta, state.C_theta.copy()
+    found: list[dict[str, object]] = []
+    for k, (link, pose) in enumerate(zip(vjm.arm.links, (*vjm.placements, vjm.tool), strict=True)):
+        own = slice(6 * k, 6 * k + 6)
+        end = pose[:3, 3] + link.frame @ state.theta_0[own][:3]
+        R, p = frames.links[k][:3, :3], frames.links[k][:3, 3]
+        left[own, own] = 0
+        found.append(
+            {
+                "name": link.name,
+                "urdf_link": frames.names[k],
+                "at_m": (R.T @ (end - p)).tolist(),
+                "axes": (R.T @ link.frame).tolist(),
+                "compliance": C[own, own].tolist(),
+                "constants": state.theta_0[own].tolist(),
+            }
+        )
+    np.fill_diagonal(left, 0)
+    if left.any():
+        raise BenchError(
+            "C_theta: expected a block a link and a number a joint, got compliances between them"
+        )
+    return found
+
+
+def _joints(state: State) -> list[dict[str, object]]:
+    arm, errors = state.vjm.arm, state.errors
+    first, orders = 6 * len(arm.links), len(errors.orders)
+    found: list[dict[str, object]] = []
+    sizes = sizes_of(state.vjm, state.C_theta)
+    for k, joint in enumerate(arm.joints):
+        sine, cosine, single = np.split(state.n[k], [orders, 2 * orders])
+        row: dict[str, object] = {
+            "name": joint.name,
+            "unit": joint.unit,
+            "compliance": float(state.C_theta[first + k, first + k]),
+            "constant": float(state.theta_0[first + k]),
+            "torque_scale": float(state.torque_scale[k]),
+            "sine": sine.tolist(),
+            "cosine": cosine.tolist(),
+        }
+        if sizes:
+            row["laws"] = sizes[joint.name]
+        found.append(row | dict(zip(errors.kinds[2 * orders :], single.tolist(), strict=True)))
+    return found
+
+
+def _weights(state: State, frames: Frames) -> list[dict[str, object]]:
+    poses = (*frames.links, frames.tip)
+    rows = zip(frames.names, state.weights.mass, state.weights.centre, poses, strict=True)
+    return [
+        {"urdf_link": name, "mass_kg": float(m), "centre_m": (T[:3, :3].T @ (c - T[:3, 3])).tolist()}
+        for name, m, c, T in rows
+    ]
+
+
+def _new_urdf(state: State, geometry: Rigid) -> str:
+    """The text of a URDF."""
+    arm = state.vjm.arm
+    robot = ET.Element("robot", name=arm.name)
+    tensors = _tensors(arm)
+    names = [*(link.name for link in arm.links), arm.tool]
+    ET.SubElement(robot, "link", name=ROOT)
+    for name, mass, centre in zip(names, state.weights.mass, state.weights.centre, strict=True):
+        link = ET.SubElement(robot, "link", name=name)
+        if mass > 0:
+            _inertial(link, float(mass), centre, tensors[name])
+    taken = [joint.name for joint in arm.joints]
+    taken.append(unique(f"{names[0]}_fixed", taken))
+    _add_joint(robot, taken[-1], "fixed", (ROOT, names[0]), geometry.base)
+    for k, joint in enumerate(arm.joints):
+        kind = "prismatic" if joint.prismatic else "revolute"
+        e = _add_joint(robot, joint.name, kind, (names[k], names[k + 1]), geometry.steps[k])
+        ET.SubElement(e, "axis", xyz=words(state.vjm.axes[k]))
+        ET.SubElement(e, "limit", lower=f"{joint.lower:.12g}", upper=f"{joint.upper:.12g}")
+        e[-1].attrib.update(UNKNOWN)
+        if arm.joint_map is not None and (follows := arm.joint_map.follows(k)) is not None:
+            other, multiplier, offset = follows
+            told = {"joint": arm.joints[other].name, "multiplier": f"{multiplier:.12g}"}
+            ET.SubElement(e, "mimic", {**told, "offset": f"{offset:.12g}"})
+    last = unique(f"{names[-1]}_fixed", taken)
+    _add_joint(robot, last, "fixed", (names[-2], names[-1]), geometry.tool)
+    ET.indent(robot)
+    return f'<?xml version="1.0"?>\n{NEW_STAMP}{ET.tostring(robot, encoding="unicode")}\n'
+
+
+def _add_joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], pose: Array) -> ET.Element:
+    e = ET.SubElement(robot, "joint", name=name, type=kind)
+    ET.SubElement(e, "origin", origin_of(pose))
+    for tag, link in zip(("parent", "child"), ends, strict=True):
+        ET.SubElement(e, tag, link=link)
+    return e
+
+
+def _inertial(link: ET.Element, mass: float, centre: Array, tensor: Array) -> None:
+    e = ET.SubElement(link, "inertial")
+    ET.SubElement(e, "origin", xyz=words(centre), rpy="0 0 0")
+    ET.SubElement(e, "mass", value=f"{mass:.12g}")
+    upper = {f"i{'xyz'[a]}{'xyz'[b]}": f"{tensor[a, b]:.12g}" for a in range(3) for b in range(a, 3)}
+    ET.SubElement(e, "inertia", upper)
+
+
+def _tensors(arm: Arm) -> dict[str, Array]:
+    """Inertia of every body about its centre in its own axes, as rigid.xml says, (3, 3) [kg m^2]."""
+    root = read_mjcf(arm.rigid)
+    found = {}
+    for name in (*(link.name for link in arm.links), arm.tool):
+        e = find_body(arm.rigid, root, name).find("inertial")
+        tensor = np.zeros((3, 3))
+        if e is not None and "fullinertia" in e.attrib:
+            xx, yy, zz, xy, xz, yz = numbers(arm.rigid, e, "fullinertia", NUMBERS["fullinertia"])
+            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        elif e is not None and "diaginertia" in e.attrib:
+            R = body_pose(arm, e, angle_unit(root))[:3, :3]
+            tensor = R @ np.diag(numbers(arm.rigid, e, "diaginertia", NUMBERS["diaginertia"])) @ R.T
+        found[name] = tensor
+    return found

@@ -1,0 +1,80 @@
+"""An identified arm in files of controllers: offsets of joints, and what these cannot hold."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.errors import Array, BenchError
+from testbench.files.controller_files import (
+    ABB,
+    BYTES,
+    KUKA,
+    Format,
+    exchanged,
+    find_numbers,
+    read_controller,
+    read_numbers,
+)
+from testbench.files.export import NEAR
+from testbench.files.export_geometry import apart, random_joints, tool_poses
+from testbench.files.export_left import BestOffsets, best_offsets
+from testbench.identify.absolute.state import State
+from testbench.runs.whole import whole_file
+
+AXES = 6  #: Of a robot whose file is written.
+TURN = 2 * np.pi  #: A controller counts a motor's turns apart from its angle [rad].
+
+
+def export_offsets(state: State, file: Path, out: Path, gears: Sequence[float]) -> tuple[BestOffsets, float]:
+    """Write the offsets of the joints into a controller's file, and in comments what it cannot hold.
+
+    Gears are of ABB: how motors turn with the axes, n numbers or (n, n) row by row [1]. Returns the offsets
+    and how far those of the file move the tool from them at most [m].
+
+    Raises:
+        InputError: When the file is not such a one, or one cannot be written.
+        BenchError: When the arm has other axes or another number of gears, or the offsets, read back, differ.
+    """
+    form, text = read_controller(file)
+    keys, turns = _axes(form, six_axes(form.title, state).n_joints, gears)
+    numbers, old = find_numbers(form, file, text, keys), read_numbers(form, file, text, keys)
+    q = random_joints(state.vjm)
+    best = best_offsets(state, q)
+    arm = state.vjm.arm
+    offsets = arm.change_to_file(best.offsets)  # a controller counts the pendant's joints
+    new = old + turns @ offsets
+    said = [f"{rms:.3f} mm RMS, {most:.3f} at most: {kind}" for kind, (rms, most) in best.left.items()]
+    new -= TURN * np.trunc(new / TURN) if form is ABB else 0
+    written = exchanged(form, text, numbers, new.tolist(), "beyond offsets are, at the tool", *said)
+    change = read_numbers(form, out, written, keys) - old
+    change -= TURN * np.round((change - turns @ offsets) / TURN) if form is ABB else 0
+    read = np.asarray(np.linalg.solve(turns, change), dtype=np.float64)
+    read = arm.to_model(read) - arm.to_model(np.zeros(AXES))
+    off, _ = apart(tool_poses(state.vjm, q + read), tool_poses(state.vjm, q + best.offsets))
+    if not off <= NEAR:
+        raise BenchError(f"the offsets, read back, are up to {1e6 * off:.3g} um off; nothing is written")
+    with whole_file(out) as own:
+        own.write_bytes(written.encode(BYTES))
+    return best, off
+
+
+def six_axes(title: str, state: State) -> Arm:
+    """Take an arm of six joints that turn; BenchError, with the title of the file, for another one."""
+    arm = state.vjm.arm
+    if arm.n_joints != AXES or arm.moves is not None or any(joint.prismatic for joint in arm.joints):
+        raise BenchError(f"{title}: expected an arm of {AXES} joints that turn; {arm.name} has others")
+    return arm
+
+
+def _axes(form: Format, n: int, gears: Sequence[float]) -> tuple[list[str], Array]:
+    """Keys of the axes in a file, and what a radian of offset adds to their numbers, (n, n)."""
+    if form is KUKA:
+        return [str(k + 1) for k in range(n)], np.degrees(np.eye(n))
+    if len(gears) not in (n, n * n):
+        raise BenchError(f"--gears: expected {n} numbers, or {n * n} row by row, got {len(gears)}")
+    turns = np.diag(gears) if len(gears) == n else np.reshape(gears, (n, n))
+    if not abs(np.linalg.det(turns)) >= 1:
+        raise BenchError("--gears: expected turns of the motors for one of their axes, such as 120 or -98.5")
+    return [f"rob1_{k + 1}" for k in range(n)], -turns

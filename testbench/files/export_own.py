@@ -1,0 +1,230 @@
+"""The robot's own URDF: its chain found by the names of its joints, its origins as identified.
+
+A robot's file and the arm's folder draw one robot with other frames: another base, other axes of the links,
+another zero along a joint's axis. The axes are the same lines: one's are laid onto the other's.
+"""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.arm.urdf_text import BEGINS, BEGINS_NEW
+from testbench.errors import Array, InputError, read_text
+from testbench.files.export_geometry import (
+    Frames,
+    Rigid,
+    apart,
+    drawn,
+    in_order,
+    random_joints,
+    tool_poses,
+    within,
+)
+from testbench.files.robot.chain import fit_names
+from testbench.files.robot.robot import Body, Joint, Robot
+from testbench.files.robot.source import MAX_BYTES, read_xml
+from testbench.files.robot.tip import path_to, usual_tip
+from testbench.files.robot.urdf import read_tree
+from testbench.identify.absolute.state import State
+from testbench.model.kinematics import urdf_poses
+from testbench.model.vjm import rotation, skew
+
+SAME = 1e-4
+"""Most that a robot's own drawing differs from the arm's [m, rad]: a right angle of five digits does so."""
+STILL = 1e-12  #: Less than this is rounding [m, 1].
+UNTOLD = 1e-4
+"""Smallest singular value that counts, over the largest: rounding does not tell where parallel axes end."""
+
+
+@dataclass(frozen=True)
+class Own:
+    """The arm's chain in a robot's URDF."""
+
+    file: Path
+    text: str  #: Of the file.
+    root: str  #: Its first link.
+    tip: str  #: The link that carries the tool.
+    bodies: tuple[Body, ...]  #: From the first link to the tip, fixed ones too.
+    names: tuple[str, ...]  #: Of the joint before each of them; "" of the first.
+    loose_meshes: bool  #: Whether it names meshes by their place beside it.
+
+    @property
+    def moving(self) -> list[int]:
+        """Places of the joints that move, in `bodies`."""
+        return [k for k, body in enumerate(self.bodies) if body.joint]
+
+    @property
+    def joints(self) -> list[Joint]:
+        """The joints that move."""
+        return [body.joint for body in self.bodies if body.joint]
+
+    @property
+    def rigid(self) -> Rigid:
+        """As one step a joint; the base is the first link."""
+        cuts = [1, *(k + 1 for k in self.moving)]
+        steps = [in_order([b.pose for b in self.bodies[i:j]]) for i, j in pairwise(cuts)]
+        return Rigid(np.eye(4), np.array(steps), in_order([b.pose for b in self.bodies[cuts[-1] :]]))
+
+
+def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
+    """The chain of an arm in a robot's own URDF; InputError where its joints up to the tip are not the arm's.
+
+    The tip carries the tool: if not given the link called as the arm's tool, else the usual one.
+    """
+    root, text = read_xml(file), read_text(file, MAX_BYTES)
+    if re.match(BEGINS, text.encode()) and not re.match(BEGINS_NEW, text.encode()):
+        raise InputError(file, "", "testbench export wrote it; expected the robot's own URDF")
+    if root.tag != "robot":
+        raise InputError(file, "", f"expected URDF (<robot>) at the top, got <{root.tag}>")
+    return chain_of(file, text, root, arm, tip)
+
+
+def chain_of(file: Path, text: str, root: ET.Element, arm: Arm, tip: str | None = None) -> Own:
+    """The same of a URDF that is read, its text and its root element."""
+    loose = any("://" not in mesh.get("filename", "") for mesh in root.iter("mesh"))
+    tree = read_tree(file, root)
+    end = _tip(file, tree, arm, tip)
+    path = path_to(tree, end)
+    bodies = tuple(tree.bodies[k] for k in path)
+    pairs = [(joint.find("child"), joint.get("name", "")) for joint in root.findall("joint")]
+    before = {child.get("link", ""): name for child, name in pairs if child is not None}
+    names = ("", *(before[body.name] for body in bodies[1:]))
+    _check_joints(file, bodies, names, arm)
+    return Own(file, text, bodies[0].name, bodies[-1].name, bodies, names, loose)
+
+
+def _tip(file: Path, tree: Robot, arm: Arm, asked: str | None) -> int:
+    names = [body.name for body in tree.bodies]
+    if asked is None:
+        return names.index(arm.tool) if arm.tool in names else usual_tip(tree).body
+    if asked not in names:
+        raise InputError(file, "", f"no link {asked!r} for the tip; there are {', '.join(sorted(names))}")
+    return names.index(asked)
+
+
+def _check_joints(file: Path, bodies: tuple[Body, ...], names: tuple[str, ...], arm: Arm) -> None:
+    """The moving joints are the arm's by name, in order, and of the same kind."""
+    moving = [(name, body) for name, body in zip(names, bodies, strict=True) if body.moves]
+    for name, body in moving:
+        if body.odd:
+            raise InputError(file, f"<joint name={name!r}>", f"it {body.odd}")
+    have, wanted = [name for name, _ in moving], [joint.name for joint in arm.joints]
+    if wanted not in (have, fit_names(have)):
+        got = f"got {', '.join(have) or 'none'} up to {bodies[-1].name!r}; --tip names another end"
+        raise InputError(file, "", f"expected the joints of {arm.name}, {', '.join(wanted)}, {got}")
+    for (name, body), joint in zip(moving, arm.joints, strict=True):
+        if body.joint and body.joint.prismatic != joint.prismatic:
+            kinds = ("turns", "slides")
+            problem = f"it {kinds[body.joint.prismatic]}; in {arm.name} it {kinds[joint.prismatic]}"
+            raise InputError(file, f"<joint name={name!r}>", problem)
+
+
+def place(own: Own, state: State) -> tuple[Frames, float]:
+    """Where a robot's own frames stand in the model, and how far the two drawings differ at most [m, rad].
+
+    Raises:
+        InputError: When the robot's own drawing is not that of the arm; says how far off it is.
+    """
+    vjm, rigid, model = state.vjm, own.rigid, drawn(state.vjm)
+    slides = [joint.prismatic for joint in vjm.arm.joints]
+    axes = np.array([joint.axis for joint in own.joints])
+    lines = axis_lines(rigid.bodies[1:], axes, slides), axis_lines(model.bodies[1:], vjm.axes, slides)
+    root = align(*lines)
+    links = [within(a, root @ u) for a, u in zip(model.bodies, rigid.bodies, strict=True)]
+    tip = within(model.tool, links[-1] @ rigid.tool)
+    q = random_joints(vjm)
+    theirs = urdf_poses(own.file, own.text, [joint.name for joint in own.joints], own.tip, q)
+    far = apart(root @ theirs, tool_poses(vjm, q) @ tip)
+    if not max(far) <= SAME:
+        problem = f"its tip is up to {1e3 * far[0]:.3g} mm and {1e3 * far[1]:.3g} mrad from that of"
+        limits = f"{1e3 * SAME:g} mm and mrad"
+        why = "it is another robot, or counts its joints otherwise"
+        if re.match(BEGINS_NEW, own.text.encode()):
+            why = "testbench export wrote it from scratch, with the geometry of a calibration"
+        raise InputError(own.file, "", f"{problem} {vjm.arm.name} as drawn; expected {limits}: {why}")
+    exact = [
+        onto_axis(link, theirs, ours, slide=slide)
+        for link, theirs, ours, slide in zip(links[1:], axes, vjm.axes, slides, strict=True)
+    ]
+    names = [own.root, *(own.bodies[k].name for k in own.moving), own.tip]
+    return Frames(names, root, (links[0], *exact), within(model.tool, exact[-1] @ rigid.tool)), max(far)
+
+
+def own_origins(own: Own, placed: Frames, geometry: Rigid) -> dict[str, Array]:
+    """Poses of the URDF's joints as identified, by their names, (4, 4) [m]."""
+    poses: dict[str, Array] = {}
+    cuts = [1, *(k + 1 for k in own.moving)]
+    for i, step in enumerate(geometry.steps):
+        fixed = in_order([body.pose for body in own.bodies[cuts[i] : cuts[i + 1] - 1]])
+        wanted = within(placed.links[i], step @ placed.links[i + 1])
+        poses[own.names[cuts[i + 1] - 1]] = within(fixed, wanted)
+    behind = own.bodies[cuts[-1] :]
+    have = in_order([body.pose for body in behind])
+    wanted = within(placed.links[-1], geometry.tool @ placed.tip)
+    moved = np.abs(have - wanted).max() > STILL
+    if moved and not behind:
+        raise InputError(own.file, "", f"expected a fixed joint behind {own.tip!r}: the tool has moved on it")
+    if moved:
+        poses[own.names[cuts[-1]]] = wanted @ within(in_order([body.pose for body in behind[1:]]), np.eye(4))
+    return poses
+
+
+def axis_lines(bodies: Sequence[Array], axes: Array, slides: Sequence[bool]) -> Array:
+    """Twists of the joints at q = 0 in the frame of the poses, (n, 6): turn, then speed at the origin [1, m].
+
+    The joints' bodies have poses (4, 4) [m], in which their unit axes are (n, 3); some slide.
+    """
+    found = []
+    for pose, axis, slide in zip(bodies, axes, slides, strict=True):
+        d = pose[:3, :3] @ axis
+        found.append([*np.zeros(3), *d] if slide else [*d, *np.cross(pose[:3, 3], d)])
+    return np.array(found)
+
+
+def align(theirs: Array, ours: Array) -> Array:
+    """The pose of their frame in ours that lays their twists (n, 6), see `axis_lines`, onto ours, (4, 4) [m].
+
+    The turn is that of least squares (Kabsch 1976) of the axes' directions and of the ways between the lines,
+    the shift then is linear. Where axes leave it open, as the height of a base below parallel axes, it moves
+    least.
+    """
+    U, _, V = np.linalg.svd(STILL * np.eye(3) + _vectors(ours).T @ _vectors(theirs))
+    R = U @ np.diag([1, 1, np.linalg.det(U @ V)]) @ V
+    turn, speed = theirs[:, :3] @ R.T, theirs[:, 3:] @ R.T
+    J = np.vstack([-skew(w) for w in turn])
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = R, np.linalg.lstsq(J, (ours[:, 3:] - speed).ravel(), rcond=UNTOLD)[0]
+    return pose
+
+
+def _vectors(lines: Array) -> Array:
+    """Directions of axes, and from line to line of those that turn the way across both, (k, 3) [1, m]."""
+    turns = np.asarray(lines[:, :3].any(axis=1))
+    d = np.where(turns[:, None], lines[:, :3], lines[:, 3:])
+    points, ways = np.cross(d, lines[:, 3:]), []  # of the lines, nearest to the origin
+    for i, j in combinations(np.nonzero(turns)[0].tolist(), 2):
+        both, way = d[[i, j]], points[j] - points[i]
+        ways.append(way - np.linalg.pinv(both, rcond=UNTOLD) @ (both @ way))
+    return np.vstack([d, *ways])
+
+
+def onto_axis(frame: Array, theirs: Array, ours: Array, *, slide: bool) -> Array:
+    """A link's frame (4, 4) [m] in the model's body, moved so that its axis is exactly the model's.
+
+    The unit axis is `theirs` in the link and `ours`, (3,), in the body; that of a slide has no place.
+    """
+    d = frame[:3, :3] @ theirs
+    across = np.cross(d, ours)
+    sine = float(np.linalg.norm(across))
+    found = frame.copy()
+    if sine > 0:
+        found[:3, :3] = rotation(across / sine, float(np.arctan2(sine, d @ ours))) @ found[:3, :3]
+    if not slide:
+        found[:3, 3] = (ours @ found[:3, 3]) * ours
+    return found

@@ -1,0 +1,270 @@
+"""A map: how somebody's export names our quantities, as TOML of a few lines."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from testbench.arm.decimal import is_decimal
+from testbench.arm.document import Strict, parse_toml
+from testbench.arm.folder import Arm
+from testbench.arm.lines import toml_place
+from testbench.errors import InputError, read_text
+from testbench.files.names import (
+    STATES,
+    Slot,
+    Unit,
+    expand,
+    our_names,
+    placeholders,
+    recognise,
+    split_unit,
+    squeeze,
+)
+
+MAX_BYTES = 20_000
+CONSTANTS = ("joint", "mass", "force", "moment", "point", "sigma")
+"""Quantities that may be one number for the whole file."""
+IGNORE, LOST = "ignore", "lost"  #: Keys of the words for points that are no markers, and for lost targets.
+NOTATION = r"^(vector|(intrinsic|extrinsic) [xyz]{3})$"  #: Of three angles.
+
+Text = Annotated[str, Field(min_length=1, max_length=200)]
+Frame = Literal["base", "tracker"]
+Word = Annotated[str, Field(max_length=200)]  #: Of a cell, which may be blank.
+Words = tuple[str, ...]
+
+
+class Layout(Strict):
+    """How the file is written, where that is not to be found from the file itself."""
+
+    #: Between cells; " " for runs of blanks, "  " for runs of at least two.
+    delimiter: Literal[",", ";", "\t", "|", " ", "  "] | None = None
+    decimal: Literal[".", ","] | None = None  #: The decimal mark.
+    #: How its bytes are letters.
+    encoding: (
+        Literal["utf-8", "utf-16-le", "utf-16-be", "cp1252", "cp1250", "latin-1", "cp932", "gb18030"] | None
+    ) = None
+    skip: int | None = Field(default=None, ge=0, le=10_000)  #: Lines before the header.
+    footer: int = Field(default=0, ge=0, le=10_000)  #: Lines behind the table.
+    names: list[Text] = Field(default=[], max_length=1000)  #: Of the columns, where the file has no header.
+    header: int = Field(default=1, ge=1, le=3)  #: Lines of the header; the upper ones may be of merged cells.
+    merged: bool = False  #: Whether a blank cell takes the value above, as below merged cells.
+    average: bool = False  #: Whether rows of one point are shots, of which the mean is its reading.
+
+
+class Absolute(Strict):
+    """What holds for the absolute readings of a file; the file's own name stands for what is not said."""
+
+    frame: Text | None = None  #: Name of the tracker's frame; files that say the same share it.
+    target: Text | None = None  #: Name of the mount of the targets; the same.
+    markers: list[Text] = Field(default=[], max_length=100)  #: Targets where they are not the arm's.
+    #: What three angles are: a rotation vector, or Euler angles in their order.
+    rotation: Annotated[str, Field(pattern=NOTATION)] | None = None
+
+
+class Log(Strict):
+    """Another file with a row for every reading, such as the robot's joints."""
+
+    file: Text  #: Its path from the map's folder.
+    on: list[Text] = Field(default=[])  #: Columns of the readings that say together a row's name or time.
+    to: list[Text] = Field(default=[])  #: Those of the log, where they are called otherwise.
+    #: By the nearest time, at most so far away [s]; by name where it is not said.
+    within_s: Annotated[float, Field(gt=0, le=3600)] | None = None
+    #: Where nothing says which row belongs to which: how many readings in a row belong to one of the log.
+    rows: int | None = Field(default=None, ge=1, le=1000)
+
+    @model_validator(mode="after")
+    def _keyed(self) -> "Log":
+        if bool(self.on) == (self.rows is not None):
+            raise ValueError("expected on, the columns to join by, or rows, how many to a row of the log")
+        return self
+
+
+class Map(Strict):
+    """A map as its file has it."""
+
+    frame: Frame | None = None
+    file: Layout = Layout()
+    series: Absolute = Absolute()
+    log: Log | None = None
+    columns: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
+    optional: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
+    cells: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=20)
+    words: dict[Text, Word | list[Word]] = Field(default_factory=dict, max_length=200)
+    values: dict[Text, float] = Field(default_factory=dict, max_length=50)
+    scale: dict[Text, Annotated[float, Field(gt=0, lt=1e6)]] = Field(default_factory=dict, max_length=50)
+
+
+@dataclass(frozen=True)
+class Named:
+    """What a column of somebody's file is to us."""
+
+    slot: Slot  #: The quantity.
+    unit: Unit | None  #: Its unit by our name for it; None where that has none.
+    sign: float = 1.0  #: What the cells are multiplied by: -1 where the map has a minus before the name.
+    mapped: str = ""  #: Key of the map that says so; empty for one of our own names.
+    optional: bool = False  #: Whether the file may lack the column.
+    header: Unit | None = None  #: Its unit by what the file calls it, beside a map.
+
+
+@dataclass(frozen=True)
+class Names:
+    """All names that a file may use, ours and those of its map."""
+
+    path: Path | None  #: The map, for messages; None without one.
+    ours: Mapping[str, Slot]  #: Our own, squeezed.
+    theirs: Mapping[str, Named]  #: Those of the map, squeezed.
+    words: Mapping[str, str]  #: What cells say for our markers and states, squeezed.
+    ignored: frozenset[str]  #: Squeezed names of points that are no markers.
+    values: Mapping[Slot, tuple[float, Unit]]  #: Constants and their units.
+    cells: Mapping[str, tuple[str, ...]]  #: Patterns of what cells hold together, by their column.
+    lost: Mapping[str, str]  #: What stands for a lost target: a blank.
+    loads: Mapping[str, str]  #: Words for masses and forces, and their numbers.
+    markers: tuple[str, ...]  #: Names of the targets that the file may have.
+    map: Map  #: What the map says beside names.
+    load: float | None = None  #: Mass that hangs in loaded rows where nothing says one [kg].
+
+    def find(self, header: str) -> Named | None:
+        """What a column is: the map before our own names; None for neither."""
+        if found := self.theirs.get(squeeze(header)):
+            parts = split_unit(header, brackets=True)
+            return replace(found, header=parts[1]) if parts else found
+        if (parts := split_unit(header)) and (found := self.theirs.get(squeeze(parts[0]))):
+            return replace(found, header=parts[1])
+        own = recognise(header, self.ours)
+        return None if own is None else Named(*own)
+
+    def knows(self, header: str) -> bool:
+        """Whether a column of that name is looked for."""
+        return self.find(header) is not None
+
+    def maps(self, header: str) -> bool:
+        """Whether the map has a column of that name."""
+        parts = split_unit(header)
+        return any(squeeze(text) in self.theirs for text in [header, *([parts[0]] if parts else [])])
+
+    def error(self, file: Path, place: str, problem: str) -> InputError:
+        """What is wrong with the map; where there is none, with how the file is read."""
+        return InputError(self.path or file, place, problem)
+
+    def word(self, text: str, known: Collection[str]) -> str:
+        """Our word for what a cell says, of those that are known; empty for any other."""
+        ours = text if text in known else self.words.get(squeeze(text), "")
+        return ours if ours in known else ""
+
+
+def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, Slot]] = our_names) -> Names:
+    """Our names for an arm, and those of a map.
+
+    Args:
+        path: The map; None without one.
+        arm: The arm.
+        quantities: Our names: those of runs, or of absolute readings, whose targets the map may name.
+
+    Raises:
+        InputError: Names the key and what was expected.
+    """
+    found = Map() if path is None else _read(path)
+    if found.series.markers and quantities is not our_names:
+        arm = replace(arm, markers=tuple(found.series.markers))
+    ours = quantities(arm)
+    where = path or Path()
+    words, ignored, lost = _words(where, found, arm)
+    said = {name: (name,) for name in arm.markers} | STATES
+    return Names(
+        path=path,
+        ours=ours,
+        theirs=_columns(where, found, ours, placeholders(arm, words)),
+        words={squeeze(word): key for key, own in said.items() for word in (*own, *words.get(key, ()))},
+        ignored=frozenset(map(squeeze, ignored)),
+        values=_values(where, found, ours),
+        cells={header: _tuple(patterns) for header, patterns in found.cells.items()},
+        lost=dict.fromkeys(lost, ""),
+        loads={word: key for key, own in words.items() if is_decimal(key) for word in own},
+        markers=arm.markers,
+        map=found,
+    )
+
+
+def _read(path: Path) -> Map:
+    data = parse_toml(path, read_text(path, MAX_BYTES))
+    try:
+        return Map.model_validate(data)
+    except ValidationError as err:
+        first = err.errors(include_url=False, include_context=False)[0]
+        place = toml_place(path, first["loc"])
+        if first["type"] == "extra_forbidden":
+            tables: dict[str, type[Strict]] = {"series": Absolute, "log": Log}
+            inner = tables.get(str(first["loc"][0]), Layout)
+            keys = Map.model_fields if len(first["loc"]) == 1 else inner.model_fields
+            raise InputError(path, place, f"unknown key; keys are {', '.join(keys)}") from err
+        problem = first["msg"]
+        if first["loc"] == ("series", "rotation"):
+            problem = 'expected "vector", "intrinsic xyz" or "extrinsic xyz" with the axes in their order'
+        raise InputError(path, place, f"{problem}, got {str(first['input'])[:80]!r}") from err
+
+
+def _tuple(words: str | list[str]) -> tuple[str, ...]:
+    return (words,) if isinstance(words, str) else tuple(words)
+
+
+def _words(path: Path, found: Map, arm: Arm) -> tuple[dict[str, Words], Words, Words]:
+    known = [*STATES, *arm.markers, IGNORE, LOST]
+    for key in found.words:
+        if key not in known and not is_decimal(key):
+            raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}, or a load as 150.0")
+    words = {key: _tuple(value) for key, value in found.words.items()}
+    if blank := [key for key, own in words.items() if "" in own and key != LOST]:
+        raise InputError(path, f"words.{blank[0]}", "expected words, got ''; a blank cell may only be `lost`")
+    return words, words.pop(IGNORE, ()), words.pop(LOST, ())
+
+
+def _columns(
+    path: Path, found: Map, ours: Mapping[str, Slot], choices: Mapping[str, list[tuple[str, Words]]]
+) -> dict[str, Named]:
+    if lost := [key for key in found.scale if key not in {**found.columns, **found.optional}]:
+        keys = ", ".join({**found.columns, **found.optional}) or "none"
+        raise InputError(path, f"scale.{lost[0]}", f"expected a key of columns or optional, which are {keys}")
+    named: dict[str, Named] = {}
+    alone: set[Slot] = set()
+    both = [(key, names, "columns") for key, names in found.columns.items()]
+    both += [(key, names, "optional") for key, names in found.optional.items()]
+    for key, names, section in sorted(both, key=lambda item: "{" in item[0]):  # patterns say less
+        for name in _tuple(names):
+            sign, plain = (-1.0, name[1:]) if name.startswith("-") else (1.0, name)
+            for our, their in expand(key, plain, choices):
+                known = recognise(our, ours)
+                if known is None or "{" in their:
+                    problem = (
+                        f"expected one of our quantities and its own {{...}} in both names, got {name!r}"
+                    )
+                    raise InputError(path, f"{section}.{key}", problem)
+                if "{" in key and known[0] in alone:
+                    continue
+                times = sign * found.scale.get(key, 1.0)
+                new = Named(*known, times, key, optional=section == "optional")
+                if "{" not in key:
+                    alone.add(known[0])
+                if named.setdefault(squeeze(their), new) != new:
+                    raise InputError(
+                        path, f"{section}.{key}", f"the name {their!r} stands for two quantities"
+                    )
+    return named
+
+
+def _values(path: Path, found: Map, ours: Mapping[str, Slot]) -> dict[Slot, tuple[float, Unit]]:
+    values = {}
+    for key, value in found.values.items():
+        known = recognise(key, ours)
+        if known is None or known[1] is None or known[0].what not in CONSTANTS:
+            kinds = ", ".join(CONSTANTS)
+            raise InputError(
+                path, f"values.{key}", f"expected one of {kinds} with its unit, as sigma_um or mass_kg"
+            )
+        slot, unit = known[0], known[1]
+        if slot.what == "sigma":
+            slot = replace(slot, index=int(unit.si == "rad"))
+        values[slot] = value, unit
+    return values

@@ -1,0 +1,131 @@
+"""What the names of strangers' columns mean: joints of one family, positions of targets, what nobody read."""
+
+import re
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from testbench.arm.folder import Arm
+from testbench.files.names import XYZ, split_unit, squeeze
+
+KNOWN = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encoding="utf-8"))
+STATES = {squeeze(word): state for state, words in KNOWN["states"].items() for word in words}
+LOADS = ("N", "Nm", "kg")  #: Units of forces, moments and masses.
+NUMBER = re.compile(r"\d+")
+NEVER = "(?!)"  #: Matches nothing.
+LISTED = 9  #: Columns that a warning names.
+
+
+class Place(NamedTuple):
+    """What a column of positions is of."""
+
+    target: str  #: As the name has it, plain; "" where it names none.
+    when: str  #: "before", "after", or "" where it says no state.
+    axis: str
+
+    def ours(self, targets: Mapping[str, str]) -> str:
+        """Our name for it, with our name of its target."""
+        return "_".join(filter(None, (targets[self.target], self.when, self.axis)))
+
+
+def plain(name: str) -> str:
+    """A name without its unit, in small letters and digits alone."""
+    return re.sub(r"[\W_]+", "", (split_unit(name) or (name,))[0]).casefold()
+
+
+def meaning(name: str) -> str:
+    """What a column is to us by its name alone; "" for an unknown one, and for positions."""
+    found = ((ours, re.fullmatch(own, plain(name))) for ours, own in KNOWN["columns"].items())
+    return next((ours.format(**match.groupdict()) for ours, match in found if match), "")
+
+
+def places(arm: Arm) -> Callable[[str], Place | None]:
+    """How to read target, state and axis from a name, in any order, beside words such as "measured".
+
+    Returns:
+        A function of a name; it returns None where the name is not that of a position.
+    """
+    markers = sorted(filter(None, map(plain, arm.markers)), key=len, reverse=True)
+    states = "|".join(map(re.escape, sorted(STATES, key=len, reverse=True)))
+    target = "|".join([*map(re.escape, markers), KNOWN["places"]["target"]])
+    words = re.compile(rf"(?P<target>{target})|(?P<when>{states})|{KNOWN['places']['said']}")
+
+    def place(name: str) -> Place | None:
+        text = plain(name)
+        for k in (k for k, axis in enumerate(text) if axis in XYZ):
+            found = [match for part in (text[:k], text[k + 1 :]) for match in words.finditer(part)]
+            targets, whens = ([m[kind] for m in found if m[kind]] for kind in ("target", "when"))
+            whole = sum(len(m[0]) for m in found) == len(text) - 1
+            if whole and len(targets) < 2 and len(whens) < 2:
+                return Place("".join(targets), STATES["".join(whens)] if whens else "", text[k])
+        return None
+
+    return place
+
+
+def joints_of(arm: Arm) -> Callable[[str], tuple[str, int] | None]:
+    """How to read from a name its family, the same for all joints of a file, and the joint's number.
+
+    Returns:
+        A function of a name; it returns None where the name is not that of a joint.
+    """
+    numbers = {plain(joint.name): k for k, joint in enumerate(arm.file_joints, start=1)}
+    spoken = "|".join(map(re.escape, sorted(filter(None, numbers), key=len, reverse=True))) or NEVER
+    named = re.compile(KNOWN["joints"]["named"].replace("NAME", spoken))
+
+    def joint(name: str) -> tuple[str, int] | None:
+        text, (kind, _, number) = plain(name), meaning(name).partition(" ")
+        if kind == "joint":
+            return "#".join(text.rsplit(number, 1)), int(number)
+        if own := named.fullmatch(text):
+            return text.replace(own["name"], "##"), numbers[own["name"]]
+        return None
+
+    return joint
+
+
+def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
+    """The columns of an arm's joints in their order, all of one family; none where no family has them all.
+
+    Numbers count from 1 or 0. Families with no more members than joints come first: A1 to A6 before J1 to J7.
+    """
+    families: dict[str, dict[int, int]] = {}
+    read, n, whole = joints_of(arm), len(arm.file_joints), list[tuple[bool, list[int]]]()
+    for column, name in enumerate(names):
+        if own := read(name):
+            families.setdefault(own[0], {}).setdefault(own[1], column)
+    for family, found in families.items():
+        if family == "q#" and sorted(found) in ([0, 1, 2, 3], [1, 2, 3, 4]) and n != len(found):
+            continue  # a quaternion
+        first = 1 if {*range(1, n + 1)} <= {*found} else 0
+        if {*range(first, n + first)} <= {*found}:
+            whole.append((len(found) > n, [found[k] for k in range(first, n + first)]))
+    return min(whole, key=lambda own: own[0])[1] if whole else []
+
+
+def overlooked(names: Sequence[str]) -> list[str]:
+    """Warnings of columns that nobody read and that look like orientations, joints, times or loads."""
+    left = {name: plain(name) for name in names}
+    kinds: dict[str, list[str]] = {}
+    for kind, sets in KNOWN["together"].items():
+        for words in (own.split() for own in sets):
+            found = [name for name, text in left.items() if text in words]
+            if {left[name] for name in found} == {*words} and f"q{len(words) + 1}" not in left.values():
+                kinds.setdefault(kind, []).extend(found)
+                left = {name: text for name, text in left.items() if name not in found}
+    for name in left:
+        if kind := next((kind for kind in KNOWN["alone"] if looks_like(name, kind)), ""):
+            kinds.setdefault(kind, []).append(name)
+    return [
+        f"warning: these columns look like {kind} and are not read: {', '.join(own[:LISTED])}"
+        + f" and {len(own) - LISTED} more" * (len(own) > LISTED)
+        for kind, own in kinds.items()
+    ]
+
+
+def looks_like(name: str, kind: str) -> bool:
+    """Whether a name, or its unit, is one of orientations, joints, times or forces."""
+    parts = split_unit(name)
+    loaded = kind == "forces" and parts is not None and parts[1].si in LOADS
+    return loaded or re.fullmatch(KNOWN["alone"][kind], plain(name)) is not None

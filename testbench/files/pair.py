@@ -1,0 +1,165 @@
+"""Runs made of single readings: each loaded reading with the unloaded one that belongs to it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.errors import Array, Ids
+from testbench.files.readings import Readings, placed
+from testbench.files.rows import SAME_POSE, Conditions, first_rows, number_rows, repeats
+from testbench.files.table import Table
+
+HELD = 2e-4
+"""Difference of joint coordinates between the readings of a run that is let pass, and said [rad, m]."""
+
+
+@dataclass(frozen=True)
+class Paired:
+    """The readings of every run."""
+
+    row: Ids  #: A row of the table with the run's conditions, (runs,).
+    run: Ids  #: Identifier, (runs,).
+    leader: Ids  #: Of every row one that has the same conditions, (rows,).
+    before: Array  #: (runs, m, 3) [m]; NaN where the target was lost or has no reading.
+    after: Array  #: (runs, m, 3) [m]; the same.
+    notes: tuple[str, ...]  #: What was assumed.
+
+
+def pair(table: Table, conditions: Conditions, read: Readings) -> Paired:
+    """Pair unloaded and loaded readings of a table to runs.
+
+    Args:
+        table: The table.
+        conditions: Poses, loads and states of its rows.
+        read: Readings of its rows.
+
+    Returns:
+        The runs.
+
+    Raises:
+        InputError: Names the line and what was expected.
+    """
+    marker = np.zeros(table.rows, dtype=int)
+    if read.long:
+        marker[read.row] = read.marker
+    if read.paired:
+        return _in_one_row(table, conditions, read, marker)
+    return _state_by_state(table, conditions, read, marker)
+
+
+def _in_one_row(table: Table, conditions: Conditions, read: Readings, marker: Ids) -> Paired:
+    """Both states stand in a row: of all targets, or of one."""
+    own, code = conditions, np.arange(table.rows)
+    if own.run is not None:
+        code = number_rows(own.run)
+    elif read.long:
+        code = _repeated(table, number_rows(own.pose, own.station, own.wrench, own.point), marker)
+    first = first_rows(code)
+    run = np.arange(len(first)) + 1 if own.run is None else own.run[first]
+    again = repeats(code, marker) > 0
+    table.refuse(again, "", lambda row: f"run {run[code[row]]} stands in the file twice")
+    if read.long:
+        short = np.bincount(code) < len(read.markers)
+        each = f"expected one line for each of {', '.join(read.markers)}; those of a lost target are blank"
+        for k in np.flatnonzero(short)[:1]:
+            raise table.error(first[k], "", f"run {run[k]}: {each}")
+    before, after = (placed(read, code, read.after == state) for state in (False, True))
+    notes = () if own.run is not None else (f"runs are numbered in their order: {len(first)} of them",)
+    return Paired(first, run, first[code], before, after, notes)
+
+
+def _state_by_state(table: Table, conditions: Conditions, read: Readings, marker: Ids) -> Paired:
+    """A row is of one state; an unloaded reading serves its own run, or all loads of its pose."""
+    own, loaded = conditions, np.zeros(table.rows, dtype=bool)
+    loaded[read.row] = read.after
+    if loaded.all() or not loaded.any():
+        have = "loaded" if loaded.any() else "unloaded"
+        raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}")
+    load = np.column_stack([own.wrench, own.point]) * loaded[:, None]
+    code = number_rows(own.pose, own.station, own.run, loaded, load)
+    if own.run is None:
+        code = _repeated(table, code, marker)
+    again = repeats(code, marker) > 0
+    table.refuse(again, "", "this marker was read before in the same run, pose, state and load")
+    first, position = first_rows(code), placed(read, code)
+    hung, idle = np.flatnonzero(loaded[first]), np.flatnonzero(~loaded[first])
+    row, unloaded = first[hung], _belongs(table, own, first[idle], first[hung])
+    held = _check_held(table, own.q, row, first[idle[unloaded]])
+    notes = list[str]()
+    if own.run is None or len(np.unique(own.run[row])) < len(row):
+        notes = [f"runs, one a load, are numbered in their order: {len(row)} of them"]
+    number = np.arange(len(row)) + 1 if notes or own.run is None else own.run[row]
+    notes += [*held, *_notes(table, first[idle], unloaded)]
+    return Paired(row, number, first[code], position[idle[unloaded]], position[hung], tuple(notes))
+
+
+def _notes(table: Table, idle: Ids, unloaded: Ids) -> list[str]:
+    """Unloaded readings, by their first rows, that serve several runs or none; one belongs to each run."""
+    shared = int((np.bincount(unloaded, minlength=len(idle)) > 1).sum())
+    alone = np.setdiff1d(np.arange(len(idle)), unloaded)
+    notes = [f"{shared} unloaded readings serve several loads each"] * bool(shared)
+    if len(alone):
+        lines = ", ".join(str(table.lines[r]) for r in idle[alone[:5]])
+        notes.append(f"{len(alone)} unloaded readings have no loaded one, from line {lines}")
+    return notes
+
+
+def _repeated(table: Table, code: Ids, marker: Ids) -> Ids:
+    """Groups parted where a marker comes again, (rows,): the second reading of each is a second run."""
+    again = repeats(code, marker)
+    if not again.any():
+        return code
+    count = np.zeros((int(code.max()) + 1, int(marker.max()) + 1), dtype=int)
+    np.add.at(count, (code, marker), 1)
+    if (count != count.max(axis=1, keepdims=True)).any():
+        problem = "missing columns ['run']: a pose and load comes again, not for all markers alike"
+        raise table.header_error(problem)
+    return number_rows(code, again)
+
+
+def _belongs(table: Table, own: Conditions, idle: Ids, rows: Ids) -> Ids:
+    """Which unloaded readings belong to loaded ones, (runs,): of the run, else of the pose.
+
+    Args:
+        table: The cells.
+        own: Of every row.
+        idle: First rows of the unloaded readings, in the order of the file.
+        rows: First rows of the loaded ones.
+    """
+    found = _last(number_rows(own.pose, own.station), idle, rows)
+    of_run = np.full(len(rows), -1)
+    if own.run is not None:
+        of_run = _last(number_rows(own.pose, own.station, own.run), idle, rows)
+    if own.taken_off is not None:
+        for row in rows[own.taken_off[rows] & (of_run < 0)][:1]:
+            raise table.error(row, "", "loading off: expected an unloaded reading of the same run")
+    for row in rows[found < 0][:1]:
+        hint = "" if own.named else "; without a column of poses equal joints are one"
+        problem = f"a loaded reading in pose {own.pose[row]}, which has no unloaded one{hint}"
+        raise table.error(row, "", problem)
+    return np.where(of_run < 0, found, of_run)
+
+
+def _last(key: Ids, idle: Ids, rows: Ids) -> Ids:
+    """Of every row the place in `idle` of the last one of its key before it, else of the first; else -1."""
+    place = key * len(key) + np.arange(len(key))
+    order = np.argsort(place[idle])
+    known = place[idle[order]]
+    first, behind = np.searchsorted(known, key[rows] * len(key)), np.searchsorted(known, place[rows])
+    at = np.minimum(np.maximum(first, behind - 1), len(known) - 1)
+    return np.where(key[idle[order[at]]] == key[rows], order[at], -1)
+
+
+def _check_held(table: Table, q: Array, row: Ids, idle: Ids) -> list[str]:
+    """What is to be said of joints that moved between unloaded and loaded readings; they may by HELD."""
+    moved = np.abs(q[row] - q[idle]).max(axis=1)
+    for k in np.flatnonzero(moved > HELD)[:1]:
+        raise table.error(row[k], "", not_held("unloaded", int(table.lines[idle[k]]), moved[k]))
+    most = float(moved.max())
+    words = f"joints differ by up to {most:.2g} rad or m between unloaded and loaded"
+    return [f"{words}: deflections hold that too"] if most > SAME_POSE else []
+
+
+def not_held(which: str, line: int, by: float) -> str:
+    """What is wrong with joints of a reading that another one in this line should have."""
+    return f"expected the joints of the {which} reading in line {line}, one differs by {by:.2g} rad or m"

@@ -1,0 +1,273 @@
+"""A robot's program as a table: where the tool goes, point by point, and what acts on it there.
+
+A path that jumps is refused: between two such points the arm would go a way that nobody wrote down.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from itertools import takewhile
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.errors import Array, Ids, InputError
+from testbench.files.beside import read_rotations
+from testbench.files.columns import Column, Columns, find_columns, read_columns, vector, wrench
+from testbench.files.mapping import read_map
+from testbench.files.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names, split_unit
+from testbench.files.rows import joint_coordinates
+from testbench.files.table import read_table
+
+MAX_POINTS = 1_000_000
+CORRECTION = "correction_"  #: What begins the columns that tell of a correction.
+LISTED = 12  #: Columns that a sentence names.
+LOADS: Mapping[What, Sequence[str]] = {
+    "force": [*(f"force_{axis}" for axis in XYZ), *ALONG],
+    "moment": [f"moment_{axis}" for axis in XYZ],
+    "mass": ["mass", "payload"],
+}
+"""Of every kind of load the names."""
+FARTHEST_TURN = math.radians(45)
+"""Largest turn of a hinge, or of the tool, from one point to the next [rad]."""
+SAME = 1e-3
+"""Difference between a coordinate and the same in another unit that rounding explains [deg, mm]."""
+FARTHEST_STEP = 1.0  #: Largest way of a slide, or of the tool [m].
+SLACK = 1 + 1e-9  #: Of these, for rounding [1].
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """The points of a program in their order, as joints or as poses of the tool.
+
+    With both, the poses are asked for and the joints say in which configuration.
+    """
+
+    labels: tuple[str, ...]  #: What the file calls every point; numbers from 1 where it does not.
+    #: Joints of the chain, (points, n) [rad, m]; None where poses of the tool alone are given.
+    q: Array | None
+    position: Array | None  #: Tool in the world, (points, 3) [m]; None where joints alone are given.
+    rotation: Array | None  #: Its orientation, world from tool, (points, 3, 3); None together with that.
+    wrench: Array  #: Force and moment on the tool at `point`, world axes, (points, 6) [N, N m].
+    along: Array  #: Process force along the feed, across it, along the spindle, at `point`, (points, 3) [N].
+    mass: Array  #: Hung mass, (points,) [kg].
+    #: Where wrench and process force act, tool's frame, (points, 3) [m]; None where the file is silent.
+    point: Array | None
+    arm: Arm = field(repr=False)  #: The arm that it is for.
+    columns: Columns = field(repr=False)  #: The file's cells.
+    jumps: bool  #: Whether points may lie as far apart as they like.
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.columns.table.path
+
+    @property
+    def line(self) -> Ids:
+        """Line of every point in the file, (points,)."""
+        return self.columns.table.lines
+
+    @property
+    def points(self) -> int:
+        """How many points there are."""
+        return len(self.line)
+
+    @property
+    def joints(self) -> list[Column | None]:
+        """The column of every file joint; None where the file has none."""
+        return [self.columns.get(Slot("joint", k)) for k in range(len(self.arm.file_joints))]
+
+    @property
+    def other(self) -> tuple[str, ...]:
+        """Columns that are carried through, in the order of the file."""
+        return self.columns.ignored
+
+    @property
+    def corrected(self) -> bool:
+        """Whether it was corrected: its joints are what is commanded."""
+        return any(name.startswith(CORRECTION) for name in self.other)
+
+
+def unread(program: Program) -> tuple[str, ...]:
+    """Sentences on columns that were not read, without a full stop; first those that look like loads."""
+    like = {name: _load_like(name) for name in program.other}
+    found = [
+        f"Not read though its unit is that of a load: {name}{near and f' ({near}?)'}; it counts for nothing"
+        for name, near in like.items()
+        if near is not None
+    ]
+    own = takewhile(lambda name: not name.startswith(CORRECTION), program.other)
+    if rest := [name for name in own if like[name] is None]:
+        more = f" and {len(rest) - LISTED} more" if len(rest) > LISTED else ""
+        found.append(f"Not read: {', '.join(rest[:LISTED])}{more}")
+    return tuple(found)
+
+
+def _load_like(header: str) -> str | None:
+    """The load's name that is nearest, "" if none is near; None where the unit is not that of a load."""
+    name, unit = split_unit(header) or ("", None)
+    names = next((own for what, own in LOADS.items() if unit and unit.si in SI[what]), None)
+    if unit is None or names is None:
+        return None
+    near = get_close_matches(name.casefold(), names, n=1, cutoff=0.7)
+    return f"{near[0]}_{unit.name}" if near else ""
+
+
+def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bool = False) -> Program:
+    """Read a program, one point a row.
+
+    Columns: JOINT_deg or JOINT_rad of every joint, of a slide JOINT_mm or JOINT_m; or x_mm, y_mm, z_mm and an
+    orientation of the tool in world axes; docs/formats.md lists all.
+
+    Args:
+        path: The file.
+        arm: The arm.
+        mapping: A map of other names, and of what three angles are.
+        jumps: Whether two points may lie as far apart as they like.
+
+    Returns:
+        The points in their order, with what acts at them.
+
+    Raises:
+        InputError: Names line and column, and what was expected.
+    """
+    names = read_map(mapping, arm, program_names)
+    if names.cells:
+        raise names.error(path, "cells", "expected a quantity a column in a program")
+    columns = read_columns(path, names, arm)
+    table, rows = columns.table, columns.table.rows
+    if not 1 <= rows <= MAX_POINTS:
+        raise table.error(min(rows, MAX_POINTS), "", f"expected 1 to {MAX_POINTS} points, got {rows}")
+    q, (position, rotation) = _joints(columns, arm), _poses(columns)
+    if q is not None and not jumps:
+        refuse_joint_jumps(path, arm, table.lines, q)
+    if position is not None and rotation is not None and not jumps:
+        _refuse_tool_jumps(path, table.lines, position, rotation)
+    acts, along, mass = wrench(columns), vector(columns, "process"), vector(columns, "mass", 1)
+    return Program(
+        labels=_labels(columns),
+        q=q,
+        position=position,
+        rotation=rotation,
+        wrench=np.zeros((rows, 6)) if acts is None else acts,
+        along=np.zeros((rows, 3)) if along is None else along,
+        mass=np.zeros(rows) if mass is None else mass[:, 0],
+        point=vector(columns, "point"),
+        arm=arm,
+        columns=columns,
+        jumps=jumps,
+    )
+
+
+def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
+    """Read poses within the arm's limits: one per row, a column for every joint.
+
+    Other columns may be there. A plan has every angle twice, in radians and degrees.
+
+    Args:
+        path: The file.
+        arm: The arm.
+        mapping: Map of column names; None for none.
+
+    Returns:
+        Joint angles, (poses, n) [rad, m].
+
+    Raises:
+        InputError: Names the line and what was expected.
+    """
+    names = read_map(mapping, arm)
+    table = read_table(path, names.knows, names.map.file)
+    read_as = {k: own for k, name in enumerate(table.names) if (own := names.find(name))}
+    joints = {k: own for k, own in read_as.items() if own.slot.what == "joint"}
+    first = {own.slot: k for k, own in reversed(joints.items())}
+    again = {k: own for k, own in joints.items() if k != first[own.slot]}
+    once = replace(table, names=tuple("" if k in again else name for k, name in enumerate(table.names)))
+    columns = find_columns(once, names, arm)
+    q = joint_coordinates(columns, arm)
+    if not table.rows:
+        raise table.error(0, "", "expected at least one pose")
+    in_file = arm.to_file(q)
+    for k, own in again.items():
+        joint, here = arm.file_joints[own.slot.index], in_file[:, own.slot.index]
+        other = here if own.unit is None else own.unit.scale * table.numbers(k, columns.mark)
+        both = f"{table.names[first[own.slot]]} and {table.names[k]}"
+        for i in np.flatnonzero(~(joint.shown * np.abs(here - other) <= SAME))[:1]:
+            got = f"{joint.shown * here[i]:.4f} and {joint.shown * other[i]:g} {joint.shown_unit}"
+            place = f"line {table.lines[i]}, columns {both}"  # whoever edits one must not be overheard
+            raise InputError(path, place, f"expected the same twice, got {got}")
+    return q
+
+
+def _joints(columns: Columns, arm: Arm) -> Array | None:
+    """Joints of every point; None where the table has poses of the tool alone."""
+    stated = any(slot.what == "joint" for slot in columns.names.values)
+    if columns.every("joint") or stated or not arm.joints:
+        return joint_coordinates(columns, arm)
+    if columns.every("set_point"):
+        return None
+    missing = [joint.shown_column for joint in arm.file_joints]
+    raise columns.lack(missing, "; or x_mm, y_mm, z_mm and an orientation of the tool")
+
+
+def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
+    """Positions and orientations of the tool; None where the table has joints alone."""
+    rotation = read_rotations(columns)
+    found = columns.whole(wanted := columns_of("set_point"))
+    if not found and rotation is None:
+        return None, None
+    if not found:
+        raise columns.lack(list(wanted))
+    if rotation is None:
+        raise columns.lack(
+            list(columns_of("quaternion")), "; or rotation_x_deg ... of a rotation vector, rotation_11 ..."
+        )
+    name, blank = columns.every(*ROTATIONS)[0].name, np.isnan(rotation[:, 0, 0])
+    columns.table.refuse(blank, name, "expected an orientation at every point, got ''")
+    position = vector(columns, "set_point")
+    assert position is not None
+    return position, rotation
+
+
+def _labels(columns: Columns) -> tuple[str, ...]:
+    column = columns.get(Slot("label"))
+    if column is None:
+        return tuple(map(str, range(1, columns.table.rows + 1)))
+    return tuple(columns.table.texts(column.index))
+
+
+def refuse_joint_jumps(path: Path, arm: Arm, line: Ids, q: Array) -> None:
+    """Refuse joints of which one goes too far from one point to the next.
+
+    Args:
+        path: The program's file.
+        arm: The arm.
+        line: Line of every point, (points,).
+        q: Joints of the chain, (points, n) [rad, m].
+
+    Raises:
+        InputError: Names the first two lines and the file joint.
+    """
+    q, joints = arm.to_file(q), arm.file_joints
+    most = np.array([FARTHEST_STEP if joint.prismatic else FARTHEST_TURN for joint in joints])
+    for i, k in np.argwhere(np.abs(np.diff(q, axis=0)) > most * SLACK)[:1].tolist():
+        joint = joints[k]
+        here, there = (joint.shown * q[[i, i + 1], k]).tolist()
+        got = f"{joint.name} from {here:g} to {there:g} {joint.shown_unit}"
+        _refuse(path, line[i : i + 2], got, f"{joint.shown * most[k]:g} {joint.shown_unit}")
+
+
+def _refuse_tool_jumps(path: Path, line: Ids, position: Array, rotation: Array) -> None:
+    """InputError at the first two poses, (points, 3) [m] and (points, 3, 3), that lie too far apart."""
+    step = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    cosine = (np.einsum("pxy,pxy->p", rotation[1:], rotation[:-1]) - 1) / 2
+    turn = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    for size, most, unit in ((step, FARTHEST_STEP, "m"), (turn, math.degrees(FARTHEST_TURN), "deg")):
+        for i in np.flatnonzero(size > most * SLACK)[:1].tolist():
+            _refuse(path, line[i : i + 2], f"the tool by {size[i]:g} {unit}", f"{most:g} {unit}")
+
+
+def _refuse(path: Path, lines: Ids, got: str, most: str) -> None:
+    problem = f"the path jumps, {got}: expected at most {most} from point to point; --jumps allows it"
+    raise InputError(path, f"lines {lines[0]} and {lines[1]}", problem)

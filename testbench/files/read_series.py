@@ -1,0 +1,257 @@
+"""Absolute readings read from a text file as it comes from a tracker, a spreadsheet or a robot.
+
+Those of several targets at one time are one row of a series.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.series import Series, select_rows, series_of
+from testbench.errors import Array, Ids, stem_of
+from testbench.files.beside import read_rotations, read_temperature, read_time, read_torques
+from testbench.files.columns import Columns, read_columns
+from testbench.files.mapping import read_map
+from testbench.files.names import ROTATIONS, WHEN, Slot, What, series_names
+from testbench.files.pair import HELD, not_held
+from testbench.files.read_pairs import runs_of
+from testbench.files.readings import Readings, averaged, markers_only, placed, read_readings
+from testbench.files.rows import Conditions, first_rows, number_rows, read_conditions, repeats
+from testbench.files.scatter import Scatter, read_scatter
+
+ALONE = "target"  #: Name of a file's only target where the arm has several.
+APART = 0.02  #: Readings of one target in one pose that are farther apart are of two targets [m].
+TURNED_APART = 1e-6  #: Difference of two orientations up to which they are one [1].
+TOLD = 5  #: Most lines that a note lists.
+BESIDE: tuple[What, ...] = ("time", "temperature", "torque", *ROTATIONS)
+"""Quantities of absolute readings that pairs do not have."""
+NAMES: tuple[What, ...] = ("series", "station", "series_frame", "series_target")
+"""Columns that part a file into series, or name what these share."""
+
+
+@dataclass(frozen=True)
+class SeriesExport:
+    """A file of absolute readings that was read, and how it was understood."""
+
+    series: tuple[Series, ...]  #: One for every set-up that the file names.
+    columns: Columns  #: Which column says what.
+    notes: tuple[str, ...]  #: What was assumed, left out or numbered.
+    lost: Ids  #: Lines of rows without a reading, which are left out.
+
+
+def read_series(
+    path: str | Path,
+    arm: Arm,
+    mapping: str | Path | None = None,
+    sigma: float | None = None,
+    load: float | None = None,
+) -> SeriesExport:
+    """Read and check absolute readings of an arm; both readings of a deflection are one each.
+
+    Args:
+        path: The file; docs/formats.md says what it may hold.
+        arm: The arm that was measured.
+        mapping: A map of its names, TOML; None where it uses ours.
+        sigma: Standard deviation of a position along an axis [m], where neither file nor map has one.
+        load: Mass that hangs in loaded rows [kg], where neither file nor map has a load.
+
+    Returns:
+        A series for every set-up that the file names, and what was understood.
+
+    Raises:
+        InputError: Names line and column, or key of the map, and what was expected.
+    """
+    path = Path(path)
+    names = replace(read_map(None if mapping is None else Path(mapping), arm, series_names), load=load)
+    arm = replace(arm, markers=names.markers)
+    found = _series_of_columns(read_columns(path, names, arm), arm, sigma)
+    if not len(found.lost):
+        return found
+    places = ", ".join(map(str, found.lost[:TOLD].tolist())) + ", ..." * (len(found.lost) > TOLD)
+    lost = f"{len(found.lost)} rows without a reading are left out, of line {places}"
+    return replace(found, notes=(*found.notes, lost))
+
+
+def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
+    """The absolute readings in a table of columns that were found."""
+    if any(c.slot.when for c in columns.every("reading")):
+        return _pairs(columns, arm, sigma)
+    columns, notes = markers_only(columns)
+    columns, shots = averaged(columns)
+    state = columns.get(Slot("state"))
+    words = set() if state is None else set(columns.table.texts(state.index))
+    loaded = any(columns.names.word(word, WHEN) == "after" for word in words)
+    conditions = read_conditions(columns, arm, needs_load=loaded)
+    alone = len(arm.markers) > 1 and columns.get(Slot("marker")) is None
+    alone = alone and not any(c.slot.marker for c in columns.every("reading"))
+    if alone:
+        arm = replace(arm, markers=(ALONE,))
+        notes.append(f"no column says a marker: all readings are of one, called {ALONE!r}")
+    read = read_readings(columns, arm, conditions.loaded)
+    if alone:
+        _check_alone(columns, conditions, read)
+    scatter = read_scatter(columns, sigma)
+    whole, first, lost, more = _assembled(columns, arm, conditions, read, scatter)
+    notes += [*columns.warnings, *shots, *conditions.notes, *scatter.notes, *more]
+    if columns.names.map.frame == "base":
+        notes.append("the map says base: its pose is found all the same")
+    return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes), lost)
+
+
+def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
+    """Both readings of a run stand in a row."""
+    export = runs_of(columns, arm, sigma)
+    said, stem = columns.names.map.series, stem_of(columns.table.path)
+    series = series_of(export.data, stem, said.target or stem)
+    series = tuple(replace(s, joints=columns.joints) for s in series)
+    if said.frame:
+        series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
+    unread = [c.name for c in columns.every(*BESIDE) if not c.slot.when]
+    warning = f"warning: these columns are not read beside pairs: {', '.join(unread)}"
+    notes = (*export.notes, *[warning] * bool(unread), "a run is two readings, unloaded and loaded")
+    return SeriesExport(series, columns, notes, np.array([], dtype=int))
+
+
+def _check_alone(columns: Columns, conditions: Conditions, read: Readings) -> None:
+    """Refuse several places in one pose under one load: they are of several targets."""
+    key = np.column_stack([conditions.q, conditions.wrench])
+    same = (key[1:] == key[:-1]).all(axis=1)
+    apart = np.linalg.norm(np.diff(read.position, axis=0), axis=1) > APART
+    problem = f"expected a column 'marker': the row above is of the same pose, {APART} m away or more"
+    columns.table.refuse(np.append(False, same & apart), "", problem)
+
+
+def _assembled(
+    columns: Columns, arm: Arm, conditions: Conditions, read: Readings, scatter: Scatter
+) -> tuple[Series, Ids, Ids, list[str]]:
+    """All rows of a file as one series without a name, each with a covariance.
+
+    Returns:
+        The series, the first row of the table of each of its rows, the lines of those without a reading, and
+        what was not read.
+
+    Raises:
+        InputError: Names line and column.
+    """
+    table, m = columns.table, len(read.markers)
+    code = _grouped(columns, conditions, read) if read.long and m > 1 else np.arange(table.rows)
+    first, position = first_rows(code), placed(read, code)
+    own = select_rows(conditions, first)
+    lost = np.asarray(np.isnan(position).any(axis=2))
+    P = np.zeros((len(first), m, 3, 3))
+    P[code[read.row], read.marker] = _precision(scatter)[read.row]
+    P[lost] = 0
+    temperature, warm = read_temperature(columns)
+    time, timed = read_time(columns)
+    torque, rotation = read_torques(columns, arm), read_rotations(columns)
+    whole = Series(
+        name="",
+        markers=read.markers,
+        frame="",
+        target="",
+        row=table.lines[first] if own.run is None else own.run,
+        pose=own.pose,
+        q=own.q,
+        wrench=own.wrench,
+        point=own.point,
+        position=np.where(lost[..., None], 0.0, position),
+        sigma=float(np.median(scatter.sigma)),
+        precision=P,
+        rotation=None if rotation is None else _one_each(columns, rotation, code, first),
+        sigma_rotation=None if rotation is None else float(np.median(scatter.sigma_rotation)),
+        torque=None if torque is None else torque[first],
+        temperature=None if temperature is None else temperature[first],
+        time=None if time is None else time[first],
+        joints=columns.joints,
+    )
+    there = whole.seen.any(axis=1) | whole.turned
+    if not there.any():
+        raise table.error(0, "", "expected at least one reading, all are blank")
+    return select_rows(whole, there), first[there], table.lines[first[~there]], [*warm, *timed]
+
+
+def _grouped(columns: Columns, conditions: Conditions, read: Readings) -> Ids:
+    """Rows of one pose and load as one reading, each target once, (rows,): numbers as they first appear."""
+    table = columns.table
+    marker = np.empty(table.rows, dtype=int)
+    marker[read.row] = read.marker
+    found = (columns.get(Slot(what)) for what in ("series", "series_frame", "series_target", "state"))
+    words = (np.array(table.texts(column.index)) for column in found if column is not None)
+    own = conditions
+    code = number_rows(own.wrench, own.point, own.pose, own.run, own.station, *words)
+    code = number_rows(code, repeats(code, marker))
+    leader = first_rows(code)[code]
+    moved = np.abs(conditions.q - conditions.q[leader]).max(axis=1)
+    table.refuse(
+        moved > HELD, "", lambda row: not_held("same", int(table.lines[leader[row]]), float(moved[row]))
+    )
+    return code
+
+
+def _precision(scatter: Scatter) -> Array:
+    """Inverse covariance of the positions in every row of the table, (rows, 3, 3) [1/m^2]."""
+    if scatter.covariance is None:
+        return np.asarray(np.eye(3) / scatter.sigma[:, None, None] ** 2)
+    P = np.linalg.inv(scatter.covariance)
+    return np.asarray((P + P.swapaxes(1, 2)) / 2)
+
+
+def _one_each(columns: Columns, rotation: Array, code: Ids, first: Ids) -> Array:
+    """The orientation of every reading, (readings, 3, 3), which all its rows say; NaN where none does."""
+    there = np.asarray(np.isfinite(rotation).all(axis=(1, 2)))
+    leader = np.full(len(first), -1)
+    rows = np.flatnonzero(there)[::-1]
+    leader[code[rows]] = rows  # the first one is written last
+    found = np.where((leader >= 0)[:, None, None], rotation[leader], np.nan)
+    differs = np.abs(rotation - found[code]).max(axis=(1, 2)) > TURNED_APART  # NaN differs from nothing
+    name = columns.every(*ROTATIONS)[0].name
+    columns.table.refuse(differs, name, "expected the orientation of the other rows of the reading")
+    return found
+
+
+def _parted(columns: Columns, whole: Series, first: Ids, scatter: Scatter) -> tuple[Series, ...]:
+    """The rows of a file by what its columns of set-ups say, (parts,).
+
+    Args:
+        columns: Which column says what.
+        whole: All rows.
+        first: Row of the table of each.
+        scatter: Of every row of the table.
+    """
+    said, stem = columns.names.map.series, stem_of(columns.table.path)
+    texts = [_texts(columns, what, first) for what in NAMES]
+    keys = list(zip(*texts, strict=True))
+    found = []
+    for key in dict.fromkeys(keys):
+        rows = np.array([k == key for k in keys])
+        part = select_rows(whole, rows)
+        own, turn = scatter.sigma[first[rows]], scatter.sigma_rotation[first[rows]]
+        even = scatter.covariance is None and (own == own[0]).all() and part.seen.all()
+        series, station, frame, target = key
+        place, turned = " ".join(filter(None, (series, station))), bool(part.turned.any())
+        found.append(
+            replace(
+                part,
+                name=f"{stem} {place}".strip(),
+                frame=frame or f"{said.frame or stem} {place}".strip(),
+                target=target or said.target or stem,
+                sigma=float(np.median(own)),
+                rotation=part.rotation if turned else None,
+                sigma_rotation=float(np.median(turn)) if turned else None,
+                precision=None if even else part.precision,
+            )
+        )
+    return tuple(found)
+
+
+def _texts(columns: Columns, what: What, first: Ids) -> list[str]:
+    """What a column says in some rows; nothing where there is no such column."""
+    column = columns.get(Slot(what))
+    if column is None:
+        return [""] * len(first)
+    texts = columns.table.texts(column.index)
+    blank = np.array([not text for text in texts], dtype=bool)
+    columns.table.refuse(blank, column.name, "expected a name, got ''")
+    return [texts[row] for row in first]

@@ -1,0 +1,209 @@
+"""Where which target was: readings of one target in one state each, of which a row may hold several.
+
+Several shots of a point are one reading: their mean, and the noise that their scatter tells.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.errors import Array, Ids, Mask
+from testbench.files.columns import Column, Columns
+from testbench.files.names import DEFLECTION, KNOWN, STATES, WHEN, XYZ, Slot, columns_of, squeeze
+from testbench.files.rows import first_rows, number_rows
+
+OWN = ("reading", "torque", "temperature", "time", "sigma", "deviation", "spread")
+"""Quantities that may differ between shots."""
+APART = 2e-3  #: Distance of a shot from the mean of its point beyond which it is of another [m].
+
+
+@dataclass(frozen=True)
+class Readings:
+    """All readings of a file, one marker in one state each."""
+
+    markers: tuple[str, ...]  #: Names, in the order in which they first appear.
+    row: Ids  #: Row of the table, (s,).
+    marker: Ids  #: Index of the marker, (s,).
+    after: Mask  #: Whether the arm was loaded, (s,).
+    position: Array  #: Where the target was, (s, 3) [m]; NaN where it was lost.
+    long: bool  #: Whether a column of markers says which target a row is of.
+    paired: bool  #: Whether both states stand in one row.
+
+
+def placed(read: Readings, code: Ids, some: Mask | slice = slice(None)) -> Array:
+    """Some readings by their group and marker, (groups, m, 3) [m]; NaN where there are none.
+
+    Args:
+        read: The readings.
+        code: The group of every row, (rows,).
+        some: Which of them.
+    """
+    found: Array = np.full((int(code.max()) + 1, len(read.markers), 3), np.nan)
+    found[code[read.row[some]], read.marker[some]] = read.position[some]
+    return found
+
+
+def markers_only(columns: Columns) -> tuple[Columns, list[str]]:
+    """Without the rows of points that the map calls no markers, and that in words.
+
+    Raises:
+        InputError: Where there are no rows.
+    """
+    table, column = columns.table, columns.get(Slot("marker"))
+    if not table.rows:
+        raise table.error(0, "", "expected at least one row")
+    if column is None or not columns.names.ignored:
+        return columns, []
+    other = np.array([squeeze(text) in columns.names.ignored for text in table.texts(column.index)])
+    words = f"{other.sum()} rows of points that the map calls no markers are left out"
+    return replace(columns, table=table.take(~other)), [words] * bool(other.any())
+
+
+def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> Readings:
+    """Read all readings of a table.
+
+    Args:
+        columns: The columns of the file.
+        arm: The arm.
+        loaded: Whether the row has a load, (rows,); it tells the state where no column does.
+
+    Returns:
+        The readings.
+
+    Raises:
+        InputError: Names line and column.
+    """
+    blocks = _blocks(columns)
+    everyone = np.arange(columns.table.rows)
+    long = "" in {marker for marker, _ in blocks}
+    names = _markers(columns, arm) if long else None
+    kept = tuple(dict.fromkeys(names if names is not None else [marker for marker, _ in blocks]))
+    place = {name: k for k, name in enumerate(kept)}
+    paired = all(when for _, when in blocks)
+    state = None if paired else _states(columns, loaded)
+    parts = []
+    for (name, when), triple in blocks.items():
+        own = np.array([place[n] for n in names or [name] * len(everyone)])
+        after = np.full(len(everyone), when != "before") if state is None else state
+        position = _positions(columns, triple)
+        if when == DEFLECTION:
+            position = position + _positions(columns, blocks[name, "before"])
+        parts.append((everyone, own, after, position))
+    row, marker, loaded, position = (np.concatenate(x) for x in zip(*parts, strict=True))
+    return Readings(kept, row, marker, loaded, position, long, paired)
+
+
+def _blocks(columns: Columns) -> dict[tuple[str, str], list[Column]]:
+    """Three columns by marker and state."""
+    found: dict[tuple[str, str], dict[int, Column]] = {}
+    for column in columns.every("reading"):
+        found.setdefault((column.slot.marker, column.slot.when), {})[column.slot.index] = column
+    missing = [
+        "_".join(filter(None, (marker, when, XYZ[k], "m")))
+        for (marker, when), triple in found.items()
+        for k in range(3)
+        if k not in triple
+    ]
+    if not found:
+        missing = [name for when in WHEN for name in columns_of("reading", when)]
+    for marker, when in found:
+        others = ("after", DEFLECTION) if when == "before" else ("before",)
+        if when and not any((marker, other) in found for other in others):
+            missing += ["_".join(filter(None, (marker, others[0], axis, "m"))) for axis in XYZ]
+    if missing:
+        raise columns.lack(missing)
+    return {key: [triple[k] for k in range(3)] for key, triple in found.items()}
+
+
+def _markers(columns: Columns, arm: Arm) -> list[str]:
+    """The marker of every row."""
+    column, table = columns.get(Slot("marker")), columns.table
+    if column is None:
+        if len(arm.markers) == 1:
+            return [arm.markers[0]] * table.rows
+        raise columns.lack(["marker"])
+    return _said(columns, column, arm.markers, f"in {arm.name}; markers are {', '.join(arm.markers)}")
+
+
+def _states(columns: Columns, loaded: Mask) -> Mask:
+    """Which rows are loaded, (rows,)."""
+    column = columns.get(Slot("state"))
+    if column is None:
+        return loaded
+    have = ", ".join(word for words in STATES.values() for word in words)
+    blank = columns.table.blank(column.index)
+    said = _said(columns, column, WHEN, f"is known; states are {have}", blank)
+    return np.where(blank, loaded, np.array([word == "after" for word in said], dtype=bool))
+
+
+def _said(
+    columns: Columns, column: Column, known: tuple[str, ...], hint: str, unsaid: Mask | None = None
+) -> list[str]:
+    """What the cells of a column of words say in our words; under the mask `unsaid` they may say nothing."""
+    texts = columns.table.texts(column.index)
+    ours = {text: columns.names.word(text, known) for text in dict.fromkeys(texts)}
+    found = [ours[text] for text in texts]
+    bad = np.array([not text for text in found], dtype=bool)
+    if unsaid is not None:
+        bad &= ~unsaid
+    columns.table.refuse(bad, column.name, lambda row: f"no {column.slot.what} {texts[row][:80]!r} {hint}")
+    return found
+
+
+def _positions(columns: Columns, triple: list[Column]) -> Array:
+    """Where a target was, (rows, 3) [m]; NaN where all three cells are blank.
+
+    Three equal coordinates, as 9999 or 0, are refused: instruments write so for a lost target.
+    """
+    found, _ = columns.together(triple)
+    if triple[0].slot.when != DEFLECTION:
+        table, first = columns.table, triple[0]
+
+        def problem(row: int) -> str:
+            text = table.texts(first.index)[row]
+            hint = f'for a lost target say so in the map: [words] lost = "{text}"'
+            return f"expected a place, got {text!r} three times; {hint}"
+
+        table.refuse((found == found[:, :1]).all(axis=1), first.name, problem)
+    return found
+
+
+def averaged(columns: Columns) -> tuple[Columns, list[str]]:
+    """A row a point, where the map says that a file has several shots, and that in words.
+
+    Shots are rows alike in all that says which reading they are: names and loads, without a name the joints.
+    The noise of a mean is the pooled scatter over the root of their number, where nothing else says it.
+    """
+    names, table = columns.names, columns.table
+    if not names.map.file.average:
+        return columns, []
+    keys = [c for c in columns.found.values() if c.slot.what not in (*OWN, "joint")]
+    if not any(c.slot.what in ("pose", "run") for c in keys):
+        keys += columns.every("joint")
+    code = number_rows(*(np.array(table.texts(c.index)) for c in keys))
+    first, count, squares, free = first_rows(code), np.bincount(code), 0.0, 0
+    table = table.take(np.isin(np.arange(table.rows), first))
+    for column in columns.every("reading"):
+        values = columns.table.numbers(column.index, columns.mark)
+        there = np.isfinite(values)
+        n = np.bincount(code[there], minlength=len(first))
+        mean = np.full(len(first), np.nan)
+        np.divide(np.bincount(code[there], values[there], len(first)), n, out=mean, where=n > 0)
+        off = (values - mean[code]) * column.sign * (column.unit.scale if column.unit else 1.0)
+        columns.table.refuse(
+            np.abs(off) > APART, column.name, f"expected shots of one point within {APART} m"
+        )
+        squares += float((off[there] ** 2).sum())
+        free += int((n[n > 0] - 1).sum())
+        table = table.with_numbers(column.index, mean)
+    shots, scatter = float(np.median(count)), float(np.sqrt(squares / max(free, 1)))
+    words = (
+        f"{len(code)} shots are {len(first)} readings, their means; they scatter by {1e6 * scatter:.3g} um"
+    )
+    silent = columns.said(Slot("sigma")) is None and not columns.every("deviation", "spread")
+    if free and scatter > 0 and silent:
+        sigma = scatter / np.sqrt(shots)
+        names = replace(names, values={**names.values, Slot("sigma"): (sigma, KNOWN["m"])})
+        words += f", so sigma is {1e6 * sigma:.3g} um: what all shots of a point share is not in it"
+    return replace(columns, names=names, table=table), [words]

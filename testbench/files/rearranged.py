@@ -1,0 +1,248 @@
+"""Tables rearranged: cells of several quantities become columns, three rows of a point become one.
+
+A robot's log is joined to a tracker's file, each reading with the row of its name or nearest time.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+
+from testbench.arm.decimal import is_decimal
+from testbench.errors import Array, Ids
+from testbench.files.mapping import Log, Named, Names
+from testbench.files.names import WHOLE, XYZ, Slot, recognise, squeeze
+from testbench.files.table import Table
+from testbench.files.targets import read_log
+
+MOST_STARS = 2  #: Wildcards in a pattern: more take long to match.
+STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d)")  #: 20200714163904.
+FRACTION = re.compile(r"(.*?:\d\d|[^.,:]*)(?:[.,](\d+))?(\s*[AP]M|Z)?", re.IGNORECASE | re.DOTALL)
+DAYS = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d.%m.%y", "")
+HOURS = ("%H:%M:%S", "%I:%M:%S %p", "%H:%M")
+FORMS = ("", *(f"{day} {hour}".strip() for day in DAYS for hour in HOURS))
+"""Ways of writing a time, of which the first that fits a whole column counts; "" for seconds and ISO 8601."""
+
+
+def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
+    """The table with a column more for every part of its combined cells, and how its columns are called.
+
+    A name that stands in the header again is called by its number too, as "X (2)", where the map does so.
+
+    Raises:
+        InputError: At a pattern that is none, or a cell that none of its patterns fits.
+    """
+    read_as = _numbered(table.names, names)
+    for header, patterns in names.cells.items():
+        place, wholes = f"cells.{header}", []
+        if header not in table.names:
+            have = ", ".join(map(repr, table.names))
+            raise names.error(table.path, place, f"no such column; columns are {have}")
+        for pattern in patterns:
+            parts = re.findall(r"\{(\w+)\}", pattern)
+            known = all(recognise(part, names.ours) for part in parts)
+            if not parts or not known or len(set(parts)) < len(parts) or pattern.count("*") > MOST_STARS:
+                problem = (
+                    "expected quantities such as {run}, {pose}, {marker}, each once, * for anything else, "
+                    f"got {pattern!r}"
+                )
+                raise names.error(table.path, place, problem)
+            wholes.append(_expression(pattern))
+        parts = list(dict.fromkeys(part for whole in wholes for part in whole.groupindex))
+        table = table.with_parts(table.names.index(header), parts, wholes, " or ".join(map(repr, patterns)))
+        read_as += parts
+        if not names.maps(header):
+            read_as[table.names.index(header)] = ""  # one of our names, but its parts count
+    return table, read_as
+
+
+def _numbered(header: tuple[str, ...], names: Names) -> list[str]:
+    """The names of a header; those that stand there again with their number, where the map has it."""
+    count, found = Counter[str](), list[str]()
+    for name in header:
+        count[name] += 1
+        numbered = f"{name} ({count[name]})"
+        found.append(numbered if count[name] > 1 and names.maps(numbered) else name)
+    return found
+
+
+def _expression(pattern: str) -> re.Pattern[str]:
+    """A pattern as a regular expression: {part} is as short as may be, * anything."""
+    pieces = re.split(r"\{(\w+)\}", pattern)
+    literal = [re.escape(piece).replace(r"\*", ".*") for piece in pieces[::2]]
+    literal = [re.sub(r"(\\ )+", r"\\s+", own) for own in literal]  # blanks, however many
+    groups = [f"(?P<{part}>.+?)" for part in pieces[1::2]]
+    return re.compile("".join(a + b for a, b in zip(literal, [*groups, ""], strict=True)), re.IGNORECASE)
+
+
+def join_axes(table: Table, named: dict[int, Named], names: Names) -> tuple[Table, dict[int, Named]]:
+    """The table with a row a point where a column says the axis of a row; else as it is.
+
+    Returns:
+        The table, and which of its columns says what.
+
+    Raises:
+        InputError: Where the three rows of a point do not stand together, or differ in what they share.
+    """
+    axis = next((k for k, own in named.items() if own.slot.what == "axis"), None)
+    whole = [k for k, own in named.items() if own.slot.index == WHOLE]
+    if axis is None or not whole:
+        for k in whole:
+            if named[k].mapped:
+                problem = f"expected an axis in the name {named[k].mapped!r}, or a column of axes, 'axis'"
+                raise names.error(table.path, f"columns.{named[k].mapped}", problem)
+        return table, {k: own for k, own in named.items() if k not in (axis, *whole)}
+    other = [squeeze(text) in names.ignored for text in table.texts(axis)]
+    table = table.take(~np.array(other, dtype=bool))
+    rows = _rows_of_points(table, axis)
+    kept = [k for k in range(len(table.names)) if k != axis and k not in whole]
+    _check_shared(table, [k for k in kept if k in named])
+    points, spread = table.take(np.arange(table.rows) % 3 == 0), [(k, i) for k in whole for i in range(3)]
+    points = replace(
+        points,
+        names=(*(table.names[k] for k in kept), *(f"{XYZ[i]} {table.names[k]}" for k, i in spread)),
+        units=tuple(table.units[k] for k in (*kept, *(k for k, _ in spread))),
+        cells=[points.cells[k] for k in kept] + [table.cells[k].take(rows[:, i]) for k, i in spread],
+    )
+    found = {n: named[k] for n, k in enumerate(kept) if k in named}
+    for n, (k, i) in enumerate(spread, start=len(kept)):
+        found[n] = replace(named[k], slot=replace(named[k].slot, index=i))
+    return points, found
+
+
+def _rows_of_points(table: Table, axis: int) -> Ids:
+    """Rows of x, y and z of every point, (points, 3)."""
+    texts = [squeeze(text) for text in table.texts(axis)]
+    for row, text in enumerate(texts):
+        if text not in XYZ:
+            got = table.texts(axis)[row][:80]
+            problem = f"no axis {got!r}; axes are {', '.join(XYZ)}, a map's [words] may ignore others"
+            raise table.error(row, table.names[axis], problem)
+    for row in range(0, len(texts), 3):
+        if sorted(texts[row : row + 3]) != list(XYZ):
+            problem = "expected the rows x, y, z of a point together, one each"
+            raise table.error(row, table.names[axis], problem)
+    order = np.array([XYZ.index(text) for text in texts], dtype=int).reshape(-1, 3)
+    return np.argsort(order, axis=1) + 3 * np.arange(len(order))[:, None]
+
+
+def _check_shared(table: Table, columns: list[int]) -> None:
+    """What holds for a point is the same in its three rows, or blank in the lower ones."""
+    for k in columns:
+        texts = table.texts(k)
+        for row, text in enumerate(texts):
+            first = texts[row - row % 3]
+            if text not in (first, ""):
+                problem = f"expected {first[:80]!r} as in the other rows of the point, got {text[:80]!r}"
+                raise table.error(row, table.names[k], problem)
+
+
+def clock(texts: Sequence[str]) -> Array | None:
+    """Seconds of dates and times, or of times of a day, all in one way of writing, (n,); None for others."""
+    parts = [part for text in texts if (part := FRACTION.fullmatch(text))]
+    for form in FORMS if parts and len(parts) == len(texts) else ():
+        found = [_seconds(form, f"{part[1]}{part[3] or ''}") for part in parts]
+        if None not in found:
+            beyond = np.array([float(f"0.{part[2] or 0}") for part in parts])
+            return np.asarray(np.array(found, dtype=float) + beyond)
+    return None
+
+
+def _seconds(form: str, text: str) -> float | None:
+    if not form:
+        return float(text) if is_decimal(text) and not STAMP.fullmatch(text) else seconds(text)
+    try:
+        return datetime.strptime(text, form).replace(tzinfo=UTC).timestamp()
+    except ValueError:
+        return None
+
+
+def seconds(text: str) -> float | None:
+    """Seconds of a date and time since 1970; None for anything else."""
+    stamp = STAMP.fullmatch(text)
+    try:
+        when = datetime.fromisoformat("{}-{}-{}T{}:{}:{}".format(*stamp.groups()) if stamp else text)
+    except ValueError:
+        return None
+    return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+
+
+def with_log(table: Table, names: Names) -> Table:
+    """The table with the columns of the log that a map names; as it is where the map names none.
+
+    Points that the map ignores have no row in the log.
+    """
+    if names.map.log is None or names.path is None:
+        return table
+    for k, own in enumerate(map(names.find, table.names)):
+        if own and own.slot == Slot("marker"):
+            table = table.take(np.array([squeeze(text) not in names.ignored for text in table.texts(k)]))
+    file = names.path.parent / names.map.log.file
+    return joined(table, read_log(file, names.knows), names.map.log)
+
+
+def joined(table: Table, log: Table, how: Log) -> Table:
+    """The table with those columns of a log that it has not.
+
+    Raises:
+        InputError: At the first reading without a row of the log, and at a name that the log has twice.
+    """
+    to = how.to or how.on
+    if how.rows is not None:
+        return _row_by_row(table, log, how.rows)
+    if how.within_s is None:
+        return table.beside(log, _by_name(table, log, keys_of(table, how.on), keys_of(log, to)))
+    ours, theirs = times_of(table, how.on), times_of(log, to)
+    rows = nearest(ours, theirs)
+    apart, most = np.abs(theirs[rows] - ours), f"expected a row of {log.path.name} within {how.within_s:g} s"
+    table.refuse(apart > how.within_s, "", lambda row: f"{most}, the nearest is {apart[row]:.4g} s away")
+    return table.beside(log, rows)
+
+
+def _row_by_row(table: Table, log: Table, count: int) -> Table:
+    """So many rows of a table in turn with one of the log; InputError where the counts do not agree."""
+    if table.rows != count * log.rows:
+        expected = f"{count} times {log.rows} rows of {log.path.name}" if count > 1 else f"{log.rows} rows"
+        raise table.error(0, "", f"expected {expected} to join row by row, got {table.rows}")
+    return table.beside(log, np.arange(table.rows) // count)
+
+
+def nearest(ours: Array, theirs: Array) -> Ids:
+    """Find the nearest of other times for every time.
+
+    Args:
+        ours: Times, (rows,) [s].
+        theirs: Other times, (k,) [s].
+
+    Returns:
+        Places among the others, (rows,).
+    """
+    return np.array([int(np.abs(theirs - t).argmin()) for t in ours], dtype=np.int64)
+
+
+def times_of(table: Table, columns: Sequence[str]) -> Array:
+    """What columns say together as times, (rows,) [s]; InputError where they do not."""
+    found = clock(keys_of(table, columns)) if columns else None
+    if found is None:
+        raise table.header_error(f"expected times to join by in {' and '.join(columns) or 'a column'}")
+    return found
+
+
+def keys_of(table: Table, columns: Sequence[str]) -> list[str]:
+    """What columns say together, row by row; InputError names one that is not there."""
+    if missing := [name for name in columns if name not in table.names]:
+        raise table.header_error(f"no column {missing[0]!r} to join by; columns are {list(table.names)}")
+    return [" ".join(own) for own in zip(*(table.texts(table.names.index(n)) for n in columns), strict=True)]
+
+
+def _by_name(table: Table, log: Table, keys: list[str], theirs: list[str]) -> Ids:
+    place: dict[str, int] = {}
+    for row, key in enumerate(map(squeeze, theirs)):
+        if place.setdefault(key, row) != row:
+            raise log.error(row, "", f"expected every name once, got {theirs[row][:80]!r} again")
+    rows = np.array([place.get(squeeze(key), -1) for key in keys], dtype=np.int64)
+    table.refuse(rows < 0, "", lambda row: f"no row of {log.path.name} is called {keys[row][:80]!r}")
+    return rows

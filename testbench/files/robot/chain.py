@@ -1,0 +1,279 @@
+"""A stranger's robot file, URDF or MJCF, as one serial chain: what is fixed goes with its carrier.
+
+MuJoCo's compiler fuses fixed bodies too, but those below the base into the world, and tells no names.
+"""
+
+import re
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.errors import Array, InputError, cut
+from testbench.files.robot.couple import Rows, chain_map, map_of
+from testbench.files.robot.equalities import Coupling
+from testbench.files.robot.mjcf import read_mjcf
+from testbench.files.robot.robot import Body, Chain, Note, Robot, Shape, Site, moved
+from testbench.files.robot.solids import combined
+from testbench.files.robot.source import read_xml
+from testbench.files.robot.tip import Tip, named_tips, path_to, usual_tip
+from testbench.files.robot.urdf import read_urdf
+from testbench.files.robot.weigh import weigh
+
+FEWEST, MOST = 3, 9  #: Moving joints of an arm.
+LONGEST = 50.0  #: Farthest of a body from the body before [m].
+HEAVIEST = 1e5  #: Of a body [kg].
+LISTED = 200  #: Characters of names in a message.
+LONGEST_NAME = 40  #: Characters of a name: room for what is put behind it.
+RESERVED = ("world",)
+LEFT = "left out"  #: Kind of a note.
+SPECK = 1e-6  #: Mass of a part of which the file says nothing [kg].
+READERS = {"robot": read_urdf, "mujoco": read_mjcf}
+
+
+def read_robot(file: Path) -> Robot:
+    """All bodies of a URDF, or of an MJCF with the files that it names.
+
+    Raises:
+        InputError: Names the file, the place and what was expected.
+    """
+    root = read_xml(file)
+    if root.tag not in READERS:
+        raise InputError(file, "", f"expected URDF (<robot>) or MJCF (<mujoco>) at the top, got <{root.tag}>")
+    return READERS[root.tag](file, root)
+
+
+def read_chain(file: Path, tip: str | None = None) -> Chain:
+    """The arm that a robot's file describes, from its first body to the tip.
+
+    Args:
+        file: URDF or MJCF.
+        tip: The link, body or site that carries the tool; None for the end of the longest chain.
+
+    Raises:
+        InputError: Names the file, the place and what was expected.
+    """
+    robot = read_robot(file)
+    end = usual_tip(robot) if tip is None else _named(file, robot, tip)
+    path = path_to(robot, end.body)
+    _check_joints(file, robot, path)
+    _check_sizes(file, robot)
+    rows, spare = map_of(file, robot.bodies, path, robot.couplings, robot.driven)
+    carriers = [k for k in path if robot.bodies[k].joint is not None]
+    carriers.insert(0, path[path.index(carriers[0]) - 1])
+    placed = _place(robot.bodies, path, carriers)
+    bodies, notes = weigh(file, robot.bodies, placed)
+    rods = _rods(bodies, path, carriers, placed)
+    parts = tuple(_part(bodies, placed, part, k, rods) for part, k in enumerate(carriers))
+    parts = (replace(parts[0], pose=_in_world(bodies, carriers[0])), *parts[1:])
+    became = _became(bodies, placed, path, parts, rods)
+    site = Site(end.site.name, placed[end.body].pose @ end.site.pose)
+    had = [_left_out(note, robot.couplings, spare) for note in robot.notes]
+    chain = Chain(robot.name, parts, site, (*(n for n in had if n.names or n.kind != LEFT), *notes, *became))
+    return _coupled(file, *_fit(chain, rows))
+
+
+def _left_out(note: Note, couplings: Sequence[Coupling], spare: Collection[Coupling]) -> Note:
+    """A note of what is left out, without equalities and tendons if they say how the arm's joints move."""
+    if note.kind != LEFT:
+        return note
+    used = [own.label for own in couplings if own not in spare]
+    read = {"equality"} if used and not any("equality" in own.label or own.bodies for own in spare) else set()
+    read |= {"tendon" for label in used if label.startswith("tendon")}
+    return note._replace(names=tuple(name for name in note.names if name not in read))
+
+
+def _named(file: Path, robot: Robot, name: str) -> Tip:
+    tips = named_tips(robot)
+    found = [tip for tip in tips if tip.site.name == name]
+    if not found:
+        names = ", ".join(sorted({tip.site.name for tip in tips}))
+        raise InputError(file, "", f"no link, body or site {name!r} for the tip; there are {names}")
+    return found[0]
+
+
+def _check_joints(file: Path, robot: Robot, path: list[int]) -> None:
+    """Three to nine joints that turn or slide."""
+    moving = [k for k in path if robot.bodies[k].moves]
+    for body in (robot.bodies[k] for k in moving):
+        if body.odd:
+            name = f"joint {body.joint.name!r}" if body.joint else f"the joint of {body.name!r}"
+            raise InputError(file, "", f"{name} {body.odd}; an arm's joints turn or slide")
+    names = [joint.name for k in path if (joint := robot.bodies[k].joint)]
+    if not FEWEST <= len(names) <= MOST:
+        there, end = cut(", ".join(names), LISTED) or "none", robot.bodies[path[-1]].name
+        wanted = f"expected {FEWEST} to {MOST} moving joints up to {end!r}"
+        raise InputError(file, "", f"{wanted}, got {len(names)}: {there}; --tip names another end")
+
+
+def _check_sizes(file: Path, robot: Robot) -> None:
+    for body in robot.bodies:
+        far = max(np.abs(body.pose[:3, 3]).max(), np.abs(body.com).max())
+        inertia = np.abs(body.inertia).max()
+        for value, most, what in (
+            (far, LONGEST, "m"),
+            (body.mass, HEAVIEST, "kg"),
+            (inertia, HEAVIEST * LONGEST, "kg m^2"),
+        ):
+            if not value <= most:
+                raise InputError(file, body.name, f"expected at most {most:g} {what}, got {value:.3g}")
+
+
+class Placed(NamedTuple):
+    """Where a body has gone."""
+
+    part: int  #: Index of its part.
+    pose: Array  #: In the part's frame, (4, 4) [m].
+
+
+def _place(bodies: Sequence[Body], path: list[int], carriers: list[int]) -> dict[int, Placed]:
+    """The part of every body of the arm, and its pose there; branches stand at zero."""
+    placed: dict[int, Placed] = {}
+    backwards = np.eye(4)
+    for k in reversed(path[: path.index(carriers[1])]):
+        placed[k] = Placed(0, backwards)
+        backwards = backwards @ np.linalg.inv(bodies[k].pose)
+    for k in [*path, *range(len(bodies))]:
+        before = placed.get(bodies[k].parent)
+        if k in carriers[1:]:
+            placed[k] = Placed(carriers.index(k), np.eye(4))
+        elif k not in placed and before is not None:
+            placed[k] = Placed(before.part, before.pose @ bodies[k].pose)
+    return placed
+
+
+def _in_world(bodies: Sequence[Body], k: int) -> Array:
+    """Pose of a body in the world at q = 0, (4, 4) [m]."""
+    pose = bodies[k].pose
+    while (k := bodies[k].parent) >= 0:
+        pose = bodies[k].pose @ pose
+    return pose
+
+
+def _rods(
+    bodies: Sequence[Body], path: list[int], carriers: list[int], placed: dict[int, Placed]
+) -> set[int]:
+    """Bodies behind joints off the arm, but for those on its last part: rods drawn where they are not."""
+    found: set[int] = set()
+    last = len(carriers) - 1
+    for k, body in enumerate(bodies):  # parents first
+        if k in placed and k not in path and placed[k].part < last and (body.moves or body.parent in found):
+            found.add(k)
+    return found
+
+
+def _part(
+    bodies: Sequence[Body], placed: dict[int, Placed], part: int, carrier: int, rods: Collection[int]
+) -> Body:
+    """All bodies of a part as one; rods neither touch nor bear."""
+    body, own = bodies[carrier], [k for k in placed if placed[k].part == part]
+    pose = np.eye(4)
+    if part:
+        pose = placed[body.parent].pose @ body.pose
+    mass, com, inertia = combined([_weighed(bodies[k], placed[k].pose) for k in own])
+    stated = sum(bodies[k].mass for k in own if bodies[k].weighed)
+    return Body(
+        name=body.name,
+        parent=part - 1,
+        pose=pose,
+        joint=body.joint,
+        mass=mass or SPECK,
+        com=com,
+        inertia=inertia,
+        weighed=2 * stated > mass,
+        shapes=tuple(_shape(s, placed[k].pose, rod=k in rods) for k in own for s in bodies[k].shapes),
+        sites=tuple(Site(s.name, placed[k].pose @ s.pose) for k in own for s in bodies[k].sites),
+    )
+
+
+def _weighed(body: Body, pose: Array) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it of a body in the frame of its part."""
+    R = pose[:3, :3]
+    return body.mass, moved(body.com, pose), R @ body.inertia @ R.T
+
+
+def _shape(shape: Shape, pose: Array, *, rod: bool) -> Shape:
+    """A shape of a body in the frame of its part."""
+    shape = replace(shape, pose=pose @ shape.pose)
+    return replace(shape, collides=False, bears=False) if rod else shape
+
+
+def _became(
+    bodies: Sequence[Body],
+    placed: dict[int, Placed],
+    path: list[int],
+    parts: Sequence[Body],
+    rods: Collection[int],
+) -> list[Note]:
+    """What was merged, frozen, left out or stood in for."""
+    notes = []
+    for index, part in enumerate(parts):
+        own = [bodies[k] for k in placed if placed[k].part == index and bodies[k].name != part.name]
+        notes.append(Note("merged", (part.name, *(body.name for body in own if body.mass > 0))))
+    notes = [note for note in notes if len(note.names) > 1]
+    frozen = [k for k, body in enumerate(bodies) if k in placed and k not in path and body.moves]
+    named = {
+        "frozen": [joint.name if (joint := bodies[k].joint) else bodies[k].name for k in frozen],
+        "rods": [bodies[k].name for k in sorted(rods) if bodies[k].shapes],
+        "outside": [body.name for k, body in enumerate(bodies) if k not in placed],
+    }
+    notes += [Note(kind, tuple(names)) for kind, names in named.items() if names]
+    for joint in (part.joint for part in parts if part.joint and not part.joint.limited):
+        kind = "no limits of a slide" if joint.prismatic else "no limits"
+        notes.append(Note(kind, (joint.name,), (joint.lower, joint.upper)))
+    if specks := [part.name for part in parts if part.mass == SPECK and not part.weighed]:
+        notes.append(Note("specks", tuple(specks), (SPECK,)))
+    return notes
+
+
+def _coupled(file: Path, chain: Chain, rows: Rows) -> Chain:
+    """The chain with the map of its joints, and a note of those that follow others."""
+    found = chain_map(file, chain.joints, rows)
+    if found is None:
+        return chain
+    names = [joint.name for joint in chain.joints]
+    words = tuple(f"{name} = {found.words(k)}" for k, name in enumerate(names) if name in rows)
+    return replace(chain, joint_map=found, notes=(*chain.notes, Note("follow", words)))
+
+
+def _fit(chain: Chain, rows: Rows) -> tuple[Chain, Rows]:
+    """The chain with names of letters, digits, `_` and `-` that differ in more than upper and lower case.
+
+    Joints that others follow have such names too.
+    """
+    links, joints = fit_names(p.name for p in chain.parts), fit_names(joint.name for joint in chain.joints)
+    renamed = []
+    for part, name, own in zip(chain.parts, links, ("", *joints), strict=True):  # the base has no joint
+        sites = zip(part.sites, fit_names(site.name for site in part.sites), strict=True)
+        fit = tuple(site._replace(name=site_name) for site, site_name in sites)
+        joint = part.joint and replace(part.joint, name=own)
+        renamed.append(replace(part, name=name, joint=joint, sites=fit))
+    had = [*(part.name for part in chain.parts), *(joint.name for joint in chain.joints)]
+    named = zip(had, (*links, *joints), strict=True)
+    changed = tuple(f"{old!r} is {new}" for old, new in named if old != new)
+    notes = (*chain.notes, Note("renamed", changed)) if changed else chain.notes
+    [name] = fit_names([chain.name])
+    moving = [joint.name for joint in chain.joints]
+    beside = list(dict.fromkeys(name for row, _ in rows.values() for name in row if name not in moving))
+    new = dict(zip([*moving, *beside], fit_names([*joints, *beside]), strict=True))
+    fit_rows = {
+        new[joint]: ({new[other]: c for other, c in row.items()}, q_0)
+        for joint, (row, q_0) in rows.items()
+        if joint in moving
+    }
+    return replace(chain, name=name, parts=tuple(renamed), notes=notes), fit_rows
+
+
+def fit_names(names: Iterable[str]) -> list[str]:
+    """Names of letters, digits, `_` and `-`, each different from all others."""
+    found: list[str] = []
+    for name in names:
+        fit = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:LONGEST_NAME] or "x"
+        plain, k = fit, 2
+        taken = {other.lower() for other in (*found, *RESERVED)}
+        while fit.lower() in taken:
+            fit, k = f"{plain}_{k}", k + 1
+        found.append(fit)
+    return found

@@ -1,0 +1,184 @@
+"""A stranger's mesh files: STL, OBJ, PLY and COLLADA as triangles of one colour; made small, and written."""
+
+import io
+import logging
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from testbench.errors import Array, InputError, read_bytes
+from testbench.files.robot.robot import Faces, Mesh, Note, Surface
+from testbench.files.robot.solids import outermost
+
+KINDS = ("stl", "obj", "ply", "dae")
+MAX_BYTES = 64_000_000  #: Of one mesh file.
+MAX_TOTAL = 100_000_000  #: Of all mesh files of a robot.
+MAX_FACES = 500_000  #: Triangles of a mesh.
+MAX_ALL_FACES = 1_000_000  #: Triangles of a robot, those of a mesh as often as it is shown.
+LARGEST = 30.0  #: Of a mesh; more is a slip of units [m].
+CELLS = 2**20 - 1  #: Corners are in one place where they are on a grid of so many cells from the origin.
+
+
+class MeshError(Exception):
+    """A mesh that cannot be read; the reader of a stranger's robot goes on without it and says so."""
+
+
+@dataclass(eq=False)
+class Meshes:
+    """The mesh files that were read, each once; those that could not be, and why."""
+
+    read: dict[Path, Mesh] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    size: int = 0  #: Of all that was read [byte].
+    faces: int = 0  #: Of all that was asked for.
+
+    def load(self, file: Path) -> Mesh:
+        """The triangles of a file.
+
+        Raises:
+            MeshError: When it cannot be read.
+        """
+        if file not in self.read:
+            kind = file.suffix[1:].lower()
+            if kind not in KINDS:
+                raise MeshError(f"expected a mesh: {', '.join(KINDS)}")
+            _check("triangles in all shapes", self.faces, MAX_ALL_FACES)
+            try:
+                data = read_bytes(file, MAX_BYTES)
+            except InputError as err:
+                raise MeshError(str(err).removeprefix(f"{file}: ")) from err
+            self.size += len(data)
+            _check("bytes in all meshes", self.size, MAX_TOTAL)
+            vertices, faces, rgba = _parsed(data, kind)
+            self.read[file] = Mesh(vertices, faces, outermost(vertices), rgba)
+        self.faces += len(self.read[file].faces)
+        _check("triangles in all shapes", self.faces, MAX_ALL_FACES)
+        return self.read[file]
+
+    def notes(self) -> list[Note]:
+        """Which meshes the arm goes without, and why."""
+        names = tuple(f"{name} ({why})" for name, why in self.failed.items())
+        return [Note("meshes", names)] if names else []
+
+
+def _check(what: str, count: int, most: int) -> None:
+    """Refuse too much of something: once it is too much, no further mesh is read."""
+    if count > most:
+        raise MeshError(f"expected at most {most} {what}, got {count}; simplify the mesh")
+
+
+def _parsed(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
+    """Corners, each place once, triangles and colour; what goes wrong inside of a parser is a MeshError."""
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of numbers too large, which are refused below
+            vertices, faces, rgba = _triangles(data, kind)
+    except MeshError:
+        raise
+    except Exception as err:  # parsers of strangers' files fail in every way
+        why = " ".join(str(err).split())[:120] or type(err).__name__
+        raise MeshError(f"not read as {kind}: {why}") from err
+    if not np.isfinite(vertices).all():
+        raise MeshError("expected finite numbers")
+    _check("triangles", len(faces), MAX_FACES)
+    vertices, faces = _welded(vertices, faces)
+    if not len(faces):
+        raise MeshError("no triangle has an area")
+    return vertices, faces, rgba
+
+
+def _triangles(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
+    """Corners, triangles and colour, whatever they are worth."""
+    import trimesh
+
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it says of textures is not for the user
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=None, process=False)
+    parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+    if not parts:
+        raise MeshError(f"no triangles in this {kind}")
+    vertices, faces = joined([(p.vertices, p.faces) for p in parts])
+    # metres in a unit as COLLADA states it; its up axis is ignored, as by robots' viewers
+    units = str(scene.units or "")
+    return vertices * (float(units.partition(" ")[0]) if "*" in units else 1.0), faces, _main_colour(parts)
+
+
+def _main_colour(parts: Sequence[object]) -> Array | None:
+    """The colour of the most area of a COLLADA or OBJ file."""
+    areas: dict[tuple[float, ...], float] = {}
+    for part in parts:
+        colour = _colour(part)
+        if colour is not None:
+            areas[colour] = areas.get(colour, 0.0) + float(getattr(part, "area", 0.0))
+    return np.array(max(areas, key=lambda colour: areas[colour])) if areas else None
+
+
+def _colour(part: object) -> tuple[float, ...] | None:
+    """The colour of one part; None where the file states none."""
+    material = getattr(getattr(part, "visual", None), "material", None)
+    colour = getattr(material, "main_color", None)
+    if colour is None or getattr(material, "name", "") == "material_0":  # trimesh's own grey
+        return None
+    return tuple(float(x) / 255 for x in colour[:4])
+
+
+def _welded(vertices: Array, faces: Faces) -> Surface:
+    """Corners in one place as one; triangles without area go."""
+    unit = float(np.abs(vertices).max()) / CELLS or 1.0
+    first, inverse = distinct(vertices / unit + CELLS)
+    return vertices[first], with_area(inverse[faces])
+
+
+def distinct(cells: npt.NDArray[np.number]) -> tuple[Faces, Faces]:
+    """Rows of three numbers from 0 to 2 CELLS that differ once rounded.
+
+    Returns:
+        The first of each kind, in rising order of the kinds, and the kind of every row.
+    """
+    number = np.round(cells).astype(np.int64) @ np.array([1 << 42, 1 << 21, 1])
+    _, first, kind = np.unique(number, return_index=True, return_inverse=True)
+    return first, kind
+
+
+def joined(surfaces: Sequence[Surface]) -> Surface:
+    """Several surfaces as one."""
+    import trimesh
+
+    vertices, faces = trimesh.util.append_faces([v for v, _ in surfaces], [f for _, f in surfaces])
+    return np.asarray(vertices, dtype=float), np.asarray(faces, dtype=int)
+
+
+def with_area(faces: Faces) -> Faces:
+    """The triangles whose corners differ."""
+    a, b, c = faces.T
+    return np.asarray(faces[(a != b) & (b != c) & (c != a)])
+
+
+def check_size(vertices: Array) -> None:
+    """Refuse a surface that cannot be a robot's in metres with a MeshError."""
+    size = float(np.ptp(vertices, axis=0).max())
+    if not size <= LARGEST or not float(np.abs(vertices).max()) <= 2 * LARGEST:
+        raise MeshError(f"{size:.3g} m large; is a scale of 0.001 missing?")
+
+
+def decimated(vertices: Array, faces: Faces, most: int) -> Surface:
+    """A surface of at most about so many triangles: trimesh's own way of thinning is this package too."""
+    if len(faces) <= most:
+        return vertices, faces
+    import fast_simplification
+
+    thin, kept = fast_simplification.simplify(
+        np.ascontiguousarray(vertices, dtype=np.float32),
+        np.ascontiguousarray(faces, dtype=np.int32),
+        target_count=most,
+    )
+    return np.asarray(thin, dtype=float), np.asarray(kept, dtype=int)
+
+
+def stl_bytes(vertices: Array, faces: Faces) -> bytes:
+    """A surface as a binary STL file."""
+    import trimesh
+
+    return bytes(trimesh.exchange.stl.export_stl(trimesh.Trimesh(vertices, faces, process=False)))

@@ -1,0 +1,272 @@
+"""MJCF as MuJoCo compiles it, so that defaults, frames, classes and trees are as MuJoCo means them.
+
+MuJoCo opens none of its files: includes and meshes are read here, up to a size, and only what an arm's
+statics needs is compiled.
+"""
+
+import math
+import os
+import re
+import warnings
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from testbench.arm.document import inside
+from testbench.errors import Array, InputError
+from testbench.files.robot.equalities import couplings_of
+from testbench.files.robot.meshes import MAX_ALL_FACES, MeshError, Meshes, check_size, decimated, stl_bytes
+from testbench.files.robot.robot import Body, Joint, Mesh, Note, Robot, Shape, Site, endless, pose_of
+from testbench.files.robot.solids import hull_of, outermost, primitive
+from testbench.files.robot.source import MAX_ELEMENTS, read_xml
+from testbench.plant.build import HULL_CORNERS, REFUSED
+from testbench.plant.collide import VISUAL_GROUPS, body_name
+from testbench.plant.shapes import KINDS, geom_rgba, rotation_of
+
+KEPT = frozenset(
+    "mujoco compiler default worldbody body frame inertial joint freejoint geom site".split()
+    + "asset mesh material equality connect weld tendon fixed spatial pulley".split()
+)
+"""Elements that are compiled."""
+COUPLED = {"equality", "tendon"}  #: Read for what they say of the arm's joints, and left out else.
+SILENT = frozenset("option visual statistic size light camera texture layer custom extension".split())
+"""Elements that go without a word: nobody expects them in an arm."""
+REFUSED_TAGS = frozenset("replicate attach model".split())
+MAX_FILES = 50  #: Included, each once.
+MOST_FACES = 200_000  #: Of a mesh; MuJoCo reads no more.
+ODD = {int(mujoco.mjtJoint.mjJNT_FREE): "is free", int(mujoco.mjtJoint.mjJNT_BALL): "is a ball"}
+NO_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+SLIDES = int(mujoco.mjtJoint.mjJNT_SLIDE)
+NOTHING = 1e-14  #: Less than this is the mass of no body [kg].
+
+
+def read_mjcf(file: Path, root: ET.Element) -> Robot:
+    """Read all bodies of a robot.
+
+    Args:
+        file: The MJCF, for messages and for the files beside it.
+        root: Its root element; it is changed.
+
+    Raises:
+        InputError: When it includes what lies elsewhere, or holds what cannot be an arm.
+    """
+    _include(file, root)
+    driven = {e.get("joint", "") for actuators in root.findall("actuator") for e in actuators} - {""}
+    left_out = _keep(root) | {tag for tag in COUPLED if root.find(tag) is not None}
+    meshes = Meshes()
+    model, stated = _compile(file, root, meshes)
+    surfaces = _surfaces(file, model)
+    bodies: list[Body] = []
+    index = {0: -1}  # of MuJoCo's body the last of ours, whose origin may lie on a joint
+    origins = {0: np.zeros(3)}  # that origin in MuJoCo's body
+    for b in _by_depth(model):
+        parent = int(model.body_parentid[b])
+        before = pose_of(np.eye(3), -origins[parent]) @ _pose(model.body_pos[b], model.body_quat[b])
+        split, origins[b] = _split(model, b, index[parent], before, len(bodies))
+        split[-1] = replace(_filled(model, b, split[-1], origins[b], surfaces), weighed=stated[b])
+        bodies += split
+        index[b] = len(bodies) - 1
+    named = {j: _joint_name(model, j) for j in range(model.njnt)}
+    notes = ((Note("left out", tuple(sorted(left_out))),) if left_out else ()) + tuple(meshes.notes())
+    couplings = tuple(couplings_of(model, named, index))
+    return Robot(root.get("model") or file.stem, tuple(bodies), notes, couplings, frozenset(driven))
+
+
+def _include(file: Path, root: ET.Element) -> None:
+    """Every <include> becomes the children of the file that it names; each file once, as in MuJoCo."""
+    seen = {os.path.realpath(file)}
+    while pair := next(((p, c) for p in root.iter() for c in p if c.tag == "include"), None):
+        parent, e = pair
+        name = e.get("file", "")
+        path = inside(file.parent, Path(name))
+        if path is None or str(path) in seen or len(seen) > MAX_FILES:
+            wanted = f"expected at most {MAX_FILES} files inside of {file.parent}, each included once"
+            raise InputError(file, "<include>", f"{wanted}, got {name!r}")
+        seen.add(str(path))
+        place = list(parent).index(e)
+        parent[place : place + 1] = list(read_xml(path))
+        if sum(1 for _ in root.iter()) > MAX_ELEMENTS:
+            raise InputError(file, "<include>", f"expected at most {MAX_ELEMENTS} elements in all")
+    if refused := [e.tag for e in root.iter() if e.tag in REFUSED_TAGS]:
+        problem = "not read; save the compiled model as one MJCF file first"
+        raise InputError(file, f"<{refused[0]}>", problem)
+
+
+def _keep(root: ET.Element) -> set[str]:
+    """Take out what is not compiled; tells what of it somebody might miss."""
+    left_out, within = set(), [root]
+    while within:
+        parent = within.pop()
+        parent.attrib.pop("texture", None)
+        for child in list(parent):
+            if child.tag not in KEPT:
+                parent.remove(child)
+                if child.tag not in SILENT and parent.tag != "default":
+                    left_out.add(str(child.tag))
+            elif child.tag == "geom" and (child.get("type") in ("hfield", "sdf") or "hfield" in child.attrib):
+                parent.remove(child)
+            else:
+                within.append(child)
+    return left_out
+
+
+def _compile(file: Path, root: ET.Element, meshes: Meshes) -> tuple[mujoco.MjModel, list[bool]]:
+    """MuJoCo's model, and of every body whether the file states its mass."""
+    try:
+        spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
+        spec.compiler.balanceinertia, spec.compiler.fusestatic = True, False
+        spec.compiler.discardvisual = False
+        spec.assets = _assets(file, spec, meshes)
+        with warnings.catch_warnings(action="ignore"):  # of masses and motors, which statics does not ask
+            model = spec.compile()
+        weighs = spec.compiler.inertiafromgeom != NO_GEOMS  # what no geom gives a mass is meant to have none
+        stated = [bool(body.explicitinertial) for body in spec.bodies]
+        light = model.body_mass <= NOTHING
+    except REFUSED as err:
+        problem = re.sub(r",? line [0-9]+", "", " ".join(f"MuJoCo refuses it: {err}".split()))
+        raise InputError(file, "", problem) from err  # lines are of the text above, not of the file
+    return model, [own or (weighs and bool(none)) for own, none in zip(stated, light, strict=True)]
+
+
+def _assets(file: Path, spec: mujoco.MjSpec, meshes: Meshes) -> dict[str, bytes]:
+    """The meshes, read by us; one that cannot be read goes, with the geoms that show it."""
+    folder, found = file.parent / spec.meshdir, dict[str, bytes]()
+    spec.meshdir = ""
+    for mesh in list(spec.meshes):
+        mesh.maxhullvert = HULL_CORNERS
+        if not mesh.file:
+            continue
+        try:
+            path = inside(file.parent, (folder / mesh.file).absolute())
+            if path is None:
+                raise MeshError(f"lies outside of {file.parent}")
+            own = meshes.load(path)
+            check_size(own.vertices * mesh.scale)
+        except MeshError as err:
+            meshes.failed[mesh.file] = str(err)
+            for geom in [g for g in spec.geoms if g.meshname == mesh.name]:
+                spec.delete(geom)
+            spec.delete(mesh)
+            continue
+        if hull_of(own.outer) is None:  # MuJoCo is told where it is flat
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        mesh.file, mesh.content_type = f"{len(found)}.stl", ""
+        found[mesh.file] = stl_bytes(*decimated(own.vertices, own.faces, MOST_FACES))
+    return found
+
+
+def _surfaces(file: Path, model: mujoco.MjModel) -> list[Mesh]:
+    """Of every mesh its triangles in MuJoCo's mesh [m]."""
+    shown = model.geom_dataid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
+    faces = int(model.mesh_facenum[shown].astype(int).sum())
+    if faces > MAX_ALL_FACES:
+        raise InputError(file, "<geom>", f"expected at most {MAX_ALL_FACES} triangles in all, got {faces}")
+    found = []
+    for k in range(model.nmesh):
+        vertex, face = int(model.mesh_vertadr[k]), int(model.mesh_faceadr[k])
+        corners = np.asarray(model.mesh_vert[vertex : vertex + int(model.mesh_vertnum[k])], dtype=float)
+        triangles = model.mesh_face[face : face + int(model.mesh_facenum[k])].astype(int)
+        found.append(Mesh(corners, triangles, outermost(corners)))
+    return found
+
+
+def _by_depth(model: mujoco.MjModel) -> list[int]:
+    """Ids of the bodies, those next to the world first."""
+    depth = [0]
+    for b in range(1, model.nbody):
+        depth.append(depth[model.body_parentid[b]] + 1)
+    return sorted(range(1, model.nbody), key=depth.__getitem__)
+
+
+def _split(model: mujoco.MjModel, b: int, parent: int, before: Array, count: int) -> tuple[list[Body], Array]:
+    """A body of MuJoCo as bodies of one joint each, their origins on the joints.
+
+    Args:
+        model: MuJoCo's.
+        b: MuJoCo's body.
+        parent: Ours before it; -1 for the world.
+        before: Pose of MuJoCo's body in the parent, (4, 4) [m].
+        count: How many bodies of ours there are.
+
+    Returns:
+        The bodies, and the origin of the last one in MuJoCo's body, (3,) [m].
+    """
+    name = body_name(model, b)
+    joints = range(int(model.body_jntadr[b]), int(model.body_jntadr[b] + model.body_jntnum[b]))
+    if not joints:
+        return [Body(name, parent, before)], np.zeros(3)
+    if odd := next((ODD[kind] for j in joints if (kind := int(model.jnt_type[j])) in ODD), ""):
+        return [Body(name, parent, before, odd=odd)], np.zeros(3)
+    bodies = []
+    if parent < 0:  # an arm that moves against the world itself
+        bodies.append(Body(f"{name}_base", -1, np.eye(4)))
+        parent = count
+    origin = np.zeros(3)
+    for j in joints:
+        pose = before @ pose_of(np.eye(3), model.jnt_pos[j] - origin) @ _at_zero(model, j)
+        own = name if j == joints[-1] else f"{name}_{len(bodies) + 1}"
+        bodies.append(Body(own, parent, pose, joint=_joint(model, j)))
+        parent, origin, before = count + len(bodies) - 1, model.jnt_pos[j], np.eye(4)
+    return bodies, origin
+
+
+def _at_zero(model: mujoco.MjModel, j: int) -> Array:
+    """How a joint at q = 0 moves its body from where the file draws it, at q = ref, (4, 4)."""
+    axis, back = model.jnt_axis[j], -float(model.qpos0[model.jnt_qposadr[j]])
+    if int(model.jnt_type[j]) == SLIDES:
+        return pose_of(np.eye(3), axis * back)
+    quat = np.array([math.cos(back / 2), *(math.sin(back / 2) * axis)])
+    return _pose(np.zeros(3), quat)
+
+
+def _joint_name(model: mujoco.MjModel, j: int) -> str:
+    return model.joint(j).name or f"joint_{j + 1}"
+
+
+def _joint(model: mujoco.MjModel, j: int) -> Joint:
+    slides, limited = int(model.jnt_type[j]) == SLIDES, bool(model.jnt_limited[j])
+    lower, upper = map(float, model.jnt_range[j]) if limited else endless(prismatic=slides)
+    return Joint(_joint_name(model, j), model.jnt_axis[j].copy(), slides, lower, upper, limited)
+
+
+def _filled(model: mujoco.MjModel, b: int, body: Body, origin: Array, surfaces: Sequence[Mesh]) -> Body:
+    """A body with its mass, shapes and sites, as seen from an origin in MuJoCo's body."""
+    mass = float(model.body_mass[b])
+    mass = mass if mass > NOTHING else 0.0
+    axes = rotation_of(model.body_iquat[b])
+    sites = [s for s in range(model.nsite) if model.site_bodyid[s] == b and model.site(s).name]
+    geoms = np.flatnonzero(model.geom_bodyid == b).tolist()
+    return replace(
+        body,
+        mass=mass,
+        com=model.body_ipos[b] - origin if mass else np.zeros(3),
+        inertia=axes @ np.diag(model.body_inertia[b]) @ axes.T,
+        shapes=tuple(shape for g in geoms if (shape := _shape(model, surfaces, g, origin))),
+        sites=tuple(
+            Site(model.site(s).name, _pose(model.site_pos[s] - origin, model.site_quat[s])) for s in sites
+        ),
+    )
+
+
+def _shape(model: mujoco.MjModel, surfaces: Sequence[Mesh], g: int, origin: Array) -> Shape | None:
+    """A geom as a surface; None for a plane."""
+    kind, size = KINDS.get(int(model.geom_type[g])), model.geom_size[g].copy()
+    if kind is None:
+        return None
+    return Shape(
+        kind=kind,
+        size=size,
+        pose=_pose(model.geom_pos[g] - origin, model.geom_quat[g]),
+        mesh=surfaces[int(model.geom_dataid[g])] if kind == "mesh" else primitive(kind, size),
+        rgba=geom_rgba(model, g),
+        visual=int(model.geom_group[g]) < VISUAL_GROUPS,
+        collides=bool(model.geom_contype[g] | model.geom_conaffinity[g]),
+    )
+
+
+def _pose(position: Array, quat: Array) -> Array:
+    return pose_of(rotation_of(quat), position)

@@ -1,0 +1,325 @@
+"""URDF by Pinocchio, which checks it, and places and weighs its links; shapes are read from its elements.
+
+Pinocchio's reader of shapes in Python gives up the whole robot for one mesh that is not there, and it keeps
+neither mimicry nor which joints state limits, so these are read here.
+"""
+
+import contextlib
+import os
+import re
+import tempfile
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import BinaryIO
+from urllib.parse import unquote, urlparse
+
+import numpy as np
+import pinocchio as pin
+
+from testbench.arm.document import inside, place_of, unique
+from testbench.arm.mjcf import numbers
+from testbench.errors import Array, InputError
+from testbench.files.robot.equalities import Coupling
+from testbench.files.robot.meshes import LARGEST, MeshError, Meshes, check_size
+from testbench.files.robot.robot import Body, Joint, Mesh, Note, Robot, Shape, endless, pose_of
+from testbench.files.robot.solids import VISIBLE, plausible, primitive
+from testbench.files.robot.source import UP, packages
+from testbench.files.robot.tip import ARM_JOINTS
+from testbench.plant.shapes import Kind
+
+MOVING = ("revolute", "continuous", "prismatic")
+ODD = {"floating": "floats free", "planar": "is planar", "spherical": "is a ball joint"}
+PLACED = ("origin", "parent", "child", "axis")  #: What Pinocchio reads of a joint.
+INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+FORMS: dict[Kind, dict[str, int]] = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+}
+"""Primitives, and how many numbers their attributes have."""
+THINNEST = 1e-6  #: What is thinner has no extent [m].
+ENDLESS = 1000.0  #: Limits beyond it mean none [rad, m].
+MOST = 1e9  #: Of any number that is read; what an arm can have is checked on the whole tree.
+SAID = re.compile(rb"Error:\s+(.*)")  #: How Pinocchio's parser begins its complaints.
+
+
+def read_urdf(file: Path, root: ET.Element) -> Robot:
+    """Read all links of a robot with their shapes.
+
+    Args:
+        file: The URDF, for messages and meshes.
+        root: Its root element.
+
+    Raises:
+        InputError: When links, joints or shapes are wrong.
+    """
+    robot, meshes = read_tree(file, root), Meshes()
+    colours = {m.get("name", ""): m.find("color") for m in root.findall("material")}
+    shapes = {e.get("name", ""): _shapes(file, e, colours, meshes) for e in root.findall("link")}
+    bodies = tuple(replace(body, shapes=shapes[body.name]) for body in robot.bodies)
+    return replace(robot, bodies=bodies, notes=(*robot.notes, *meshes.notes()))
+
+
+def read_tree(file: Path, root: ET.Element) -> Robot:
+    """Read all links of a robot without their shapes; Raises as `read_urdf`."""
+    joints = {e.get("name", ""): e for e in root.findall("joint")}
+    limits = {name: _limits(file, e) for name, e in joints.items()}
+    locked = _locked(joints, limits)
+    couplings = _couplings(file, joints, locked)
+    follows = {own.follower: next((n for n in own.terms if n != own.follower), "") for own in couplings}
+    model = _by_pinocchio(file, root)
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    links = {f.parentJoint: f.name for f in model.frames if f.type == pin.FrameType.BODY}
+    rank = {name: k for k, name in enumerate(joints)}
+    above = {j: [rank[model.names[i]] for i in list(model.supports[j])[2:]] for j in range(1, model.njoints)}
+    order = sorted(above, key=lambda j: (len(above[j]), above[j]))  # as the file has them, parents first
+    bodies = []
+    for j in order:
+        name, inertia = model.names[j], model.inertias[j]
+        moves = j > 1 and name not in locked
+        kind = joints[name].get("type", "") if moves else "fixed"
+        own = _joint(file, joints[name], data.joints[j].S, limits[name]) if kind in MOVING else None
+        body = Body(
+            name=links[j],
+            parent=order.index(model.parents[j]) if j > 1 else -1,
+            pose=model.jointPlacements[j].homogeneous,
+            joint=own,
+            odd=ODD.get(kind, ""),
+            follows=follows.get(name, "") if own else "",
+            mass=inertia.mass,
+            com=inertia.lever.copy(),
+            inertia=plausible(inertia.inertia) if inertia.mass else np.zeros((3, 3)),
+            weighed=inertia.mass > 0,
+        )
+        bodies.append(body)
+    notes = (Note("locked", tuple(locked)),) if locked else ()
+    return Robot(root.get("name") or file.stem, tuple(bodies), notes, tuple(couplings))
+
+
+def _by_pinocchio(file: Path, root: ET.Element) -> pin.Model:
+    """All links, each behind a joint that moves, the first behind one that floats: so each keeps its inertia.
+
+    Raises:
+        InputError: With the words of Pinocchio's parser, or when the joints are no tree.
+    """
+    bare = ET.Element("robot", name="bare")
+    for link in root.findall("link"):
+        ET.SubElement(bare, "link", name=link.get("name", "")).extend(_inertial(file, link))
+    for joint in root.findall("joint"):
+        kind = joint.get("type", "")
+        if kind not in (*MOVING, *ODD, "fixed"):
+            problem = f"type: expected {', '.join(MOVING)} or fixed, got {kind!r}"
+            raise InputError(file, place_of(joint), problem)
+        kind = "prismatic" if kind == "prismatic" else "revolute"
+        e = ET.SubElement(bare, "joint", name=joint.get("name", ""), type=kind)
+        e.extend(child for child in joint if child.tag in PLACED)
+        ET.SubElement(e, "limit", dict.fromkeys(("lower", "upper", "effort", "velocity"), "0"))
+    names = [e.get("name", "") for e in bare.findall("joint")]
+    children = Counter(e.get("link", "") for e in bare.findall("joint/child"))
+    if twice := [name for name, count in children.items() if count > 1]:
+        problem = f"link {twice[0]!r} is the child of two joints: leave out what closes the loop"
+        raise InputError(file, "<robot>", problem)
+    with _standard_error() as said:
+        try:
+            text = ET.tostring(bare, encoding="unicode")
+            model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), unique("root", names))
+        except (RuntimeError, ValueError, IndexError) as err:
+            said.seek(0)
+            found = SAID.search(said.read())
+            why = " ".join(found[1].decode(errors="replace").split()) if found else str(err)
+            raise InputError(file, "", f"Pinocchio refuses it: {why}") from err
+    if lost := [name for name in names if not model.existJointName(name)]:
+        problem = f"expected a tree of links; no way leads from the first one over {', '.join(lost)}:"
+        raise InputError(file, "<robot>", f"{problem} leave out what closes a loop")
+    return model
+
+
+@contextlib.contextmanager
+def _standard_error() -> Iterator[BinaryIO]:
+    """Keep what libraries in C++ say on standard error meanwhile."""
+    with tempfile.TemporaryFile() as said:
+        real = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            yield said
+        finally:
+            os.dup2(real, 2)
+            os.close(real)
+
+
+def _numbers(file: Path, e: ET.Element | None, key: str, default: Sequence[float]) -> Array:
+    """An attribute as so many numbers as the default has, which stands in for one that is not there."""
+    if e is None or key not in e.attrib:
+        return np.array(default, dtype=float)
+    return np.array(numbers(file, e, key, len(default), MOST))
+
+
+def _inertial(file: Path, link: ET.Element) -> list[ET.Element]:
+    """The <inertial> of a link of a mass above zero, else nothing."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return []
+    mass = float(_numbers(file, inertial.find("mass"), "value", [0.0])[0])
+    if mass < 0:
+        raise InputError(file, place_of(link), f"mass: expected more than 0 kg, got {mass}")
+    found = ET.Element("inertial")
+    found.extend(e for e in inertial if e.tag in ("origin", "mass", "inertia"))
+    if found.find("inertia") is None:
+        ET.SubElement(found, "inertia", dict.fromkeys(INERTIA, "0"))
+    return [found] if mass else []
+
+
+def _limits(file: Path, e: ET.Element) -> tuple[float, float] | None:
+    """The limits that a joint states [rad, m]; None where it states none that bounds."""
+    limit = e.find("limit")
+    if limit is None or not {"lower", "upper"} & limit.attrib.keys() or e.get("type") == "continuous":
+        return None
+    lower, upper = (float(_numbers(file, limit, key, [0.0])[0]) for key in ("lower", "upper"))
+    if max(abs(lower), abs(upper)) > ENDLESS:
+        return None
+    if not lower < upper and (lower or upper):
+        raise InputError(file, place_of(e), f"limit: expected lower < upper, got {lower:g} and {upper:g}")
+    return lower, upper
+
+
+def _locked(joints: Mapping[str, ET.Element], limits: Mapping[str, tuple[float, float] | None]) -> list[str]:
+    """Joints that limits of 0 to 0 lock; none where no arm would be left: their exporter knew no limits."""
+    moving = [name for name, e in joints.items() if e.get("type") in MOVING]
+    locked = [name for name in moving if limits[name] == (0, 0)]
+    return locked if len(moving) - len(locked) >= ARM_JOINTS else []
+
+
+def _joint(file: Path, e: ET.Element, axis: Array, limits: tuple[float, float] | None) -> Joint:
+    """A joint that moves, its motion in the link's frame Pinocchio's (6,) [1]."""
+    slides = e.get("type") == "prismatic"
+    axis = np.ravel(axis)[:3] if slides else np.ravel(axis)[3:]
+    if not abs(np.linalg.norm(axis) - 1) < THINNEST:
+        raise InputError(file, place_of(e), "axis: expected a direction, got zero")
+    limited = limits is not None and limits != (0, 0)
+    lower, upper = limits if limits and limited else endless(prismatic=slides)
+    return Joint(e.get("name", ""), axis, slides, lower, upper, limited)
+
+
+def _couplings(file: Path, joints: Mapping[str, ET.Element], locked: Sequence[str]) -> list[Coupling]:
+    """What joints mimic: q = multiplier q_other + offset; one that is held stands at zero."""
+    moving = {name for name, e in joints.items() if e.get("type") in MOVING} - set(locked)
+    found = []
+    for name, e in joints.items():
+        if name not in moving or (mimic := e.find("mimic")) is None:
+            continue
+        other = mimic.get("joint", "")
+        if other == name:
+            raise InputError(file, place_of(e), "it mimics itself")
+        terms = {name: 1.0}
+        if other in moving or other not in joints:  # one that is not there is refused where an arm has it
+            terms[other] = -float(_numbers(file, mimic, "multiplier", [1.0])[0])
+        offset = float(_numbers(file, mimic, "offset", [0.0])[0])
+        found.append(Coupling(f"joint {name!r} mimics {other!r}", terms, offset, name))
+    return found
+
+
+def _shapes(
+    file: Path, link: ET.Element, colours: Mapping[str, ET.Element | None], meshes: Meshes
+) -> tuple[Shape, ...]:
+    """Shapes of a link that have an extent; what collides is drawn where nothing that is can be read."""
+    visual, collision = (
+        [s for e in link.findall(tag) if (s := _shape(file, e, colours, meshes))]
+        for tag in ("visual", "collision")
+    )
+    if link.find("visual") is not None and not visual:
+        visual = collision
+    hard = (replace(s, rgba=VISIBLE, visual=False, collides=True) for s in collision)
+    return (*visual, *hard)
+
+
+def _shape(
+    file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], meshes: Meshes
+) -> Shape | None:
+    """A shape as it is drawn; None where it has no extent or its mesh cannot be read, which is noted."""
+    form, origin = next(iter(e.findall("geometry/*")), None), e.find("origin")
+    if form is None:
+        return None
+    kind: Kind = next((kind for kind in FORMS if kind == form.tag), "mesh")
+    size = _size(file, form, kind)
+    mesh = _mesh(file, form, meshes) if kind == "mesh" else primitive(kind, size) if size.any() else None
+    if mesh is None:
+        return None
+    turn = pin.rpy.rpyToMatrix(*_numbers(file, origin, "rpy", [0.0] * 3))
+    pose = pose_of(turn, _numbers(file, origin, "xyz", [0.0] * 3))
+    return Shape(kind, size, pose, mesh, _colour(file, e, colours, mesh), visual=True, collides=False)
+
+
+def _size(file: Path, form: ET.Element, kind: Kind) -> Array:
+    """Size of a primitive as MuJoCo counts it, (3,) [m], lengths halved; zero where it has no extent."""
+    size = np.zeros(3)
+    if form.tag not in (*FORMS, "mesh"):
+        raise InputError(file, place_of(form), f"expected {', '.join(FORMS)} or mesh as a <geometry>")
+    if kind == "mesh":
+        return size
+    found = np.concatenate([numbers(file, form, key, count) for key, count in FORMS[kind].items()])
+    if not 0 <= min(found) <= max(found) <= LARGEST:
+        problem = f"expected sizes of 0 to {LARGEST:g} m, got {found.tolist()}"
+        raise InputError(file, place_of(form), problem)
+    if min(found) > THINNEST:
+        size[: len(found)] = found
+        size[0 if kind == "box" else 1 :] /= 2
+    return size
+
+
+def _mesh(file: Path, form: ET.Element, meshes: Meshes) -> Mesh | None:
+    """A mesh in metres; None where it cannot be read, which is noted."""
+    name = form.get("filename", "")
+    scale = _numbers(file, form, "scale", [1.0] * 3)
+    try:
+        mesh = meshes.load(find_mesh(file, name))
+        check_size(mesh.vertices * scale)
+    except MeshError as err:
+        meshes.failed[name.rpartition("/")[2]] = str(err)
+        return None
+    faces = mesh.faces if np.prod(scale) > 0 else mesh.faces[:, ::-1]  # a mirrored surface turns inside out
+    return Mesh(mesh.vertices * scale, faces, mesh.outer * scale, mesh.rgba)
+
+
+def _colour(file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], mesh: Mesh) -> Array:
+    """Of the element's own material, of the robot's of that name, of its mesh, or ours, (4,) [1]."""
+    colour, material = e.find("material/color"), e.find("material")
+    if colour is None and material is not None:
+        colour = colours.get(material.get("name", ""))
+    if colour is not None:
+        return np.array(numbers(file, colour, "rgba", 4))
+    return VISIBLE if mesh.rgba is None else mesh.rgba
+
+
+def find_mesh(urdf: Path, name: str) -> Path:
+    """The file of a mesh.
+
+    Args:
+        urdf: The URDF that names it.
+        name: As it stands there.
+
+    Raises:
+        MeshError: When there is none.
+    """
+    scheme, _, rest = name.strip().replace("\\", "/").partition("://")
+    folder = Path(os.path.realpath(urdf)).parent
+    if scheme == "file" and rest:
+        return Path(unquote(urlparse(name.strip()).path))
+    if rest and scheme not in ("package", "model"):
+        raise MeshError(f"{scheme}:// is not known; package:// and file:// are")
+    package, _, path = rest.partition("/")
+    if not rest:
+        roots, path = [folder], scheme
+    elif not (roots := packages(folder, package)):
+        raise MeshError(f"no package {package!r} beside the file or in {UP} folders above it")
+    root = next((root for root in roots if (root / path).exists()), roots[0])
+    found = inside(root if rest else folder.parent, root / path)
+    if found is None:
+        raise MeshError(f"lies outside of {root if rest else folder.parent}")
+    if rest and not found.exists():
+        raise MeshError(f"not in the package {root}")
+    return found

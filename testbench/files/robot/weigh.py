@@ -1,0 +1,81 @@
+"""Masses that a file does not state, from the volume of its shapes."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from testbench.errors import InputError
+from testbench.files.robot.robot import Body, Note, Shape
+from testbench.files.robot.solids import Weighed, combined, hull_of, integrals
+
+DENSITY = 1200.0
+"""Mass of an arm over the volume of the convex hulls of what collides [kg/m^3].
+
+Twelve arms of known mass, 11 to 1310 kg, lie between 910 and 1610.
+"""
+PLAUSIBLE = 300.0, 4000.0  #: The same of a file that states masses; beyond it they are doubtful [kg/m^3].
+PLACEHOLDERS = 4  #: So many links of one and the same mass were never weighed.
+
+
+def weigh(file: Path, bodies: Sequence[Body], of_arm: Iterable[int]) -> tuple[list[Body], list[Note]]:
+    """The bodies, those without a mass weighed by their geometry.
+
+    Args:
+        file: For messages.
+        bodies: All bodies.
+        of_arm: Places of those that belong to the arm.
+
+    Returns:
+        The bodies, and what is to be said of them.
+
+    Raises:
+        InputError: When the file has neither masses nor shapes.
+    """
+    own, weighed, notes = sorted(of_arm), list(bodies), []
+    masses = [bodies[k].mass for k in own if bodies[k].weighed and bodies[k].mass > 0]
+    if len(masses) >= PLACEHOLDERS and min(masses) == max(masses):
+        notes.append(Note("placeholders", (), (masses[0],)))
+        for k in own:
+            weighed[k] = replace(bodies[k], weighed=False, mass=0.0 if bodies[k].shapes else bodies[k].mass)
+    some = any(weighed[k].mass > 0 for k in own)
+    seen = any(shape.visual for k in own for shape in bodies[k].shapes)
+    missing = [k for k in own if _is_missing(weighed[k], some, seen)]
+    if not missing and not some:
+        raise InputError(file, "", "expected masses, or shapes to estimate them from; there are neither")
+    for k in missing:
+        volume, centre, inertia = _integrals(bodies[k].shapes)
+        weighed[k] = replace(weighed[k], mass=DENSITY * volume, com=centre, inertia=DENSITY * inertia)
+    if missing:
+        names, total = tuple(bodies[k].name for k in missing), sum(weighed[k].mass for k in missing)
+        notes.append(Note("no masses", names, (DENSITY, total)))
+    rest = [weighed[k] for k in own if k not in missing]
+    if drawn := [body.name for body in rest if not body.weighed and body.mass > 0]:
+        notes.append(Note("geoms weigh", tuple(drawn)))
+    return weighed, notes + _doubt(rest)
+
+
+def _is_missing(body: Body, some: bool, seen: bool) -> bool:
+    """Whether a mass must be estimated.
+
+    A fixed link without one is a mere frame where others have some, and a hull that keeps others away where
+    others are drawn and it is not.
+    """
+    fixed = not body.moves and body.parent >= 0
+    frame = some or (seen and not any(shape.visual for shape in body.shapes))
+    return not body.weighed and body.mass == 0 and bool(body.shapes) and not (fixed and frame)
+
+
+def _doubt(bodies: Sequence[Body]) -> list[Note]:
+    """Stated masses that do not fit the shapes."""
+    known = [b for b in bodies if b.mass > 0 and b.shapes]
+    volume, mass = sum(_integrals(b.shapes)[0] for b in known), sum(b.mass for b in known)
+    low, high = PLAUSIBLE
+    if volume == 0 or low <= mass / volume <= high:
+        return []
+    return [Note("density", (), (mass, mass / volume))]
+
+
+def _integrals(shapes: Sequence[Shape]) -> Weighed:
+    """Volume, centroid and inertia of unit density of the hulls of what collides, else of what is drawn."""
+    chosen = [s for s in shapes if s.collides] or shapes
+    return combined([integrals(hull) for s in chosen if (hull := hull_of(s.cloud))])

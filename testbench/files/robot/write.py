@@ -1,0 +1,250 @@
+"""The rigid.xml of a stranger's robot in the strict dialect, and its meshes.
+
+The shapes of a part are few small files: one mesh that is drawn, hulls and primitives that collide.
+"""
+
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from testbench.arm.mjcf import GRAVITY
+from testbench.errors import Array, BenchError
+from testbench.files.robot.meshes import decimated, distinct, joined, stl_bytes, with_area
+from testbench.files.robot.robot import Body, Chain, Faces, Point, Shape, Site, Surface, pose_of, seen
+from testbench.files.robot.solids import hull_of, outermost, plausible
+from testbench.plant.build import REFUSED, check_geoms
+from testbench.plant.collide import collide
+
+DRAWN_FACES = 1500  #: Of the mesh that shows a part.
+HULL_FACES = 200  #: Of a hull.
+GRID = 64, 48, 32, 24, 16, 12  #: Cells along the longest side of a surface that cannot be thinned as it is.
+LOOSE = 5000  #: Faces that need not make a surface; the time to thin more of them has no bound.
+OPEN = 0.25  #: Of a surface, sides that belong to one triangle alone over all, at most [1].
+A_CORNER, AROUND = 4.0, 1000  #: Triangles of a surface over its corners, and around one corner, at most [1].
+ENOUGH = 1.2  #: A surface of so many times the faces asked for is thin enough [1].
+MOST_HULLS = 8  #: Of a part; more are one.
+
+
+def drawn_mesh(part: Body) -> tuple[Surface, Array] | None:
+    """One mesh for all that are drawn of a part, and its colour, (4,) [1], that of its largest piece."""
+    meshes = [s for s in seen(part.shapes) if s.kind == "mesh"]
+    if not meshes:
+        return None
+    found = [s.surface for s in meshes]
+    largest = int(np.argmax([_area(*surface) for surface in found]))
+    return _small(joined(found), DRAWN_FACES), meshes[largest].rgba
+
+
+def _area(vertices: Array, faces: Faces) -> float:
+    a, b, c = vertices[faces].swapaxes(0, 1)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def _small(surface: Surface, most: int) -> Surface:
+    """A surface of few faces: thinned; where screws and plates cannot be thinned, on a coarser grid first."""
+    if len(surface[1]) > LOOSE and not _sound(surface[1]):
+        surface = hull_of(outermost(surface[0])) or surface
+    thin = decimated(*surface, most)
+    for cells in GRID:
+        if len(thin[1]) <= ENOUGH * most:
+            break
+        thin = decimated(*_gridded(*surface, cells), most)
+    return thin
+
+
+def _sound(faces: Faces) -> bool:
+    """Whether triangles make a surface: few have a rim, no corner belongs to a crowd of them."""
+    faces = faces[distinct(np.sort(faces, axis=1))[0]]
+    sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    _, shared = np.unique(sides @ np.array([1 << 32, 1]), return_counts=True)
+    around = np.bincount(faces.ravel())
+    few = len(faces) <= A_CORNER * np.count_nonzero(around) and around.max() <= AROUND
+    return bool(few and (shared == 1).sum() <= OPEN * len(sides))
+
+
+def _gridded(vertices: Array, faces: Faces, cells: int) -> Surface:
+    """A surface whose corners in one cell of a grid are one, in their middle."""
+    low, size = vertices.min(axis=0), np.ptp(vertices, axis=0).max()
+    _, inverse = distinct((vertices - low) * (cells / size))
+    count = np.bincount(inverse)
+    middle = np.column_stack([np.bincount(inverse, weights=x) for x in vertices.T]) / count[:, None]
+    kept = with_area(inverse[faces])
+    first, _ = distinct(np.sort(kept, axis=1))
+    return middle, kept[np.sort(first)]
+
+
+def _hulls(shapes: Sequence[Shape]) -> list[Surface]:
+    """Hulls of meshes, of all together where they are many; flat ones have none."""
+    clouds = [s.cloud for s in shapes]
+    if len(clouds) > MOST_HULLS:
+        clouds = [np.concatenate(clouds)]
+    found = []
+    for cloud in clouds:
+        hull = hull_of(cloud)
+        if hull and len(hull[1]) > HULL_FACES:
+            hull = hull_of(decimated(*hull, HULL_FACES)[0])
+        if hull:
+            found.append(hull)
+    return found
+
+
+Pair = tuple[str, str]
+FRAME = f"""<mujoco>
+<compiler angle="radian" autolimits="true" inertiafromgeom="false" meshdir="meshes"/>
+<option gravity="0 0 -{GRAVITY}" jacobian="dense"/>
+<default>
+<default class="visual"><geom contype="0" conaffinity="0" group="2" mass="0"/></default>
+<default class="collision">
+<geom contype="1" conaffinity="1" group="3" mass="0" rgba="0.2 0.5 0.9 0.4"/></default>
+</default>
+<asset/><worldbody/><contact/></mujoco>"""
+"""What is drawn does not collide and the other way round; nothing that is drawn weighs."""
+SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2}
+"""How many numbers MuJoCo has for the size of a primitive, where not three."""
+BALL = 0.008  #: Radius of a marker as drawn, over the arm's reach [1].
+MARKER, LOAD = "0.835 0.369 0 1", "0.1 0.1 0.1 1"
+POSES = 300
+MOST = 0.5  #: Share of random poses in which two parts of a sound arm touch at most [1].
+
+
+def rigid_mjcf(
+    chain: Chain, tool: Site, points: Sequence[Point]
+) -> tuple[ET.Element, dict[str, bytes], list[Pair]]:
+    """The arm's rigid.xml.
+
+    Args:
+        chain: The arm.
+        tool: Its tool, in the last part.
+        points: Markers, and the load point last.
+
+    Returns:
+        Its root, binary STL by the file's name in the folder `meshes`, and pairs of parts that touch in most
+        poses and so may.
+
+    Raises:
+        BenchError: When MuJoCo refuses the arm.
+    """
+    root = ET.fromstring(FRAME)
+    root.set("model", chain.name)
+    compiler, _, _, asset, parent, contact = root
+    meshes: dict[str, bytes] = {}
+    for part in chain.parts:
+        parent = _body(parent, part.name, part.pose)
+        _filled(parent, part)
+        meshes |= _shaped(parent, asset, part)
+    _tool(parent, chain, tool, points)
+    if not meshes:
+        root.remove(asset)
+        del compiler.attrib["meshdir"]
+    ET.SubElement(contact, "exclude", body1=chain.parts[0].name, body2=chain.parts[1].name)
+    touching = _always_touching(chain, ET.tostring(root, encoding="unicode"), meshes)
+    for one, other in touching:
+        ET.SubElement(contact, "exclude", body1=one, body2=other)
+    return root, meshes, touching
+
+
+def _body(parent: ET.Element, name: str, pose: Array) -> ET.Element:
+    return ET.SubElement(parent, "body", {"name": name, **_placed(pose)})
+
+
+def _placed(pose: Array) -> dict[str, str]:
+    """Attributes pos and quat of a pose, where they are not zero."""
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(pose[:3, :3]).ravel())
+    quat *= np.sign(quat[np.argmax(np.abs(quat) > 1e-9)])
+    found = {"pos": numbers_text(pose[:3, 3]), "quat": numbers_text(quat)}
+    return {key: text for key, text in found.items() if text not in ("0 0 0", "1 0 0 0")}
+
+
+def numbers_text(values: Array) -> str:
+    """Numbers to 1e-12, as short as that allows."""
+    return " ".join(f"{round(float(x), 12) + 0.0:.12g}" for x in values)
+
+
+def _filled(body: ET.Element, part: Body) -> None:
+    """The joint and the mass of a part."""
+    if (joint := part.joint) is not None:
+        own = {"name": joint.name, "type": "slide" if joint.prismatic else "hinge"}
+        ends = numbers_text(np.array([joint.lower, joint.upper]))
+        ET.SubElement(body, "joint", {**own, "axis": numbers_text(joint.axis), "range": ends})
+    inertia = plausible(part.inertia)
+    stated = {"pos": numbers_text(part.com), "mass": f"{part.mass:.9g}"}
+    if np.abs(inertia - np.diag(np.diag(inertia))).max() < 1e-9 * inertia.max():
+        stated["diaginertia"] = _digits(np.diag(inertia))
+    else:
+        stated["fullinertia"] = _digits(inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)])
+    ET.SubElement(body, "inertial", stated)
+
+
+def _digits(values: Array) -> str:
+    return " ".join(f"{x:.9g}" for x in values)
+
+
+def _shaped(body: ET.Element, asset: ET.Element, part: Body) -> dict[str, bytes]:
+    """The geoms of a part, and its mesh files.
+
+    Where nothing is drawn, what collides is drawn; where nothing collides, the hull of what is drawn does.
+    Rods do not: held at zero, they stand where the arm goes.
+    """
+    drawn, hard, meshes = seen(part.shapes), [s for s in part.shapes if s.collides], {}
+
+    def mesh(name: str, surface: Surface, looks: dict[str, str]) -> None:
+        meshes[f"{name}.stl"] = stl_bytes(*surface)
+        shell = {"inertia": "shell"} if looks["class"] == "visual" else {}
+        ET.SubElement(asset, "mesh", {"name": name, "file": f"{name}.stl", **shell})
+        ET.SubElement(body, "geom", {**looks, "type": "mesh", "mesh": name})
+
+    if found := drawn_mesh(part):
+        mesh(part.name, found[0], {"class": "visual", "rgba": _colour(found[1])})
+    for solid in [s for s in drawn if s.kind != "mesh"]:
+        ET.SubElement(body, "geom", {"class": "visual", **_solid(solid), "rgba": _colour(solid.rgba)})
+    hulls = _hulls([s for s in hard if s.kind == "mesh"] if hard else [s for s in drawn if s.bears])
+    for k, hull in enumerate(hulls):
+        mesh(f"{part.name}.hull" + (f"_{k + 1}" if k else ""), hull, {"class": "collision"})
+    for solid in [s for s in hard if s.kind != "mesh"]:
+        ET.SubElement(body, "geom", {"class": "collision", **_solid(solid)})
+    return meshes
+
+
+def _solid(solid: Shape) -> dict[str, str]:
+    size = solid.size[: SIZES.get(solid.kind, 3)]
+    return {"type": solid.kind, "size": numbers_text(size), **_placed(solid.pose)}
+
+
+def _colour(rgba: Array) -> str:
+    return " ".join(f"{x:.3g}" for x in np.clip(rgba, 0, 1))
+
+
+def _tool(last: ET.Element, chain: Chain, tool: Site, points: Sequence[Point]) -> None:
+    """The tool with its markers and load point."""
+    reach = sum(float(np.linalg.norm(part.pose[:3, 3])) for part in chain.parts[1:])
+    body = _body(last, tool.name, tool.pose)
+    for k, (name, position) in enumerate(points, start=1):
+        rgba = LOAD if k == len(points) else MARKER
+        looks = {"class": "visual", "type": "sphere", "size": f"{BALL * max(reach, 0.1):.2g}", "rgba": rgba}
+        ET.SubElement(_body(body, name, pose_of(np.eye(3), position)), "geom", looks)
+
+
+def _always_touching(chain: Chain, xml: str, meshes: dict[str, bytes]) -> list[Pair]:
+    """Pairs of parts that touch in more than half of all poses."""
+    try:
+        model = mujoco.MjModel.from_xml_string(xml, meshes)
+    except REFUSED as err:
+        raise BenchError(f"{chain.name}: " + " ".join(f"MuJoCo refuses the arm: {err}".split())) from err
+    file = Path(chain.name)
+    check_geoms(file, model)
+    data, seen = mujoco.MjData(model), Counter[tuple[str, str]]()
+    lower, upper = np.array([(joint.lower, joint.upper) for joint in chain.joints]).T
+    poses = np.random.default_rng(0).uniform(lower, upper, (POSES, chain.n_joints))
+    for q in poses if chain.joint_map is None else chain.joint_map.followed(poses):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        collide(file, model, data)
+        pairs = model.geom_bodyid[data.contact.geom[data.contact.dist < 0]]
+        seen.update({(model.body(int(a)).name, model.body(int(b)).name) for a, b in np.sort(pairs, axis=1)})
+    return sorted(pair for pair, count in seen.items() if count > MOST * POSES)

@@ -1,0 +1,299 @@
+"""The cells of a text file as its owner sees them; a wrong one is refused by line and column."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from pyarrow import csv
+
+from testbench.arm.decimal import NUMBER, is_integer
+from testbench.errors import Array, Ids, InputError, Mask, shown
+from testbench.files.formula import from_cell
+from testbench.files.mapping import Layout
+from testbench.files.names import Unit, squeeze
+from testbench.files.text import Header, find_header, read_letters, rows_of, split_lines
+from testbench.files.workbook import SHEET
+
+BLOCK = 16_000_000  #: What Arrow parses at a time [byte]: more than the longest row.
+COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
+DIVIDED = "|".join(f"({mark}[0-9]{{3}})+" for mark in ("X", "'", r"[ \x{00a0}\x{202f}]"))
+GROUPED = {
+    mark: f"^[+-]?[0-9]{{1,3}}({DIVIDED.replace('X', f'[{other}]')})[{mark}][0-9]+$"
+    for mark, other in ((".", ","), (",", "."))
+}
+"""Numbers whose thousands are divided, by decimal mark; without one 1,234 is told from no other number."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """The cells of a text file or a sheet."""
+
+    path: Path  #: The file.
+    names: tuple[str, ...]  #: Of the columns, as they stand in the file.
+    units: tuple[Unit | None, ...]  #: Of the columns, by a line of units below the header.
+    header: int  #: Line of the header in the file.
+    delimiter: str  #: Between cells; blanks for runs of at least as many.
+    lines: Ids  #: Line of every row in the file, (rows,).
+    notes: tuple[str, ...]  #: How the file was read.
+    decimal: str | None  #: The decimal mark; None where the cells decide.
+    sheet: str  #: Name of the sheet, in which a blank cell may be an error; "" of a text file.
+    #: Of every column: texts, or numbers that were computed.
+    cells: Sequence["pa.Array"] = field(repr=False)
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return len(self.lines)
+
+    def error(self, row: int, column: str, problem: str) -> InputError:
+        """What is wrong in a row, counted from 0, and in which column; "" for the whole row."""
+        line = self.lines[row] if row < self.rows else 1 + max([self.header, *self.lines[-1:]])
+        return InputError(self.path, self.place(int(line), column), problem)
+
+    def header_error(self, problem: str, column: str = "") -> InputError:
+        """What is wrong with the columns, or with the header of one."""
+        return InputError(self.path, self.place(self.header, column), problem)
+
+    def place(self, line: int, column: str = "") -> str:
+        """Return where something stands in the file, in words."""
+        row = f"sheet {self.sheet}, row {line}" if self.sheet else f"line {line}"
+        return f"{row}, column {column}" if column else row
+
+    def refuse(self, bad: Mask, columns: str | Sequence[str], problem: str | Callable[..., str]) -> None:
+        """InputError at the first place under a mask, if there is any.
+
+        Args:
+            bad: (rows,), or (rows, k).
+            columns: Name of the column, "" for the whole row; the names of k columns.
+            problem: What is wrong, or that of row and column, counted from 0.
+        """
+        if bad.any():
+            row, *k = np.argwhere(bad)[0].tolist()
+            name = columns if isinstance(columns, str) else columns[k[0]]
+            raise self.error(row, name, problem if isinstance(problem, str) else problem(row, *k))
+
+    def texts(self, k: int) -> list[str]:
+        """The cells of a column without blanks around them, nor what keeps spreadsheets from computing."""
+        own = self.cells[k].dictionary_encode("encode")
+        words = [from_cell(shown(str(word))) for word in own.dictionary.to_pylist()]
+        return [words[place] for place in own.indices.to_numpy().tolist()]
+
+    def blank(self, k: int) -> Mask:
+        """Which cells of a column are blank, (rows,)."""
+        if not pa.types.is_string(self.cells[k].type):
+            return np.asarray(pc.is_null(self.cells[k]).to_numpy(zero_copy_only=False))
+        return np.asarray(pc.equal(self.cells[k], "").to_numpy(zero_copy_only=False))
+
+    def take(self, rows: Mask | Ids) -> "Table":
+        """Rows under a mask, or by their places, in any order."""
+        places = np.arange(self.rows)[rows]
+        return replace(self, lines=self.lines[rows], cells=[cells.take(places) for cells in self.cells])
+
+    def beside(self, other: "Table", rows: Ids) -> "Table":
+        """With those columns of another table that it has not, in these rows; decimal commas are points."""
+        own = {squeeze(name) for name in self.names}
+        kept = [k for k, name in enumerate(other.names) if squeeze(name) not in own]
+        return replace(
+            self,
+            names=(*self.names, *(other.names[k] for k in kept)),
+            units=(*self.units, *(other.units[k] for k in kept)),
+            cells=[
+                *map(_decimal_points, self.cells),
+                *(_decimal_points(other.cells[k].take(rows)) for k in kept),
+            ],
+            notes=(*self.notes, *(f"{other.path.name}: {note}" for note in other.notes)),
+        )
+
+    def with_numbers(self, k: int, values: Array) -> "Table":
+        """With other numbers in a column, (rows,); blank where NaN."""
+        cells = list(self.cells)
+        cells[k] = pa.array(values, pa.float64())
+        return replace(self, cells=cells)
+
+    def filled(self, columns: Sequence[int]) -> "Table":
+        """Blank cells of some columns take the value above, as below merged cells."""
+        cells = list(self.cells)
+        for k in columns:
+            own = np.where(self.blank(k), 0, np.arange(self.rows))
+            cells[k] = cells[k].take(pa.array(np.maximum.accumulate(own)))
+        return replace(self, cells=cells)
+
+    def with_parts(
+        self, k: int, parts: Sequence[str], wholes: Sequence[re.Pattern[str]], expected: str
+    ) -> "Table":
+        """With a column more for every part of the combined cells of a column, blank where there is none.
+
+        Raises:
+            InputError: At the first cell that no pattern fits.
+        """
+        split: dict[str, dict[str, str]] = {"": {}}
+        for row, text in enumerate(self.texts(k)):
+            if text not in split:
+                found = next((m for whole in wholes if (m := whole.fullmatch(text))), None)
+                if found is None:
+                    problem = f"expected {expected} as the map says, got {text[:80]!r}"
+                    raise self.error(row, self.names[k], problem)
+                split[text] = {part: value.strip() for part, value in found.groupdict().items()}
+        cells = [[split[text].get(part, "") for text in self.texts(k)] for part in parts]
+        return replace(
+            self,
+            names=(*self.names, *(f"{self.names[k]}, {part}" for part in parts)),
+            units=(*self.units, *[None] * len(parts)),
+            cells=[*self.cells, *(pa.array(own, pa.string()) for own in cells)],
+        )
+
+    def worded(self, columns: Sequence[int], words: Mapping[str, str]) -> "Table":
+        """Cells of some columns that hold one of the words hold what it stands for."""
+        cells = list(self.cells)
+        for k in columns:
+            for word, meant in words.items():
+                cells[k] = pc.if_else(pc.equal(cells[k], word), meant, cells[k])
+        return replace(self, cells=cells)
+
+    def counts(self, k: int) -> Ids | None:
+        """Return a column as integers, (rows,); None if a cell holds anything but the digits of one."""
+        if not pc.all(pc.match_substring_regex(self.cells[k], "^[0-9]{1,18}$")).as_py():
+            return None
+        return np.asarray(pc.cast(self.cells[k], pa.int64()).to_numpy())
+
+    def integers(self, k: int) -> Ids:
+        """A column of integers of 64 bits, (rows,); InputError names the first cell that holds none."""
+        if (counted := self.counts(k)) is not None:
+            return counted
+        texts = self.texts(k)
+        found = {text: int(text) for text in dict.fromkeys(texts) if is_integer(text)}
+        bad = np.array([text not in found for text in texts], dtype=bool)
+        self.refuse(
+            bad, self.names[k], lambda row: f"expected an integer of 64 bits, got {texts[row][:80]!r}"
+        )
+        return np.array([found[text] for text in texts], dtype=int)
+
+    def mark(self, columns: Sequence[int]) -> str:
+        """The decimal mark: what the map says, or what most numbers with one of these columns have."""
+        if self.decimal:
+            return self.decimal
+        count = {",": 0, ".": 0}
+        for k in columns:
+            if pc.any(pc.match_substring(self.cells[k], ",")).as_py():
+                comma = pc.match_substring_regex(self.cells[k], f"{COMMA}|{GROUPED[',']}")
+                count[","] += pc.sum(comma).as_py() or 0
+                count["."] += pc.sum(pc.and_not(pc.match_substring(self.cells[k], "."), comma)).as_py() or 0
+            else:
+                count["."] += pc.sum(pc.match_substring(self.cells[k], ".")).as_py() or 0
+        return max(count, key=lambda mark: (count[mark], mark))
+
+    def numbers(self, k: int, mark: str = ".", words: str = "") -> Array:
+        """A column of finite numbers, (rows,); NaN where a cell is blank.
+
+        Args:
+            k: The column.
+            mark: The decimal mark.
+            words: What an error adds about cells that are no number in another way of writing.
+
+        Raises:
+            InputError: At the first cell that holds something else.
+        """
+        plain = self.cells[k]
+        if pa.types.is_floating(plain.type):
+            return np.asarray(plain.to_numpy(zero_copy_only=False))
+        blank = self.blank(k)
+        try:
+            values = _parsed(pc.if_else(blank, None, _pointed(plain, mark)))
+        except pa.ArrowInvalid:
+            values = np.full(self.rows, np.nan)
+        if not (np.isfinite(values) | blank).all():  # thousands, or what is no number
+            grouped = pc.match_substring_regex(plain, GROUPED[mark])
+            whole = pc.replace_substring_regex(plain, rf"[^0-9{mark}+-]", "")
+            pointed = _pointed(pc.if_else(grouped, whole, plain), mark)
+            values = _parsed(pc.if_else(pc.match_substring_regex(pointed, NUMBER), pointed, "nan"))
+        bad = np.flatnonzero(~np.isfinite(values) & ~blank)
+        if len(bad):
+            text = self.texts(k)[bad[0]]
+            marked = len(text) > 1 and text.strip("+-.,' 0123456789") == ""
+            hint = f"the decimal mark here is {mark!r}; thousands are divided before one only"
+            hint = f"; {hint}" if marked else words
+            raise self.error(bad[0], self.names[k], f"expected a finite number, got {text[:80]!r}{hint}")
+        return values
+
+
+def _pointed(cells: "pa.Array", mark: str) -> "pa.Array":
+    """Numbers with a decimal point in place of the mark; beside a comma 1.234 is none."""
+    return cells if mark == "." else pc.replace_substring(pc.replace_substring(cells, ".", "_"), ",", ".")
+
+
+def _parsed(cells: "pa.Array") -> Array:
+    """Texts as numbers, (rows,), NaN where null."""
+    return np.asarray(pc.cast(cells, pa.float64()).to_numpy(zero_copy_only=False))
+
+
+def read_table(path: Path, known: Callable[[str], bool], layout: Layout | None = None) -> Table:
+    """The table of a text file: its header is found by the names that are known.
+
+    Args:
+        path: The file.
+        known: Whether a name is that of a column that is looked for.
+        layout: What a map says of the file.
+
+    Raises:
+        InputError: When it cannot be read, is empty, or is no table.
+    """
+    layout = layout or Layout()
+    return table_of(path, read_letters(path, layout.encoding, layout.decimal or "."), known, layout)
+
+
+def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool], layout: Layout) -> Table:
+    """Return the table of a text that was read, and how it was."""
+    text, encoding = letters
+    if encoding.startswith(SHEET):
+        layout = layout.model_copy(update={"delimiter": "\t" if "\t" in text else None})
+    lines = split_lines(path, text)
+    header = find_header(path, lines, layout, known)
+    return Table(
+        path=path,
+        names=header.names,
+        units=header.units,
+        header=header.line,
+        delimiter=header.delimiter,
+        lines=np.array(header.body, dtype=int) + 1,
+        notes=_notes(encoding, header),
+        decimal=layout.decimal,
+        sheet=encoding.removeprefix(SHEET) if encoding.startswith(SHEET) else "",
+        cells=_cells(*rows_of(path, header, lines), len(header.names)),
+    )
+
+
+def _notes(encoding: str, header: Header) -> tuple[str, ...]:
+    """How a file was read, in words."""
+    between = {"\t": "tabs", " ": "runs of blanks", "  ": "runs of two or more blanks"}.get(
+        header.delimiter, f"{header.delimiter!r}"
+    )
+    where = f"header in line {header.line}" if header.line else "the map names the columns"
+    how = encoding if encoding.startswith(SHEET) else f"text in {encoding}"
+    found = [f"{how}, {between} between the cells, {where}"]
+    counts = {"before the header": header.skipped, "of comments or the header again": header.left_out}
+    found += [f"{count} line{'s'[: count > 1]} {what} left out" for what, count in counts.items() if count]
+    return (*found, *["the line below the header holds units"] * any(header.units))
+
+
+def _cells(content: bytes, mark: str, count: int) -> list["pa.Array"]:
+    """Cells of rows of CSV without blanks around them, a column each."""
+    if not content:
+        return [pa.array([], pa.string())] * count
+    names = list(map(str, range(count)))
+    read = csv.read_csv(
+        pa.BufferReader(content),
+        csv.ReadOptions(column_names=names, block_size=BLOCK),
+        csv.ParseOptions(delimiter=mark, ignore_empty_lines=False),
+        csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
+    )
+    return [pc.utf8_trim_whitespace(read[name].combine_chunks()) for name in names]
+
+
+def _decimal_points(cells: "pa.Array") -> "pa.Array":
+    """Decimal commas of a column of numbers as points."""
+    plain = pc.match_substring_regex(cells, rf"{COMMA}|^[+-]?[0-9]*$")
+    return pc.replace_substring(cells, ",", ".") if pc.all(plain).as_py() else cells

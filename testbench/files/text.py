@@ -1,0 +1,260 @@
+"""The text of a table: its letters, its lines, where its header is, and which cells a row has."""
+
+import csv
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path
+
+from testbench.errors import InputError, read_bytes, shown
+from testbench.files.mapping import Layout
+from testbench.files.names import Unit, find_unit
+from testbench.files.workbook import WORKBOOKS, sheet_text
+
+MAX_BYTES = 300_000_000  #: Size of a file that is read [byte].
+MAX_LINES = 2_000_000  #: Of a file.
+MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+"""Byte order marks."""
+GZIP = b"\x1f\x8b"
+COMMENTS = ("#", "//")
+JOINED = 20  #: Most lines that one quoted cell may take.
+LONGEST = 1_000_000  #: Letters of a row.
+BLANK = ' ;,|\t"'  #: A line of these alone is blank.
+SEARCHED, WIDEST, COUNTED = 100, 20_000, 200
+"""Lines in which a header is looked for, letters of the longest one, and names of it that count."""
+DELIMITERS = (";", "\t", ",", "|", " ", "  ")
+"""Between cells; blanks stand for runs of at least as many. The first of equals is taken."""
+
+
+def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]:
+    """Return the text of a file without its byte order mark, and how it was read.
+
+    Args:
+        path: The file, or FILE.xlsx#SHEET.
+        encoding: What a map says of it; else the byte order mark counts, then UTF-8, then cp1252.
+        mark: The decimal mark of the numbers of a workbook, which have none.
+
+    Raises:
+        InputError: If it is missing, no plain file, too large, or no text.
+    """
+    content = read_bytes(path, MAX_BYTES)
+    if content.startswith(WORKBOOKS):
+        return sheet_text(path, content, mark)
+    if content.startswith(GZIP):
+        raise InputError(path, "", "expected text, got a gzip file; unpack it first")
+    found = next((mark for mark in MARKS if content.startswith(mark)), b"")
+    tried = [MARKS[found]] if found else [encoding] if encoding else ["utf-8", "cp1252"]
+    for name in tried:
+        try:
+            text = content[len(found) :].decode(name)
+        except UnicodeDecodeError as err:
+            if name == tried[-1]:
+                place = f"byte {len(found) + err.start + 1}"
+                problem = f"expected text in {' or '.join(tried)}: {err.reason}"
+                raise InputError(path, place, f"{problem}; a map's [file] may say the encoding") from err
+        else:
+            if "\0" in text:
+                line = text.count("\n", 0, text.index("\0")) + 1
+                hint = "for UTF-16 without a mark say the encoding in a map"
+                raise InputError(path, f"line {line}", f"expected text, got a zero byte; {hint}")
+            return text, name
+    raise AssertionError
+
+
+def split_lines(path: Path, text: str) -> list[str]:
+    """Return all lines of a file; a line whose quotes are open takes in those below it, which are then blank.
+
+    Raises:
+        InputError: If quotes never end, or there are more than `MAX_LINES`.
+    """
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if (count := text.count("\n")) > MAX_LINES:
+        raise InputError(path, "", f"expected at most {MAX_LINES} lines, got {count}")
+    lines, first = text.split("\n"), -1
+    for k, line in enumerate(lines) if '"' in text else ():
+        odd = line.count('"') % 2
+        if first >= 0:
+            lines[first] += f" {line}"
+            lines[k] = ""
+        if odd:
+            first = k if first < 0 else -1
+        if first >= 0 and k - first > JOINED:
+            break
+    if first >= 0:
+        raise InputError(path, f"line {first + 1}", "not a table: quotes without an end")
+    return lines
+
+
+@dataclass(frozen=True)
+class Header:
+    """The header of a table."""
+
+    line: int  #: Its last line in the file, from 1; 0 if the map names the columns.
+    skipped: int  #: Lines with something in them before it.
+    delimiter: str  #: Between cells; blanks for runs of at least as many.
+    names: tuple[str, ...]  #: Of the columns; those without any at the end are left out.
+    units: tuple[Unit | None, ...]  #: Of the columns, by a line of units below.
+    body: Sequence[int]  #: Places of the rows among the lines.
+    left_out: int  #: Lines of comments and the header again among them, left out.
+
+
+def find_header(path: Path, lines: Sequence[str], layout: Layout, known: Callable[[str], bool]) -> Header:
+    """Find the header: the line with most of the names that are known.
+
+    Args:
+        path: The file.
+        lines: All of its lines.
+        layout: What the map says of the file.
+        known: Whether a name is that of a column that is looked for.
+
+    Raises:
+        InputError: If the file is empty.
+    """
+    said = [k for k, line in enumerate(lines) if line.strip(BLANK)]
+    said = [k for k in said[: len(said) - layout.footer] if k >= (layout.skip or 0)]
+    if not said:
+        raise InputError(path, "line 1", "expected a header, the file is empty")
+    if layout.names:
+        return _without_header(lines, said, layout)
+    at, delimiter = _most_names([lines[k] for k in said[: SEARCHED + layout.header]], layout, known)
+    head = [lines[k] for k in said[at : at + layout.header]]
+    if len(head[0]) > WIDEST:
+        problem = f"expected a header of at most {WIDEST} letters, got {len(head[0])}"
+        raise InputError(path, f"line {said[at] + 1}", problem)
+    names, below = _names(head, delimiter), said[at + layout.header :]
+    again = {line.strip() for line in head}  # of the next page
+    rows = [k for k in below if not is_comment(lines[k]) and lines[k].strip() not in again]
+    units = _units(lines[rows[0]], delimiter, len(names)) if rows else None
+    if units:
+        rows = [k for k in rows if lines[k].strip() != lines[rows[0]].strip()]
+    return Header(
+        line=said[min(at + layout.header, len(said)) - 1] + 1,
+        skipped=at,
+        delimiter=delimiter,
+        names=tuple(names),
+        units=tuple(units or [None] * len(names)),
+        body=rows,
+        left_out=len(below) - len(rows) - bool(units),
+    )
+
+
+def _most_names(lines: Sequence[str], layout: Layout, known: Callable[[str], bool]) -> tuple[int, str]:
+    """Return the place of the line with most of the names that are known, and what is between its cells."""
+    best, at, delimiter = (-1, False, False, 0), 0, ","
+    searched = 1 if layout.skip is not None else min(len(lines), SEARCHED)
+    for mark in (layout.delimiter,) if layout.delimiter else DELIMITERS:
+        if _blanks(mark) and best[0] > 1 and not _blanks(delimiter):
+            break  # blanks stand within names too
+        for k in (k for k in range(searched) if len(lines[k]) <= WIDEST):
+            names, below = _names(lines[k : k + layout.header], mark), lines[k + layout.header :][:1]
+            fits = any(_full(cells_in(line, mark), len(names)) for line in below)
+            score = sum(map(known, names[:COUNTED])), not is_comment(lines[k]), fits, len(names)
+            if score[:3] > best[:3] or (not best[0] and score > best):
+                best, at, delimiter = score, k, mark
+    return at, delimiter
+
+
+def _without_header(lines: Sequence[str], said: Sequence[int], layout: Layout) -> Header:
+    """Return the columns as the map names them; what divides most rows into as many cells divides all."""
+    rows, count = [k for k in said if not is_comment(lines[k])], len(layout.names)
+
+    def divided(mark: str) -> int:
+        return sum(_full(cells_in(lines[k], mark), count) for k in rows)
+
+    return Header(
+        line=0,
+        skipped=0,
+        delimiter=layout.delimiter or max(DELIMITERS, key=divided),
+        names=tuple(layout.names),
+        units=(None,) * count,
+        body=rows,
+        left_out=len(said) - len(rows),
+    )
+
+
+def is_comment(line: str) -> bool:
+    """Return whether a line is a comment."""
+    return line.lstrip(' "').startswith(COMMENTS)
+
+
+def _blanks(delimiter: str) -> bool:
+    return not delimiter.strip(" ")
+
+
+def cells_in(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line as of a header; a comment's are those behind its mark."""
+    text, mark = _divided(line.lstrip().lstrip("#/") if is_comment(line) else line, delimiter)
+    return [cell.strip() for cell in _cells(text, mark)]
+
+
+def _divided(line: str, delimiter: str) -> tuple[str, str]:
+    """Return a line, and the letter between its cells: a tab for runs of blanks outside of quotes."""
+    if not _blanks(delimiter):
+        return line, delimiter
+    parts, runs = line.strip().split('"'), rf"\s{{{len(delimiter)},}}"
+    return '"'.join(part if k % 2 else re.sub(runs, "\t", part) for k, part in enumerate(parts)), "\t"
+
+
+def _cells(line: str, mark: str) -> list[str]:
+    """Return the cells of a line without quotes around them; the line itself for what is no table."""
+    if '"' not in line:
+        return line.split(mark)
+    try:
+        return next(csv.reader([line], delimiter=mark, skipinitialspace=True))
+    except csv.Error:
+        return [line]
+
+
+def _names(lines: Sequence[str], delimiter: str) -> list[str]:
+    """Return the names of the columns; those of merged cells above hold for the blank ones to their right."""
+    *upper, lowest = [cells_in(line, delimiter) for line in lines]
+    while lowest and not lowest[-1]:
+        lowest.pop()
+    merged = [[*accumulate(row, _kept), *[""] * len(lowest)] for row in upper]
+    names = (" ".join(filter(None, column)) for column in zip(*merged, lowest, strict=False))
+    return list(map(shown, names))
+
+
+def _kept(left: str, own: str) -> str:
+    return own or left
+
+
+def _full(cells: Sequence[str], count: int) -> bool:
+    """Return whether a row has as many cells, or more that are blank."""
+    return len(cells) >= count and not any(cells[count:])
+
+
+def _units(line: str, delimiter: str, count: int) -> list[Unit | None] | None:
+    """Return the units of a line that holds nothing else; None for any other line."""
+    words = [cell.strip("[]() ") for cell in cells_in(line, delimiter)][:count]
+    units = [find_unit(word) for word in words]
+    other = [word for word, unit in zip(words, units, strict=True) if unit is None and word.strip("-1")]
+    if other or not any(units):
+        return None
+    return units + [None] * (count - len(units))
+
+
+def rows_of(path: Path, header: Header, lines: Sequence[str]) -> tuple[bytes, str]:
+    """Return the rows as CSV without surplus blank cells, and the letter between their cells.
+
+    Raises:
+        InputError: If a row has another number of cells than the header, or more than `LONGEST` letters.
+    """
+    count, (_, mark) = len(header.names), _divided("", header.delimiter)
+    blanks, rows = _blanks(header.delimiter), list[str]()
+    for k in header.body:
+        line = _divided(lines[k], header.delimiter)[0] if blanks else lines[k]
+        if len(line) > LONGEST:
+            raise InputError(path, f"line {k + 1}", f"expected at most {LONGEST} letters, got {len(line)}")
+        if '"' in line or line.count(mark) != count - 1:
+            cells = _cells(line, mark)
+            while len(cells) > count and not cells[-1].strip():
+                cells.pop()
+            if len(cells) != count:
+                hint = "; for a line behind the table say footer = 1 in the map's [file]"
+                problem = f"expected {count} fields, got {len(cells)}" + hint * (k == header.body[-1])
+                raise InputError(path, f"line {k + 1}", problem)
+            line = mark.join('"{}"'.format(cell.replace('"', '""')) for cell in cells)
+        rows.append(line)
+    return "\n".join(rows).encode(), mark

@@ -1,0 +1,338 @@
+"""Runs, absolute readings and corrected programs as CSV, in the columns that `names` declares.
+
+A row is one marker of one run, one target of one reading, one point. Numbers are written in full, so that
+reading gives them back bit by bit; a blank cell is a number that is not there.
+"""
+
+import csv
+import io
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.dataset import Dataset
+from testbench.data.series import Series
+from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array
+from testbench.files.formula import as_cell
+from testbench.files.names import ENTRIES, LOADING, WHEN, What, columns_of, torque_columns
+from testbench.files.program import Program
+from testbench.files.read_series import ALONE
+from testbench.files.rows import load_point, same_poses
+from testbench.files.scatter import LEAST
+from testbench.runs.whole import write_whole
+
+Table = dict[str, list[str]]
+"""The cells of every column."""
+Shown = Callable[[float], str]
+"""How a number is written."""
+Block = tuple[Iterable[str], Array | Ids | None]
+"""Columns and their numbers, (rows, columns), a row for as many points as follow each other; or none."""
+DIGITS = 4  #: Digits of standard deviations and covariances in a shortened file.
+
+
+def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> None:
+    """Write the dataset; an existing file is replaced only by a whole one.
+
+    run, pose: integers. marker: its name in the arm. JOINT_rad: joint angle, JOINT_m of a slide. force_*_N,
+    moment_*_Nm: load, world axes. point_*_m: where it acts, tool's frame. before_*_m, after_*_m: readings,
+    world axes. sigma_m: standard deviation of one reading along one axis, the same in all rows.
+
+    Where orientations were read: rotation_before_*_rad, rotation_after_*_rad (rotation vectors, world axes,
+    the same for every marker of a run) and sigma_rad. Where every reading has a covariance of its own:
+    deflection_cov_*_m2, of both readings together, world axes; a lost target leaves them and its readings
+    empty. The set-up of the tracker stands in station, an integer, where there are several; readings are then
+    in its frame. loading, on or off, where some loads were taken off before the unloaded reading.
+
+    Args:
+        data: The runs.
+        arm: The arm that was measured, or the names of its hinges: they head the columns.
+        path: The file.
+
+    Raises:
+        BenchError: When the names are not as many as the joint angles.
+        InputError: When the file cannot be written.
+    """
+    write_whole(csv_text(data, arm), Path(path))
+
+
+def csv_text(data: Dataset, arm: Arm | tuple[str, ...]) -> str:
+    """Write a dataset as the text of `write_csv`.
+
+    Args:
+        data: The runs.
+        arm: The arm, or the names of its joints.
+
+    Returns:
+        The text.
+    """
+    own = {
+        name: list(map(as_cell, cells)) if isinstance(cells, list) else _numbers(cells)
+        for name, cells in columns(data, arm).items()
+    }
+    return _text(own, zip(*own.values(), strict=True))
+
+
+def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids | list[str]]:
+    """Make the columns of `write_csv`, one cell per point, NaN for lost readings.
+
+    Args:
+        data: The runs.
+        arm: The arm, or the names of its joints.
+
+    Returns:
+        Columns by name.
+    """
+    joints, q = [f"{name}_rad" for name in arm] if isinstance(arm, tuple) else [], data.q
+    if isinstance(arm, Arm):
+        joints = [joint.column for joint in arm.file_joints]
+        q = arm.to_file(q) if q.shape[1] == arm.n_joints else q
+    if len(joints) != q.shape[1]:
+        raise BenchError(f"joints: expected {q.shape[1]} names, got {joints}")
+    n, lost, turned = data.points, ~data.seen.reshape(-1, 1), data.rotation_before is not None
+    blocks = _conditions(joints, q, data)
+    for when, places in zip(WHEN, (data.before, data.after), strict=True):
+        blocks.append((columns_of("reading", when), np.where(lost, np.nan, places.reshape(-1, 3))))
+    blocks.append((["sigma_m"], np.full(n, data.sigma)))
+    for when, turns in zip(WHEN, (data.rotation_before, data.rotation_after), strict=True):
+        blocks.append((columns_of("rotation", when), turns))
+    blocks.append((["sigma_rad"], np.full(n, data.sigma_rotation) if turned else None))
+    if data.precision is not None:
+        C = _entries(data.covariance.reshape(-1, 3, 3))
+        blocks.append((columns_of("covariance"), np.where(lost, np.nan, C)))
+    found: dict[str, Array | Ids | list[str]] = dict(
+        _repeated(n, [(["run"], data.run), (["pose"], data.pose)])
+    )
+    found["marker"] = list(data.markers) * data.runs
+    found |= dict(_repeated(n, [*blocks, (["station"], data.station)]))
+    if data.taken_off is not None:
+        found["loading"] = [LOADING[off] for off in np.repeat(data.taken_off, len(data.markers)).tolist()]
+    return found
+
+
+def write_series(
+    path: str | Path, arm: Arm, series: Series | Sequence[Series], decimals: int | None = None
+) -> None:
+    """Write one or several series; an existing file is replaced only by a whole one.
+
+    Columns whose value the reader would take by itself are left out: no load, the arm's load point, one
+    marker, names that are the file's.
+
+    Args:
+        path: The file.
+        arm: The arm that was measured.
+        series: What is written, alike in targets and in what was read.
+        decimals: Of positions [m], joints and angles [rad], loads and torques; None for numbers in full,
+            which are read back bit by bit but for orientations (1e-15).
+
+    Raises:
+        BenchError: When series differ in their columns, or a target is not the arm's.
+        InputError: When the file cannot be written.
+    """
+    every = [series] if isinstance(series, Series) else series
+    write_whole(series_text(arm, every, Path(path).stem, decimals), Path(path))
+
+
+def series_text(arm: Arm, series: Sequence[Series], stem: str, decimals: int | None = None) -> str:
+    """The same as text, for a file of that name without its ending."""
+    for s in series:
+        if s.q.shape[1] != arm.n_joints:
+            raise BenchError(f"joints: expected {arm.n_joints} of {arm.name}, got {s.q.shape[1]}")
+        if s.markers != series[0].markers:
+            raise BenchError(f"markers: expected {series[0].markers} in all of a file, got {s.markers}")
+    silent, scatter = _silent(arm, series, stem), _scatter_columns(series)
+    turned = next((s.sigma_rotation for s in series if s.sigma_rotation), None)
+    if turned:  # one without orientations among others that have them: all were lost
+        none = [np.full((s.rows, 3, 3), np.nan) for s in series]
+        series = [
+            s if s.rotation is not None else replace(s, rotation=own, sigma_rotation=turned)
+            for s, own in zip(series, none, strict=True)
+        ]
+    tables = [_table(arm, s, stem, decimals) | _scatter(s, scatter, decimals) for s in series]
+    if any(list(table) != list(tables[0]) for table in tables):
+        raise BenchError("series: expected torques, temperature and time in all of a file or in none")
+    header = [name for name in tables[0] if name not in silent]
+    return _text(header, (row for own in tables for row in zip(*(own[k] for k in header), strict=True)))
+
+
+def write_program(
+    path: str | Path, program: Program, q: Array, more: Mapping[str, Array | Sequence[str]] | None = None
+) -> None:
+    """Write a program with other joints; an existing file is replaced only by a whole one.
+
+    Columns, their order and units are those of the file that was read. Joints that it lacks follow, in deg
+    and mm, then what the caller adds. Numbers are written in full.
+
+    Args:
+        path: The file.
+        program: As it was read.
+        q: The joints of the chain instead, (points, n) [rad, m].
+        more: Further columns by their names, numbers or words, (points,) each; NaN is a blank cell.
+
+    Raises:
+        BenchError: When joints or columns are not one a point.
+        InputError: When the program has a column of that name, or the file cannot be written.
+    """
+    table, mark, arm = program.columns.table, program.columns.mark, program.arm
+    q, more = check_array(q, (program.points, arm.n_joints), "q [rad, m]"), more or {}
+    names = list(table.names)
+    cells = [list(map(as_cell, table.texts(k))) for k in range(len(names))]
+    units = [unit.name if unit else "" for unit in table.units]
+    for joint, column, own in zip(arm.file_joints, program.joints, arm.to_file(q).T, strict=True):
+        if column is None:
+            names.append(joint.shown_column)
+            cells.append(_numbers(joint.shown * own, mark=mark))
+        else:
+            scale = column.unit.scale if column.unit else 1.0
+            cells[column.index] = _numbers(own / (column.sign * scale), mark=mark)
+    for name, values in more.items():
+        if name in names:
+            problem = f"there is a column {name!r} already; was the program corrected before?"
+            raise InputError(program.path, f"line {table.header}", problem)
+        if len(values) != program.points:
+            raise BenchError(f"{name}: expected {program.points} cells, got {len(values)}")
+        names.append(name)
+        words = not isinstance(values, np.ndarray)
+        cells.append(list(map(as_cell, values)) if words else _numbers(np.asarray(values), mark=mark))
+    rows = zip(*cells, strict=True)
+    below = [units + [""] * (len(names) - len(units))] * any(units)
+    write_whole(_text(names, [*below, *rows], ";" if mark == "," else ","), Path(path))
+
+
+def _text(header: Iterable[str], rows: Iterable[Iterable[str]], delimiter: str = ",") -> str:
+    """A table as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text, delimiter=delimiter, lineterminator="\n")
+    writer.writerow(map(as_cell, header))
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _cells(points: int, blocks: Iterable[Block], shown: Shown) -> Table:
+    """The numbers of every point as text, by column."""
+    return {name: _numbers(own, shown) for name, own in _repeated(points, blocks)}
+
+
+def _repeated(points: int, blocks: Iterable[Block]) -> Iterator[tuple[str, Array | Ids]]:
+    """The numbers of every point, by column."""
+    for names, values in blocks:
+        if values is not None:
+            rows = np.repeat(values.reshape(len(values), -1), points // max(len(values), 1), axis=0)
+            yield from zip(names, rows.T, strict=True)
+
+
+def _numbers(values: Array | Ids, shown: Shown = repr, mark: str = ".") -> list[str]:
+    """Numbers with a decimal mark; NaN is blank."""
+    texts = ["" if x != x else shown(x) for x in values.tolist()]
+    return texts if mark == "." else [text.replace(".", mark) for text in texts]
+
+
+def _rounded(decimals: int | None) -> Shown:
+    """In full, or to so many decimals."""
+    return repr if decimals is None else lambda x: repr(round(x, decimals) + 0.0)
+
+
+def _conditions(joints: Sequence[str], q: Array, own: Dataset | Series) -> list[Block]:
+    """File joints, (rows, m) [rad, m], and load of every run or reading."""
+    load = [*columns_of("force"), *columns_of("moment")]
+    return [(joints, q), (load, own.wrench), (columns_of("point"), own.point)]
+
+
+def _entries(C: Array) -> Array:
+    """The entries of covariances, (rows, 3, 3), that files hold, (rows, 6)."""
+    return np.column_stack([C[:, a, b] for a, b in ENTRIES.values()])
+
+
+def _silent(arm: Arm, series: Sequence[Series], stem: str) -> set[str]:
+    """Columns that say what the reader takes by itself."""
+    at, first = load_point(arm), series[0]
+    known = arm.markers if len(arm.markers) == 1 else (ALONE,)
+    places = [_place(s, stem) for s in series]
+    frames = [f"{stem} {place}".strip() for place in places]
+    alone = len(series) == 1
+    groups = {
+        ("pose",): alone and bool((first.pose == same_poses(first.q)).all()),
+        ("series",): not any(places),
+        ("series_frame",): [s.frame for s in series] == frames,
+        ("series_target",): all(s.target == stem for s in series),
+        ("marker",): first.markers == known and len(known) == 1,
+        tuple(columns_of("force")): not any(s.wrench[:, :3].any() for s in series),
+        tuple(columns_of("moment")): not any(s.wrench[:, 3:].any() for s in series),
+        tuple(columns_of("point")): all((s.point == at).all() for s in series),
+    }
+    if set(first.markers) - set(arm.markers) and not groups["marker",]:
+        raise BenchError(f"markers: expected some of {arm.name}'s {arm.markers}, got {first.markers}")
+    return {name for names, silent in groups.items() if silent for name in names}
+
+
+def _place(s: Series, stem: str) -> str:
+    """What its name says beside that of the file."""
+    return "" if s.name == stem else s.name.removeprefix(f"{stem} ")
+
+
+def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
+    """All columns of a series but how far it scatters, (rows * m) cells each."""
+    n, shown, lost = s.rows * len(s.markers), _rounded(decimals), ~s.seen.reshape(-1, 1)
+    texts = {"series": _place(s, stem) or s.name, "series_frame": s.frame, "series_target": s.target}
+    vectors = None if s.rotation is None else _vectors(s, s.rotation)
+    beside: list[Block] = [(torque_columns(arm), _torques(arm, s)), (["time_s"], s.time)]
+    beside += [(columns_of("rotation"), vectors)]
+    own = _cells(n, [(["run"], s.row), (["pose"], s.pose)], str)
+    own |= {name: [as_cell(text)] * n for name, text in texts.items()}
+    own["marker"] = list(map(as_cell, s.markers)) * s.rows
+    joints = [joint.column for joint in arm.file_joints]
+    own |= _cells(n, [*_conditions(joints, arm.to_file(s.q), s), *beside], shown)
+    own |= _cells(n, [(["temperature"], s.temperature)], _rounded(decimals and 2))
+    places = np.where(lost, np.nan, s.position.reshape(-1, 3))
+    return own | _cells(n, [(columns_of("reading"), places)], shown)
+
+
+def _torques(arm: Arm, s: Series) -> Array | None:
+    """Torques of file joints, (rows, m) [N m, N], as `testbench.files.beside.read_torques` reads them."""
+    if s.torque is None or arm.joint_map is None:
+        return s.torque
+    return arm.joint_map.torque_to_file(s.torque)
+
+
+def _vectors(s: Series, R: Array) -> Array:
+    """Orientations, (rows, 3, 3), as rotation vectors, (rows, 3) [rad]; NaN where lost."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
+
+    found = np.full((s.rows, 3), np.nan)
+    if s.turned.any():
+        found[s.turned] = Rotation.from_matrix(R[s.turned]).as_rotvec()
+    return found
+
+
+def _covariances(s: Series) -> tuple[Array, Mask]:
+    """Covariance of every position, (rows * m, 3, 3) [m^2], NaN where lost, and which are there."""
+    seen = s.seen.reshape(-1)
+    C = np.full((len(seen), 3, 3), np.nan)
+    C[seen] = (
+        s.sigma**2 * np.eye(3) if s.precision is None else np.linalg.inv(s.precision.reshape(-1, 3, 3)[seen])
+    )
+    return C, seen
+
+
+def _scatter_columns(series: Sequence[Series]) -> What | None:
+    """Standard deviations by axis, or covariances; none where sigma says it all."""
+    C = np.concatenate([own[seen] / s.sigma**2 for s in series for own, seen in [_covariances(s)]])
+    if np.allclose(C, np.eye(3), rtol=0, atol=1e-12):
+        return None
+    least = min((LEAST[0] / s.sigma) ** 2 for s in series)
+    diagonal = (C * np.eye(3) == C).all() and (np.diagonal(C, axis1=1, axis2=2) >= least).all()
+    return "deviation" if diagonal else "spread"
+
+
+def _scatter(s: Series, what: What | None, decimals: int | None) -> Table:
+    """How far it scatters: one number for all, and one for every reading where columns say so."""
+    C, _ = _covariances(s)
+    sigmas = zip(("sigma_m", "sigma_rad"), (s.sigma, s.sigma_rotation), strict=True)
+    blocks: list[Block] = [([name], np.full(len(C), x)) for name, x in sigmas if x is not None]
+    if what is not None:
+        deviations = what == "deviation"
+        values = np.sqrt(np.diagonal(C, axis1=1, axis2=2)) if deviations else _entries(C)
+        blocks.append((columns_of(what), values))
+    return _cells(len(C), blocks, repr if decimals is None else lambda x: f"{x:.{DIGITS}g}")

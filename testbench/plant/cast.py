@@ -1,0 +1,167 @@
+"""Links as they are cast: hollow, tapered, bowed, beside the line of their joints, closed or open on a side.
+
+A link is a chain of Timoshenko segments: its compliance at the end is that of its sections, summed along the
+line on which they stand, sum Ad(s)^T c(s) Ad(s) ds (`section.py` for c). Segments lie at Gauss's places.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.arm.folder import Link
+from testbench.arm.stiffness import Material, check_compliance
+from testbench.errors import Array
+from testbench.plant.section import Sections, rib_thickness
+
+CAST_IRON = Material(1.1e11, 0.26)  #: Grey cast iron.
+SEGMENTS = 16
+ITERATIONS = 5
+"""How often the thickness is corrected: bending is inverse to it but for the torsion of a bow."""
+CLOSED = 0.5  #: Share of links without an open side.
+SLIM = 20.0  #: Diameter over wall of the tube of the same bending compliance that gives a link its size [1].
+RANGES = {
+    "size": (0.9, 1.3),  # width and height at the root, over the diameter of that tube
+    "taper": (0.6, 1.0),  # width and height at the tip over those at the root
+    "trapezium": (0.7, 1.0),  # length of the top over that of the bottom
+    "wall": (0.7, 1.4),  # thickness of each wall over a common one
+    "thinning": (0.7, 1.0),  # thickness at the tip over that at the root
+    "turned": (-0.3, 0.3),  # section about the line [rad]
+    "beside": (-0.5, 0.5),  # offset of the line to y and z over the diameter of that tube
+    "bow": (-0.05, 0.05),  # height of the line's arc to y and z over the length
+    "pitch": (0.5, 1.0),  # from rib to rib on an open side over its width
+    "rib": (0.3, 0.6),  # width of a rib over the pitch
+}
+"""Ranges of the dimensions, each drawn evenly [1, rad]."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """Segments of a beam."""
+
+    points: Array  #: Where force and moment of a segment act, in the link's beam frame, (k, 3) [m].
+    frames: Array  #: Axes of its section, x along the line, as columns, (k, 3, 3).
+    steps: Array  #: Their lengths, (k,) [m].
+
+
+def beam_compliance(line: Line, c: Array, tip: Array) -> Array:
+    """Compliance of a clamped beam read at its tip, (6, 6) [m/N, rad/(N m)].
+
+    Args:
+        line: The segments.
+        c: Their compliances a metre, (k, 6, 6).
+        tip: Where it is loaded and read, rigidly joined to the last segment, (3,) [m].
+    """
+    x, y, z = (tip - line.points).T
+    zero = np.zeros_like(x)
+    lever = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)  # r x F
+    Ad = np.zeros((len(x), 6, 6))
+    back = line.frames.swapaxes(1, 2)
+    Ad[:, :3, :3] = Ad[:, 3:, 3:] = back
+    Ad[:, 3:, :3] = back @ lever
+    return np.asarray((line.steps[:, None, None] * Ad.swapaxes(1, 2) @ c @ Ad).sum(axis=0))
+
+
+@dataclass(frozen=True)
+class Casting:
+    """Dimensions of a cast link; `thickness` scales all walls alike."""
+
+    length: float  #: From joint to joint [m].
+    size: Array  #: Width and height at the root, (2,) [m].
+    taper: Array  #: The same at the tip over those, (2,) [1].
+    trapezium: float  #: Length of the top over that of the bottom [1].
+    thickness: float  #: Of the walls at the root [m].
+    wall: Array  #: Thickness of bottom, right, top and left over that, (4,) [1].
+    thinning: float  #: Thickness at the tip over that at the root [1].
+    turned: float  #: Angle of the sections about the line [rad].
+    beside: Array  #: Offset of the line to y and z, (2,) [m].
+    bow: Array  #: Height of its arc to y and z, (2,) [m].
+    open_side: int | None  #: Wall that is ribs with gaps between them; None for a closed box.
+    pitch: float  #: From rib to rib over the width of that wall [1].
+    rib: float  #: Width of a rib over the pitch [1].
+
+    def sections(self, s: Array) -> Sections:
+        """At these shares of the length, (k,)."""
+        width, height = (self.size * (1 + s[:, None] * (self.taper - 1))).T / 2
+        top = self.trapezium * width
+        y, z = np.array([-width, width, top, -top]).T, np.array([-height, -height, height, height]).T
+        cos, sin = np.cos(self.turned), np.sin(self.turned)
+        corners = np.stack([cos * y - sin * z, sin * y + cos * z], axis=2)
+        thickness = self.thickness * (1 + s[:, None] * (self.thinning - 1)) * self.wall
+        whole = Sections(corners, thickness, thickness.copy())
+        if self.open_side is None:
+            return whole
+        k = self.open_side
+        b, t = whole.lengths[:, k], whole.thickness[:, k].copy()
+        whole.shear_thickness[:, k] = rib_thickness(
+            CAST_IRON, b, self.pitch * b, self.rib * self.pitch * b, t
+        )
+        whole.thickness[:, k] = 0
+        return whole
+
+    def compliance(self, segments: int = SEGMENTS) -> Array:
+        """At the link's end in the beam frame, (6, 6) [m/N, rad/(N m)]."""
+        nodes, weights = np.polynomial.legendre.leggauss(segments)
+        s = (1 + nodes) / 2
+        sections = self.sections(s)
+        slope = 4 * (1 - 2 * s)[:, None] * self.bow
+        tangent = np.column_stack([np.full(segments, self.length), slope])
+        frames = _frames(tangent)
+        place = np.column_stack([self.length * s, self.beside + 4 * (s * (1 - s))[:, None] * self.bow])
+        points = place + np.einsum("kxi,ki->kx", frames[:, :, 1:], sections.centroid)
+        line = Line(points, frames, weights / 2 * np.linalg.norm(tangent, axis=1))
+        return beam_compliance(line, sections.compliance(CAST_IRON), np.array([self.length, 0.0, 0.0]))
+
+
+def cast_link(link: Link, rng: np.random.Generator) -> Link:
+    """A cast link in place of a tube, its dimensions drawn from RANGES.
+
+    It is as long (the length of a tube is twice c26 over c66) and its walls are as thick as it takes to be as
+    compliant under moments in the mean, c55 + c66.
+    """
+    C = link.compliance
+    bending = float(C[4, 4] + C[5, 5]) / 2
+    casting = as_compliant(draw_casting(float(C[1, 5] - C[2, 4]) / bending, bending, rng), bending)
+    return replace(link, compliance=check_compliance(casting.compliance(), f"cast {link.name}"))
+
+
+def as_compliant(casting: Casting, bending: float) -> Casting:
+    """The casting with walls that make the mean of c55 and c66 what is wanted [rad/(N m)]."""
+    for _ in range(ITERATIONS):
+        C = casting.compliance()
+        casting = replace(casting, thickness=casting.thickness * (C[4, 4] + C[5, 5]) / (2 * bending))
+    return casting
+
+
+def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Casting:
+    """Dimensions of a casting; its size is that of a tube of this length [m] and bending [rad/(N m)]."""
+    wide = (8 * SLIM * length / (np.pi * CAST_IRON.E * bending)) ** 0.25  # I = pi D^3 t / 8, t = D / 20
+
+    def one(name: str) -> float:
+        return float(rng.uniform(*RANGES[name]))
+
+    def each(name: str, count: int) -> Array:
+        return rng.uniform(*RANGES[name], count)
+
+    return Casting(
+        length=length,
+        size=wide * each("size", 2),
+        taper=each("taper", 2),
+        trapezium=one("trapezium"),
+        thickness=wide / SLIM,
+        wall=each("wall", 4),
+        thinning=one("thinning"),
+        turned=one("turned"),
+        beside=wide * each("beside", 2),
+        bow=length * each("bow", 2),
+        open_side=int(rng.integers(4)) if rng.random() > CLOSED else None,
+        pitch=one("pitch"),
+        rib=one("rib"),
+    )
+
+
+def _frames(tangent: Array) -> Array:
+    """Axes along a line, y level with the beam frame's, as columns, (k, 3, 3)."""
+    x = tangent / np.linalg.norm(tangent, axis=1)[:, None]
+    y = np.cross([0.0, 0.0, 1.0], x)
+    y /= np.linalg.norm(y, axis=1)[:, None]
+    return np.stack([x, y, np.cross(x, y)], axis=2)

@@ -1,0 +1,321 @@
+"""True arms that the model's templates do not contain: one model, and a family of truths to judge it by.
+
+The model, and the prior from CAD, stay those of the arm's folder; only what MuJoCo settles is another arm.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from testbench.arm.folder import Arm, Link
+from testbench.arm.stiffness import check_compliance, turned
+from testbench.errors import Array, BenchError
+from testbench.plant.cast import cast_link
+from testbench.plant.tracker import stream
+
+if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
+    from testbench.plant.beyond import Beyond
+    from testbench.plant.build import Plant
+
+TrueArm = Callable[[Arm, np.random.Generator], Arm]
+Springs = Callable[[Arm, np.random.Generator], "Beyond"]
+"""What the springs of an arm do that no matrix says."""
+
+UNEQUAL = 0.5  #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
+FAR = 0.3, 3.0  #: Range of a joint's compliance over the folder's, where all are far off [1].
+STIFFER = 3, 10, 30, 100, 300  #: How many times stiffer links are where joints give way most.
+RADIUS, TILTS = 0.15, (0.1, 1.0)
+"""Of a bearing [m], and range of its tilt under a moment over the turn of the folder's joint [1]."""
+SOFTER = 5.0  #: How many times softer one link is than the others of its arm [1].
+TUBE_ENTRIES = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4))
+"""Entries of a tube's compliance that are not zero, one of each pair."""
+DRAWS = 7  #: Vectors of a random correlation matrix.
+FOLLOWING = 20, 50
+"""By how many percent a link is softer at most, and as many times stiffer, as the joint beside it turns."""
+ALONG = 0.5  #: How far axes of links follow all joints, in the logarithm of their compliance [1].
+TIED = 0.2, 0.5
+"""Range of the compliance between neighbouring joints over the root of the product of theirs [1]."""
+SLIP = 5e-5, 4e-4
+"""Range of the largest half width of friction that slips bit by bit [rad]; hysteresis has one of 3e-5."""
+FamilyName = Literal["family", "tubes", "off_10", "off_20", "off_40", "cast", "joints"]
+HeldOutName = Literal[
+    "stiffer_3",
+    "stiffer_10",
+    "stiffer_30",
+    "stiffer_100",
+    "stiffer_300",
+    "soft_link",
+    "coupled",
+    "far_joints",
+    "bearings",
+    "following_20",
+    "following_50",
+    "following_all",
+    "tied_joints",
+    "tied_all",
+    "slipping",
+]
+TrueArmName = Literal[FamilyName, HeldOutName]
+FAMILY: TrueArmName = "family"  #: All of TRUTHS, a seed each in turn.
+HALVINGS = 24  #: Of the interval in which the size of a link's deformation is sought.
+
+
+def distance_from_tubes(C: Array) -> float:
+    """How far C (6, 6) [m/N, rad/(N m)], in beam axes, is from any tube, in the metric of the nearest [1].
+
+    The least |T^-1/2 C T^-1/2 - 1|_F / sqrt(6) over the beam templates T, hence a lower bound for tubes: the
+    root mean square relative error of the six compliances along the common axes of C and T. T^-1 has the
+    entries of T, and with C = L L^T the norm is that of L^T T^-1 L - 1: a linear least squares problem. Above
+    0.4 a beam template that is not positive definite, and so no tube, may be nearest.
+    """
+    L = np.linalg.cholesky(C)
+    columns = []
+    for a, b in TUBE_ENTRIES:
+        E = np.zeros((6, 6))
+        E[a, b] = E[b, a] = 1 / np.sqrt(C[a, a] * C[b, b])
+        columns.append((L.T @ E @ L).ravel())
+    A, one = np.column_stack(columns), np.eye(6).ravel()
+    return float(np.linalg.norm(A @ np.linalg.lstsq(A, one)[0] - one) / np.sqrt(6))
+
+
+def deformed(C: Array, S: Array, distance: float) -> Array:
+    """A tube's C^1/2 exp(t S) C^1/2, S symmetric (6, 6) [1], with t such that it is so far from any tube."""
+    d = np.sqrt(np.diag(C))
+    values, Q = np.linalg.eigh(C / np.outer(d, d))
+    half = d[:, None] * Q * np.sqrt(values)
+    rates, axes = np.linalg.eigh(S)
+
+    def at(t: float) -> Array:
+        own = half @ (axes * np.exp(t * rates)) @ axes.T @ half.T
+        return np.asarray((own + own.T) / 2)
+
+    low, high = 0.0, float(distance / np.linalg.norm(S, 2))
+    while distance_from_tubes(at(high)) < distance:
+        low, high = high, 2 * high
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if distance_from_tubes(at(middle)) < distance else (low, middle)
+    return at(high)
+
+
+def _off_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
+    """Every link this far from any tube along its axes, and these turned by as many radians."""
+
+    def off(link: Link) -> Link:
+        S = rng.standard_normal((6, 6))
+        C = turned(deformed(link.compliance, S + S.T, share), rng.standard_normal(3), share)
+        return replace(link, compliance=check_compliance(C, f"{link.name} off tubes"))
+
+    return replace(arm, links=tuple(off(link) for link in arm.links))
+
+
+def _cast(arm: Arm, rng: np.random.Generator) -> Arm:
+    return replace(arm, links=tuple(cast_link(link, rng) for link in arm.links))
+
+
+def _scaled_joints(arm: Arm, factors: Array) -> Arm:
+    """Compliances of all joints times these, (n,) [1]."""
+    pairs = zip(arm.joints, factors, strict=True)
+    return replace(arm, joints=tuple(replace(j, compliance=float(f * j.compliance)) for j, f in pairs))
+
+
+def _scaled_links(arm: Arm, factors: Array) -> Arm:
+    """Compliances of all links times these, (n + 1,) [1]."""
+    pairs = zip(arm.links, factors, strict=True)
+    return replace(arm, links=tuple(replace(link, compliance=f * link.compliance) for link, f in pairs))
+
+
+def _unequal_joints(arm: Arm, rng: np.random.Generator) -> Arm:
+    return _scaled_joints(arm, np.exp(UNEQUAL * rng.standard_normal(arm.n_joints)))
+
+
+TRUTHS: Mapping[str, TrueArm] = {
+    "tubes": lambda arm, _: arm,
+    "off_10": partial(_off_tubes, 0.1),
+    "off_20": partial(_off_tubes, 0.2),
+    "off_40": partial(_off_tubes, 0.4),
+    "cast": _cast,
+    "joints": _unequal_joints,
+}
+"""True arms by name: the folder's tubes; links 10, 20, 40 % off any tube; cast links; unequal joints."""
+
+
+def _of_family(arm: Arm, rng: np.random.Generator) -> Arm:
+    """Any of TRUTHS."""
+    return TRUTHS[str(rng.choice(list(TRUTHS)))](arm, rng)
+
+
+def _stiffer(times: float, arm: Arm, rng: np.random.Generator) -> Arm:
+    own = _of_family(arm, rng)
+    return _scaled_links(own, np.full(len(own.links), 1 / times))
+
+
+def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
+    own, factors = _of_family(arm, rng), np.ones(len(arm.links))
+    factors[rng.integers(len(factors))] = SOFTER
+    return _scaled_links(own, factors)
+
+
+def coupled(C: Array, rng: np.random.Generator) -> Array:
+    """The diagonal of C, (6, 6) [m/N, rad/(N m)], with couplings as any correlation matrix has them.
+
+    The correlations of 7 vectors of six normal numbers are uniform over all correlation matrices of order
+    six: Wishart's density with n + 1 degrees of freedom over the scales.
+    """
+    A = rng.standard_normal((6, DRAWS))
+    W = A @ A.T
+    scale = np.sqrt(np.diag(C) / np.diag(W))
+    return np.asarray(W * np.outer(scale, scale))
+
+
+def _coupled(arm: Arm, rng: np.random.Generator) -> Arm:
+    def own(link: Link) -> Link:
+        C = coupled(link.compliance, rng)
+        return replace(link, compliance=check_compliance(C, f"{link.name} coupled"))
+
+    return replace(arm, links=tuple(own(link) for link in arm.links))
+
+
+def _soft_bearings(arm: Arm, rng: np.random.Generator) -> Arm:
+    """A bearing at the end of every link before a hinge, alike in all directions."""
+    own, unit = _of_family(arm, rng), np.diag([RADIUS**2] * 3 + [1.0] * 3)
+    shares = np.exp(rng.uniform(np.log(TILTS[0]), np.log(TILTS[1]), arm.n_joints))
+    tilts = [0.0 if j.prismatic else s * j.compliance for j, s in zip(arm.joints, shares, strict=True)]
+    links = zip(own.links, [*tilts, 0.0], strict=True)
+    return replace(
+        own, links=tuple(replace(link, compliance=link.compliance + t * unit) for link, t in links)
+    )
+
+
+def _far_joints(arm: Arm, rng: np.random.Generator) -> Arm:
+    return _scaled_joints(arm, np.exp(rng.uniform(np.log(FAR[0]), np.log(FAR[1]), arm.n_joints)))
+
+
+def _following(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
+    """Every link as a whole by the sine of the joint behind it, the last one by that of the last joint."""
+    from testbench.plant.beyond import Beyond, Follows
+
+    links, n = len(arm.links), arm.n_joints
+    turns = np.zeros((links, n))
+    turns[range(links), np.minimum(range(links), n - 1)] = 1.0
+    share = np.full((links, 6), np.log1p(percent / 100))
+    return Beyond(Follows(share, turns, rng.uniform(-np.pi, np.pi, links)))
+
+
+def _following_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
+    """Every axis of a link by itself, by a sum of turns of all joints."""
+    from testbench.plant.beyond import Beyond, Follows
+
+    links, n = len(arm.links), arm.n_joints
+    share = ALONG * rng.standard_normal((links, 6))
+    return Beyond(Follows(share, rng.standard_normal((links, n)), rng.uniform(-np.pi, np.pi, links)))
+
+
+def _tied(arm: Arm, correlation: Array) -> "Beyond":
+    """Joints that are coupled so, (n, n) [1]."""
+    from testbench.plant.beyond import Beyond
+
+    root = np.sqrt([joint.compliance for joint in arm.joints])
+    return Beyond(between=(correlation - np.diag(np.diag(correlation))) * np.outer(root, root))
+
+
+def _tied_joints(arm: Arm, rng: np.random.Generator) -> "Beyond":
+    """Every joint with the next one: below 1/2 that is positive definite."""
+    n = arm.n_joints - 1
+    own = np.diag(rng.uniform(*TIED, n) * rng.choice([-1.0, 1.0], n), 1)
+    return _tied(arm, own + own.T)
+
+
+def _tied_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
+    """Every joint with every other one, as normal vectors of four numbers a joint correlate."""
+    n = arm.n_joints
+    A = rng.standard_normal((n, 4 * n))
+    d = np.linalg.norm(A, axis=1)
+    return _tied(arm, A @ A.T / np.outer(d, d))
+
+
+def _slipping(arm: Arm, rng: np.random.Generator) -> "Beyond":
+    from testbench.plant.beyond import Beyond
+
+    least, most = np.log(SLIP)
+    return Beyond(slip=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))
+
+
+SPRINGS: Mapping[str, Springs] = {
+    **{f"following_{percent}": partial(_following, percent) for percent in FOLLOWING},
+    "following_all": _following_all,
+    "tied_joints": _tied_joints,
+    "tied_all": _tied_all,
+    "slipping": _slipping,
+}
+"""By the name of a true arm what its springs do that no matrix says: of any arm of the family."""
+HELD_OUT: Mapping[str, TrueArm] = {
+    **{f"stiffer_{n}": partial(_stiffer, n) for n in STIFFER},
+    "soft_link": _soft_link,
+    "coupled": _coupled,
+    "far_joints": _far_joints,
+    "bearings": _soft_bearings,
+    **dict.fromkeys(SPRINGS, _of_family),
+}
+"""True arms of kinds that nothing here was made with: a study judges by them, the family is without them."""
+CALLED = {
+    "tubes": "links of tubes",
+    **{f"off_{percent}": f"links {percent} % off tubes" for percent in (10, 20, 40)},
+    "cast": "cast links",
+    "joints": "unequal joints",
+    **{f"stiffer_{n}": f"links {n} times stiffer" for n in STIFFER},
+    "soft_link": "one link softer",
+    "coupled": "coupled links",
+    "far_joints": "joints far off",
+    "bearings": "soft bearings",
+    **{f"following_{percent}": f"links follow the pose by {percent} %" for percent in FOLLOWING},
+    "following_all": "axes of links follow all joints",
+    "tied_joints": "neighbouring joints coupled",
+    "tied_all": "all joints coupled",
+    "slipping": "friction slips bit by bit",
+}
+"""The same for readers."""
+TRUTH_WORDS = {
+    "tubes": "the folder's: every link a straight tube, which the template contains",
+    **{
+        f"off_{percent}": f"every link {percent} % off any tube along its axes, and these turned by "
+        f"{np.rad2deg(percent / 100):.0f} degrees"
+        for percent in (10, 20, 40)
+    },
+    "cast": "every link a cast box, tapered, bowed, beside its joints, half of them with an open side; as "
+    "long as the tube and in the mean as compliant under moments",
+    "joints": f"joints other than the folder's, standard deviation of the logarithm {UNEQUAL:g}",
+}
+"""What they are."""
+
+
+def member(family: str, seed: int) -> str:
+    """The truth of a seed: the next of TRUTHS in turn for "family", else the one that is named."""
+    return list(TRUTHS)[seed % len(TRUTHS)] if family == FAMILY else family
+
+
+def true_plant(arm: Arm, name: str, seed: int, stiffer: float = 1.0) -> "Plant":
+    """Build another true arm, a new one for every seed.
+
+    Args:
+        arm: The arm as its folder describes it.
+        name: Kind of truth, one of TRUTHS or HELD_OUT.
+        seed: Seed of its random numbers.
+        stiffer: How many times stiffer its links are [1].
+
+    Raises:
+        BenchError: When the name is none of TRUTHS and HELD_OUT.
+    """
+    from testbench.plant.build import build_plant
+
+    known = {**TRUTHS, **HELD_OUT}
+    if name not in known:
+        raise BenchError(f"no truth {name!r}; truths are {', '.join(known)}")
+    rng = stream(seed, 8)
+    plant = build_plant(known[name](_scaled_links(arm, np.full(len(arm.links), 1 / stiffer)), rng))
+    if name in SPRINGS:
+        plant = replace(plant, beyond=SPRINGS[name](plant.arm, rng))
+    return plant

@@ -1,0 +1,327 @@
+"""What figures share: one width, a title that answers, dots with their spread, lines, quiet axes."""
+
+import contextlib
+import math
+import textwrap
+import warnings
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import IO, Literal
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure as Figure
+from matplotlib.figure import SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+
+from testbench.report.colours import GREY, SCALE, Look, hexadecimal
+from testbench.report.markdown import capital
+from testbench.report.schema import Column, Table, best_rows, looks
+from testbench.runs.spread import Number, Spread, dotted, ends, inner, middle
+from testbench.workflows.models import JOINTS
+
+SOFT = hexadecimal(GREY)
+SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])
+"""Colours of sizes, as recordings have them."""
+WIDTH, DPI = 10.0, 160
+"""Width of every figure [in], and its points: on a page 800 wide, 9 points are 10 pixels high."""
+SMALL = 9.0  #: Least size of letters [pt].
+STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 300: (1, 2, 5), math.inf: (1,)}
+"""Ticks of a decade by how many times the least the greatest value is at most."""
+DECADES = 6  #: Most decades of an axis that have a tick each.
+FAR = 5.0  #: Times the least number from which an axis is logarithmic [1].
+TITLE, CAPTION = 92, 150  #: Letters of a line of the title and of the words below.
+
+
+ASIDE, GOLDEN = 0.5, 0.618
+"""How far dots of a row are apart, over its height, and the step from one to the next [1]."""
+LEVEL = 4  #: Of a PNG's compression: the next ones save no more than a fiftieth of its size.
+
+
+class Page(Figure):
+    """A figure in which no dollar of a name begins a formula."""
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw it, also such text as comes to be while it is drawn."""
+        with _as_it_is(self):
+            super().draw(renderer)
+
+
+@contextlib.contextmanager
+def _as_it_is(figure: Figure) -> Iterator[None]:
+    """All text of a figure, letters of scripts without a font here among it."""
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+    with rc_context({"text.parse_math": False}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        yield
+
+
+def save(figure: Figure, path: Path | IO[bytes]) -> None:
+    """Write a figure as PNG, laid out and drawn once: `savefig` draws it twice."""
+    canvas = FigureCanvasAgg(figure)
+    engine = figure.get_layout_engine()
+    if figure.axes and engine is not None:
+        with _as_it_is(figure):
+            engine.execute(figure)
+        figure.set_layout_engine("none")
+    canvas.print_png(path, pil_kwargs={"compress_level": LEVEL})  # type: ignore[no-untyped-call]
+
+
+def page(height: float) -> Figure:
+    """A figure of this height [in]."""
+    return Page(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+
+
+def _body(figure: Figure) -> SubFigure:
+    """The whole of a figure between its title and its caption, for a legend of all axes."""
+    found = figure.subfigures()
+    assert isinstance(found, SubFigure)  # one row, one column
+    return found
+
+
+def _key(part: SubFigure, columns: int) -> None:
+    """A legend below all axes, of what the first ones have."""
+    part.legend(
+        *part.axes[0].get_legend_handles_labels(),
+        frameon=False,
+        fontsize=SMALL,
+        loc="outside lower center",
+        ncols=columns,
+        handlelength=3.0,
+    )
+
+
+def say(figure: Figure, answer: str, reading: str) -> None:
+    """Write what is seen above a figure, and below it what its marks and numbers are."""
+    lines = [textwrap.fill(text, TITLE) for text in answer.splitlines()]
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12, fontweight="bold")
+    words = textwrap.fill(reading, CAPTION)
+    figure.supxlabel(words, x=0.01, ha="left", fontsize=SMALL, color="0.3")
+
+
+def headed(figure: Figure, words: str, winner: str = "") -> Figure:
+    """The same with a line above its title, such as the badge of its run, and its lines in their weights."""
+    if words:
+        title = figure.get_suptitle()
+        lines = [textwrap.fill(words, TITLE), title]
+        figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12, fontweight="bold")
+    for line in figure.findobj(Line2D):
+        if isinstance(line, Line2D) and (heavy := weight(str(line.get_label()), winner)):
+            line.set(
+                linewidth=1.3 + 0.6 * heavy, markersize=line.get_markersize() + heavy, zorder=2 + heavy / 10
+            )
+    return figure
+
+
+LONG = 1000  #: Numbers beyond have no room side by side: of an axis to the right only powers of ten.
+
+
+def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> None:
+    """A logarithmic axis with plain numbers: more of a decade where there are few."""
+    decades = range(math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 1)
+    steps = next(ticks for most, ticks in STEPS.items() if high < most * low)
+    every = -(-(len(decades) - 2) // DECADES)  # one beyond each end
+    low, high = low / 1.3, high * 1.3
+    ticks = [step * 10.0**k for k in decades[::every] for step in steps if low <= step * 10.0**k <= high]
+    if side == "x" and ticks[-1] > LONG and len(whole := [x for x in ticks if math.log10(x) % 1 == 0]) > 1:
+        ticks = whole
+    axes.set(**{f"{side}scale": "log", f"{side}lim": (low, high)})
+    axis = axes.xaxis if side == "x" else axes.yaxis
+    axis.set_ticks(ticks, [tick_words(tick) for tick in ticks])
+    axis.set_ticks([], minor=True)
+
+
+def short(name: str, letters: int = 20) -> str:
+    """A name that has room beside an axis."""
+    return name if len(name) <= letters else f"{name[: letters - 1]}…"
+
+
+def tick_words(number: float) -> str:
+    """A round number on an axis: 0.05, 2000, and 2·10⁻⁹ or 10⁵ for what has too many zeros."""
+    mantissa, _, power = f"{number:.5g}".partition("e")
+    if not power:
+        return mantissa
+    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{raised}" if mantissa == "1" else f"{mantissa}·10{raised}"
+
+
+def quiet(axes: Axes) -> None:
+    """Without the frame above and on the right."""
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def forest(
+    table: Table, panes: Mapping[str, str], answer: str, reading: str, mark: str | float = ""
+) -> Figure:
+    """Dots of a table's rows side by side, a pane a column, on logarithmic axes.
+
+    Args:
+        table: Rows that are of models, see `schema.looks`; in each pane the best have a band.
+        panes: Titles by the keys of the columns that are drawn.
+        answer: See `say`.
+        reading: The same.
+        mark: Name of the row to beat, or a number to beat: a dotted line.
+    """
+    figure, columns = page(1.9 + 0.3 * len(table.rows)), {column.key: column for column in table.columns}
+    name, known = table.columns[0], table.looks or looks(table.rows, table.columns[0])
+    sides = figure.subplots(1, len(panes), squeeze=False)[0]
+    for k, (axes, (key, title)) in enumerate(zip(sides, panes.items(), strict=True)):
+        forest_pane(axes, replace(table, looks=known), columns[key], named=not k)
+        log_ticks(axes, "x", *axes.dataLim.intervalx)
+        beaten = [row for row in table.rows if name.cell(row) == mark]
+        for row in beaten:
+            at, shade = middle(columns[key].value(row)), known[name.cell(row)].hex
+            axes.axvline(at, color=shade, linewidth=0.8, linestyle=":")
+        if isinstance(mark, float):
+            axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
+        axes.set_title(title, fontsize="medium")
+    dots = dotted(columns[key].value(row) for key in panes for row in table.rows)
+    banded = any(best_rows(replace(table, looks=known), columns[key]) for key in panes)
+    bands = "Band: the best, and all that tie with it." if banded else ""
+    say(figure, answer, " ".join(filter(None, [reading, dots and f"{capital(dots)}.", bands])))
+    return figure
+
+
+def forest_pane(axes: Axes, table: Table, value: Column, *, named: bool = True) -> None:
+    """Rows from top to bottom in their looks: see `_distribution`; the paper's number is a grey diamond.
+
+    The best has a band, and all that tie with it: see `best_rows`; the marked row has larger dots.
+    """
+    name, best = table.columns[0], best_rows(table, value)
+    for y, row in enumerate(table.rows):
+        number, look = value.value(row), table.looks[name.cell(row)]
+        _distribution(axes, y, number, look, 6.5 + weight(name.cell(row), table.bold))
+        if known := value.known(row):
+            axes.plot(float(known), y, "D", color=SOFT, markersize=5)
+        if y in best:
+            axes.axhspan(y - 0.5, y + 0.5, color=look.hex, alpha=0.1, linewidth=0, zorder=0)
+    heads = [f"{name.cell(row)}  " if named else "" for row in table.rows]
+    numbers = [value.text(middle(value.value(row))) for row in table.rows]
+    axes.set_yticks(range(len(heads)), [f"{a}{b}" for a, b in zip(heads, numbers, strict=True)])
+    axes.set_ylim(len(heads) - 0.5, -0.5)
+    axes.set_xlabel(labelled(value))
+    quiet(axes)
+
+
+def _distribution(axes: Axes, y: float, number: Number, look: Look, size: float) -> None:
+    """A dot a trial, the median and as a line its 95 % interval; of few trials dots alone."""
+    if isinstance(number, Spread) and number.values:
+        k = np.arange(len(number.values))
+        if number.few:
+            axes.plot(number.values, np.full(len(k), y), linestyle="", **look.dots(size))
+            return
+        apart = y + ASIDE * ((GOLDEN * k) % 1 - 0.5)  # trials of one number do not hide each other
+        axes.plot(number.values, apart, ".", color=look.hex, markersize=3.5, alpha=0.35, markeredgewidth=0)
+    line = inner(number)
+    axes.plot(line or (), (y, y) if line else (), color=look.hex, linewidth=2.5)
+    axes.plot(middle(number), y, linestyle="", **look.dots(size))
+
+
+def weight(name: str, winner: str) -> int:
+    """How much a model stands out: 2 of the winner, 1 of joint stiffness alone, 0 of all others."""
+    return 2 if name == winner else int(name == JOINTS)
+
+
+def sweeps(
+    panes: Mapping[str, Table],
+    answer: str,
+    reading: str,
+    bands: Sequence[str] | None = None,
+) -> Figure:
+    """Lines over swept quantities, a pane a table whose columns name the line, sweep and are drawn.
+
+    Of `bands` the spread is drawn, of all if None; lines that are alike in all panes share one legend.
+    """
+    across = min(2, len(panes))
+    down = -(-len(panes) // across)
+    known = [table.looks or looks(table.rows, table.columns[0]) for table in panes.values()]
+    shared = all(own == known[0] for own in known)
+    figure = page(1.6 + (3.9 if shared else 4.4) * down)
+    part = _body(figure)
+    grid = part.add_gridspec(down, across)
+    for k, ((title, table), lines) in enumerate(zip(panes.items(), known, strict=True)):
+        alone = k % across == 0 and k == len(panes) - 1
+        axes = part.add_subplot(grid[k // across, slice(None) if alone else k % across])
+        _sweep(axes, table, lines, lines if bands is None else bands)
+        axes.set_title(title, fontsize="medium")
+        if not shared:
+            axes.legend(
+                frameon=False, fontsize=SMALL, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14)
+            )
+    if shared:
+        _key(part, columns=7 if across == 2 else 4)
+    say(figure, answer, reading)
+    return figure
+
+
+def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collection[str]) -> None:
+    """Lines of a table in one pane."""
+    name, x, y = table.columns
+    for line, look in lines.items():
+        rows = [row for row in table.rows if name.cell(row) == line]
+        if rows:
+            rows.sort(key=lambda row: middle(x.value(row)))
+            at, numbers = [middle(x.value(row)) for row in rows], [y.value(row) for row in rows]
+            style = "--" if look.prior else "-"
+            axes.plot(at, [*map(middle, numbers)], linestyle=style, label=line, **look.dots(5))
+            if line in bands and any(isinstance(number, Spread) for number in numbers):
+                low, high = np.transpose([*map(ends, numbers)])
+                axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
+    log_ticks(axes, "y", *axes.dataLim.intervaly)
+    swept = {middle(x.value(row)): x.cell(row) for row in table.rows}
+    if max(swept) > FAR * min(swept) > 0:
+        log_ticks(axes, "x", *axes.dataLim.intervalx)
+    axes.set_xticks(list(swept), list(swept.values()))
+    axes.set(xlabel=labelled(x), ylabel=labelled(y))
+    quiet(axes)
+
+
+def labelled(column: Column) -> str:
+    """A quantity with its unit beside an axis."""
+    return f"{column.heading} [{column.unit}]" if column.unit else column.heading
+
+
+def ranges(
+    panes: Mapping[str, Table],
+    answer: str,
+    reading: str,
+    mark: float | None = None,
+    places: Sequence[str] = (),
+) -> Figure:
+    """Medians and spreads without lines, a pane a table: its columns name row and model, and are drawn.
+
+    A dotted line is at the number `mark`. Rows have their order from the panes, if not from `places`.
+    """
+    table, rows = next(iter(panes.values())), [row for own in panes.values() for row in own.rows]
+    down, name, value = table.columns
+    places, known = places or list(dict.fromkeys(map(down.cell, rows))), table.looks or looks(rows, name)
+    figure = page(2.4 + 0.6 * len(places))
+    part = _body(figure)
+    sides = part.subplots(1, len(panes), sharey=True, squeeze=False)[0]
+    for axes, (title, own) in zip(sides, panes.items(), strict=True):
+        for k, (model, look) in enumerate(known.items()):
+            shown = [row for row in own.rows if name.cell(row) == model]
+            y = [places.index(down.cell(row)) + 0.8 * ((k + 0.5) / len(known) - 0.5) for row in shown]
+            for row, at in zip(shown, y, strict=True):
+                axes.plot(ends(value.value(row)), (at, at), color=look.hex, alpha=0.5)
+            middles = [middle(value.value(row)) for row in shown]
+            axes.plot(middles, y, linestyle="", label=model, **look.dots(5))
+        log_ticks(axes, "x", *axes.dataLim.intervalx)
+        if mark is not None:
+            axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
+        axes.set(xlabel=labelled(value))
+        axes.set_title(title, fontsize="medium")
+        axes.grid(axis="y", alpha=0.2)
+        quiet(axes)
+    sides[0].set_yticks(range(len(places)), places)
+    sides[0].set_ylim(len(places) - 0.5, -0.5)
+    _key(part, columns=5)
+    say(figure, answer, reading)
+    return figure

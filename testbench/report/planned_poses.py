@@ -1,0 +1,165 @@
+"""Pictures of planned poses: the arm, loads, lines of sight, expected errors."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.arm.mjcf import GRAVITY
+from testbench.design.planning import Plan
+from testbench.errors import Array
+from testbench.model.vjm import chain, tool_points
+from testbench.plant.shapes import rigid_frames
+from testbench.report.colours import GREY, LOAD, MEASURED, NOMINAL, TASK, Look
+from testbench.report.colours import look as look_of
+from testbench.report.scene import (
+    Layer,
+    Line,
+    PlaceMap,
+    Poses,
+    RunChart,
+    Scene,
+    Seen,
+    evenly,
+    of_all,
+    picked,
+    workspace,
+)
+from testbench.runs.rows import Row
+from testbench.workflows.cell import Cell
+from testbench.workflows.plan import Planned
+from testbench.workflows.workspace_errors import ErrorPlaces
+
+OURS, WORK = look_of("ALL153", "psd", prior=True), Look(TASK, 1, prior=True)
+ORDER, UNSCALED = "Plan, in the order of measuring", "Nothing is magnified; loads are arrows of one length."
+SPECKS, NUMBERED = 600, 20  #: Candidates that are drawn, and planned poses whose number is, at most.
+FORCE = 0.2  #: Length of a load's arrow over the reach [1].
+NOWHERE = "no bound"
+
+
+@dataclass(frozen=True)
+class World:
+    """What stands around the arm in every pose."""
+
+    cell: Cell  #: The arm.
+    station: Sequence[float] | None  #: Where the tracker stands [m].
+    plan: Array  #: Tools of the plan, in its order, (poses, 3) [m].
+    tasks: Array  #: Tools of the tasks, (tasks, 3) [m].
+    candidates: Array  #: Tools of the feasible poses, (c, 3) [m].
+
+    def poses(
+        self, name: str, named: Mapping[str, str], q: Array, layers: Sequence[Layer], first: int = 0
+    ) -> Poses:
+        """The arm in poses (poses, n) [rad, m], with what is said of each by its name."""
+        every = [*layers, *self._still()]
+        frames = rigid_frames(self.cell.room, q)
+        return Poses(name, list(named), list(named.values()), frames, None, every, first)
+
+    def measured(self, q: Array, force: Array) -> list[Layer]:
+        """Markers, lines of sight and loads (poses, 3) [N] of poses that are measured."""
+        markers = tool_points(self.cell.vjm, q, self.cell.vjm.markers)
+        found = [Layer("markers", MEASURED, "dots", markers)]
+        if self.station is not None:
+            tracker = np.broadcast_to(np.array(self.station), markers.shape)
+            found.append(Layer("lines of sight", MEASURED, "lines", tracker, markers))
+        return [*found, *self.pulled(q, force)]
+
+    def pulled(self, q: Array, force: Array) -> list[Layer]:
+        """What hangs or pulls, all arrows of one length."""
+        if not force.any():
+            return []
+        hook = tool_points(self.cell.vjm, q, self.cell.vjm.load[None])
+        size = np.linalg.norm(force, axis=1, keepdims=True)
+        way = np.divide(force, size, out=np.full(force.shape, np.nan), where=size > 0)
+        return [Layer("load", LOAD, "arrows", hook, hook + FORCE * self.cell.vjm.reach * way[:, None])]
+
+    def all_over(self, q: Array, words: Sequence[str], first: int = 0) -> Poses:
+        """The arm all over the workspace."""
+        tool = Layer("tool", MEASURED, "dots", chain(self.cell.vjm, q).position[:, None])
+        return workspace(self.cell, q, words, [tool, *self._still()], first)
+
+    def _still(self) -> list[Layer]:
+        numbers = [str(k + 1) for k in range(len(self.plan))] if len(self.plan) <= NUMBERED else []
+        some = evenly(np.arange(len(self.candidates)), SPECKS)
+        found = [
+            Layer("feasible poses", GREY, "specks", self.candidates[None, some], shown=False),
+            Layer("way", NOMINAL, "lines", self.plan[None, :-1], self.plan[None, 1:], shown=False),
+            Layer("planned, in order", NOMINAL, "dots", self.plan[None], labels=numbers),
+        ]
+        if len(self.tasks):
+            found.append(Layer("tasks", TASK, "dots", self.tasks[None]))
+        if self.station is not None:
+            found.append(Layer("tracker", MEASURED, "dots", np.array([[self.station]]), labels=["tracker"]))
+        return found
+
+
+def seen(made: Planned, f: Row) -> Seen:
+    """Show the plan's poses, the tasks and the workspace, with the errors to expect in each.
+
+    Args:
+        made: The plan.
+        f: Its numbers.
+    """
+    cell, tasks = made.cell, f.get("tasks", [])
+    plan, work = (np.array([row.tool_m for row in rows]).reshape(-1, 3) for rows in (f.plan, tasks))
+    world = World(cell, f.tracker_m, plan, work, chain(cell.vjm, made.found.q).position)
+    force = np.array([row.get("pull_N") or [0, 0, -GRAVITY * row.get("load_kg", 0.0)] for row in f.plan])
+    named = {f"Run {row.run}": _said(cell, row, q) for row, q in zip(f.plan, made.plan.q, strict=True)}
+    groups = [world.poses(ORDER, named, made.plan.q, world.measured(made.plan.q, force))]
+    charts = [_chart(0, f.plan)]
+    if isinstance(made.plan, Plan):
+        every = made.plan.specification.tasks.q
+        some = picked(made.forecast.error, np.arange(len(every)))
+        rows, q = [tasks[k] for k in some], every[some]
+        named = {f"Task {row.task}": _said(cell, row, own) for row, own in zip(rows, q, strict=True)}
+        pulls = world.pulled(q, np.array([row.force_N for row in rows]))
+        groups.append(world.poses("Tasks", named, q, pulls, int(made.forecast.error[some].argmax())))
+        note = of_all(len(some), len(every), "tasks")
+        charts.insert(0, _chart(1, rows, note))
+    errors = {name: f.map.errors(name) for name in f.map.compared}
+    words = [
+        f"Expected error: {', '.join(_error(name, mm[k]) for name, mm in errors.items())}. {joints}."
+        for k, joints in enumerate(f.map.joints)
+    ]
+    groups.append(world.all_over(np.array(f.map.q), words))
+    return Seen(
+        scene=Scene(cell, UNSCALED, groups),
+        map=_map(f.map, len(groups) - 1, "after calibration" if f.absolute else "under the first load"),
+        runs=charts,
+    )
+
+
+def _said(cell: Cell, row: Row, q: Sequence[float] | Array) -> str:
+    """What acts in a pose, how far it moves the tool, and the error to expect."""
+    load = f"Load {row.load}. " if "load" in row else ""
+    what = "sag" if "expected_sag_mm" in row else "deflection"
+    moved = row[f"expected_{what}_mm"]
+    low, high = row.expected_error_p05_mm, row.expected_error_p95_mm
+    error = f"{row.expected_error_mm:.3f} mm (90 %: {low:.3f} to {high:.3f})"
+    return f"{load}Expected {what} {moved:.2f} mm, error {error}. {cell.arm.words(np.array(q))}."
+
+
+def _chart(group: int, rows: Sequence[Row], note: str = "") -> RunChart:
+    """Errors to expect in the poses of the plan, or at tasks."""
+    tasks = "task" in rows[0]
+    key, where, look = ("task", "at each task", WORK) if tasks else ("run", "in each planned pose", OURS)
+    middle, low, high = (
+        np.array([row[f"expected_error{end}_mm"] for row in rows]) for end in ("", "_p05", "_p95")
+    )
+    title = f"Expected error {where}, 90 % intervals (mm)"
+    line = Line("task" if tasks else "this plan", look, middle, (low, high))
+    return RunChart(title, group, key, [str(row[key]) for row in rows], [line], note=note)
+
+
+def _error(name: str, mm: float) -> str:
+    return f"{name} {NOWHERE if np.isnan(mm) else f'{mm:.3f} mm'}"
+
+
+def _map(found: ErrorPlaces, group: int, when: str) -> PlaceMap:
+    """Errors to expect over the workspace, a map a model; `group` is that of the places in the scene."""
+    *others, last = found.compared
+    looks = {**{name: look_of(name, "none") for name in others}, last: OURS}
+    lines = [Line(name, own, found.errors(name)) for name, own in looks.items()]
+    without = NOWHERE if any(map(found.unbounded, looks)) else ""
+    title = f"Expected error over the workspace, {when} (mm)"
+    return PlaceMap(title, group, np.array(found.position_m), lines, "Where it will err", without)

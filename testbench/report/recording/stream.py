@@ -1,0 +1,155 @@
+"""One file a run: strict, closed in any case, written only when it is whole; and what draws in it."""
+
+import contextlib
+import hashlib
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.components import MarkerShape
+
+from testbench.errors import Array
+from testbench.report.colours import GREY, Colour, Look
+from testbench.runs.provenance import versions
+
+SCRUB = 10.0  #: How long the timeline that a reader lands on is played [s].
+MARKDOWN = "text/markdown"
+MANY = 60  #: Rows beyond which dots of a plot are small.
+SHAPES = (
+    MarkerShape.Circle,
+    MarkerShape.Square,
+    MarkerShape.Diamond,
+    MarkerShape.Up,
+    MarkerShape.Down,
+    MarkerShape.Plus,
+)
+"""One a shade of a family; with a prior a cross."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """What identifies a recording."""
+
+    scenario: str  #: Name of the scenario.
+    parameters: str  #: The scenario as JSON.
+    seed: int  #: Root of what is drawn.
+
+
+@dataclass(frozen=True)
+class Pen:
+    """A recording that is being written, and the times of the rows that go into it."""
+
+    stream: rr.RecordingStream
+    times: tuple[rr.TimeColumn, ...] = ()
+
+    def on(self, *times: rr.TimeColumn) -> "Pen":
+        """The same on other timelines."""
+        return replace(self, times=times)
+
+    def still(self, path: str, *what: rr.AsComponents) -> None:
+        """What does not change, or the looks of what does."""
+        self.stream.log(path, *what, static=True)
+
+    def documents(self, documents: Mapping[str, str]) -> None:
+        """Markdown that does not change, by path."""
+        for path, text in documents.items():
+            self.still(path, rr.TextDocument(text, media_type=MARKDOWN))
+
+    def names(self, path: str, at: Array, texts: Sequence[str], colour: Colour) -> None:
+        """Texts that stand still at places (n, 2) or (n, 3)."""
+        points = rr.Points2D if np.shape(at)[1] == 2 else rr.Points3D
+        self.still(path, points(at, labels=texts, colors=colour, radii=0.0, show_labels=True))
+
+    def rows(self, path: str, columns: Iterable[rr.ComponentColumn]) -> None:
+        """A row a time."""
+        self.stream.send_columns(path, self.times, columns)
+
+    def texts(self, path: str, texts: Sequence[str]) -> None:
+        """Markdown, one a time."""
+        self.rows(path, rr.TextDocument.columns(text=texts, media_type=[MARKDOWN] * len(texts)))
+
+    def line(self, path: str, name: str, look: Look | None, values: Array, *, lead: bool = False) -> None:
+        """A line of a plot, a value a time, NaN for none; without a look it is thin and grey."""
+        colour, width = (look.colour, 3.5 if lead else 2.0) if look else (GREY, 1.0)
+        self.still(path, rr.SeriesLines(colors=colour, widths=width, names=name))
+        if look is not None:
+            shape = MarkerShape.Cross if look.prior else SHAPES[look.place % len(SHAPES)]
+            size = 4.0 if len(values) <= MANY else 2.0
+            self.still(path, rr.SeriesPoints(colors=colour, markers=shape, names=name, marker_sizes=size))
+        known = np.isfinite(values)
+        self.rows(path, rr.Scalars.columns(scalars=values[known]).partition(known.astype(int)))
+
+
+def snake(title: str) -> str:
+    """A title as a path."""
+    return re.sub(r"\W+", "_", title.lower()).strip("_")
+
+
+def text_view(origin: str, name: str) -> rrb.TextDocumentView:
+    """The view of a document."""
+    return rrb.TextDocumentView(origin=origin, name=name)
+
+
+@contextlib.contextmanager
+def recording(
+    path: Path, header: Header, blueprint: rrb.Blueprint, words: Sequence[str] = ()
+) -> Iterator[Pen]:
+    """A stream in memory, closed in any case; without an error it is written to `path`, whole.
+
+    A stream into a file would only print that the disk is full, and leave half of it.
+
+    Args:
+        path: The .rrd file.
+        header: What identifies it.
+        blueprint: Its layout, embedded.
+        words: What else tells it from recordings of another layout: the viewer keeps one an application id.
+    """
+    strict = rr.strict_mode()
+    rr.set_strict_mode(True)  # otherwise a wrong argument only warns, and the data are lost
+    about = f"{header.scenario} {header.parameters} {header.seed}"
+    application, digest = (
+        hashlib.sha256(own.encode()).hexdigest()[:16] for own in ("\0".join([about, *words]), about)
+    )
+    try:
+        # The stream's own properties hold the time of writing, and its chunks end by the clock: with
+        # either equal seeds would differ.
+        batches = rr.ChunkBatcherConfig.NEVER()
+        stream = rr.RecordingStream(
+            f"testbench_{application}", recording_id=digest, send_properties=False, batcher_config=batches
+        )
+        try:
+            stream.set_log_time_enabled(False)
+            stream.set_log_tick_enabled(False)
+            memory = stream.memory_recording()
+            stream.send_blueprint(blueprint)
+            _write_properties(stream, header)
+            yield Pen(stream)
+            path.write_bytes(memory.drain_as_bytes())
+        finally:
+            stream.disconnect()
+    finally:
+        rr.set_strict_mode(strict)
+
+
+def _write_properties(stream: rr.RecordingStream, header: Header) -> None:
+    stream.send_recording_name(f"{header.scenario}, seed {header.seed}")
+    stream.send_property("study", rr.AnyValues(**vars(header)))
+    stream.send_property("versions", rr.AnyValues(drop_untyped_nones=True, **versions()))
+
+
+def layout(*tabs: rrb.Container | rrb.View, timeline: str, places: int) -> rrb.Blueprint:
+    """The blueprint of a study: tabs, the first in front, and the timeline that a reader lands on.
+
+    That many places on the timeline are played in SCRUB seconds.
+    """
+    fps = max(1.0, places / SCRUB)
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0),
+        rrb.TimePanel(timeline=timeline, state="collapsed", play_state="paused", fps=fps),
+        auto_views=False,
+        collapse_panels=True,
+    )

@@ -1,0 +1,288 @@
+"""The space of a recording: the arm, what is drawn in its poses, maps of errors, and the eye."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.components import FillMode
+
+from testbench.errors import Array
+from testbench.plant.shapes import Frames, Shape, join_meshes, quaternions, visual_shapes
+from testbench.report.colours import GREY, MEASURED, SCALE, Colour
+from testbench.report.markdown import Markdown, as_markdown, place
+from testbench.report.recording.stream import Pen, snake, text_view
+from testbench.report.scene import Layer, PlaceMap, Scale, scale_of
+from testbench.report.schema import show
+from testbench.workflows.cell import Cell
+
+GHOST = (*MEASURED, 70)  #: The arm under load: seen through.
+THICK = {"dots": 0.008, "specks": 0.004, "arrows": 0.004, "lines": 0.0025}
+"""Radius of what is drawn over the size of what is in view [1]."""
+HALF_VIEW = np.tan(np.deg2rad(27.5))  #: Tangent of half the viewer's vertical angle of view.
+ASPECT = 1.25  #: Width over height of the narrowest pane that shows the arm [1].
+SIDE = (0.35, 0.9, 0.25)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
+
+
+def write_arm(pen: Pen, cell: Cell, root: str, rigid: Frames, bent: Frames | None) -> None:
+    """The arm in every pose: its bodies in grey, and once more those that are seen to move under load.
+
+    A ghost of another body would flicker through its surface.
+    """
+    pen.still("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    names, shapes = cell.room.names, visual_shapes(cell.room)
+    hidden, moving = {cell.arm.load, *cell.arm.markers}, [] if bent is None else _moving(rigid, bent)
+    for body in sorted({shape.body for shape in shapes}):
+        if names[body] in hidden:  # drawn by their roles
+            continue
+        own = [shape for shape in shapes if shape.body == body]
+        path = rr.new_entity_path(["world", root, names[body]])
+        pen.still(path, *_solids(own, None))
+        _write_frames(pen, path, rigid, body)
+        if bent is not None and body in moving:
+            path = rr.new_entity_path(["world", f"{root}_deflected", names[body]])
+            pen.still(path, *_solids(own, GHOST))
+            _write_frames(pen, path, bent, body)
+
+
+def _write_frames(pen: Pen, path: str, frames: Frames, body: int) -> None:
+    turns = quaternions(frames.rotations[:, body])
+    pen.rows(path, rr.Transform3D.columns(translation=frames.positions[:, body], quaternion=turns))
+
+
+def _moving(rigid: Frames, bent: Frames) -> list[int]:
+    """Bodies that are seen to move."""
+    shift = np.linalg.norm(bent.positions - rigid.positions, axis=2).max(axis=0)
+    return np.flatnonzero(shift > 0.005 * reach(rigid)).tolist()
+
+
+def reach(frames: Frames) -> float:
+    """Largest distance of a body from the foot of the arm, the scale of symbols [m]."""
+    arm = frames.positions[:, 1:]  # the world is first
+    return float(np.linalg.norm(arm - arm[:, :1], axis=-1).max())
+
+
+def _solids(shapes: Sequence[Shape], colour: Colour | None) -> list[rr.AsComponents]:
+    """The shapes of a body, one archetype a kind; in shades of grey where no colour is given."""
+    solids: list[rr.AsComponents] = []
+    for kind in dict.fromkeys(shape.kind for shape in shapes):
+        own = [shape for shape in shapes if shape.kind == kind]
+        size, centre = np.array([s.size for s in own]), np.array([s.position for s in own])
+        R, radius, length = np.array([s.rotation for s in own]), size[:, 0], 2 * size[:, 2]
+        look: dict[str, Any] = {
+            "quaternions": quaternions(R),
+            "colors": [colour or _grey(s.rgba) for s in own],
+            "fill_mode": FillMode.Solid,
+        }
+        if kind == "mesh":
+            solids.append(_mesh(own, look["colors"]))
+        elif kind == "box":
+            solids.append(rr.Boxes3D(half_sizes=size, centers=centre, **look))
+        elif kind == "cylinder":
+            solids.append(rr.Cylinders3D(lengths=length, radii=radius, centers=centre, **look))
+        elif kind == "capsule":  # Rerun's begins at its origin
+            start = centre - R[:, :, 2] * size[:, 2:]
+            solids.append(rr.Capsules3D(lengths=length, radii=radius, translations=start, **look))
+        else:
+            solids.append(rr.Ellipsoids3D(half_sizes=size, centers=centre, **look))
+    return solids
+
+
+def _grey(rgba: Array) -> Colour:
+    """Grey of about the brightness of a colour, neither black nor white: colours are roles."""
+    level = round(255 * (0.35 + 0.45 * float(rgba[:3] @ [0.299, 0.587, 0.114])))
+    return level, level, level
+
+
+def _mesh(shapes: Sequence[Shape], colours: Sequence[Colour]) -> rr.Mesh3D:
+    """All meshes of a body as one."""
+    mesh, counts = join_meshes(shapes)
+    return rr.Mesh3D(
+        vertex_positions=mesh.vertices,
+        vertex_normals=mesh.normals,
+        triangle_indices=mesh.faces,
+        vertex_colors=np.repeat(np.array(colours, dtype=np.uint8)[:, :3], counts, axis=0),
+        albedo_factor=(255, 255, 255, *colours[0][3:]),  # of a vertex the viewer takes no transparency
+    )
+
+
+def write_layer(rows: Pen, path: str, layer: Layer, size: float) -> None:
+    """Dots, arrows or lines in every pose, those that are there; what stands still once."""
+    ends = layer.at if layer.to is None else layer.to
+    known = np.isfinite(layer.at).all(axis=2) & np.isfinite(ends).all(axis=2)
+    counts, at, to = known.sum(axis=1), layer.at[known], ends[known]
+    look = {"colors": layer.colour, "radii": THICK[layer.kind] * size}
+    kind, parts = _parts(layer.kind, at, to)
+    if len(counts) == len(rows.times[0].as_arrow_array()):
+        rows.still(path, kind.from_fields(**look))
+        rows.rows(path, kind.columns(**parts).partition(counts))
+    else:
+        rows.still(path, kind.from_fields(**look, **parts))
+    _write_names(rows, f"{path}_names", layer)
+
+
+def _write_names(rows: Pen, path: str, layer: Layer) -> None:
+    """What stands beside dots or where arrows and lines begin, in every pose."""
+    named = [k for k, text in enumerate(layer.labels) if text]
+    if not named:
+        return
+    texts, poses = [layer.labels[k] for k in named], len(layer.at)
+    if poses == 1:
+        rows.names(path, layer.at[0, named], texts, layer.colour)
+        return
+    rows.still(path, rr.Points3D.from_fields(colors=layer.colour, radii=0.0, show_labels=True))
+    names = rr.Points3D.columns(positions=layer.at[:, named].reshape(-1, 3), labels=texts * poses)
+    rows.rows(path, names.partition([len(named)] * poses))
+
+
+def _parts(kind: str, at: Array, to: Array) -> tuple[Any, dict[str, Array]]:
+    """What draws a kind of layer, and its parts: where they begin (n, 3) and end (n, 3) [m]."""
+    if kind == "arrows":
+        return rr.Arrows3D, {"origins": at, "vectors": to - at}
+    if kind == "lines":
+        return rr.LineStrips3D, {"strips": np.stack([at, to], axis=1)}
+    return rr.Points3D, {"positions": at}
+
+
+def orbit(eye: Array, target: Array) -> rrb.EyeControls3D:
+    """A camera that turns about its target; both (3,) [m]."""
+    return rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0, 0, 1))
+
+
+def frame(
+    points: Array, radii: Array, tool: Array, aspect: float = ASPECT, above: float = SIDE[2]
+) -> tuple[Array, Array]:
+    """Eye and target, each (3,) [m]: as near as it can be with all spheres in view.
+
+    Args:
+        points: Their centres, (points, 3) [m].
+        radii: Of the spheres, (points,) [m].
+        tool: Where the arm reaches, seen from above, (2,) [m].
+        aspect: Width over height of the pane [1].
+        above: How steeply the eye looks down, over how far it is ahead and aside [1].
+    """
+    length = float(np.linalg.norm(tool))
+    x, y = tool / length if length > 0 else (1.0, 0.0)
+    ahead, aside, _ = SIDE
+    back = np.array([aside * y + ahead * x, -aside * x + ahead * y, above])
+    back /= np.linalg.norm(back)
+    right = np.array([-back[1], back[0], 0]) / np.hypot(back[0], back[1])
+    axes = np.column_stack([back, right, np.cross(back, right)])
+    along = points @ axes
+    low, high = (along - radii[:, None]).min(axis=0), (along + radii[:, None]).max(axis=0)
+    target = axes @ ((low + high) / 2)
+    depth, across, up = ((points - target) @ axes).T
+    wide = np.maximum(np.abs(across) / aspect, np.abs(up)) + radii
+    distance = float((depth + wide / HALF_VIEW).max())  # the point that needs most
+    return target + distance * back, target
+
+
+MOST, ROW = 4, 3  #: Maps at most, and side by side.
+BALL = 0.02  #: Radius of the largest ball of a map over the size of what is in view [1].
+SMALLEST = 0.4  #: Size of the ball of least error over that of the greatest [1]: colour is never alone.
+KEYS = 5  #: Errors of which the words say the colour.
+ROOT, WORDS, DIFFERENCE = "world/map", "map_words", "difference"
+
+
+def shades(share: Array) -> npt.NDArray[np.uint8]:
+    """Colours of places on the scale, (n,) to (n, 3): the greater the error, the brighter."""
+    at = np.linspace(0, 1, len(SCALE))
+    parts = [np.rint(np.interp(share, at, part)) for part in zip(*SCALE, strict=True)]
+    return np.column_stack(parts).astype(np.uint8)
+
+
+def sizes(share: Array) -> Array:
+    """Sizes of places on the scale over that of the greatest error, (n,) [1]."""
+    return SMALLEST + (1 - SMALLEST) * share
+
+
+def write_map(pen: Pen, found: PlaceMap, names: Sequence[str], size: float) -> None:
+    """A map a line, rings where there is no number; in words what colours are, and where each is largest.
+
+    What is in view has this size [m].
+    """
+    scale, there, said = _scale(found), np.isfinite(found.at).all(axis=1), []
+    for line in found.lines[-MOST:]:
+        path, known = f"{ROOT}/{snake(line.name)}", there & np.isfinite(line.values)
+        share = scale.shares(line.values[known])
+        balls = rr.Points3D(found.at[known], colors=shades(share), radii=BALL * size * sizes(share))
+        pen.still(f"{path}/field", balls)
+        if (there & ~known).any():
+            _write_rings(pen, f"{path}/none", found.at[there & ~known], SMALLEST * BALL * size)
+        if known.any():
+            k = int(np.argmax(np.where(known, line.values, -np.inf)))
+            own = f"{show(float(line.values[k]))} mm"
+            pen.names(f"{path}/worst", found.at[[k]] + [0, 0, 3 * BALL * size], [f"worst {own}"], SCALE[-1])
+            said.append(f"- {as_markdown(line.name)}: {own}, {as_markdown(names[k])}, {place(found.at[k])}")
+    if found.difference:
+        said.append(_write_difference(pen, found, size))
+    key = ", ".join(f"{show(mm)}" for mm in scale.errors(np.linspace(0, 1, KEYS)))
+    said.append(f"\nFrom small and dark blue by grey to large and yellow: {key} {scale.words}.")
+    rings = [f"Rings: {found.without}."] if found.without else []
+    head = [f"{found.title}. Where each is largest:", "\n".join(said), *rings]
+    pen.documents({WORDS: Markdown("\n\n".join(head))})
+
+
+def _write_difference(pen: Pen, found: PlaceMap, size: float) -> str:
+    """The winner minus joint stiffness: balls in the colour of the one that errs less; the words for it."""
+    assert found.difference
+    ours, theirs = found.difference
+    known = np.isfinite(found.at).all(axis=1) & np.isfinite(ours.values) & np.isfinite(theirs.values)
+    off = (ours.values - theirs.values)[known]
+    most = float(np.abs(off).max(initial=0.0)) or 1.0
+    colours = np.where((off <= 0)[:, None], ours.look.colour, theirs.look.colour).astype(np.uint8)
+    balls = rr.Points3D(found.at[known], colors=colours, radii=BALL * size * sizes(np.abs(off) / most))
+    pen.still(f"{ROOT}/{DIFFERENCE}/field", balls)
+    less, a, b = int((off < 0).sum()), as_markdown(ours.name), as_markdown(theirs.name)
+    return f"- {a} minus {b}: {a} errs less in {less} of {len(off)} places, by {show(most)} mm at most"
+
+
+def _write_rings(pen: Pen, path: str, centres: Array, radius: float) -> None:
+    """Grey rings about centres (n, 3) [m]."""
+    half, lines = np.full(centres.shape, radius), FillMode.MajorWireframe
+    rings = rr.Ellipsoids3D(centers=centres, half_sizes=half, colors=GREY, fill_mode=lines, line_radii=-0.5)
+    pen.still(path, rings)
+
+
+def _scale(found: PlaceMap) -> Scale:
+    return scale_of(*(line.values for line in found.lines[-MOST:]))
+
+
+def map_tab(found: PlaceMap, arm: str, body: Array, size: float) -> rrb.Container:
+    """The maps side by side with an arm, its points (n, 3) [m], and words; all in view has this size [m]."""
+    at = found.at[np.isfinite(found.at).all(axis=1)]
+    points = np.vstack([at, body])
+    eye = orbit(*frame(points, np.full(len(points), 0.04 * size), at[0, :2], aspect=1.1))
+    views = [
+        rrb.Spatial3DView(
+            origin="world",
+            name=f"{line.name}: {_typical(line.values)}, axes (m)",
+            contents=[f"+ $origin/map/{snake(line.name)}/**", *([f"+ $origin/{arm}/**"] if arm else [])],
+            eye_controls=eye,
+        )
+        for line in found.lines[-MOST:]
+    ]
+    if found.difference:
+        ours, theirs = found.difference
+        views.append(
+            rrb.Spatial3DView(
+                origin="world",
+                name=f"{ours.name} minus {theirs.name}: colour of the one that errs less, axes (m)",
+                contents=[f"+ $origin/map/{DIFFERENCE}/**", *([f"+ $origin/{arm}/**"] if arm else [])],
+                eye_controls=eye,
+            )
+        )
+    across = len(views) if len(views) <= ROW else -(-len(views) // 2)
+    words = text_view(WORDS, found.heading)
+    if len(views) % across:
+        return rrb.Grid(*views, words, grid_columns=across, name=found.heading)
+    return rrb.Vertical(rrb.Grid(*views, grid_columns=across), words, row_shares=[13, 3], name=found.heading)
+
+
+def _typical(values: Array) -> str:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return "none"
+    return f"median {show(float(np.median(known)))}, largest {show(float(known.max()))} mm"

@@ -1,0 +1,231 @@
+"""What is drawn of a run: arms in poses, layers, charts, maps; picture, page and recording draw the same."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from testbench.errors import Array, Ids
+from testbench.plant.shapes import Frames, rigid_frames
+from testbench.report.colours import Colour, Look
+from testbench.report.schema import Table
+from testbench.workflows.cell import Cell
+from testbench.workflows.models import JOINTS
+
+POSES, FAR = 240, 40
+"""Poses that are drawn at most, and those of largest error among them: nobody looks at more."""
+LARGEST = 1e5  #: Largest magnification: what is below rounding is not drawn.
+APART = 10.0  #: Times the median of the best map beyond which an error makes the scale logarithmic [1].
+DEEP = 1e-3  #: Least error on a logarithmic scale over the greatest [1].
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Dots, small ones, arrows or lines, the same number in every pose, or the same in all of them."""
+
+    name: str  #: For the legend.
+    colour: Colour
+    kind: Literal["dots", "specks", "arrows", "lines"]
+    at: Array  #: Where they are or begin, (poses, k, 3), of what stands still (1, k, 3) [m]; NaN: none.
+    to: Array | None = None  #: Where arrows and lines end, as many [m].
+    labels: Sequence[str] = ()  #: What stands beside each, (k,); none if empty.
+    shown: bool = True  #: Whether it is visible at first.
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of one kind, such as the runs."""
+
+    name: str  #: Of the kind, such as "Runs".
+    names: Sequence[str]  #: Of each pose, such as "run 3".
+    words: Sequence[str]  #: What is said of each, plain text.
+    rigid: Frames  #: The arm without load.
+    bent: Frames | None  #: Under load, its deflection magnified.
+    layers: Sequence[Layer] = ()
+    first: int = 0  #: Index of the pose that is shown first.
+    worst: int | None = None  #: Index of the worst, where the first is typical: see `typical_first`.
+    #: What the eye sees from the broad side, (n, 3) [m]; all that is drawn if None.
+    near: Array | None = None
+
+
+def workspace(cell: Cell, q: Array, words: Sequence[str], layers: Sequence[Layer], first: int = 0) -> Poses:
+    """The arm in poses all over the workspace, (n, joints) [rad, m], and what is said of each."""
+    names = [f"Place {k} of {len(q)}" for k in range(1, len(q) + 1)]
+    return Poses("Workspace", names, words, rigid_frames(cell.room, q), None, layers, first)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """An arm in poses."""
+
+    cell: Cell
+    title: str  #: What is magnified, and how much.
+    groups: Sequence[Poses]  #: The first one is shown first.
+
+
+@dataclass(frozen=True)
+class Line:
+    """The numbers of one model."""
+
+    name: str
+    look: Look
+    values: Array  #: (n,), in the unit of its chart; NaN where there is none.
+    ends: tuple[Array, Array] | None = None  #: Lower and upper end of an interval of each, (n,) both.
+
+
+@dataclass(frozen=True)
+class RunChart:
+    """A number for each pose of a group of the scene, and each model."""
+
+    title: str  #: What the numbers are, with unit.
+    group: int  #: Index of the group in the scene.
+    across: str  #: What the labels are, such as "run".
+    labels: Sequence[str]  #: Of the poses, a few letters each.
+    lines: Sequence[Line]
+    limit: float | None = None  #: A level across all poses, in the same unit; NaN: none.
+    note: str = ""  #: What else there is to say of them.
+    joined: bool = True  #: A line joins the numbers: not of categories.
+    limit_is: str = "noise alone, 95 %"  #: What the level is.
+
+
+@dataclass(frozen=True)
+class PlaceMap:
+    """Errors at the tool's places in poses of a group of the scene, one map a model on one colour scale."""
+
+    title: str  #: What the errors are, with unit.
+    group: int  #: Index of the group in the scene.
+    at: Array  #: Tool positions, (n, 3) [m]; NaN where there is none: not drawn.
+    lines: Sequence[Line]
+    heading: str = "Where it errs"
+    without: str = ""  #: What a ring means, a place without a value.
+
+    @property
+    def difference(self) -> tuple[Line, Line] | None:
+        """The last model, the winner, and joint stiffness beside it; None where one is not there."""
+        own = [line for line in self.lines[:-1] if line.name == JOINTS]
+        return (self.lines[-1], own[0]) if own else None
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What of a run is drawn, beside its words."""
+
+    scene: Scene | None = None
+    map: PlaceMap | None = None
+    runs: Sequence[RunChart] = ()  #: Only beside a scene.
+    tables: Sequence[Table] = ()  #: Those that can be sorted and drawn, the first one first.
+
+
+def charts_of(seen: Seen, k: int) -> list[RunChart]:
+    """Charts of a group and of others of the same poses; its map as one where it has none."""
+    every = seen.scene.groups if seen.scene else ()
+    same = [j for j, other in enumerate(every) if other.rigid is every[k].rigid]
+    charts = [chart for chart in seen.runs if chart.group in same and len(chart.labels) > 1]
+    if charts or seen.map is None or seen.map.group != k:
+        return charts
+    return [RunChart(seen.map.title, k, "pose", every[k].names, seen.map.lines)]
+
+
+def leads(poses: Poses, charts: Sequence[RunChart]) -> list[Array]:
+    """Numbers of lines that are largest in the worst pose, or that which is shown first, (poses,) each."""
+    count, worst = len(poses.names), poses.first if poses.worst is None else poses.worst
+    sizes = [np.nan_to_num(line.values, nan=-np.inf) for chart in charts for line in chart.lines]
+    return [own for own in sizes if len(own) == count and own[worst] == own.max()]
+
+
+def typical_first(seen: Seen) -> Seen:
+    """The same, opened where the last line that is largest in the worst pose has its median."""
+    if seen.scene is None:
+        return seen
+    groups = []
+    for k, own in enumerate(seen.scene.groups):
+        lead = leads(own, charts_of(seen, k))[-1:]
+        order = [k for size in lead for k in np.argsort(size, kind="stable") if np.isfinite(size[k])]
+        middle = int(order[(len(order) - 1) // 2]) if order else own.first
+        groups.append(own if middle == own.first else replace(own, first=middle, worst=own.first))
+    return replace(seen, scene=replace(seen.scene, groups=groups))
+
+
+# --- which poses are drawn, and how many times enlarged
+
+
+def picked(size: Array, rows: Ids, far: int = FAR) -> Ids:
+    """Places of the largest of some rows and of others evenly, in their order.
+
+    Args:
+        size: Error, or deflection, of every row, (n,).
+        rows: Those to choose from.
+        far: How many of the largest; of a path one, as its neighbours are as large.
+    """
+    largest = rows[np.argsort(-size[rows], kind="stable")[:far]]
+    return np.union1d(largest, evenly(rows, POSES - far))
+
+
+def evenly(rows: Ids, most: int) -> Ids:
+    """So many of some rows at most, the first and the last among them."""
+    return np.asarray(rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).round().astype(int)])
+
+
+def of_all(shown: int, total: int, noun: str) -> str:
+    """What a title says where not all are drawn: "240 of 1,000 runs, the worst among them"; else nothing."""
+    return "" if shown == total else f"{shown} of {total:,} {noun}, the worst among them"
+
+
+def arrow_scale(vectors: Array, longest: float) -> float:
+    """Magnification by which 95 % of arrows, (..., 3) [m], are drawn no longer than that [m]; NaN: none.
+
+    It is 1, 2 or 5 times a power of ten, and at most `LARGEST`.
+    """
+    size = np.linalg.norm(vectors, axis=-1)
+    known = size[np.isfinite(size)]
+    true = float(np.quantile(known, 0.95)) if known.size else 0.0
+    scale = min(longest / max(true, 1e-30), LARGEST)
+    power = 10.0 ** math.floor(math.log10(scale))
+    return float(power * max(k for k in (1, 2, 5) if k * power <= scale * (1 + 1e-9)))
+
+
+# --- scales of maps
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What colours and sizes mean, the same in all maps that stand side by side."""
+
+    ends: tuple[float, float]  #: Least and greatest error; what is less is drawn as the least [mm].
+    logarithmic: bool
+
+    def _at(self, mm: Array) -> Array:
+        """Errors as they are spaced."""
+        return np.log10(mm) if self.logarithmic else mm
+
+    def shares(self, mm: Array) -> Array:
+        """Places of errors [mm] on the scale, 0 to 1; 0 where all are equal."""
+        low, high = self._at(np.array(self.ends))
+        at = self._at(np.maximum(mm, self.ends[0]))
+        return np.asarray((at - low) / (high - low if high > low else 1.0))
+
+    def errors(self, share: Array) -> Array:
+        """Errors [mm] at places on the scale, 0 to 1."""
+        low, high = self._at(np.array(self.ends))
+        found = low + share * (high - low)
+        return np.asarray(10**found if self.logarithmic else found)
+
+    @property
+    def words(self) -> str:
+        """The unit, and the scale where it is not linear."""
+        return "mm, logarithmic" if self.logarithmic else "mm"
+
+
+def scale_of(*errors_mm: Array) -> Scale:
+    """The scale of several maps: logarithmic where an error is far above the median of the best map.
+
+    Args:
+        errors_mm: Of each map, (n,) [mm]; NaN where there is no bound.
+    """
+    errors_mm = tuple(mm[np.isfinite(mm)] for mm in errors_mm if np.isfinite(mm).any())
+    every = np.concatenate(errors_mm)
+    low, high = float(every.min()), float(every.max())
+    far = high > APART * min(float(np.median(mm)) for mm in errors_mm)
+    return Scale((max(low, DEEP * high) if far else low, high), far)

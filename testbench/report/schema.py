@@ -1,0 +1,297 @@
+"""What a table shows: columns declared once, for terminal, report.md, figures and recording alike."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from testbench.errors import Array
+from testbench.report.colours import Look, Modelled, look_of
+from testbench.runs.spread import Number, Share, Spread, median_interval, middle, spans
+
+
+@dataclass(frozen=True)
+class Column:
+    """One quantity of a table."""
+
+    key: str  #: Where it is in a row and in report.json, such as "check.rms_mm".
+    heading: str  #: What it is, such as "RMS check".
+    unit: str = ""  #: Its unit, empty for none.
+    #: Format of a number, or "yes" for a truth value and the share of trials in which it holds.
+    form: str = ".3f"
+    paper: str = ""  #: Key of the paper's number in the row's `paper`, if it gives one.
+    exact: bool = False  #: Nothing to spread: only the median is shown.
+    short: str = ""  #: Heading and unit for a terminal, line by line; each word on a line if empty.
+    #: What is shown is so many times the report's number, for a unit that is not the key's.
+    scale: float = 1.0
+    rounding: float = 0.0  #: Numbers below, in the shown unit, are rounding and shown as "exact".
+    called: Mapping[str, str] = field(default_factory=dict)  #: Keys of a report by what readers call them.
+    none: str = "not fitted"  #: What a cell without a number says: why it has none.
+
+    @property
+    def title(self) -> str:
+        """Heading and unit."""
+        return f"{self.heading}, {self.unit}" if self.unit else self.heading
+
+    def value(self, row: object) -> Any:
+        """The quantity in a row of dataclasses and mappings, in its unit; None where a part is None."""
+        found = _at(row, self.key)
+        return found if self.scale == 1 else _times(self.scale, found)
+
+    def text(self, value: object) -> str:
+        """A value of this quantity for people."""
+        if self.rounding and value is not None and abs(middle(value)) < self.rounding:  # type: ignore[arg-type]
+            return "exact"
+        if isinstance(value, str):
+            return self.called.get(value, value)
+        nothing = value is None or (isinstance(value, float | Spread) and math.isnan(middle(value)))
+        return self.none if nothing else show(value, self.form)
+
+    def cell(self, row: object) -> str:
+        """What is shown of a row: the median with its spread, or the word."""
+        value = self.value(row)
+        return self.text(_median(value) if self.exact else value)
+
+    def known_value(self, row: object) -> Any:
+        """The paper's number for a row, in its unit; None where it gives none."""
+        cells = _at(row, "paper") if self.paper and hasattr(row, "paper") else None
+        value = None if cells is None else _at(cells, self.paper)
+        return value if value is None or self.form == "yes" else _times(self.scale, value)
+
+    def known(self, row: object) -> str:
+        """The same for people, empty where there is none."""
+        value = self.known_value(row)
+        if value is None or self.form == "yes":
+            return "" if value is None else show_truth(value)
+        return plain(f"{value:.3g}")
+
+
+def _at(row: object, key: str) -> Any:
+    """What is at the end of a path of fields, keys and places; None where a part is None or not there."""
+    for part in key.split("."):
+        if isinstance(row, Mapping):
+            row = row.get(part)
+        else:
+            row = row[int(part)] if isinstance(row, list | tuple) else getattr(row, part)
+        if row is None:
+            return None
+    return row
+
+
+def _times(scale: float, value: Any) -> Any:
+    if isinstance(value, Spread):
+        return value.scaled(scale)
+    return None if value is None else scale * value
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under columns."""
+
+    columns: tuple[Column, ...]  #: From left to right; the first one names the row.
+    rows: Sequence[object]  #: Dataclasses or mappings.
+    title: str = ""  #: What it shows, empty for none.
+    bold: str = ""  #: Value of the first column in the row that is marked, empty for none.
+    headline: str = ""  #: Key of the column that the answer speaks of; empty for the last one.
+    across: str = ""  #: What changes from column to column after the first; empty where these differ in kind.
+    looks: Mapping[str, Look] = field(default_factory=dict)  #: Of rows, by the text of the first column.
+
+    def __post_init__(self) -> None:
+        """What is marked is first, unless several rows are."""
+        if self.bold and self.columns:
+            object.__setattr__(self, "rows", self._led_by(self.bold))
+
+    def led_by(self, name: str) -> "Table":
+        """Move the row of a name to the top; nothing moves where none or several have it."""
+        return replace(self, rows=self._led_by(name))
+
+    def _led_by(self, name: str) -> Sequence[object]:
+        at = [k for k, row in enumerate(self.rows) if self.columns[0].cell(row) == name]
+        return self.rows if len(at) != 1 else [self.rows[at[0]], *self.rows[: at[0]], *self.rows[at[0] + 1 :]]
+
+    def marks(self, row: object) -> bool:
+        """Whether it is marked in every view."""
+        return bool(self.bold and self.columns) and self.columns[0].cell(row) == self.bold
+
+
+SHOWN = 6  #: Columns that a terminal or a study's page has room for.
+
+
+def narrowed(table: Table, most: int = SHOWN) -> Table:
+    """A table of at most so many columns: the first ones, and that of which the answer speaks."""
+    first, *others = table.columns
+    answer = table.headline or table.columns[-1].key
+    keep = [c for c in others if c.key == answer]
+    keep += [c for c in others if c not in keep][: most - 1 - len(keep)]
+    return replace(table, columns=(first, *(c for c in others if c in keep)))
+
+
+def brackets(table: Table) -> str:
+    """What stands in brackets behind the medians of a table; empty where nothing does."""
+    return spans(column.value(row) for column in table.columns if not column.exact for row in table.rows)
+
+
+def pivot(table: Table, down: Column, across: Column, cell: Column, *last: Column) -> Table:
+    """A table with a row for every value of one column and a column for every value of another.
+
+    Args:
+        table: Rows with all three; its title stays.
+        down: Names the rows.
+        across: Names the columns, its unit in their headings.
+        cell: What stands there.
+        last: Columns behind these, of quantities that do not vary with what heads a column.
+    """
+    heads = list(dict.fromkeys(across.cell(row) for row in table.rows))
+    unit = f" {across.unit}" if across.unit else ""
+    rows: dict[str, dict[str, object]] = {}
+    for row in table.rows:
+        own = rows.setdefault(down.cell(row), {"name": down.cell(row)})
+        own[f"c{heads.index(across.cell(row))}"] = cell.value(row)
+        own |= {column.key: column.value(row) for column in last}
+    columns = [
+        Column(
+            f"c{k}", head + unit, "", cell.form, exact=cell.exact, rounding=cell.rounding, none="not tried"
+        )
+        for k, head in enumerate(heads)
+    ]
+    return Table(
+        (Column("name", down.heading), *columns, *last),
+        list(rows.values()),
+        table.title,
+        table.bold,
+        across=across.heading if across.unit == across.heading else across.title,
+        looks=looks(table.rows, down),
+    )
+
+
+def looks(rows: Sequence[object], name: Column) -> dict[str, Look]:
+    """How the models of rows are drawn, by the text of a column; none where it names several models."""
+    found: dict[str, set[Look]] = {}
+    for row in rows:
+        if isinstance(row, Modelled):
+            found.setdefault(name.cell(row), set()).add(look_of(row))
+    return {text: own.pop() for text, own in found.items() if len(own) == 1}
+
+
+def show(value: object, form: str = ".3f") -> str:
+    """A value for people: a number, its median with the ends of its spread, a word, a share of trials."""
+    if value is None:
+        return "-"
+    if isinstance(value, str):
+        return value
+    if form == "yes":
+        return show_truth(value)  # type: ignore[arg-type]
+    if isinstance(value, Spread):
+        low, high = value.ends
+        if low == high or math.isnan(value.median):  # one, or all alike
+            return _form(value.median, form)
+        return f"{_form(value.median, form)} ({_form(low, form)} to {_form(high, form)})"
+    return _form(value, form)
+
+
+def _form(value: object, form: str) -> str:
+    if isinstance(value, float) and math.isnan(value):
+        return "-"
+    if isinstance(value, float) and math.isinf(value):
+        return "infinite" if value > 0 else "minus infinite"
+    text = plain(format(value, form))
+    return text[1:] if text.startswith("-") and not text.strip("-0.") else text  # never "-0.000"
+
+
+NUMBER = re.compile(r"(?<![\w.`/^-])-?\d(?:\.\d+)?e[+-]\d{2,3}(?![\w`])")
+POWER = re.compile(r"(-?\d(?:\.(\d+))?)e([+-]\d+)")
+LEAST, MOST = -3, 6  #: Powers of ten from which, and below which, a number is written out.
+
+
+def plain(number: str) -> str:
+    """A number for people where it has a power of ten: 1230 for 1.23e+03, 1.2 x 10^-8 for 1.2e-08."""
+    found = POWER.fullmatch(number)
+    if found is None:
+        return number
+    size, digits, power = found[1], len(found[2] or ""), int(found[3])
+    if float(size) == 0:
+        return "0"
+    if LEAST <= power < MOST:
+        return f"{float(number):.{max(digits - power, 0)}f}"
+    return f"{size} x 10^{power}"
+
+
+def written_out(text: str) -> str:
+    """Words with every number in them as `plain` has it, whoever wrote them."""
+    return NUMBER.sub(lambda number: plain(number[0]), text)
+
+
+def show_truth(value: Share) -> str:
+    """Yes, no, or the share of trials."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{100 * value:.0f} %"
+
+
+def _median(value: object) -> object:
+    return value.median if isinstance(value, Spread) else value
+
+
+@dataclass(frozen=True)
+class Best:
+    """Which of several is best."""
+
+    names: tuple[str, ...]  #: The best; more than one where nothing tells them apart.
+    value: float  #: Least value (median).
+
+    @property
+    def words(self) -> str:
+        """The name; of several that nothing tells them apart."""
+        if len(self.names) == 1:
+            return self.names[0]
+        return f"{', '.join(self.names[:-1])} and {self.names[-1]} (equal to {100 * ALIKE:.0f} %)"
+
+
+LEAST_IS_BEST = ("mm", "um", "urad", "um/N", "s", "ms")
+"""Units of columns of which less is better, errors and times; ratios of errors have none."""
+RATIOS = ("ratio", "over", "relative_excess_bound")  #: Keys of columns without a unit, the same.
+
+
+def best_rows(table: Table, column: Column) -> set[int]:
+    """Rows of least median in a column, and all that tie with it in the same trials.
+
+    Nothing where all of them tie, where trials are too few for a sign test, or where less is not better.
+    """
+    if column.unit not in LEAST_IS_BEST and column.key not in RATIOS:
+        return set()
+    values = [column.value(row) for row in table.rows]
+    trials = max((own.trials for own in values if isinstance(own, Spread)), default=0)
+    known = {k: own for k, own in enumerate(values) if isinstance(own, Spread) and own.trials == trials}
+    sizes = {k: np.array(own.values) for k, own in known.items() if own.values}
+    if len(sizes) < 2:
+        return set()
+    first = min(sizes, key=lambda k: known[k].median)
+    tied = {k for k, own in sizes.items() if _alike(sizes[first], own)}
+    judged = median_interval(sizes[first]) is not None
+    return tied if judged and len(tied) < len(sizes) else set()
+
+
+def _alike(ours: Array, theirs: Array) -> bool:
+    """Whether nothing tells two errors apart, trial by trial, (n,) both: as a badge decides."""
+    positive = (ours > 0) & (theirs > 0)
+    if len(ours) != len(theirs) or not positive.any():
+        return ours is theirs
+    ratio = theirs[positive] / ours[positive]
+    low, high = median_interval(ratio) or (0.0, math.inf)
+    return low <= 1 <= high or abs(float(np.median(ratio)) - 1) <= ALIKE
+
+
+ALIKE = 0.02  #: Share of the least value within which others are as good as the best.
+
+
+def best_of(values: Mapping[str, Number], alike: float = ALIKE) -> Best:
+    """The names of least value (of medians), and all within a share of it; None and NaN take no part."""
+    known = {name: middle(v) for name, v in values.items() if middle(v) == middle(v)}
+    if not known:
+        return Best((), float("nan"))
+    least = min(known.values())
+    first = sorted((n for n, v in known.items() if v <= (1 + alike) * least), key=lambda n: known[n])
+    return Best(tuple(first), least)

@@ -1,0 +1,164 @@
+"""Tables and words for a terminal of 80 columns, by rich."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+from textwrap import wrap
+
+from rich import box
+from rich.console import Console
+from rich.markdown import Markdown
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from testbench.errors import shown, word
+from testbench.report.markdown import Told
+from testbench.report.markdown import as_plain as as_plain
+from testbench.report.schema import Column, Table, brackets, narrowed
+from testbench.runs.next_step import next_lines
+from testbench.runs.spread import Spread
+
+BADGES = {"Holds": "bold green", "Do not": "bold red"}  #: Styles of a badge by its first words.
+MORE = "under More in report.md"
+NARROW = 9  #: Letters of a heading's line, unless a word has more.
+
+
+class PlainConsole(Console):
+    """Where commands print: of users' names nothing is markup, a picture or what steers a terminal."""
+
+    def __init__(self) -> None:
+        super().__init__(highlight=False, markup=False, emoji=False)
+
+    def render_str(self, text: str, **how: object) -> Text:
+        """Text on its way into a table or a line."""
+        return super().render_str(_lines(text), **how)  # type: ignore[arg-type]
+
+
+def plain_console() -> Console:
+    """One of standard output."""
+    return PlainConsole()
+
+
+def _lines(text: str) -> str:
+    return "\n".join(map(shown, text.split("\n")))
+
+
+def grid(table: Table) -> RichTable:
+    """A table without its title: medians; percentiles of several trials or their range, the paper's numbers.
+
+    Of a quantity over two factors only the medians: report.md and the page have its spread, and columns
+    beyond `SHOWN`.
+    """
+    table = narrowed(table)
+    found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
+    for k, column in enumerate(table.columns):
+        found.add_column(_head(column), justify="right" if k else "left", no_wrap=True)
+    for row in table.rows:
+        first, *others = (_end(column, row) for column in table.columns)
+        marked = table.marks(row)
+        found.add_row(f"* {first}" if marked else first, *others, style="bold green" if marked else "")
+        spreads = [not (c.exact or table.across) and _spreads(c.value(row)) for c in table.columns]
+        for end, name in enumerate(_ends_named(table, row)) if any(spreads) else ():
+            cells = [_end(c, row, end) if s else "" for c, s in zip(table.columns, spreads, strict=True)]
+            found.add_row(f"  {name}", *cells[1:], style="dim")
+        known = [column.known(row) for column in table.columns]
+        if any(known):
+            found.add_row("  paper", *known[1:], style="italic")
+    return found
+
+
+def _head(column: Column) -> str:
+    """A heading in narrow lines of whole words."""
+    if column.short:
+        return column.short
+    parts = column.title.split(", ")
+    lines = (wrap(part, NARROW, break_long_words=False, break_on_hyphens=False) for part in parts)
+    return "\n".join(chain.from_iterable(lines))
+
+
+def print_table(console: Console, table: Table) -> None:
+    """A table below its title, which may be wider."""
+    if table.title:
+        console.print(table.title, style="italic")
+    console.print(grid(table))
+
+
+def _spreads(value: object) -> bool:
+    return isinstance(value, Spread) and value.ends[0] < value.ends[1]
+
+
+def _ends_named(table: Table, row: object) -> tuple[str, str]:
+    """What the two ends of a row's spreads are."""
+    words = brackets(replace(table, rows=[row]))
+    if words.startswith("range"):
+        return f"least{words.removeprefix('range').removesuffix(' trials')}", "most"
+    return ("5 %, least", "95 %, most") if "range" in words else ("5 %", "95 %")
+
+
+def _end(column: Column, row: object, end: int | None = None) -> str:
+    """The median, or an end of the spread."""
+    value = column.value(row)
+    if isinstance(value, Spread):
+        return column.text(value.median if end is None else value.ends[end])
+    return column.text(value)
+
+
+def print_words(
+    console: Console, words: Told, tables: Sequence[Table] = (), lines: Sequence[str] = (), where: str = MORE
+) -> None:
+    """The answer, tables, what else is to be said, and lines below it.
+
+    Args:
+        console: A plain one.
+        words: Of the report.
+        tables: In their order; those without rows are left out.
+        lines: Of any length.
+        where: The statements that are not printed are.
+    """
+    print_answer(console, words)
+    for table in tables:
+        if table.rows:
+            print_table(console, table)
+    print_statements(console, words, where)
+    if lines:
+        console.print("\n".join(lines), soft_wrap=True)
+
+
+def print_answer(console: Console, words: Told) -> None:
+    """The badge, the answer, and where it is worst."""
+    if badge := as_plain(words.block("badge")):
+        console.print(
+            badge, style=next((own for k, own in BADGES.items() if badge.startswith(k)), "bold yellow")
+        )
+    if words.block("answer"):
+        console.print(as_plain(words.block("answer")), style="bold")
+    if words.block("worst"):
+        console.print(as_plain(words.block("worst")))
+
+
+def print_statements(console: Console, words: Told, where: str = MORE) -> None:
+    """What else is to be said, a list; there are more where it says."""
+    if words.block("statements"):
+        console.print(Markdown(words.block("statements")))
+    if words.block("more"):
+        console.print(f" {len(words.block('more').splitlines())} more {where}")
+
+
+def looked_at(out: Path, given: Sequence[Path] = (), **known: str | Path) -> list[str]:
+    """Where page and recording of a run are, how to open them, and what comes next (`next_lines`)."""
+    return [
+        f"page       {out / 'report.html'}: opens in any browser",
+        f"recording  {out / 'recording.rrd'}; open it with: testbench view {word(out)}",
+        *next_lines(out, given, **known),
+    ]
+
+
+def print_places(console: Console, out: Path, *, figures: list[str], data: str = "dataset.csv") -> None:
+    """Where the results are, and how to open them."""
+    lines = [
+        f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / 'trials.parquet'}, {out / data}",
+        f"figures    {', '.join(str(out / name) for name in figures)}",
+        *looked_at(out),
+    ]
+    console.print("\n".join(lines), soft_wrap=True)

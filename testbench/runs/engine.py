@@ -1,0 +1,120 @@
+"""The engine: the trials that a store lacks are done in chunks on a backend, and stored as they come."""
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, is_dataclass
+from typing import Any
+
+import scipy.linalg  # noqa: F401 - its BLAS has to be loaded before it can be limited
+from threadpoolctl import threadpool_limits
+
+from testbench.errors import BenchError
+from testbench.runs.rows import Table, tabled
+from testbench.runs.store import TrialStore
+
+RETRIES = 3  #: Times in a row that workers may be lost without a single new result.
+Found = Sequence[object]
+Work = Callable[[Sequence[int]], Sequence[Found]]
+"""Does the trials of some seeds: one sequence of rows a seed, in their order.
+
+It is a function of a module, or a partial of one, and what it is given are names, numbers and settings: arms
+and arrays it builds itself, once a chunk. An array that was sent to a worker may lie otherwise in memory,
+which changes the last digits that BLAS gives, and results would depend on where they were computed.
+Randomness comes from `campaign.stream` and the seed. Clocks in
+the rows are `solve_seconds` and `cpu_seconds`, of a fit.
+"""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Trials that a worker has done."""
+
+    seeds: Sequence[int]  #: Of the trials.
+    found: Sequence[Table]  #: Their rows by column.
+    problem: str = ""  #: Why there are none; empty if all is well.
+
+
+class WorkersLost(BenchError):
+    """Workers died, or the cluster went away, with trials under way."""
+
+
+Chunks = Generator[Chunk, None, None]
+Backend = Callable[[Work, Sequence[Sequence[int]]], Chunks]
+"""Runs the work on chunks of seeds and gives them back as they are done, in any order.
+
+It raises WorkersLost where trials may be done again; closed, it stops.
+"""
+
+
+def do_chunk(work: Work, seeds: Sequence[int]) -> Chunk:
+    """Do trials with one BLAS thread; a problem comes back as words, since not every exception can travel."""
+    try:
+        with threadpool_limits(1):
+            results = work(seeds)
+        return Chunk(seeds, _tables(seeds, results))
+    except (BenchError, ImportError, OSError) as err:
+        return Chunk(seeds, (), f"seeds {seeds[0]} to {seeds[-1]}: {err}")
+
+
+def _tables(seeds: Sequence[int], results: Sequence[Found]) -> list[Table]:
+    if len(results) != len(seeds):
+        raise BenchError(f"expected rows for {len(seeds)} trials, got {len(results)}")
+    wrong = {type(row).__name__ for rows in results for row in rows if not is_dataclass(row)}
+    if wrong:
+        raise BenchError(f"rows: expected dataclasses, got {', '.join(sorted(wrong))}")
+    return [tabled(rows) for rows in results]
+
+
+def here(work: Work, chunks: Sequence[Sequence[int]]) -> Chunks:
+    """The backend of this process."""
+    return (do_chunk(work, seeds) for seeds in chunks)
+
+
+def run_study(
+    work: Work, store: TrialStore[Any], backend: Backend, *, size: int = 1, remote: bool = False
+) -> Iterator[int]:
+    """Do all trials that are not stored yet; yields how many are, first those from before.
+
+    Results depend on the seeds alone: not on the backend, its workers, the order in which they finish, or on
+    where a run was stopped and resumed. (Processors of another kind give other last digits.) See `Work`
+    for what keeps them bit-equal. A chunk has `size` seeds, 0.1 to 1 s of work: a stop loses the chunks under
+    way. A study that is one chunk is done by this process, but where the backend is `remote`, which somebody
+    asked for; what is left of a larger one is not, as it may be what workers die of.
+
+    Raises:
+        BenchError: When a trial cannot be done, the store cannot be written, or workers die again and again.
+    """
+    if size < 1:
+        raise BenchError(f"size: expected chunks of at least 1 seed, got {size}")
+    done, lost, every = store.count, 0, len(store.experiment.seeds)
+    backend = here if every <= size and not remote else backend
+    yield done
+    while done < every:
+        before = done
+        try:
+            for done in _attempt(work, store, backend, size):
+                yield done
+        except WorkersLost as err:
+            lost = 1 if done > before else lost + 1
+            if lost > RETRIES:
+                raise _resumable(f"{err}, {lost} times in a row", store) from err
+        except BenchError as err:
+            raise _resumable(str(err), store) from err
+
+
+def _attempt(work: Work, store: TrialStore[Any], backend: Backend, size: int) -> Iterator[int]:
+    missing = store.missing()
+    todo = [missing[k : k + size] for k in range(0, len(missing), size)]
+    with closing(backend(work, todo)) as chunks:
+        for chunk in chunks:
+            if chunk.problem:
+                raise BenchError(chunk.problem)
+            store.append(chunk.seeds, chunk.found)
+            yield store.count
+
+
+def _resumable(problem: str, store: TrialStore[Any]) -> BenchError:
+    if not store.count:
+        return BenchError(problem)
+    held = f"{store.count} of {len(store.experiment.seeds)} trials are stored"
+    return BenchError(f"{problem}; {held}, --resume goes on with them")

@@ -1,0 +1,71 @@
+"""Ctrl-C and its like at any moment: one line, an exit code, no traceback.
+
+Imports next to nothing: it is there before anything else.
+"""
+
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+
+from testbench.runs.session import STOPS
+
+SIGNALLED = 128  #: Exit code after a signal, less its number.
+INTERRUPTED = SIGNALLED + signal.SIGINT
+STANDS = "earlier results stand as they were"
+
+
+def handle(handler: Callable[..., object]) -> dict[int, Callable[..., object] | int | None]:
+    """Make it the handler of the stops, but for those that are ignored; returns those before.
+
+    Ignored is what must not interrupt: by nohup, or for a job in the background.
+    """
+    heeded = [number for number in STOPS if signal.getsignal(number) not in (signal.SIG_IGN, None)]
+    return {number: signal.signal(number, handler) for number in heeded}
+
+
+def leave_at_once(number: int, _: object) -> None:
+    """Handler that ends the program where it is.
+
+    For imports, which have nothing to clean up and whose C code may make other errors of an exception, and
+    for whoever presses Ctrl-C again while the program cleans up.
+    """
+    if sys.stderr is not None:  # else a file of ours may have its number
+        with contextlib.suppress(OSError):
+            os.write(2, f"interrupted: {STANDS}\n".encode())
+    os._exit(SIGNALLED + number)
+
+
+@contextlib.contextmanager
+def raised() -> Iterator[Callable[[], int]]:
+    """A stop raises KeyboardInterrupt inside of the block, and the next one ends the program at once.
+
+    Yields:
+        The exit code of the stop that came, 0 if none did: an error of another kind is then one that C code
+        made of it.
+    """
+    came: list[int] = []
+
+    def first(number: int, _: object) -> None:
+        came.append(number)
+        handle(leave_at_once)
+        raise KeyboardInterrupt
+
+    before = handle(first)
+    try:
+        yield lambda: SIGNALLED + came[0] if came else 0
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def leave(code: int) -> None:
+    """End the program; stops have nothing to stop any more.
+
+    Raises:
+        SystemExit: Always.
+    """
+    for number in STOPS:
+        signal.signal(number, signal.SIG_IGN)
+    sys.exit(code)

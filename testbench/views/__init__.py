@@ -1,1 +1,0 @@
-"""What people see: tables, words, figures, recordings; all of it written from reports."""

@@ -1,0 +1,294 @@
+"""Absolute readings in, a calibrated arm out; and how far it is from readings that it never saw."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.series import Series, select_rows
+from testbench.errors import Array, BenchError, Ids, InputError, stem_of
+from testbench.files.read_series import read_series
+from testbench.identify.absolute.align import Misfit, aligned, far_off, too_few
+from testbench.identify.absolute.fit import Calibration, Options, calibrate
+from testbench.identify.absolute.inseparable import LEVEL, held
+from testbench.identify.absolute.posterior import inside, known, place, predict
+from testbench.identify.absolute.scatter import WILD, Outliers, outliers, residuals
+from testbench.identify.absolute.state import nominal, torque_scale
+from testbench.identify.absolute.torques import MassFit, fit_weights
+from testbench.identify.arm_model import ArmModel
+from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.notation import check_order, unplaced
+from testbench.identify.diagnosis.own_weight import by_own_weight
+from testbench.identify.posterior import Posterior
+from testbench.identify.prior import cad_prior
+from testbench.identify.registration import POSES, ROUGH
+from testbench.identify.robust_loss import READINGS
+from testbench.model.vjm import Vjm
+from testbench.model.weights import read_weights
+from testbench.runs.rows import Row
+from testbench.workflows import doubt
+
+T = TypeVar("T")
+FRAME_POSES = 50
+"""Rows that tell frame and mount of a series that the calibration has not seen, half of a short one."""
+DRIFT = 45e-6
+"""How far geometry has moved along an axis and about one between two series [m, rad]: 32e-6 of each, by the
+evidence of two of a UR10, four months apart, 166 nats above none. A single series tells nothing of it."""
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A calibration and what it was made from."""
+
+    calibration: Calibration
+    series: tuple[Series, ...]
+    notes: tuple[str, ...]  #: What was understood and assumed.
+    mounting: str = ""  #: How the base seems to stand, if not as the arm's folder says, in a sentence.
+
+
+@dataclass(frozen=True)
+class Score:
+    """How far readings are from a model that never saw them; distances of positions."""
+
+    n: int  #: Positions.
+    mean_mm: float
+    rms_mm: float
+    p95_mm: float
+    max_mm: float
+    coverage_95: float  #: Share of the positions inside their 95 % ellipsoid [1].
+
+
+@dataclass(frozen=True)
+class File:
+    """A file of absolute readings, and how it is read."""
+
+    path: Path
+    mapping: Path | None = None  #: A map of its names; None where it uses ours.
+    load: float | None = None  #: Mass that hangs in loaded rows where the file gives none [kg].
+    sigma_um: float | None = None  #: Noise of a reading along an axis, where the file lacks it.
+
+
+def files_of(
+    paths: Sequence[Path],
+    mappings: Sequence[Path] | None,
+    loads: Sequence[float] | None,
+    sigma_um: float | None,
+) -> list[File]:
+    """Pair files of readings with their maps and loads.
+
+    Args:
+        paths: Files of absolute readings.
+        mappings: Their maps, one for all or one for each; None for none.
+        loads: Masses that hang in loaded rows without one, the same way [kg].
+        sigma_um: Noise of a reading along an axis, where a file lacks it [um].
+
+    Raises:
+        BenchError: When maps or loads are neither one nor as many as the files.
+    """
+
+    def each(flag: str, given: Sequence[T] | None) -> Sequence[T | None]:
+        count = len(paths)
+        if given and len(given) not in (1, count):
+            raise BenchError(f"{flag}: expected it once, or once for each of {count} files, got {len(given)}")
+        return given if given and len(given) == count else [given[0] if given else None] * count
+
+    both = zip(each("--map", mappings), each("--load", loads), strict=True)
+    return [File(path, *own, sigma_um) for path, own in zip(paths, both, strict=True)]
+
+
+def read_all(given: Sequence[File], arm: Arm) -> tuple[tuple[Series, ...], tuple[str, ...]]:
+    """Absolute readings of several files, each once and of another name, and what was understood."""
+    series: list[Series] = []
+    notes: list[str] = []
+    for k, file in enumerate(given):
+        path, name = file.path, stem_of(file.path)
+        if name in (stem_of(other.path) for other in given[:k]):
+            raise InputError(path, "", f"expected another name: a file called {name} was read already")
+        sigma = None if file.sigma_um is None else 1e-6 * file.sigma_um
+        found = read_series(path, arm, file.mapping, sigma, file.load)
+        _check_new(path, found.series, series)
+        series += found.series
+        notes += [f"{path.name}: {note}" for note in found.notes]
+    return tuple(series), tuple(notes)
+
+
+def _check_new(path: Path, series: Sequence[Series], before: Sequence[Series]) -> None:
+    """Refuse a file whose readings were read already: held out, they would be no news."""
+    known = {reading for one in before for reading in _readings(one)}
+    own = [reading for one in series for reading in _readings(one)]
+    again = sum(reading in known for reading in own)
+    if again > len(own) / 2:
+        raise InputError(
+            path, "", f"expected new readings: {again} of its {len(own)} stand in another file too"
+        )
+
+
+def _readings(series: Series) -> list[bytes]:
+    """Joints and positions of every row that was read."""
+    rows = np.hstack([series.q, series.wrench[:, :3], series.position.reshape(series.rows, -1)])
+    return [row.tobytes() for row in rows[series.seen.any(axis=1)].round(9) + 0.0]
+
+
+@contextmanager
+def explained(vjm: Vjm) -> Iterator[None]:
+    """Say what would make readings fit an arm, where they do in no frame, by BenchError."""
+    try:
+        yield
+    except Misfit as err:
+        found = unplaced(vjm, err.series)
+        hint = ": another arm, another notation of angles or order of its joints, or other units?"
+        if found is not None and found.kind != "kinematics" and _helps(found):
+            hint = f"; {doubt.said(found, vjm.arm, err.series.joints).sentence}"
+        raise BenchError(f"{err}{hint}") from err
+
+
+def _helps(found: Finding) -> bool:
+    """Whether most readings are nearer to the arm with a mistake undone."""
+    return "was" not in found.beside or found.beside["now"] < found.beside["was"]
+
+
+def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
+    """Median distance of readings from the rigid arm as drawn, in its best frame [m]; BenchError for none."""
+    weights = read_weights(vjm.arm)
+    with explained(vjm):
+        check_order(vjm, series)
+        state = aligned(nominal(vjm, weights, torque_scale(vjm, weights, tuple(series))), tuple(series))
+    left = (np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen] for one in series)
+    return float(np.median(np.concatenate(list(left))))
+
+
+def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequence[str] = ()) -> Calibrated:
+    """Calibrate an arm, its masses by joint torques where these were read."""
+    weights, said = read_weights(vjm.arm), list(notes)
+    if masses := fit_weights(vjm, weights, tuple(series)):
+        weights = masses.weights
+        said.append(of_masses(masses))
+    with explained(vjm):
+        found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
+    said += [
+        f"{one.name}: {few}; taken from the series that share it"
+        for one in series
+        if (few := too_few(vjm, one))
+    ]
+    said += of_held(found)
+    wild = outliers(found.state, found.series, found.pulls)
+    words = (doubt.said(one, vjm.arm).sentence for one in found.found)
+    mounted = by_own_weight(found, cad_prior(vjm.arm))
+    return Calibrated(
+        found,
+        found.series,
+        (*said, *words, *([of_outliers(wild)] if wild else [])),
+        doubt.said(mounted, vjm.arm).sentence if mounted else "",
+    )
+
+
+def hidden(found: Calibrated) -> str:
+    """What geometry that no arm has may hide, such as a joint's zero, in a sentence."""
+    why = unplaced(found.calibration.state.vjm, found.series[0])
+    if why is None or why.kind == "kinematics":
+        return "is a joint's zero off, or is it another arm?"
+    return doubt.said(why, found.calibration.state.vjm.arm, found.series[0].joints).sentence
+
+
+def of_held(found: Calibration) -> list[str]:
+    """Say what every series leaves open of its frame and mount, and what holds it."""
+    vjm, every, words = found.state.vjm, found.own.unknowns.held, []
+    for one in found.series:
+        alone, mount, frame = held(vjm, (one,)), f"mount {one.target}", f"frame {one.frame}"
+        names = ", ".join(one.markers)
+        if mount in alone:
+            drawn = "as the arm's folder has them" if {*one.markers} <= {*vjm.arm.markers} else "at the tool"
+            by = f"a prior, {drawn} within {1e3 * ROUGH:.0f} mm, holds it; other orientations depend on it"
+            by = by if mount in every else "a series that shares the target or the frame tells it"
+            open_ = f"where {names} is on the tool and where the frame is cannot be told apart"
+            words.append(f"{one.name}: its tool turns too little, so that {open_}: {by}")
+        if frame in alone:
+            by = f"a prior, upright within {np.degrees(LEVEL):.1f} degrees, holds it"
+            by = by if frame in every else "a series that shares the target or the frame tells it"
+            words.append(f"{one.name}: a turn of its frame about the line of its positions is open: {by}")
+    return words
+
+
+def of_outliers(found: Outliers) -> str:
+    """How many positions are far off, in a sentence."""
+    worst = f"the worst is row {found.row} of {found.series}, by {1e3 * found.distance:.3g} mm"
+    far = f"{READINGS.bend / WILD:g} standard deviations"
+    return f"{found.count} of {found.of} positions are more than {far} off and count less than half; {worst}"
+
+
+def of_masses(found: MassFit) -> str:
+    """What masses by torques are from, in a sentence."""
+    if not found.explained:
+        return (
+            f"masses are rigid.xml's: weight leaves {found.rest:.3g} of {found.spread:.3g} N m of scatter "
+            "in the torques (order of joints, unit or payload?)"
+        )
+    whose = "the motors' against the weight" if found.motors else "the weight's on the joints"
+    limited = f"; as far from rigid.xml as is allowed: {', '.join(found.limited)}" if found.limited else ""
+    return (
+        f"masses are fitted to {found.poses} poses' torques, taken as {whose}: scatter of "
+        f"{found.before:.3g} N m with rigid.xml's masses, {found.rest:.3g} N m with these, of "
+        f"{found.spread:.3g} N m{limited}"
+    )
+
+
+def evenly(series: Series, poses: int) -> Ids:
+    """Places of the rows of evenly spaced poses, of those that were read."""
+    seen = np.flatnonzero(series.seen.any(axis=1))
+    pose = series.pose[seen]
+    every = pose[np.sort(np.unique(pose, return_index=True)[1])]  # in the order in which they came
+    if len(every) < poses or poses < POSES:
+        raise BenchError(
+            f"{series.name}: expected at least {max(POSES, poses)} poses for its frame and target, got "
+            f"{min(len(every), poses)}"
+        )
+    kept = every[np.unique(np.linspace(0, len(every) - 1, poses).round().astype(int))]
+    return np.asarray(seen[np.isin(pose, kept)])
+
+
+def drifted(model: ArmModel) -> ArmModel:
+    """The model as sure as it is of the arm when another series is read."""
+    own, geometry = model.posterior, np.flatnonzero(model.columns < model.unknowns.starts["errors"])
+    moved = np.zeros((len(geometry), len(own.x)))
+    moved[np.arange(len(geometry)), geometry] = DRIFT
+    return replace(model, posterior=Posterior.normal(own.x, np.vstack([own.root, moved])))
+
+
+def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) -> Score:
+    """How far readings are from a calibrated arm.
+
+    So many poses of each series tell its frame and mount, and are not counted; if not said, those of the
+    calibration count where it has them, else FRAME_POSES poses do; geometry may have moved by DRIFT then.
+    """
+    (far, within), state = ([], []), model.state
+    for one in series:
+        mount = state.mounts.get(one.target)
+        seen_before = one.frame in state.frames and mount is not None and {*one.markers} <= {*mount.markers}
+        if frame_poses is None and seen_before:
+            if off := far_off(state, one):
+                raise BenchError(
+                    f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from frame "
+                    f"{one.frame!r} of the calibration; with --frame-poses it gets a frame of its own"
+                )
+            placed = known(model, one)
+        else:
+            some = frame_poses or min(FRAME_POSES, max(POSES, len(np.unique(one.pose)) // 2))
+            with explained(model.state.vjm):
+                placed = place(drifted(model), one, evenly(one, some))
+        rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.rows))
+        if not rest.rows:
+            raise BenchError(f"{one.name}: no rows are left beside the {len(placed.rows)} of its frame")
+        left, covariance = predict(model, placed, rest)
+        far.append(1e3 * np.linalg.norm(left, axis=2)[rest.seen])
+        within.append(inside(left, covariance)[rest.seen])
+    return Score(**distances(np.concatenate(far)), coverage_95=float(np.concatenate(within).mean()))
+
+
+def distances(mm: Array) -> Row:
+    """Distances of positions, (n,) [mm], as every report has them."""
+    rms, p95 = float(np.sqrt((mm**2).mean())), float(np.percentile(mm, 95))
+    return Row(n=len(mm), mean_mm=float(mm.mean()), rms_mm=rms, p95_mm=p95, max_mm=float(mm.max()))

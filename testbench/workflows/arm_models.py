@@ -1,0 +1,485 @@
+"""Models of an arm as folders, written and read: stiffness of `testbench identify`, arms of `calibrate`.
+
+A folder has the files of the arm, model.json, which is a `Document`, and posterior.npz, the arrays of ARRAYS.
+"""
+
+import io
+import math
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
+
+from testbench.arm.document import Strict
+from testbench.arm.folder import Arm, find_arm, load_arm
+from testbench.data.dataset import Dataset
+from testbench.data.series import Series
+from testbench.errors import Array, BenchError, InputError, check_array, read_bytes, read_text
+from testbench.files.model_folder import ARM, DOCUMENT, FITS, MAX_BYTES, MAX_ROOT, POSTERIOR, copy_arm
+from testbench.identify.absolute.fit import Calibration
+from testbench.identify.absolute.noise import KINDS, Noise
+from testbench.identify.absolute.posterior import model_of
+from testbench.identify.absolute.state import Mount, State
+from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.arm_model import About, ArmModel
+from testbench.identify.metric import Belief
+from testbench.identify.posterior import Posterior
+from testbench.identify.registration import Frame
+from testbench.model.joint_errors import JointErrors
+from testbench.model.kinematics import build_vjm
+from testbench.model.laws import vjm_of, with_laws
+from testbench.model.load import Load, resultant
+from testbench.model.structure import Structure, all153, labels_of
+from testbench.model.vjm import Vjm, tool_pose
+from testbench.model.weights import Weights, weights_known
+from testbench.runs import provenance as files
+from testbench.runs.manifest import told_as
+from testbench.runs.whole import reading, whole_folder
+from testbench.workflows.advice import advice
+from testbench.workflows.cell import Cell
+
+if TYPE_CHECKING:  # who only reads a model needs no fits
+    from testbench.workflows.fits import Identified
+    from testbench.workflows.read_runs import Runs
+
+FORMAT = 3  #: Of what is written; no other one is read.
+ARRAYS = ("root", "unseen", "scale")
+"""Of posterior.npz, as `Posterior` has them."""
+LARGEST = 1e12  #: Of a model's numbers, whatever the unit: squares of products of them are finite.
+LONGEST, NAME = 20_000, 255
+"""Longest text of a model, and longest name of its arm [characters]."""
+MOST = 100_000  #: Numbers of a list.
+PRINTED = (
+    "^[^\\x00-\\x1f\\x7f-\\x9f\\u2028\\u2029]*$"  #: Texts without control characters, which no XML holds.
+)
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Size = Annotated[float, Field(ge=0, le=LARGEST)]
+Factor = Annotated[float, Field(gt=0, le=LARGEST)]
+Count = Annotated[int, Field(ge=0, le=MOST)]
+Numbers = Annotated[list[Number], Field(max_length=MOST)]
+Rows = Annotated[list[Numbers], Field(max_length=MOST)]
+Texts = Annotated[list[str], Field(max_length=1000)]
+
+
+class Part(Strict):
+    """A part of model.json, perhaps a stranger's: no text of it fills a page."""
+
+    model_config = ConfigDict(str_max_length=LONGEST)
+
+
+class AboutPart(Part):
+    """Where a model comes from."""
+
+    method: str
+    #: SHA-256 of every file of readings, by its name.
+    data: Annotated[dict[str, str], Field(max_length=1000)]
+    doubts: Texts
+    force_N: Size | None
+    moment_Nm: Size | None
+    versions: dict[str, str]
+
+
+class Entry(Part):
+    """An entry of C_theta, and of its mirror where the structure is symmetric [m/N, rad/(N m), rad/N]."""
+
+    row: str  #: Link and axis, such as link_2.phi_x, or a joint.
+    column: str
+    value: Number
+
+
+class StructurePart(Part):
+    """Which compliances were unknown, and what they are."""
+
+    name: str
+    symmetric: bool
+    entries: Annotated[list[Entry], Field(min_length=1)]
+
+
+class WeightsPart(Part):
+    """Masses and centres of all bodies."""
+
+    mass_kg: list[Size]
+    centre_m: Rows
+
+
+class ErrorsPart(Part):
+    """Errors of the joints, a row of coefficients a joint."""
+
+    orders: list[Count]
+    ratio: bool
+    play: bool
+    stiffening: bool
+    coefficients: Rows
+    torque_scale: list[Size]
+
+
+class NoisePart(Part):
+    """How far readings scatter; factors of every kind of equations."""
+
+    open_position_m: Size
+    open_rotation_rad: Size
+    factor: list[Factor]
+
+
+class FramePart(Part):
+    """The base in a tracker's frame."""
+
+    rotation: Rows
+    translation_m: Numbers
+
+
+class MountPart(Part):
+    """Targets on the tool, by name."""
+
+    markers: list[str]
+    points_m: Rows
+    rotation: Rows
+
+
+class SpreadPart(Part):
+    """Of the distribution in posterior.npz."""
+
+    #: Of Student's distribution; null for the normal one.
+    degrees_of_freedom: Factor | None
+    heavy_rows: Count  #: Last rows of root that are the prior's, of Student's.
+    pull: Size
+    on_boundary: bool
+
+
+class Document(Part):
+    """model.json; docs/formats.md says what each key holds."""
+
+    format: int
+    name: str  #: Of the model, such as ALL153 + prior.
+    arm: Annotated[str, Field(max_length=NAME, pattern=PRINTED)]
+    about: AboutPart
+    structure: StructurePart
+    weights: WeightsPart
+    theta_0: Numbers
+    errors: ErrorsPart
+    noise: NoisePart | None  #: Null where deflections alone were read.
+    frames: dict[str, FramePart]
+    mounts: dict[str, MountPart]
+    columns: list[Count]
+    spread: SpreadPart
+    fit: dict[str, JsonValue]  #: For people: nothing is computed from it.
+
+
+class Head(BaseModel):
+    """What tells one format from another."""
+
+    format: int
+
+
+def load_model(folder: str | Path, arm: str | Path | None = None) -> ArmModel:
+    """Read a model that `testbench identify` or `testbench calibrate` wrote.
+
+    Args:
+        folder: Holds model.json, posterior.npz and the arm's files.
+        arm: Folder of the arm that it must be a model of, or the name of one that comes with testbench; None
+            for any.
+
+    Returns:
+        The arm as it was identified.
+
+    Raises:
+        InputError: When the folder holds none, one of another version, or one of another arm.
+    """
+    folder = Path(folder)
+    with reading(folder):
+        found = _read_document(folder)
+        if arm is not None:
+            _check_arm(folder, found, find_arm(arm))
+        own = replace(load_arm(folder), name=found.arm)
+        arrays = _read_arrays(folder / POSTERIOR)
+        try:
+            return _model(found, own, arrays)
+        except InputError:
+            raise
+        except (BenchError, ValueError, IndexError) as err:
+            raise InputError(folder / DOCUMENT, "", f"numbers do not belong together: {err}") from err
+
+
+def read_model(folder: Path) -> ArmModel:
+    """A calibrated arm from its folder; InputError where it holds none."""
+    model = load_model(folder)
+    if not model.absolute:
+        problem = "expected a model of testbench calibrate, got one of testbench identify"
+        raise InputError(folder / DOCUMENT, "noise", problem)
+    return model
+
+
+def _read_document(folder: Path) -> Document:
+    path = folder / DOCUMENT
+    if not path.is_file():
+        problem = f"expected the folder of a model, with {DOCUMENT}"
+        if (folder / FITS).is_file():
+            problem = f"has fits of an earlier version and no {DOCUMENT}: identify again"
+        raise InputError(folder, "", problem)
+    text = read_text(path, MAX_BYTES)
+    try:
+        head = Head.model_validate_json(text)
+        if head.format != FORMAT:
+            problem = f"is a model of format {head.format}, this version reads {FORMAT}: fit it again"
+            raise InputError(path, "format", problem)
+        return Document.model_validate_json(text)
+    except ValidationError as err:
+        raise told_as(path, err) from err
+
+
+def _check_arm(folder: Path, found: Document, place: Path) -> None:
+    for name in ARM:
+        own, other = folder / name, place / name
+        if not other.is_file() or files.digest(own) != files.digest(other):
+            problem = f"is a model of another arm, {found.arm}: its {name} is not that of {place}"
+            raise InputError(folder, "", problem)
+
+
+def _read_arrays(path: Path) -> dict[str, Array]:
+    """Arrays of posterior.npz by name; InputError where it is none, or too large."""
+    raw = io.BytesIO(read_bytes(path, MAX_ROOT))
+    try:
+        with zipfile.ZipFile(raw) as packed:
+            size = sum(entry.file_size for entry in packed.infolist())
+        if size > MAX_ROOT:
+            raise BenchError(f"at most {MAX_ROOT} bytes when unpacked, got {size}")
+        with np.load(raw, allow_pickle=False) as data:
+            return {name: data[name] for name in ARRAYS}
+    except (
+        Exception
+    ) as err:  # of bytes that are no such file numpy, zipfile and lzma raise errors of 15 kinds
+        raise InputError(path, "", f"expected the posterior of a model: {err}") from err
+
+
+def _model(found: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmModel:
+    """The model; BenchError, ValueError or IndexError where numbers do not belong together."""
+    structure, spread = _structure(found.structure, arm), found.spread
+    state = _state(found, vjm_of(build_vjm(arm), structure), structure)
+    said, noise, scatter = found.about, found.noise, None
+    about = About(said.method, said.data, tuple(said.doubts), said.force_N, said.moment_Nm)
+    if noise is not None:
+        factor = check_array(noise.factor, (len(KINDS),), "factor")
+        scatter = Noise(noise.open_position_m, noise.open_rotation_rad, factor)
+    columns = np.array(found.columns, dtype=int)
+    n, unknowns = len(columns), Unknowns(state.vjm, (), {}, state.errors, structure)
+    posterior = Posterior(
+        x=unknowns.current(state)[columns],
+        root=check_array(arrays["root"], (None, n), "root"),
+        unseen=check_array(arrays["unseen"], (None, n), "unseen"),
+        scale=check_array(arrays["scale"], (n,), "scale"),
+        tail=math.inf if spread.degrees_of_freedom is None else spread.degrees_of_freedom,
+        pull=spread.pull,
+        on_boundary=spread.on_boundary,
+        heavy=spread.heavy_rows,
+    )
+    return ArmModel(state, structure, columns, posterior, about, scatter)
+
+
+def _structure(said: StructurePart, arm: Arm) -> Structure:
+    lawful = with_laws(all153(arm), arm)
+    place = {label: k for k, label in enumerate(lawful.labels)}
+    names = {name for entry in said.entries for name in (entry.row, entry.column)}
+    if unknown := sorted(names - set(place)):
+        raise ValueError(f"structure.entries: {arm.name} has no {unknown[0]!r}")
+    a, b = np.array([(place[entry.row], place[entry.column]) for entry in said.entries]).T
+    if b.max() < arm.n_theta:
+        return Structure(said.name, arm.n_theta, a, b, labels_of(arm), said.symmetric)
+    return Structure(said.name, lawful.n_theta, a, b, lawful.labels, said.symmetric, lawful.laws)
+
+
+def _state(found: Document, vjm: Vjm, structure: Structure) -> State:
+    arm, said = vjm.arm, found.errors
+    errors = JointErrors(tuple(said.orders), said.ratio, said.play, said.stiffening)
+    joints, bodies = arm.n_joints, arm.n_joints + 2
+    coefficients = np.array(said.coefficients).reshape(len(said.coefficients), errors.size)
+    return State(
+        vjm=vjm,
+        weights=Weights(
+            check_array(found.weights.mass_kg, (bodies,), "mass [kg]"),
+            check_array(found.weights.centre_m, (bodies, 3), "centre [m]"),
+        ),
+        theta_0=check_array(found.theta_0, (structure.n_theta,), "theta_0 [m, rad]"),
+        C_theta=structure.matrix(np.array([entry.value for entry in found.structure.entries])),
+        errors=errors,
+        n=check_array(coefficients, (joints, errors.size), "errors"),
+        torque_scale=check_array(said.torque_scale, (joints,), "torque_scale [N m, N]"),
+        frames={
+            name: Frame(
+                check_array(one.rotation, (3, 3), f"frame {name}"),
+                check_array(one.translation_m, (3,), f"frame {name} [m]"),
+            )
+            for name, one in found.frames.items()
+        },
+        mounts={
+            name: Mount(
+                check_array(one.points_m, (len(one.markers), 3), f"mount {name} [m]"),
+                check_array(one.rotation, (3, 3), f"mount {name}"),
+                tuple(one.markers),
+            )
+            for name, one in found.mounts.items()
+        },
+    )
+
+
+def save_model(model: ArmModel, folder: str | Path) -> None:
+    """Write a model as a folder that `load_model` and every command read: the arm's files and the posterior.
+
+    Args:
+        model: The identified arm.
+        folder: Where to. An earlier model there is replaced once the new one is whole.
+
+    Raises:
+        InputError: When the folder cannot be written.
+    """
+    with whole_folder(Path(folder)) as made:
+        write_files(model, made, name=model.about.method, fit={})
+
+
+def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, object]) -> None:
+    """Write a model's files into a folder that exists: those of the arm, model.json and posterior.npz.
+
+    Args:
+        model: The identified arm.
+        folder: Where to.
+        name: Name of the model, such as ALL153 + prior.
+        fit: More about the fit for people, as plain data; nothing is computed from it.
+    """
+    state, structure, own, about = model.state, model.structure, model.posterior, model.about
+    values, noise = structure.entries(state.C_theta).tolist(), model.noise
+    document = {
+        "format": FORMAT,
+        "name": name,
+        "arm": model.arm.name,
+        "about": {
+            "method": about.method,
+            "data": dict(about.data),
+            "doubts": list(about.doubts),
+            "force_N": about.force,
+            "moment_Nm": about.moment,
+            "versions": files.versions(),
+        },
+        "structure": {
+            "name": structure.name,
+            "symmetric": structure.symmetric,
+            "entries": [
+                {"row": structure.labels[a], "column": structure.labels[b], "value": value}
+                for a, b, value in zip(structure.a, structure.b, values, strict=True)
+            ],
+        },
+        "weights": {"mass_kg": state.weights.mass.tolist(), "centre_m": state.weights.centre.tolist()},
+        "theta_0": state.theta_0.tolist(),
+        "errors": {
+            **vars(state.errors),
+            "orders": list(state.errors.orders),
+            "coefficients": state.n.tolist(),
+            "torque_scale": state.torque_scale.tolist(),
+        },
+        "noise": None
+        if noise is None
+        else {
+            "open_position_m": float(noise.open_position),
+            "open_rotation_rad": float(noise.open_rotation),
+            "factor": noise.factor.tolist(),
+        },
+        "frames": {
+            name: {"rotation": one.rotation.tolist(), "translation_m": one.translation.tolist()}
+            for name, one in state.frames.items()
+        },
+        "mounts": {
+            name: {
+                "markers": list(one.markers),
+                "points_m": one.points.tolist(),
+                "rotation": one.rotation.tolist(),
+            }
+            for name, one in state.mounts.items()
+        },
+        "columns": model.columns.tolist(),
+        "spread": {
+            "degrees_of_freedom": _finite(own.tail),
+            "heavy_rows": own.heavy,
+            "pull": own.pull,
+            "on_boundary": own.on_boundary,
+        },
+        "fit": fit,
+    }
+    copy_arm(model.arm, folder)
+    files.write_json(Document.model_validate(document).model_dump(), folder / DOCUMENT)
+    np.savez_compressed(folder / POSTERIOR, **{key: getattr(own, key) for key in ARRAYS})
+
+
+def write_stiffness(
+    cell: Cell, found: "Identified", runs: "Runs", data: Mapping[str, str], folder: Path
+) -> None:
+    """Write the model to take into a folder that exists; `data` has the SHA-256 of every file of readings."""
+    fits, estimate, used = found.fits, found.taken, runs.used
+    model, notes = cell.model(estimate), weights_known(cell.arm)[1]
+    doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
+    about = _about(f"{fits.recommended}: {estimate.method}", data, doubts, _about_tool(cell.vjm, used))
+    fit = {
+        "conservative": estimate.conservative,
+        "prior": None if estimate.belief is None else _prior(estimate.belief),
+        "runs": {
+            "runs": used.runs,
+            "poses": len(np.unique(used.pose)),
+            "held_back": [] if runs.check is None else np.unique(runs.check.pose).tolist(),
+            "rejected": len(estimate.rejected),
+            "sigma_m": used.sigma,
+            "sigma_rotation_rad": used.sigma_rotation,
+        },
+        "unseen": {
+            "directions": estimate.of_compliances.structure.n - estimate.of_compliances.rank,
+            "without_bound": len(model.posterior.unseen),
+            "stiffer": list(fits.unchecked.stiffer),
+            "softer": list(fits.unchecked.softer),
+            "words": list(advice(estimate)),
+        },
+        "notes": [*notes, *fits.notes],
+    }
+    write_files(replace(model, about=about), folder, name=fits.recommended, fit=fit)
+
+
+def _prior(belief: Belief) -> object:
+    strength = belief.strength
+    return {
+        "name": belief.metric.prior,
+        "learnt": belief.moves is not None,
+        "uncertainty": float(strength.uncertainty),
+        "scale_uncertainty": _finite(strength.scale_uncertainty),
+        "coupling": None if strength.coupling is None else float(strength.coupling),
+        "misfit": float(belief.misfit),
+        "scales": [
+            {"name": one.name, "factor": float(one.factor), "deviation": _finite(one.deviation)}
+            for one in belief.scales
+        ],
+    }
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if math.isfinite(x) else None
+
+
+def write_model(
+    calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str], folder: Path
+) -> None:
+    """Write a calibrated arm into a folder that exists; `data` has the SHA-256 of every file of readings."""
+    vjm = calibration.own.unknowns.vjm
+    kept = [step.name for step in calibration.chosen.steps if step.kept]
+    method = f"absolute calibration: {', '.join(['geometry', *kept])}"
+    loads = np.concatenate([_about_tool(vjm, one) for one in calibration.series])
+    model = replace(model_of(calibration), about=_about(method, data, doubts, loads))
+    write_files(model, folder, name=method, fit={})
+
+
+def _about(method: str, data: Mapping[str, str], doubts: Sequence[str], loads: Array) -> About:
+    """Where a model comes from, under which loads about the tool's origin, (rows, 6) [N, N m]."""
+    force, moment = np.linalg.norm(loads.reshape(-1, 2, 3), axis=2).max(axis=0).tolist()
+    return About(method, data, tuple(doubts), force, moment)
+
+
+def _about_tool(vjm: Vjm, data: Dataset | Series) -> Array:
+    """Loads of every run or row about the tool's origin, world axes, (rows, 6) [N, N m]."""
+    return resultant(tool_pose(vjm, data.q)[1], [Load(data.wrench, data.point)])

@@ -1,0 +1,45 @@
+"""Trials of a command: where they run, and a bar that shows how many are done."""
+
+from collections.abc import Iterator
+from functools import partial
+
+from testbench.errors import BenchError, Interrupted
+from testbench.progress import tell
+from testbench.runs.cluster import check_address, check_certificates, on_cluster
+from testbench.runs.cores import on_cores
+from testbench.runs.engine import Backend
+from testbench.runs.interrupt import STANDS
+from testbench.workflows.options import Common
+
+
+def choose_backend(asked: Common) -> Backend:
+    """The backend that a command line asks for.
+
+    Raises:
+        BenchError: When it asks for both, or the cluster's address or certificates are refused.
+    """
+    if asked.cluster is None:
+        return partial(on_cores, workers=asked.workers)
+    if asked.workers is not None:
+        raise BenchError("--workers counts processes of this machine: expected it without --cluster")
+    check_address(asked.cluster, insecure=asked.insecure)
+    check_certificates(asked.cluster)
+    return partial(on_cluster, address=asked.cluster, insecure=asked.insecure)
+
+
+def show_progress(counts: Iterator[int], total: int, words: str, *, kept: bool = True) -> None:
+    """Run a study; whoever follows is told how many trials are done.
+
+    Raises:
+        Interrupted: After Ctrl-C; says what is stored, where trials are `kept`.
+    """
+    done = next(counts, 0)
+    try:
+        tell(words, done, total)
+        for done in counts:
+            tell(words, done, total)
+    except KeyboardInterrupt as err:
+        if not done or not kept:
+            raise
+        stored = f"at least {done} of {total} {words} are stored: --resume goes on with them"
+        raise Interrupted(f"{STANDS}; {stored}") from err

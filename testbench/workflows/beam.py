@@ -1,0 +1,156 @@
+"""Where the beam of a link lies, from its joint to the next one, and how thick its drawn surface is there."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from testbench.errors import Array
+from testbench.files.robot.robot import Chain, Shape, seen
+
+COINCIDE = 0.02  #: Joints closer than this share of the reach coincide [1].
+PARALLEL = 0.1  #: Sine of the angle below which two directions are one [1].
+CUTS = 17  #: Cuts across a link.
+INNER = 0.1, 0.9  #: They stand at this share of its length, clear of the flanges [1].
+FEWEST = 6  #: Cuts that must meet the surface: a third of the link is drawn at least.
+
+
+Runs = Literal["to the next joint", "to the tool", "along the next joint", "along the flange"]
+"""Where the beam of a link runs; along an axis where joints, or joint and tool, are in one point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Beam:
+    """The line of a link in its part's frame."""
+
+    frame: Array  #: Axes x (along), y, z as columns, (3, 3) [1].
+    distance: float  #: From the link's joint to the next one, or to the tool [m].
+    runs: Runs  #: Where to.
+
+
+def ends(chain: Chain, tool: Array) -> list[Array]:
+    """Pose of the next joint, of the tool for the last link, in every part's frame, (4, 4) each."""
+    return [*(part.pose for part in chain.parts[1:]), tool]
+
+
+def reach(chain: Chain, tool: Array) -> float:
+    """Stretched length from the first joint to the tool [m]."""
+    return float(sum(np.linalg.norm(end[:3, 3]) for end in ends(chain, tool)[1:]))
+
+
+def beams(chain: Chain, tool: Array) -> list[Beam]:
+    """The line of every link.
+
+    Args:
+        chain: The arm.
+        tool: Pose of the tool in the last part, (4, 4) [m].
+    """
+    long, every = reach(chain, tool), ends(chain, tool)
+    return [_beam(chain, k, end, long) for k, end in enumerate(every)]
+
+
+def _beam(chain: Chain, k: int, end: Array, long: float) -> Beam:
+    """Of link k."""
+    offset, last = end[:3, 3], k == chain.n_joints
+    distance = float(np.linalg.norm(offset))
+    own, after = chain.parts[k].joint, None if last else chain.parts[k + 1].joint
+    following = None if after is None else end[:3, :3] @ after.axis
+    runs: Runs = "to the tool" if last else "to the next joint"
+    if distance > COINCIDE * long:
+        x = offset / distance
+    elif following is not None:
+        outward = chain.parts[k].com @ following >= 0  # where the part's mass lies
+        x, runs = following if outward else -following, "along the next joint"
+    else:
+        part = chain.parts[k]
+        assert own is not None  # the last part has a joint
+        x, runs = flange_axis(own.axis, part.pose, end, part.com, COINCIDE * long), "along the flange"
+    axes = [following, None if own is None else own.axis]
+    return Beam(_frame(x, [axis for axis in axes if axis is not None]), distance, runs)
+
+
+def flange_axis(axis: Array, pose: Array, tool: Array, com: Array, least: float) -> Array:
+    """Where the flange faces, (3,) [1]: along the last joint's axis, away from the joint before.
+
+    Where the joints meet in one point, to the tool; where that lies there too, as an axis of its frame points
+    along the joint's, else where the part lies.
+
+    Args:
+        axis: Of the last joint, in its part, (3,) [1].
+        pose: Of the part in the one before, (4, 4) [m].
+        tool: Pose of the tool in the part, (4, 4) [m].
+        com: Centre of mass of the part, (3,) [m].
+        least: Distances below it are none [m].
+    """
+    way, distance = tool[:3, 3], float(np.linalg.norm(tool[:3, 3]))
+    sides = [float(axis @ pose[:3, :3].T @ pose[:3, 3]), float(axis @ way)]
+    side = next((s for s in sides if abs(s) > least), 0.0)
+    if not side and distance > least:  # the last joint turns across
+        return np.asarray(way / distance)
+    if not side:
+        along = tool[:3, :3].T @ axis
+        side = float(along[np.abs(along).argmax()])
+        side = side if abs(side) > 1 - PARALLEL else float(axis @ com)
+    return axis if side >= 0 else -axis
+
+
+def _frame(x: Array, along: list[Array]) -> Array:
+    """Beam axes whose y follows the first direction that is not x, else an axis of the part."""
+    for y in [*along, *np.eye(3)]:
+        across = y - (x @ y) * x
+        size = float(np.linalg.norm(across))
+        if size > PARALLEL:
+            y = across / size
+            return np.column_stack([x, y, np.cross(x, y)])
+    raise AssertionError("one of three axes is not x")
+
+
+def triangles(shapes: Sequence[Shape]) -> Array:
+    """Triangles of a part's drawn shapes, of those that collide where none is drawn, (f, 3, 3) [m]."""
+    bearing = seen([s for s in shapes if s.bears])
+    return np.concatenate([np.empty((0, 3, 3)), *(s.surface[0][s.surface[1]] for s in bearing)])
+
+
+def extent(surface: Array, axis: Array) -> tuple[float, float]:
+    """Where a surface begins and ends along an axis [m]."""
+    along = surface @ axis
+    return float(along.min()), float(along.max())
+
+
+def outer_diameter(surface: Array, frame: Array, span: tuple[float, float]) -> float | None:
+    """Diameter of the circle of the same area as the hull of a cut, the median of the cuts [m].
+
+    Args:
+        surface: Triangles in the part's frame, (f, 3, 3) [m].
+        frame: Beam axes as columns, (3, 3).
+        span: From where to where along the beam axis [m].
+
+    Returns:
+        None where too few cuts meet the surface.
+    """
+    low, high = (span[0] + share * (span[1] - span[0]) for share in INNER)
+    turned = surface @ frame
+    least, most = turned[:, :, 0].min(axis=1), turned[:, :, 0].max(axis=1)
+    found = [_diameter(turned[(least < x) & (x <= most)], x) for x in np.linspace(low, high, CUTS)]
+    met = [d for d in found if d is not None]
+    return float(np.median(met)) if len(met) >= FEWEST else None
+
+
+def _diameter(surface: Array, x: float) -> float | None:
+    """Of the cut at x of triangles in beam axes, (f, 3, 3)."""
+    ends = []
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        p, q = surface[:, a], surface[:, b]
+        cut = (p[:, 0] < x) != (q[:, 0] < x)
+        p, q = p[cut], q[cut]
+        share = (x - p[:, 0]) / (q[:, 0] - p[:, 0])
+        ends.append(p[:, 1:] + share[:, None] * (q[:, 1:] - p[:, 1:]))
+    points = np.concatenate(ends)
+    if len(points) < 3:
+        return None
+    try:
+        return float(2 * np.sqrt(ConvexHull(points).volume / np.pi))  # of a plane hull the area
+    except QhullError:  # a line
+        return None

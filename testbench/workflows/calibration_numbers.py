@@ -1,0 +1,436 @@
+"""Numbers of a calibration: how far readings are off, which errors were tried, what the arm is."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.arm.folder import Joint
+from testbench.data.series import Series, select_rows
+from testbench.errors import Array, Ids
+from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.choose import Step
+from testbench.identify.absolute.evidence import LOOSE, USUAL, Choice
+from testbench.identify.absolute.evidence import MOST as MOST_OF_USUAL
+from testbench.identify.absolute.fit import Calibration
+from testbench.identify.absolute.posterior import posterior_of
+from testbench.identify.absolute.pull import pull_of
+from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.state import State, forward, nominal
+from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.estimate import Estimate
+from testbench.model.joint_errors import JointErrors
+from testbench.runs.rows import Row
+from testbench.workflows.absolute import Calibrated, distances, hidden
+from testbench.workflows.named_parameters import Part, intervals
+from testbench.workflows.plan import MORE
+from testbench.workflows.rows import MM, UM
+from testbench.workflows.unobservable import LOOSE as LOOSE_FRAME
+from testbench.workflows.unobservable import unobservable
+
+NEGATIVE = "No arm bends against its load: the model explains the sag by other errors. Do not use it."
+FAR = 1.5  #: Error of held-out readings over that of the arm as drawn from which poses are too few [1].
+SOUND = 0.8  #: Share of the readings that are sound: more outliers are a misfit [1].
+ABOVE, CONTRADICTED = 1.05, 2.0
+"""Fitted error over that of the arm as drawn, and over that of held-out readings, from which a calibrated arm
+is rejected: sound ones are below 1 of both [1]."""
+PRESSED = 40.0, 0.05
+"""Chi squared that negative compliances would take away from which they are wanted, and over all equations
+[1]: sound readings reach 0.02."""
+SIGNIFICANT = 3.0  #: Standard deviations above which the amplitude of an order is more than scatter.
+NOTHING = 1e-6  #: Share of the half width of its interval below which a value is rounding [1].
+SPOILED = 0.5  #: A reading that counts less than this is listed as an outlier [1].
+WORST = 10  #: Outliers that are listed, the farthest.
+MOST, LEAST, EACH = 24, 4, 8
+"""Ranges of a joint at most and at least, and the poses that each should have on average."""
+ORDERS = 4  #: Periodic errors that are spoken of: higher ones look like nothing else.
+Left = tuple[list[Array], list[Array]]
+"""Reading minus arm as drawn, and minus calibrated arm: of every series (rows, m, 3) [m], base axes."""
+
+
+def left_of(found: Calibrated) -> Left:
+    """Find what the arms as drawn and as calibrated leave of the readings; zero where a target was lost."""
+    state, series = found.calibration.state, found.series
+    drawn = aligned(nominal(state.vjm, state.weights, state.torque_scale), series)
+    before, after = (
+        [residuals(arm, one)[: len(one.markers)].transpose(2, 0, 1) for one in series]
+        for arm in (drawn, state)
+    )
+    return before, after
+
+
+def numbers(found: Calibrated, left: Left, more: tuple[float, float] | None = None) -> Row:
+    """Collect all numbers of a calibration.
+
+    Args:
+        found: The calibration.
+        left: What both arms leave of the readings, by `left_of`.
+        more: Expected errors over the workspace now, and after further poses, by `gain_of_more` [m].
+
+    Returns:
+        Numbers by their keys in report.json, lengths in mm.
+    """
+    calibration, series = found.calibration, found.series
+    before, after = (
+        [np.linalg.norm(x, axis=2)[one.seen] for one, x in zip(series, every, strict=True)] for every in left
+    )
+    vjm, estimate, noise = calibration.state.vjm, calibration.estimate, calibration.noise
+    q = np.concatenate([np.repeat(one.q, one.seen.sum(axis=1), axis=0) for one in series])
+    every = np.concatenate(before), np.concatenate(after)
+    f = Row(
+        arm=vjm.arm.name,
+        series=[
+            Row(series=one.name, rows=one.rows, before=distances(MM * x), after=distances(MM * y))
+            for one, x, y in zip(series, before, after, strict=True)
+        ],
+        total_before=distances(MM * every[0]),
+        total_after=distances(MM * every[1]),
+        steps=[_step(step) for step in calibration.chosen.steps],
+        places=[row for k, joint in enumerate(vjm.arm.joints) for row in _ranges(joint, q[:, k], q, *every)],
+        spectrum=list(_spectrum(calibration)),
+        pattern=_pattern(calibration.own.unknowns),
+        geometry=(geometry := _values(calibration, "geometry")),
+        far_geometry=_far_geometry(found, geometry),
+        compliances=_compliances(calibration),
+        **_solved(calibration),
+        noise=Row(
+            sigma_um=float(UM * np.sqrt(np.mean([one.sigma**2 for one in series]))),
+            open_position_um=UM * noise.open_position,
+            open_rotation_urad=UM * noise.open_rotation,
+            position_factor=float(noise.factor[0]),
+        ),
+        mounting=found.mounting,
+        weight_alone=not any(one.wrench.any() or one.torque is not None for one in series),
+        left_open=list(_left_open(calibration)),
+        notes=list(found.notes),
+        **_pulled(calibration, series, left[1]),
+    )
+    f |= _validated(f)
+    f["models"] = [_model(estimate, f)]
+    f["rejected"] = _rejected(f, *(_nearest(x) for x in every))
+    f["pressed"] = calibration.pressed > max(PRESSED[0], PRESSED[1] * 3 * f.total_after.n)
+    f["more"] = more and Row(poses=MORE, now_mm=MM * more[0], after_mm=MM * more[1])
+    f["doubts"] = [f"{name}: {text}" for name, text in doubts(f)]
+    return f
+
+
+def unusable(f: Row) -> str:
+    """Say why a calibrated arm must not be used; empty where nothing speaks against it."""
+    if f.rejected:
+        return str(f.rejected)
+    if f.pressed:
+        return "its compliances want to be negative"
+    return "too few poses, held-out positions do not get better" if f.worse else ""
+
+
+def doubts(f: Row) -> Iterator[tuple[str, str]]:
+    """List what may be wrong with the calibrated arm, the gravest first: a name and a sentence each."""
+    if f.mounting:
+        yield "Mounting", f"{f.mounting}."
+    if f.pressed:
+        scale = "gravity reversed, is the arm hung?" if f.weight_alone else "is a force's sign reversed?"
+        yield "The compliances want to be negative", f"{scale} {NEGATIVE}"
+    if f.worse:
+        far = "none could be held out, so that nothing says how far others are off"
+        if f.held_out_mm:
+            arms = f"from the calibrated arm, {f.total_before.rms_mm:.3f} mm from the arm as drawn"
+            far = f"held-out ones are {f.held_out_mm[1]:.3f} mm RMS {arms}"
+        yield "Too few poses", f"{far}. Do not use it; read more."
+    if f.far_geometry:
+        yield "Geometry no arm has", f"{f.far_geometry}."
+    if ranges := [range_words(row) for row in unread(f)]:
+        yield "Not read, hence extrapolated", f"{', '.join(ranges)}."
+    if f.weight_alone and f.compliances:
+        scale = "compliances have the scale of the masses in rigid.xml"
+        words = "Masses 10 % too small make them 10 % too large; positions stay right."
+        yield "Own weight is the only load", f"{scale}. {words}"
+    if f.program and not f.program.conservative:
+        yield "Not conservative", "a block of the compliances has a negative eigenvalue."
+    if f.program and f.program.status != "solved":
+        yield "Compliances", f"{f.program.method}, {f.program.status}."
+
+
+def range_words(row: Row) -> str:
+    """Name a range of a joint."""
+    return f"{row.joint} {row.low:.0f} to {row.high:.0f} {row.unit}"
+
+
+def _nearest(distances: Array) -> float:
+    """Root mean square of the nearest `SOUND` of distances, (n,) [m], so that outliers do not count [mm]."""
+    return float(MM * np.sqrt((np.sort(distances)[: max(1, int(SOUND * len(distances)))] ** 2).mean()))
+
+
+def _rejected(f: Row, before: float, after: float) -> str:
+    """Why a calibrated arm is none: what it was fitted to lies too far from it; empty where it does not.
+
+    Args:
+        f: Numbers of the report.
+        before: RMS distance of the nearest readings from the arm as drawn [mm].
+        after: From the calibrated arm [mm].
+    """
+    ours = f"the nearest {100 * SOUND:.0f} % of the readings that it was fitted to lie {after:.3f} mm from it"
+    if after > ABOVE * before:
+        return f"{ours}, {before:.3f} mm from the arm as drawn"
+    if f.held_out_mm and after > CONTRADICTED * f.held_out_mm[1]:
+        return f"{ours}, held-out ones {f.held_out_mm[1]:.3f} mm: they contradict each other"
+    return ""
+
+
+def _solved(calibration: Calibration) -> Row:
+    """Eigenvalues of every block of compliances, and how they were found."""
+    estimate, elastic = calibration.estimate, calibration.own.elastic
+    if estimate is None or elastic is None:
+        return Row(blocks=[], program=None)
+    blocks = [
+        Row(name=name, smallest=float(own[0]), largest=float(own[-1]))
+        for name, own in zip(elastic.names, estimate.eigenvalues, strict=True)
+    ]
+    program = Row(
+        method=estimate.method,
+        constrained=estimate.constraint == "psd",
+        status=estimate.status,
+        conservative=estimate.conservative,
+    )
+    return Row(blocks=blocks, program=program)
+
+
+def _model(estimate: Estimate | None, f: Row) -> Row:
+    """The calibrated arm as the model of a run that is compared with others."""
+    return Row(
+        name="calibrated",
+        structure=estimate.structure.name if estimate else "rigid",
+        constraint=estimate.constraint if estimate else "none",
+        prior=True,
+        conservative=estimate and estimate.conservative,
+        identification=f.total_after,
+        check=Row(rms_mm=f.held_out_mm[1]) if f.held_out_mm else None,
+    )
+
+
+def _step(step: Step) -> Row:
+    """A kind of error beside those kept before it: RMS distances of readings that were held out.
+
+    Blocks of joint space, and whole series realigned: the latter None of a single series, the former where
+    poses are too few to hold any out.
+    """
+    every = (step.before, step.after, step.series_before, step.series_after)
+    mm = [MM * math.sqrt(3) * x if math.isfinite(x) else None for x in every]  # root mean squares of an axis
+    keys = ("before_mm", "after_mm", "series_before_mm", "series_after_mm")
+    return Row(zip(keys, mm, strict=True), name=step.name, kept=step.kept)
+
+
+def _validated(f: Row) -> Row:
+    """RMS distance of held-out readings by geometry alone and by all that was kept, and whether it is bad.
+
+    `worse`: the calibrated arm predicts readings worse than the arm as drawn, or nothing says.
+    """
+    kept = [row.after_mm for row in f.steps if row.kept]
+    ends = (f.steps[0].before_mm, kept[-1] if kept else f.steps[0].before_mm) if f.steps else (None, None)
+    if ends[0] is None or ends[1] is None:
+        return Row(held_out_mm=None, worse=bool(f.steps) and f.steps[0].series_after_mm is None)
+    return Row(held_out_mm=list(ends), worse=ends[1] > FAR * f.total_before.rms_mm)
+
+
+def _ranges(joint: Joint, own: Array, q: Array, before: Array, after: Array) -> Iterator[Row]:
+    """Ranges of a joint from limit to limit, or over a turn of a hinge that turns farther.
+
+    Args:
+        joint: Of the arm.
+        own: Its angle at every position that was read, (n,) [rad, m].
+        q: All angles there, (n, joints).
+        before: Distance from the arm as drawn, (n,) [m].
+        after: From the calibrated arm, (n,) [m].
+    """
+    low, high = joint.lower, joint.upper
+    if not joint.prismatic and high - low > 2 * np.pi:
+        own, (low, high) = (own + np.pi) % (2 * np.pi) - np.pi, (-np.pi, np.pi)
+    count = max(LEAST, min(MOST, len(np.unique(q, axis=0)) // EACH))
+    edges = np.linspace(low, high, count + 1)
+    at = np.clip(np.searchsorted(edges, own, "right") - 1, 0, count - 1)
+    for k in range(count):
+        here = at == k
+        sizes = [float(MM * np.sqrt((x[here] ** 2).mean())) if here.any() else None for x in (before, after)]
+        yield Row(
+            joint=joint.name,
+            low=float(joint.shown * edges[k]),
+            high=float(joint.shown * edges[k + 1]),
+            unit=joint.shown_unit,
+            n=int(here.sum()),
+            before_mm=sizes[0],
+            after_mm=sizes[1],
+        )
+
+
+def unread(f: Row) -> list[Row]:
+    """List the ranges of joints without a reading, neighbours as one."""
+    found: list[Row] = []
+    for row in f.places:
+        if not row.n and found and (found[-1].joint, found[-1].high) == (row.joint, row.low):
+            found[-1] = Row(row, low=found[-1].low)
+        elif not row.n:
+            found.append(row)
+    return found
+
+
+def _spectrum(calibration: Calibration) -> Iterator[Row]:
+    """Amplitudes of every order of a joint that is on; the standard deviation is that along the amplitude."""
+    unknowns, own = calibration.own.unknowns, calibration.own
+    orders, size, first = unknowns.errors.orders, unknowns.errors.size, unknowns.starts["errors"]
+    if not orders or not np.isin(first, own.columns):
+        return
+    known = posterior_of(calibration)
+    for k, joint in enumerate(unknowns.vjm.arm.joints):
+        if joint.prismatic:
+            continue
+        on = first + k * size + np.arange(2 * len(orders)).reshape(2, -1)  # sines, cosines
+        columns = np.searchsorted(own.columns, on)
+        pair = known.x[columns].T
+        amplitude = np.linalg.norm(pair, axis=1)
+        along = np.where(amplitude[:, None] > 0, pair, 1.0)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        lines = known.root[:, columns]  # (c, 2, orders)
+        deviation = np.linalg.norm(np.einsum("oa,cao->co", along, lines), axis=0)
+        rows = [
+            Row(order=order, amplitude_urad=a, deviation_urad=s)
+            for order, a, s in zip(orders, (UM * amplitude).tolist(), (UM * deviation).tolist(), strict=True)
+        ]
+        yield Row(
+            joint=joint.name,
+            rms_urad=float(UM * np.sqrt((amplitude**2).sum() / 2)),
+            largest=max(rows, key=lambda row: float(row.amplitude_urad)),
+            significant=int((amplitude > SIGNIFICANT * deviation).sum()),
+            orders=rows,
+        )
+
+
+def _pattern(unknowns: Unknowns) -> list[Row]:
+    """Joints that share a periodic error, and how each has it, of one: f(q + turn), mirrored -f(turn - q)."""
+    if (found := unknowns.pattern) is None:
+        return []
+    joints = [unknowns.vjm.arm.joints[k].name for k in found.joints]
+    every = zip(joints, np.degrees(found.turns).tolist(), found.senses, strict=True)
+    return [Row(joint=name, turn_deg=turn, mirrored=sense < 0) for name, turn, sense in every]
+
+
+def _values(calibration: Calibration, part: Part) -> list[Row]:
+    """Numbers of a part, with the half width of their 95 % interval; 0 what is rounding beside it."""
+    known = [one for one in intervals(calibration) if one.part == part]
+    found = [Row(name=one.name, value=one.value, half_95=one.half, unit=one.unit) for one in known]
+    return [Row(row, value=row.value * (abs(row.value) > NOTHING * row.half_95)) for row in found]
+
+
+def _far_geometry(found: Calibrated, geometry: Sequence[Row]) -> str:
+    """The largest error of geometry where no arm has it, and what may hide in it; empty where it is usual."""
+    most = MM * MOST_OF_USUAL * USUAL["geometry turn"]
+    worst = max(geometry, key=lambda row: abs(row.value), default=None)
+    if worst is None or abs(worst.value) <= most:
+        return ""
+    return (
+        f"{worst.name} is {worst.value:.0f} {worst.unit}, sound arms stay below {most:.0f}: {hidden(found)}"
+    )
+
+
+def _compliances(calibration: Calibration) -> list[Row]:
+    """Of every joint with that of the link before it, beside the same of the arm's folder."""
+    vjm, found, known = calibration.state.vjm, [], _values(calibration, "joint compliances")
+    for one, joint, link, axis in zip(known, vjm.arm.joints, vjm.arm.links, vjm.beam_axes, strict=False):
+        part = slice(0, 3) if joint.prismatic else slice(3, 6)
+        folder = joint.compliance + float(axis @ link.compliance[part, part] @ axis)
+        found.append(Row(one, folder=UM * folder))
+    return found
+
+
+def _pulled(calibration: Calibration, series: Sequence[Series], after: Sequence[Array]) -> Row:
+    """The share of positions that count less than a sound one, and the farthest of those that hardly do."""
+    pulls = [x[: len(one.markers)].T for x, one in zip(calibration.pulls, series, strict=True)]
+    counted = np.concatenate([pull[one.seen] for pull, one in zip(pulls, series, strict=True)])
+    outliers = [
+        Row(
+            series=one.name,
+            row=int(one.row[row]),
+            marker=one.markers[k],
+            error_mm=float(MM * np.linalg.norm(left[row, k])),
+            pull=float(pull[row, k]),
+        )
+        for one, pull, left in zip(series, pulls, after, strict=True)
+        for row, k in np.argwhere((pull < SPOILED) & one.seen)
+    ]
+    worst = sorted(outliers, key=lambda row: -float(row.error_mm))[:WORST]
+    return Row(less_pull_percent=float(100 * (counted < 1).mean()), outliers=worst)
+
+
+def _left_open(found: Calibration) -> tuple[str, ...]:
+    """What readings leave open, and what hides behind what; periodic errors of high orders count as known."""
+    own, unknowns = found.own, found.own.unknowns
+    few, columns = _slow(own)
+    deviation = np.zeros(unknowns.size)
+    deviation[own.columns[: own.rigid]] = found.chosen.learnt.deviation[own.columns[: own.rigid]]
+    loose = np.where(np.isinf(deviation), LOOSE_FRAME, deviation)[columns]
+    prior = np.diag(loose**2)
+    if own.elastic is not None:
+        L = LOOSE.uncertainty * own.elastic.L
+        prior[-len(L) :, -len(L) :] = L @ L.T
+    state = replace(found.state, errors=few.errors, n=np.zeros((len(found.state.n), few.errors.size)))
+    information = found.information[np.ix_(columns, columns)]
+    return unobservable(few, information, prior, pull_of(few, state, found.series))
+
+
+def _slow(own: Choice) -> tuple[Unknowns, Ids]:
+    """The unknowns without periodic errors of higher orders, and where they stand among all."""
+    unknowns, errors = own.unknowns, own.unknowns.errors
+    few = JointErrors(errors.orders[:ORDERS], errors.ratio, errors.play, errors.stiffening)
+    k, m = len(errors.orders), len(few.orders)
+    of = np.r_[np.arange(m), k + np.arange(m), np.arange(2 * k, errors.size)]
+    at = unknowns.starts["errors"] + errors.size * np.arange(unknowns.vjm.arm.n_joints)[:, None] + of
+    before, after = np.arange(unknowns.starts["errors"]), np.arange(unknowns.starts["elastic"], unknowns.size)
+    structure = unknowns.structure
+    if own.elastic is not None:
+        structure, after = own.elastic.structure, own.columns[own.rigid :]
+    return replace(unknowns, errors=few, structure=structure), np.concatenate([before, at.ravel(), after])
+
+
+def rows_of(found: Calibrated, left: Left, some: Ids) -> Row:
+    """Collect some readings of all series with the calibrated arm at each.
+
+    Args:
+        found: The calibration.
+        left: What both arms leave of the readings, by `left_of`.
+        some: Numbers of the rows, from the first series to the last one, (rows,).
+
+    Returns:
+        Names of the series and numbers of the rows in their files, (rows,); joints `q`, (rows, n) [rad, m];
+        tool position `tool`, (rows, 3) [m]; virtual joints `sag`, (rows, n_theta) [m, rad]; targets as read,
+        and reading minus arm as drawn (`before`) and calibrated (`after`), (rows, targets, 3) [m]. NaN where
+        a target was lost, or where another series has more targets.
+    """
+    state, first, parts = found.calibration.state, 0, []
+    targets = max(len(one.markers) for one in found.series)
+    for one, *both in zip(found.series, *left, strict=True):
+        at = some[(first <= some) & (some < first + one.rows)] - first
+        parts.append(_rows_of_one(state, select_rows(one, at), [x[at] for x in both], targets))
+        first += one.rows
+    return Row({key: np.concatenate([part[key] for part in parts]) for key in parts[0]})
+
+
+def _rows_of_one(state: State, series: Series, left: Sequence[Array], targets: int) -> Row:
+    told = forward(state, series)
+    read = told.where.points(state.mount(series).points) + left[1]
+    before, after, at = (np.full((series.rows, targets, 3), np.nan) for _ in range(3))
+    for values, own in ((before, left[0]), (after, left[1]), (at, read)):
+        values[:, : len(series.markers)] = np.where(series.seen[..., None], own, np.nan)
+    sag = (state.C_theta @ told.u).T
+    names = np.full(series.rows, series.name, dtype=object)
+    return Row(
+        **{"name": names, "row": series.row, "q": series.q, "tool": told.where.position, "sag": sag},
+        **{"read": at, "before": before, "after": after},
+    )
+
+
+def largest_left(found: Calibrated, left: Left) -> Array:
+    """Find the largest error of the calibrated arm in every row, (rows,) [m]; -1 of unread rows."""
+    sizes = [
+        np.where(one.seen, np.linalg.norm(x, axis=2), -1.0).max(axis=1)
+        for one, x in zip(found.series, left[1], strict=True)
+    ]
+    return np.concatenate(sizes)

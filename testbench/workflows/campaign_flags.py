@@ -1,0 +1,118 @@
+"""Flags of campaigns, measured and simulated, for every study and command that reads or makes one."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbench.arm.decimal import is_decimal
+from testbench.arm.folder import find_arm, load_arm
+from testbench.errors import BenchError, word
+from testbench.plant.true_arms import FAMILY, TrueArmName
+from testbench.runs.session import SESSION
+from testbench.workflows.cell import Scenario, Truth, of_arm
+from testbench.workflows.plan_input import read_mass
+
+
+def mass(text: str) -> float:
+    """A hung mass, or its weight [kg]; BadParameter for anything else."""
+    try:
+        return read_mass(text)
+    except BenchError as err:
+        raise typer.BadParameter(str(err)) from err
+
+
+def mass_or_none(text: str) -> float:
+    """The same; 0 where nothing hangs."""
+    return 0.0 if is_decimal(text) and float(text) == 0 else mass(text)
+
+
+ArmName = Annotated[str, typer.Argument(help="Folder of an arm, or one of ours.")]
+MapFile = Annotated[Path | None, typer.Option("--map", metavar="TOML", help="Names of the table's columns.")]
+SigmaUm = Annotated[
+    float | None,
+    typer.Option(
+        min=0.001, max=10_000, metavar="UM", help="Noise of a reading along an axis, where the file lacks it."
+    ),
+]
+Load = Annotated[
+    float | None,
+    typer.Option(
+        parser=mass,
+        metavar="MASS",
+        help="Hangs in loaded rows where the file gives none, such as 240 or 530lb.",
+    ),
+]
+Payload = Annotated[
+    float | None,
+    typer.Option(
+        "--load",
+        parser=mass_or_none,
+        metavar="MASS",
+        help="Load where the file gives none, 0 for none; default: the arm's payload.",
+    ),
+]
+TrueArmFlag = Annotated[
+    TrueArmName, typer.Option(help="The true arm; in the family the next one each seed. The model stays.")
+]
+
+
+@dataclass(frozen=True)
+class CampaignOptions:
+    """What a campaign under gravity is made from; a study adds its own."""
+
+    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+    payload_kg: Annotated[
+        float | None, typer.Option(min=0.001, max=10_000, help="Hung mass; what the arm states if not given.")
+    ] = None
+    sigma_um: Annotated[
+        float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")
+    ] = 50.0
+    truth: Annotated[Truth, typer.Option(help="Kind of truth.")] = "nonlinear"
+    true_arm: TrueArmFlag = FAMILY
+    noise: Annotated[bool, typer.Option(help="Noisy readings.")] = True
+    magnification: Annotated[
+        float, typer.Option(min=1, max=10_000, help="Of the deflections drawn in the recording.")
+    ] = 50.0
+
+    def scenario(self, workspace_poses: int) -> Scenario:
+        """The campaign that is asked for; InputError names an arm that there is not."""
+        own = Scenario(
+            arm=find_arm(self.arm).resolve().name,
+            payload=self.payload_kg,
+            sigma=self.sigma_um / 1e6,
+            truth=self.truth,
+            noise=self.noise,
+            workspace_poses=workspace_poses,
+        )
+        return of_arm(load_arm(self.arm), own)
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Measured runs of an arm, and how they are read."""
+
+    arm: ArmName
+    dataset: Annotated[Path, typer.Argument(help="Measured runs: CSV, text, or FILE.xlsx#SHEET.")]
+    mapping: MapFile = None
+    sigma_um: SigmaUm = None
+    load: Load = None
+    frame: Annotated[
+        str, typer.Option(metavar="FRAME", help="auto, base, tracker, or a TOML file with it.")
+    ] = "auto"
+    new_target: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Target that the folder lacks; again.")
+    ] = None
+
+    @property
+    def words(self) -> str:
+        """How they are read, as flags of another command; without what the project file says."""
+        load, frame = None if self.load is None else f"{self.load:g}", self.frame
+        own = {"map": self.mapping, "sigma_um": self.sigma_um, "load": load}
+        own |= {"frame": None if frame == "auto" else frame}
+        flags = [(key, value) for key, value in own.items() if value is not None]
+        flags += [("new_target", name) for name in self.new_target or ()]
+        taken = SESSION.get().taken
+        kept = [(key, value) for key, value in flags if {"new_target": "targets"}.get(key, key) not in taken]
+        return "".join(f" --{key.replace('_', '-')} {word(Path(str(value)))}" for key, value in kept)

@@ -1,0 +1,384 @@
+"""The composer: a scenario becomes poses, settled arms, readings, estimates and scores."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, Self, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, ValidationError, model_validator
+
+from testbench.arm.folder import Arm, load_arm
+from testbench.arm.mjcf import GRAVITY
+from testbench.data.dataset import Dataset, in_order, split
+from testbench.display import Displayed
+from testbench.errors import Array, BenchError, Ids, InputError, Mask
+from testbench.model.kinematics import build_vjm
+from testbench.model.poses import WorkArea, random_poses
+from testbench.model.structure import labels_of
+from testbench.model.vjm import Vjm, body_poses
+from testbench.plant.tracker import Tracker, read_orientations, read_positions, stream
+from testbench.plant.true_arms import true_plant
+
+if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
+    from testbench.identify.absolute.fit import Calibration
+    from testbench.identify.arm_model import ArmModel
+    from testbench.identify.estimate import Estimate
+    from testbench.plant.build import Plant
+    from testbench.plant.equilibrium import Equilibrium
+    from testbench.plant.site import Site
+
+    Pair = tuple[Equilibrium, Equilibrium]
+
+T = TypeVar("T")
+Truth = Literal["nonlinear", "linear"]
+AGREEMENT, POSES = 1e-9, 8
+"""Distance between two readings of an arm [m] over one metre plus that from the origin; poses compared."""
+
+
+class Setup(BaseModel):
+    """What every campaign needs, as data: a manifest must hold it to run the campaign again."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    arm: str  #: The arm's folder.
+    #: "nonlinear" settles the arm with MuJoCo; "linear" takes its first-order deflection, weightless.
+    truth: Truth
+    noise: bool = True  #: Whether readings are noisy.
+    #: Standard deviation of one position reading along one axis [m]; also the weight of the fit.
+    sigma: float
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _in_one_line(cls, given: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        try:
+            return handler(given)
+        except ValidationError as err:
+            first = err.errors(include_url=False)[0]
+            place = ".".join(map(str, first["loc"]))
+            raise BenchError(f"{place} in SI units: {first['msg']}, got {first['input']!r}") from err
+
+    @property
+    def sigmas(self) -> tuple[float, float | None]:
+        """Of a position [m] and of an orientation [rad], None where none is read."""
+        return self.sigma, None
+
+
+SECTION_6 = (
+    "kr500_l480"  #: The arm of section 6: its scenarios have the payload and the areas of that campaign.
+)
+
+
+def _as_in_section_6(value: T) -> Callable[[dict[str, object]], T | None]:
+    """A default that holds for the arm of section 6 and is None for any other."""
+    return lambda known: value if known.get("arm") == SECTION_6 else None
+
+
+class Scenario(Setup):
+    """A gravity calibration as in section 6, of any arm."""
+
+    #: Hung mass [kg]; None for the payload that the arm states.
+    payload: float | None = Field(default_factory=_as_in_section_6(460.3), ge=0.001, le=10_000)
+    sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)
+    truth: Truth = "nonlinear"
+    #: Work area of the calibration poses; None for all that the arm reaches.
+    station: WorkArea | None = Field(
+        default_factory=_as_in_section_6(
+            WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
+        )
+    )
+    #: Area of the second check, the whole workspace above the floor; None for all that the arm reaches.
+    workspace: WorkArea | None = Field(
+        default_factory=_as_in_section_6(WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0)))
+    )
+    identification_poses: int = Field(default=8, ge=1, le=1000)  #: Poses to identify from.
+    check_poses: int = Field(default=3, ge=1, le=1000)  #: Poses never used for it.
+    #: Runs over the identification poses; some poses are measured twice.
+    identification_runs: int = Field(default=15, ge=1, le=10_000)
+    check_runs: int = Field(default=6, ge=1, le=10_000)  #: Runs over the check poses.
+    workspace_poses: int = Field(default=200, ge=1, le=10_000)  #: Poses of the second check.
+
+    @property
+    def mass(self) -> float:
+        """Hung mass [kg]; BenchError where neither scenario nor arm states one."""
+        if self.payload is None:
+            raise BenchError(f"payload [kg]: expected one, {self.arm} states none")
+        return self.payload
+
+
+def of_arm(arm: Arm, scenario: Scenario) -> Scenario:
+    """The scenario with the payload that the arm states, where it names none."""
+    return scenario if scenario.payload else scenario.model_copy(update={"payload": arm.payload})
+
+
+@dataclass(frozen=True, repr=False)
+class Cell(Displayed):
+    """An arm with its model, its truth and its room, built once for many campaigns.
+
+    Truth and room are built when they are first asked for.
+    """
+
+    arm: Arm
+    vjm: Vjm
+    truth: "Plant | None" = None  #: A truth other than that of the arm's folder.
+    floor: float | None = None  #: Height of a floor that rigid.xml does not have [m]; None for none.
+
+    def about(self) -> dict[str, object]:
+        """The arm."""
+        return self.arm.about()
+
+    @cached_property
+    def plant(self) -> "Plant":
+        """The truth."""
+        from testbench.plant.build import build_plant
+
+        return self.truth or build_plant(self.arm)
+
+    @cached_property
+    def room(self) -> "Site":
+        """Where it stands, for collisions."""
+        from testbench.plant.site import build_site
+
+        return build_site(self.arm, floor=self.floor)
+
+    def model(self, found: "Estimate | Calibration") -> "ArmModel":
+        """Make the model of this arm that `predict`, `compensate`, `stiffness` and `save_model` take.
+
+        Args:
+            found: An estimate of compliances by any estimator, or what `calibrate` returns.
+
+        Returns:
+            The identified arm: its state theta = theta_0 + C_theta u, and the posterior of what is uncertain.
+            From an estimate it is the arm as drawn, bent by its own weight where rigid.xml states masses.
+
+        Raises:
+            BenchError: When the estimate is one of another arm.
+        """
+        from testbench.identify.absolute.fit import Calibration  # here: simulating needs no fits
+        from testbench.identify.absolute.posterior import model_of
+        from testbench.identify.arm_model import of_estimate
+        from testbench.identify.estimate import Estimate
+        from testbench.model.weights import weights_known
+
+        if isinstance(found, Calibration):
+            return model_of(found)
+        if not isinstance(found, Estimate):
+            raise BenchError(f"model: expected an Estimate or a Calibration, got {type(found).__name__}")
+        names, own = found.structure.labels, labels_of(self.arm)
+        if names[: len(own)] != own:
+            raise BenchError(f"model: expected an estimate of {self.arm.name}, got one of {names[0]} ...")
+        return of_estimate(self.vjm, found, weights_known(self.arm)[0])
+
+
+@dataclass(frozen=True, repr=False)
+class Campaign(Displayed):
+    """What was measured, and the truth to judge by: of section 6, or of section 5 (`full_pose.simulate`)."""
+
+    scenario: Setup  #: What was asked for.
+    seed: int  #: Root of all randomness.
+    measured: Dataset  #: All measured runs, in the order of the dataset file.
+    identification: Dataset  #: Those to identify from.
+    check: Dataset  #: Those of poses never identified from.
+    check_true: Dataset  #: The same runs without noise.
+    truth: Dataset  #: Without noise: all over the workspace in section 6, the check runs in section 5.
+    drawn: int = 0  #: In section 5 check runs drawn until enough had a deflection in range.
+
+    def about(self) -> dict[str, object]:
+        """Arm, seed, and the runs to identify from, to check with and to judge by."""
+        own: dict[str, object] = {"arm": self.scenario.arm, "seed": self.seed}
+        for name in ("identification", "check", "truth"):
+            data = getattr(self, name)
+            own[name] = f"{data.runs} runs in {len(np.unique(data.pose))} poses"
+        return own | {"sigma_um": f"{1e6 * self.measured.sigma:g}"}
+
+
+def build_cell(folder: str | Path) -> Cell:
+    """Load an arm and build its model.
+
+    Args:
+        folder: The arm's; the name of an arm that comes with testbench does as well.
+
+    Returns:
+        What campaigns, plans and studies work on.
+
+    Raises:
+        InputError: When the arm's folder is wrong, or MuJoCo and the model read two arms in it.
+    """
+    arm = load_arm(folder)
+    cell = Cell(arm, build_vjm(arm))
+    check_agreement(cell.vjm, cell.plant)
+    return cell
+
+
+def check_agreement(vjm: Vjm, plant: "Plant") -> float:
+    """Largest distance between where truth and model place bodies; axes count at a metre [m].
+
+    MuJoCo and Pinocchio read an arm each for itself: InputError names a body that rounding does not explain.
+    """
+    from testbench.plant.equilibrium import unloaded
+
+    arm = vjm.arm
+    q = arm.drawn(np.random.default_rng(0), POSES)
+    ours = [np.dstack([R, p]) for p, R in body_poses(vjm, q)]  # axes and origin as columns
+    at, axes = ours[-1][..., 3:], ours[-1][..., :3]  # of points on the tool the model knows no axes
+    ours += [at + axes @ point[:, None] for point in (vjm.load, *vjm.markers)]
+    names = (*(link.name for link in arm.links), arm.tool, arm.load, *arm.markers)
+    largest = 0.0
+    for name, own, (p, R) in zip(names, ours, unloaded(plant, q, names), strict=True):
+        theirs = np.dstack([R, p])[..., -own.shape[2] :]
+        apart = float(np.abs(own - theirs).max())
+        if not apart <= AGREEMENT * (1 + float(np.abs(p).max())):
+            problem = f"MuJoCo and Pinocchio place it {apart:.1e} m apart"
+            raise InputError(arm.rigid, f"<body name={name!r}>", problem)
+        largest = max(largest, apart)
+    return largest
+
+
+def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Campaign:
+    """Choose poses, load the true arm in each, and read the markers.
+
+    Args:
+        cell: The arm.
+        scenario: What to measure; None for the campaign of section 6 under the payload that the arm states.
+        seed: Root of all randomness.
+
+    Returns:
+        The runs to identify from, those to check with, and true deflections over the workspace.
+
+    Raises:
+        BenchError: When neither scenario nor arm states a payload, the scenario is of another arm, or the
+            seed is no integer from 0 on.
+        PoseError: When too few feasible poses exist.
+        NoEquilibrium: When the arm cannot carry the payload.
+    """
+    scenario = of_arm(cell.arm, Scenario(arm=cell.arm.name) if scenario is None else scenario)
+    if Path(scenario.arm).name != cell.arm.name:
+        raise BenchError(f"scenario: expected one of {cell.arm.name}, got one of {scenario.arm}")
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise BenchError(f"seed: expected an integer from 0 on, got {seed!r}")
+    return simulate_at(cell, scenario, seed, draw_poses(cell, scenario, seed))
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Where a campaign loads the arm; neither truth nor payload decides it."""
+
+    station: Array  #: Poses to identify from, then those of the check runs, (poses, n) [rad, m].
+    anywhere: Array  #: Poses of the second check, (workspace_poses, n) [rad, m].
+
+
+def draw_poses(cell: Cell, scenario: Scenario, seed: int) -> Poses:
+    """The poses of a campaign: `PoseError` when too few are feasible."""
+    rng = stream(seed, 0)
+    count = scenario.identification_poses + scenario.check_poses
+    station = clear_poses(cell, scenario.station, count, rng)
+    return Poses(station, clear_poses(cell, scenario.workspace, scenario.workspace_poses, rng))
+
+
+def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Campaign:
+    """A campaign in these poses, of as many as the scenario asks for; the seed is of its noise."""
+    pose = np.concatenate(
+        [
+            spread(scenario.identification_poses, scenario.identification_runs),
+            scenario.identification_poses + spread(scenario.check_poses, scenario.check_runs),
+        ]
+    )
+    loaded = hanging(cell, poses.station[pose], pose + 1, scenario.mass)
+    measured, true = measure_both(cell, scenario, loaded, stream(seed, 1))
+    everywhere = hanging(cell, poses.anywhere, np.arange(len(poses.anywhere)) + 1, scenario.mass)
+    (fitted, check), (_, check_true) = (
+        split(data, np.arange(scenario.identification_poses) + 1) for data in (measured, true)
+    )
+    return Campaign(scenario, seed, measured, fitted, check, check_true, measure(cell, scenario, everywhere))
+
+
+def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Generator) -> Array:
+    """Random poses with the tool in an area, None for anywhere, free of collision, (count, n) [rad, m]."""
+    from testbench.plant.site import collisions
+
+    def clear(q: Array) -> Mask:
+        return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
+
+    return random_poses(cell.vjm, area, count, clear, rng)
+
+
+def spread(poses: int, runs: int) -> Ids:
+    """Pose of every run: as many runs in each pose as in any other, or one more, in order of pose."""
+    return np.sort(np.arange(runs) % poses)
+
+
+@dataclass(frozen=True)
+class LoadedPoses:
+    """What is to be measured: a pose and a load a run."""
+
+    q: Array  #: Actuated joints, (runs, n) [rad, m].
+    pose: Ids  #: Identifier of the pose, (runs,).
+    wrench: Array  #: Force and moment, world axes, (runs, 6) [N, N m].
+    point: Array  #: Where it acts, in the tool's frame, (runs, 3) [m].
+
+
+def hanging(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> LoadedPoses:
+    """Poses with a weight at the arm's load point, one mass for all runs or one each, (runs,) [kg]."""
+    wrench = np.zeros((len(q), 6))
+    wrench[:, 2] = -GRAVITY * mass
+    return LoadedPoses(q, pose, wrench, np.tile(cell.plant.load, (len(q), 1)))
+
+
+def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator | None = None) -> Dataset:
+    """Read every marker before and after loading, and the tool's orientation where the setup reads it.
+
+    Readings have the noise of `rng`, none without it.
+    """
+    settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
+    return read_markers(cell, setup, loaded, settled, rng)
+
+
+def measure_both(
+    cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator
+) -> tuple[Dataset, Dataset]:
+    """The same runs with noise and without, of one pair of equilibria."""
+    settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
+    return read_markers(cell, setup, loaded, settled, rng), read_markers(cell, setup, loaded, settled)
+
+
+def read_markers(
+    cell: Cell, setup: Setup, loaded: LoadedPoses, settled: "Pair", rng: np.random.Generator | None = None
+) -> Dataset:
+    """The readings of the arm at rest, unloaded and loaded."""
+    sigma, sigma_rotation = setup.sigmas
+    tracker = Tracker(sigma, sigma_rotation) if setup.noise and rng else Tracker(0.0, 0.0)
+    rng, runs = rng or stream(0), np.arange(len(loaded.q)) + 1  # of no effect: the tracker has no noise
+    before, after = (read_positions(tracker, rest.markers, rng) for rest in settled)
+    data = Dataset(cell.arm.markers, runs, **vars(loaded), before=before, after=after, sigma=sigma)
+    if sigma_rotation is None:
+        return data
+    before, after = (read_orientations(tracker, rest.rotation, rng) for rest in settled)
+    return replace(data, rotation_before=before, rotation_after=after, sigma_rotation=sigma_rotation)
+
+
+def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array) -> "Pair":
+    """The true arm unloaded and loaded, all in one call: a call of its own costs what 20 poses cost."""
+    from testbench.plant.equilibrium import settle, settle_linear, settle_pair
+
+    if truth == "nonlinear" and plant.beyond is not None and plant.beyond.slip is not None:
+        return settle_pair(plant, q, wrench, point)  # where it stood decides where it comes to
+    runs, find = len(q), settle_linear if truth == "linear" else settle
+    loads = np.concatenate([np.zeros_like(wrench), wrench])
+    rest = find(plant, np.concatenate([q, q]), loads, np.concatenate([point, point]))
+    return in_order(rest, slice(runs)), in_order(rest, slice(runs, None))
+
+
+def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:
+    """Give a cell another true arm, a new one for every seed; its model stays.
+
+    Args:
+        cell: The cell.
+        name: Kind of truth, one of TRUTHS or HELD_OUT.
+        seed: Seed of the true arm's random numbers.
+        stiffer: How many times stiffer its links are [1].
+
+    Raises:
+        BenchError: When the name is none of TRUTHS and HELD_OUT.
+    """
+    return replace(cell, truth=true_plant(cell.arm, name, seed, stiffer))

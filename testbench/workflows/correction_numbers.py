@@ -1,0 +1,202 @@
+"""Numbers of a corrected program, point by point: how far the tool is off as programmed, and corrected."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.special import ndtr
+
+from testbench.correct import uncertainty
+from testbench.correct.beyond import extent
+from testbench.correct.rest import rest
+from testbench.errors import Array, Ids
+from testbench.files.program import unread
+from testbench.identify.posterior import CONFIDENCE, quantile
+from testbench.model.vjm import turns
+from testbench.runs.rows import Row, finite
+from testbench.workflows.program import CorrectedProgram, extrapolated
+from testbench.workflows.rows import MM
+
+MRAD = 1e3
+FITTED, MOST = 4, 200  #: Points to which a frame is fitted at least, and at most, evenly picked.
+JUMPS = 0.2  #: Change of a correction from a point to the next that raises a warning [deg, mm].
+OPEN = 0.25  #: Half width over the error from which the part that keeps it open is named [1].
+SUDDEN = 0.2  #: Change of a force over its size that is sudden [1].
+TURNED = 1e-2  #: A turn that is left counts from here [mrad].
+
+
+def numbers(found: CorrectedProgram, tolerance_mm: float | None = None) -> Row:
+    """Collect all numbers of a corrected program by their keys in report.json.
+
+    Args:
+        found: The corrected program.
+        tolerance_mm: Largest error that passes, the interval counted; None without a tolerance [mm].
+    """
+    own, model, program = found.found, found.model, found.program
+    points = _points(found, tolerance_mm)
+    loaded = [row for row in points if row.before_mm > 0]
+    before, half = ([row[key] for row in loaded or points] for key in ("before_mm", "half_95_mm"))
+    unseen = sum(row.half_95_mm is None for row in points)
+    force = np.linalg.norm(sum(load.wrench[:, :3] for load in found.loads), axis=1)
+    absolute = model.absolute and own.asked == "drawn"
+    held = (own.held & own.corrected[:, None]).sum(axis=0)
+    before_mm, half_mm = sizes(before), None if unseen else sizes(half)
+    most = [[row[key] for row in loaded or points] for key in ("before_most_mm", "most_mm")]
+    return Row(
+        program=program.path.name,
+        arm=model.arm.name,
+        method=model.about.method,
+        absolute=model.absolute,
+        asked=own.asked,
+        hold=found.aim.hold,
+        points=program.points,
+        corrected=int(own.corrected.sum()),
+        force_n=[float(force.min()), float(force.max())],
+        before_mm=before_mm,
+        half_95_mm=half_mm,
+        before_most_mm=None if unseen else sizes(most[0]),
+        most_mm=None if unseen else sizes(most[1]),
+        chance=None if unseen or not loaded else float(np.median(_chances(before, half))),
+        harmful=bool(loaded) and half_mm is None,
+        half_fitted_mm=_fitted(found) if absolute else None,
+        loaded=len(loaded),
+        unseen=unseen,
+        **_turns(found),
+        jump=_jump(found),
+        worst=max(points, key=lambda row: float(row.before_mm)),
+        extrapolated=extrapolated(extent(model, own.start, found.loads)),
+        open=uncertainty.most_open(model, own.q, found.loads, np.array(found.aim.point), absolute),
+        doubts=model.about.doubts,
+        unread=unread(program),
+        held={joint.name: int(n) for joint, n in zip(model.arm.joints, held, strict=True) if n},
+        tolerance=None if tolerance_mm is None else _kept(points, tolerance_mm),
+        rows=points,
+    )
+
+
+def warnings(f: Row) -> Iterator[str]:
+    """List how the program was read, points and joints that are not corrected, loads, jumps, doubts."""
+    yield from f.unread
+    if f.corrected < f.points:
+        yield f"Not corrected: {f.points - f.corrected} of {f.points} points"
+    yield from f.extrapolated
+    if f.open and (not f.half_95_mm or f.half_95_mm.median > OPEN * f.before_mm.median):
+        yield f"{100 * f.open.share:.0f} % of the variance that stays open comes from {f.open.name}"
+    if f.turned:
+        yield f"Points with a turn left near a singular pose: {f.turned}, at most {f.turn_left_mrad:.3f} mrad"
+    yield from (f"Points with {joint} at its limit: {n}" for joint, n in f.held.items())
+    if (jump := f.jump) and not jump.load and jump.size > JUMPS:
+        yield f"The correction of {jump.joint} jumps by {jump.size:.2f} {jump.unit} after line {jump.line}"
+    yield from (f"Doubt of the model: {text}" for text in f.doubts)
+
+
+def _chances(before: Sequence[float], half: Sequence[float]) -> Array:
+    """Chance that a point gets better by its correction, at least (n,) [1].
+
+    The true error e along the correction b is normal around it, its deviation s at most: |e - b| < |e| where
+    e > b / 2.
+
+    Args:
+        before: Length of what is corrected, (n,) [mm].
+        half: Half width of the 95 % interval along the worst axis, (n,) [mm].
+    """
+    with np.errstate(divide="ignore"):  # what has no error at all is sure
+        return np.asarray(ndtr(quantile(np.inf, (1 + CONFIDENCE) / 2) * np.divide(before, half) / 2))
+
+
+def _kept(points: Sequence[Row], mm: float) -> Row:
+    """How many points keep a tolerance, corrected and as programmed, their intervals counted."""
+    before = [row.half_95_mm is not None and row.before_mm + row.half_95_mm <= mm for row in points]
+    return Row(mm=mm, failed=sum(row.verdict == "fail" for row in points), failed_before=before.count(False))
+
+
+def _points(found: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
+    """A row a point: `half_95_mm` along its worst axis, None if nothing bounds it; corrections in deg, mm.
+
+    `most_mm` is what the model leaves and that half width: a point within a tolerance passes.
+    `before_most_mm` is the same of the program as it is.
+    """
+    own, program, reasons = found.found, found.program, found.reasons
+    arm = found.model.arm
+    correction = arm.scale * arm.change_to_file(own.q - own.start)
+    before, half = MM * np.linalg.norm(own.before, axis=1), MM * own.half.max(axis=1)
+    after = MM * np.linalg.norm(own.after, axis=1)
+    verdicts: list[str | None] = [None] * program.points
+    if tolerance_mm is not None:
+        verdicts = np.where(after + half <= tolerance_mm, "pass", "fail").tolist()
+    return [
+        Row(
+            line=int(program.line[k]),
+            label=program.labels[k],
+            before_mm=float(before[k]),
+            half_95_mm=finite(half[k]),
+            after_mm=float(after[k]),
+            most_mm=finite(after[k] + half[k]),
+            before_most_mm=finite(before[k] + half[k]),
+            verdict=verdicts[k],
+            correction=correction[k].tolist(),
+            turn_left_mrad=float(MRAD * np.linalg.norm(own.turned[k])),
+            reason=reasons[k],
+        )
+        for k in range(program.points)
+    ]
+
+
+def sizes(values: Sequence[float] | Array) -> Row:
+    """Find median, 95th percentile and largest of errors."""
+    return Row(zip(("median", "p95", "max"), np.percentile(values, (50, 95, 100)).tolist(), strict=True))
+
+
+def _turns(found: CorrectedProgram) -> Row:
+    """How far the tool turns where nothing holds it, and what is left of its turn where that is held."""
+    own = found.found
+    turned = MRAD * np.linalg.norm(own.turned, axis=1) * own.corrected
+    free = turned * (found.aim.hold == "position")
+    left = (turned - free) * ~own.held.any(axis=1)
+    return Row(
+        turns_mrad=float(free.max()), turned=int((left > TURNED).sum()), turn_left_mrad=float(left.max())
+    )
+
+
+def _jump(found: CorrectedProgram) -> Row | None:
+    """Where a correction changes most from a point to the next; None with one point."""
+    own, arm, joints = found.found, found.model.arm, found.model.arm.file_joints
+    if len(own.q) < 2:
+        return None
+    steps = np.abs(np.diff(arm.change_to_file(own.q - own.start), axis=0))
+    k, j = np.unravel_index(int(steps.argmax()), steps.shape)
+    load = np.sum([load.wrench[:, :3] for load in found.loads], axis=0)
+    change, size = np.linalg.norm(load[k + 1] - load[k]), np.linalg.norm(load[k : k + 2], axis=1).max()
+    return Row(
+        joint=joints[j].name,
+        size=joints[j].shown * float(steps[k, j]),
+        unit=joints[j].shown_unit,
+        line=int(found.program.line[k]),
+        load=bool(change > SUDDEN * size),
+    )
+
+
+def _fitted(found: CorrectedProgram) -> Row | None:
+    """Intervals relative to one another, a frame fitted to the points; None for few points."""
+    own, count = found.found, len(found.found.q)
+    if count < FITTED:
+        return None
+    some = np.unique(np.linspace(0, count - 1, min(MOST, count)).round().astype(int))
+    stand = uncertainty.Poses(own.q, found.loads).of(some)
+    half = MM * uncertainty.fitted_half_widths(found.model, stand, np.array(found.aim.point)).max(axis=1)
+    return sizes(half) if np.isfinite(half).all() else None
+
+
+def bent(found: CorrectedProgram, some: Ids) -> Array:
+    """Find how the arm bends as programmed, less what the program knows of.
+
+    Args:
+        found: The corrected program.
+        some: Numbers of the points, (points,).
+
+    Returns:
+        Virtual joints, (points, n_theta) [m, rad].
+    """
+    state, q = found.model.state, found.found.start[some]
+    loaded = rest(state, q, [load.of(some) for load in found.loads]).theta
+    own = loaded if found.found.asked == "drawn" else loaded - rest(state, q).theta
+    return turns(state.vjm, own)

@@ -1,0 +1,274 @@
+"""A user's runs fitted by several models, and which model to take: what models.json holds."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.data.dataset import SHOWN, Dataset, evenly, in_order
+from testbench.errors import Array, BenchError, Doubt
+from testbench.identify import Estimate, Method, intervals
+from testbench.identify.evaluate import Score, deflections, score
+from testbench.identify.fold import BLOCK_RUNS, Parts, with_poses
+from testbench.identify.hierarchy import Unchecked, contradicted, unchecked
+from testbench.identify.metric import metric
+from testbench.identify.regression import ROUNDING, Regression
+from testbench.model.laws import UNIT_SIZES, sizes_of, vjm_of
+from testbench.model.vjm import chain, generalised_load
+from testbench.progress import stepwise
+from testbench.runs.rows import Row, finite
+from testbench.workflows.cell import Cell
+from testbench.workflows.doubt import of_noise, of_scale
+from testbench.workflows.evaluation import EstimatorFailed, failed_row, of_model
+from testbench.workflows.identifiability import set_aside
+from testbench.workflows.model_selection import Recommendation, default_name, folded, recommend, why
+from testbench.workflows.models import Model
+from testbench.workflows.read_runs import Runs
+from testbench.workflows.rows import MM, error_row, fit_row
+
+Clock = Callable[[], float]  #: Wall time [s].
+UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
+
+
+@dataclass(frozen=True)
+class Identified:
+    """Models fitted to a user's runs, and what there is to say of them."""
+
+    fits: Row  #: Numbers and words, as `fit` has them.
+    runs: Runs
+    estimates: Mapping[str, Estimate]  #: By the name of the model.
+    held_out: Mapping[str, Array]  #: F_M of models on what was held out in turn, (folds,) [1].
+
+    @property
+    def taken(self) -> Estimate:
+        """Of the model to take."""
+        return self.estimates[self.fits.recommended]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Models fitted to runs; one entry a model."""
+
+    runs: Runs
+    models: Sequence[Model]
+    estimates: Sequence[Estimate]
+    seconds: Sequence[float]  #: Of the fit; the runs were reduced for all models before.
+    used: Sequence[Score]  #: Errors on the runs that were fitted.
+    check: Sequence[Score | None]  #: On those held back.
+    taken: Recommendation
+
+
+def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths: bool = False) -> Identified:
+    """Fit every model, judge it, and recommend one; `widths` asks for intervals of predicted deflections.
+
+    What is found is models.json: of every model a `FitRow` with its errors, intervals, compliances and laws,
+    the model to take and its F_M on what was held out, doubts, the likeliest first, and what no reading
+    checks of the prior.
+
+    Raises:
+        BenchError: When a method cannot fit a structure to the runs.
+    """
+    try:
+        models, still = _moved(cell, models, runs.used)
+        own, lost = _working(cell, models, replace(runs, notes=(*runs.notes, *still)), clock)
+    except BenchError as err:
+        raise BenchError("; ".join([*(doubt.sentence for doubt in runs.doubts), str(err)])) from err
+    runs, taken = own.runs, own.taken
+    widest = runs.check or runs.used
+    if widths and widest.runs > SHOWN:
+        runs = replace(runs, notes=(*runs.notes, f"intervals are of {SHOWN} of {widest.runs} runs, evenly"))
+        widest = in_order(widest, evenly(np.arange(widest.runs), SHOWN))
+    every = [(m.name, estimate) for m, estimate in zip(own.models, own.estimates, strict=True)]
+    estimates = dict(every)
+    # beside a prior, intervals that count noise alone would look the surest
+    plain = all(estimate.belief is None for estimate in own.estimates)
+    sure = [widths and (plain or e.belief is not None or name == taken.name) for name, e in every]
+    fits = Row(
+        dataset=runs.name,
+        arm=cell.arm.name,
+        runs=runs.used.runs,
+        poses=len(np.unique(runs.used.pose)),
+        models=tuple(
+            _fit(cell, own, k, widest if wanted else None)
+            for k, wanted in enumerate(stepwise(sure, "intervals"))
+        ),
+        recommended=taken.name,
+        why=why(taken, estimates[taken.name]),
+        held_out=[Row(name=c.name, f_m=c.error, standard_error=c.standard_error) for c in taken.candidates],
+        doubts=(
+            *runs.doubts,
+            *of_noise(own.estimates),
+            *_of_prior(estimates, taken.name, default_name(cell.arm)),
+        ),
+        unchecked=_unchecked(cell, next(m for m in own.models if m.name == taken.name), estimates),
+        notes=runs.notes,
+        registration=runs.registration,
+        scale=runs.scale,
+        failed=tuple(map(failed_row, lost)),
+    )
+    return Identified(fits, runs, estimates, {c.name: c.errors for c in taken.candidates})
+
+
+def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence[Model], list[str]]:
+    """The models that the loads move, and a sentence on each other one.
+
+    Loads along z turn no hinge about z and push no slide along y: an arm of these alone bends in its links.
+
+    Raises:
+        BenchError: When they move none.
+    """
+    blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
+    loads = (generalised_load(chain(cell.vjm, data.q[b]), data.wrench[b], data.point[b]) for b in blocks)
+    u = np.max([np.abs(load).max(axis=1) for load in loads], axis=0)
+    acts = u > ROUNDING * u.max()
+    entries = [np.concatenate([m.structure.a, m.structure.b]) for m in models]
+    moved = [m for m, own in zip(models, entries, strict=True) if acts[own[own < len(acts)]].any()]
+    still = [m.name for m in models if m not in moved]
+    if not moved:
+        raise BenchError(f"expected loads that bend a model, these bend none of {', '.join(still)}")
+    return moved, [f"{name} is left out: no load acts on what it can bend" for name in still]
+
+
+def _working(
+    cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock
+) -> tuple[Found, list[EstimatorFailed]]:
+    """What is found without estimators of one's own that fail, and those.
+
+    Raises:
+        BenchError: When no model is left.
+    """
+    lost: list[EstimatorFailed] = []
+    own: dict[str, tuple[Estimate, float]] = {}
+    for model in (model for model in models if not _plain(model)):
+        start = clock()
+        try:
+            own[model.name] = (of_model(cell, model, runs.used), clock() - start)
+        except EstimatorFailed as err:
+            lost.append(err)
+    while True:
+        models = [model for model in models if model not in [err.model for err in lost]]
+        if not models:
+            raise BenchError("; ".join(map(str, lost)))
+        try:
+            return _fit_all(cell, models, runs, clock, own), lost
+        except EstimatorFailed as err:  # in runs of which some are held out
+            lost.append(err)
+
+
+Own = Mapping[str, tuple[Estimate, float]]  #: What is fitted already, and its time [s], by name.
+
+
+def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, own: Own) -> Found:
+    """Fit, judge and choose models; BenchError when a method cannot fit its structure."""
+    estimates, seconds = [], []
+    reduced = folded(cell, models, runs.used)
+    for model in stepwise(models, "fitting models"):
+        start = clock()
+        if plain := _plain(model):
+            readings: Parts | Regression = reduced.parts[model.structure.name]
+            if isinstance(readings, Parts) and not plain.penalised:
+                readings = with_poses(cell.vjm, readings.together(), runs.used)
+            estimate = plain.of(cell.vjm, readings)
+            spent = clock() - start
+        else:
+            estimate, spent = own[model.name]
+        estimates.append(estimate)
+        seconds.append(spent)
+    used = [_errors(cell, each, runs.used) for each in estimates]
+    check = [None if runs.check is None else _errors(cell, each, runs.check) for each in estimates]
+    return Found(runs, models, estimates, seconds, used, check, recommend(cell, models, reduced))
+
+
+def _plain(model: Model) -> Method | None:
+    """Its method, where that needs no more than what the runs were reduced to."""
+    method = model.estimator
+    return method if isinstance(method, Method) and method.loss == "plain" else None
+
+
+def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> Score:
+    return score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen])
+
+
+def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list[Doubt]:
+    """What the readings say against the prior of the default, or of the model that is taken."""
+    belief = by_name[default if default in by_name else taken].belief
+    said = [of_scale(scale) for scale in contradicted(belief)] if belief else []
+    if default in by_name and taken != default:
+        words = f"{taken} predicts better than {default}: is the arm's folder that of this arm?"
+        said.append(Doubt("prior", words))
+    return said
+
+
+def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> Unchecked:
+    """What the readings do not check of a model's prior; nothing where it has none."""
+    method = taken.estimator
+    if not isinstance(method, Method) or method.prior is None:
+        return Unchecked()
+    own = estimates[taken.name].of_compliances
+    return unchecked(own, metric(method.prior, cell.vjm, own.structure))
+
+
+def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Row:
+    """A model; where runs are given with intervals of its predictions there.
+
+    A joint that is counted in the link before it has no compliance. Laws are half widths of backlash and
+    friction [rad, m], and the share by which a joint is stiffer when its spring is turned by a milliradian (a
+    slide: a millimetre) [1].
+    """
+    estimate, check = found.estimates[k], found.check[k]
+    prior = found.models[k].filled or estimate.belief is not None
+    blocks = (estimate.C_theta[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(len(cell.arm.links)))
+    return Row(
+        vars(fit_row(found.models[k].name, estimate, found.seconds[k], prior=prior)),
+        equations=estimate.regression.equations,
+        identification=error_row(found.used[k]),
+        check=None if check is None else error_row(check),
+        intervals=None if widest is None else _intervals(cell, estimate, widest),
+        learnt=estimate.belief is not None and estimate.belief.moves is not None,
+        links={link.name: C.tolist() for link, C in zip(cell.arm.links, blocks, strict=True)},
+        joints=_joints(cell, estimate),
+        units=UNITS,
+        laws=_laws(cell, estimate),
+        rejected=estimate.rejected,
+    )
+
+
+def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
+    """Compliance of every joint; None where it is aggregated into the link before it."""
+    own = np.diag(estimate.C_theta)[6 * len(cell.arm.links) : cell.arm.n_theta].tolist()
+    inside = set_aside(cell.vjm, estimate.structure)
+    pairs = zip(cell.arm.joints, own, strict=True)
+    return {joint.name: None if joint.name in inside else compliance for joint, compliance in pairs}
+
+
+def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
+    """What every joint does beyond a linear spring; nothing of a linear model."""
+    if estimate.average is None or not estimate.average.laws:
+        return {}
+    found = sizes_of(vjm_of(cell.vjm, estimate.structure), estimate.C_theta)
+    return {joint: {kind: UNIT_SIZES[kind] * own[kind] for kind in own} for joint, own in found.items()}
+
+
+def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> Row:
+    """95 % intervals of deflections, each by itself; null without a bound."""
+    found = intervals(cell.vjm, estimate, data)
+    half = MM * (found.upper - found.lower) / 2
+    known = half[np.isfinite(half)]
+    ends = {"centre_mm": found.centre, "lower_mm": found.lower, "upper_mm": found.upper}
+    return Row(
+        confidence=found.confidence,
+        on_boundary=found.on_boundary,
+        unbounded=half.size - known.size,
+        components=half.size,
+        half_width_mm=float(np.median(known)) if known.size else None,
+        half_width_max_mm=float(known.max()) if known.size else None,
+        deflections=tuple(
+            {
+                "run": run,
+                "marker": marker,
+                **{key: [finite(MM * x) for x in own[i, k]] for key, own in ends.items()},
+            }
+            for i, run in enumerate(data.run.tolist())
+            for k, marker in enumerate(data.markers)
+        ),
+    )

@@ -1,0 +1,154 @@
+"""Models by name: a structure with the method that identifies it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from string import digits
+
+from testbench.arm.folder import Arm
+from testbench.display import Displayed
+from testbench.errors import BenchError
+from testbench.identify import Constraint, Estimator, completed_least_squares, gco, least_squares
+from testbench.identify.regression import non_redundant
+from testbench.model.structure import (
+    FULL,
+    TEMPLATE,
+    Structure,
+    all153,
+    joints_only,
+    mgco47,
+    mgco68,
+    mgco69,
+    mgco147,
+    template56,
+)
+from testbench.model.vjm import Vjm
+from testbench.workflows.cell import Cell
+
+JOINTS = "Joints"  #: Key of `MODELS`: what most calibrations identify, the incumbent to beat.
+WITHOUT_CONE = "LS153"  #: All links and joints by least squares: what the default is without its cone.
+EQUAL_FIT = "MLS56, PSD of equal fit"
+
+
+@dataclass(frozen=True, repr=False)
+class Model(Displayed):
+    """A named structure with the method that identifies it."""
+
+    name: str  #: As in the paper, such as MGCO68.
+    structure: Structure  #: The unknowns.
+    estimator: Estimator  #: A `Method`, or a function of your own.
+
+    @property
+    def filled(self) -> bool:
+        """Whether its method, or an estimator of one's own, is given a prior."""
+        return getattr(self.estimator, "prior", None) is not None
+
+    def about(self) -> dict[str, object]:
+        """Name and number of unknowns."""
+        return {"name": self.name, "unknowns": self.structure.n}
+
+
+def _made(structure: Callable[[Arm], Structure], estimator: Estimator) -> Callable[[Cell], Model]:
+    def make(cell: Cell) -> Model:
+        unknowns = structure(cell.arm)
+        return Model(unknowns.name, unknowns, estimator)
+
+    return make
+
+
+class _Named(dict[str, Callable[[Cell], Model]]):
+    """Models by name; a BenchError lists the names where there is no such model."""
+
+    def __missing__(self, name: str) -> Callable[[Cell], Model]:
+        raise BenchError(f"expected a model of {', '.join(self)}, got {name!r}")
+
+
+MODELS = _Named(
+    {
+        JOINTS: _made(joints_only, least_squares),
+        "MLS32": lambda cell: Model(
+            "MLS32", non_redundant(cell.vjm, template56(cell.arm), name="MLS32"), least_squares
+        ),
+        "MLS56": _made(partial(template56, name="MLS56"), least_squares),
+        "MGCO47": _made(mgco47, gco),
+        "MGCO56": _made(template56, gco),
+        "MGCO68": _made(mgco68, gco),
+        "MGCO69": _made(mgco69, gco),
+        "MGCO147": _made(mgco147, gco),
+        "ALL153": _made(all153, gco),
+    }
+)
+"""Models by name, the paper's, "Joints" and "ALL153": MODELS["MGCO56"](cell) has structure and method.
+
+The names count the unknowns of an arm of six joints; of another arm they are kinds, and the model's own name
+has its own count.
+"""
+
+SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
+"""The models of section 6, in the paper's order."""
+PAPERS_JOINTS = 6  #: Joints of the arms for which the paper chose links and parameters.
+ANY_ARM = (JOINTS, "MLS56", "MGCO56", "MGCO147", "ALL153")
+"""Kinds of models that take all links or none, and so are of any arm."""
+LEVEL = 1e-9  #: Of a direction's upward part: rounding.
+EVERY = "ALL"  #: Of any arm the model of all links and joints, whatever its count.
+
+
+def own_names(arm: Arm) -> dict[str, str]:
+    """Names of the models of an arm, and their kinds, keys of `MODELS`."""
+    if arm.n_joints == PAPERS_JOINTS:
+        return {name: name for name in MODELS}
+    full, single = len(FULL) * len(arm.links), len(TEMPLATE) * len(arm.links)
+    counts = ("", single, single, full, full + arm.n_joints)
+    names = (f"{kind.rstrip(digits)}{count}" for kind, count in zip(ANY_ARM, counts, strict=True))
+    found = dict(zip(names, ANY_ARM, strict=True))
+    return found if arm.joints else {name: kind for name, kind in found.items() if kind != JOINTS}
+
+
+def own_name(cell: Cell, kind: str) -> str | None:
+    """What an arm calls its model of a kind, a key of `MODELS`; None where it has none.
+
+    MGCO68 leaves out joint 1 as gravity does not load it. Where it does, MGCO69 stands in.
+    """
+    kind = "MGCO69" if kind == "MGCO68" and _first_is_loaded(cell.vjm) else kind
+    return next((name for name, own in own_names(cell.arm).items() if own == kind), None)
+
+
+def plain_name(cell: Cell) -> str:
+    """The model that is asked for where none is named and no prior fills it."""
+    found = own_name(cell, "MGCO68") or own_name(cell, "MGCO56")
+    assert found  # of any arm
+    return found
+
+
+def _first_is_loaded(vjm: Vjm) -> bool:
+    """Whether gravity moves joint 1: a hinge that is not upright, a slide that is not level."""
+    if not vjm.arm.joints:
+        return False
+    upward = abs(float(vjm.base[2, :3] @ vjm.placements[0, :3, :3] @ vjm.axes[0]))
+    return upward > LEVEL if vjm.arm.joints[0].prismatic else upward < 1 - LEVEL
+
+
+def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
+    """Models by the names that the arm gives them, in any case; "ALL" for all links and joints."""
+    return [MODELS[own_names(cell.arm)[right_name(cell.arm, name)]](cell) for name in names]
+
+
+def right_name(arm: Arm, name: str) -> str:
+    """The name of an arm's model as it is written, from one in any case; BenchError for no such model."""
+    names = own_names(arm)
+    every = {known.casefold(): known for known in names}
+    every |= {EVERY.casefold(): next(known for known, kind in names.items() if kind == "ALL153")}
+    if name.casefold() in every:
+        return every[name.casefold()]
+    of = "" if arm.n_joints == PAPERS_JOINTS else f" of {arm.name}, {arm.n_joints} joints"
+    raise BenchError(f"no model {name!r}{of}; models are {', '.join(names)}")
+
+
+def equal_fit(cell: Cell) -> Model:
+    """The model of MLS56 with its free directions used to be conservative."""
+    return Model(EQUAL_FIT, template56(cell.arm, name="MLS56"), completed_least_squares)
+
+
+def is_least_squares(structure: str, constraint: Constraint, *, prior: bool) -> bool:
+    """Whether it is least squares of links without a prior, what GCO is compared with."""
+    return structure != JOINTS and constraint == "none" and not prior

@@ -1,0 +1,101 @@
+"""Priors that are wrong on purpose, and models that are fitted with them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from testbench.arm.stiffness import turned
+from testbench.errors import Array, BenchError
+from testbench.identify.prior import Prior, Strength, cad_prior, distorted
+from testbench.plant.tracker import stream
+from testbench.workflows.cell import Cell
+from testbench.workflows.model_selection import with_priors
+from testbench.workflows.models import Model
+
+SCALE, SHAPE, UNCERTAINTY = 2.0, 0.3, 0.3
+"""How wrong a prior is, by a common factor and axis by axis, and how firmly it is believed."""
+FAR, TURN = 10.0, np.deg2rad(20)
+"""How wrong one link or the joints are, as a factor, and by how much beam axes are turned [rad]."""
+
+Spoil = Callable[[Array, int, np.random.Generator], Array]
+"""What is done to C_theta, (n_theta, n_theta), of so many links."""
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """What is wrong with a prior."""
+
+    spoil: Spoil
+    called: str  #: In a word or two.
+    words: str
+    far: Literal["link", "joints"] | None = None  #: What is FAR too soft or too stiff: a link, or all joints.
+
+
+def wrong_prior(cell: Cell, seed: int, scale: float = SCALE) -> Prior:
+    """The CAD prior, `scale` times too soft and SHAPE wrong axis by axis; another one for every seed."""
+    return distorted(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=stream(seed, 5))
+
+
+def prior_of(cell: Cell, name: str, seed: int) -> Prior:
+    """A prior by the name of its error, one of PRIORS: right, or `wrong_prior` with something more."""
+    if name not in PRIORS:
+        raise BenchError(f"no prior {name!r}; priors are {', '.join(PRIORS)}")
+    if name == RIGHT:
+        return cad_prior(cell.arm)
+    wrong = wrong_prior(cell, seed)
+    C = PRIORS[name].spoil(wrong.C_theta.copy(), len(cell.arm.links), stream(seed, 9))
+    return Prior(f"{wrong.name}; {name}", C)
+
+
+def wrong_link(cell: Cell, seed: int) -> int:
+    """Which link `prior_of` has FAR wrong in the prior that has one so, from 0."""
+    return int(stream(seed, 9).integers(len(cell.arm.links)))
+
+
+def with_wrong_prior(cell: Cell, models: Sequence[Model], names: Sequence[str], seed: int) -> list[Model]:
+    """Models without a prior, then those of these names with one that is wrong; the seed is of its errors."""
+    chosen = [m for m in models if m.name in names]
+    return [*models, *with_priors(cell.arm, chosen, wrong_prior(cell, seed), Strength(UNCERTAINTY))]
+
+
+def _one_link(C: Array, links: int, rng: np.random.Generator) -> Array:
+    """One link FAR too soft or too stiff."""
+    k = 6 * int(rng.integers(links))
+    C[k : k + 6, k : k + 6] *= _far(rng)
+    return C
+
+
+def _joints(C: Array, links: int, rng: np.random.Generator) -> Array:
+    """All joints FAR too soft, or all too stiff."""
+    C[6 * links :, 6 * links :] *= _far(rng)
+    return C
+
+
+def _axes(C: Array, links: int, rng: np.random.Generator) -> Array:
+    """The beam axes of every link turned by TURN, each about a random axis."""
+    for own in (slice(6 * k, 6 * k + 6) for k in range(links)):
+        C[own, own] = turned(C[own, own], rng.standard_normal(3), TURN)
+    return C
+
+
+def _far(rng: np.random.Generator) -> float:
+    return FAR if rng.random() < 0.5 else 1 / FAR
+
+
+RIGHT = "right"
+PRIORS: Mapping[str, Wrong] = {
+    RIGHT: Wrong(lambda C, *_: C, "right", "the folder's compliances"),
+    "scaled": Wrong(
+        lambda C, *_: C,
+        "scaled",
+        f"{SCALE:g} times too soft, and {100 * SHAPE:.0f} % off axis by axis, as all that follow",
+    ),
+    "link": Wrong(_one_link, "one link off", f"one link {FAR:g} times too soft or too stiff", far="link"),
+    "joints": Wrong(_joints, "joints off", f"all joints {FAR:g} times too soft or too stiff", far="joints"),
+    "axes": Wrong(_axes, "axes turned", f"beam axes of every link turned by {np.rad2deg(TURN):.0f} degrees"),
+    "uncoupled": Wrong(lambda C, *_: np.diag(np.diag(C)), "no couplings", "no couplings inside a link"),
+}
+"""By name what is wrong with a prior; all but the right one are SCALE and SHAPE wrong before."""
+PRIORS_CALLED = {name: own.called for name, own in PRIORS.items()}

@@ -1,0 +1,340 @@
+"""The composer of a plan: what an engineer asks for becomes candidates, poses, and what they promise.
+
+For tasks under loads, or for absolute readings: then geometry, joint errors and the set-up are unknown too.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.series import Series, select_rows
+from testbench.design import absolute
+from testbench.design.absolute import Union
+from testbench.design.baselines import error_after, observability
+from testbench.design.criteria import criterion_of
+from testbench.design.exchange import greedy
+from testbench.design.forecast import Forecast, open_to, widened, without_bound
+from testbench.design.planning import Chosen, Plan, candidate_set, choose_greedily, make_plan, promise
+from testbench.design.planning import choose as search_best
+from testbench.design.refine import Reach, Search
+from testbench.design.rows import Experiment, Specification, Tasks, loads_of, task_rows, workspace_rows
+from testbench.design.whole_arm import promise_on
+from testbench.errors import Array, BenchError, check_array
+from testbench.identify.absolute.posterior import model_of
+from testbench.identify.absolute.pull import pull_of
+from testbench.identify.absolute.state import Mount, nominal
+from testbench.identify.absolute.unknowns import unknowns_of
+from testbench.identify.arm_model import ArmModel
+from testbench.identify.metric import metric
+from testbench.identify.prior import cad_prior
+from testbench.identify.registration import Frame
+from testbench.model.joint_errors import JointErrors
+from testbench.model.load import Load, weight
+from testbench.model.vjm import Vjm
+from testbench.model.weights import read_weights
+from testbench.plant.site import build_site, contacts
+from testbench.plant.tracker import Station, stream
+from testbench.workflows.absolute import Calibrated
+from testbench.workflows.candidates import Candidates, Conditions, build_checks, feasible, find
+from testbench.workflows.cell import Cell
+from testbench.workflows.plan_settings import HIGHEST_ORDER, PlanSettings, structure
+from testbench.workflows.predicted_error import fitted
+from testbench.workflows.rows import MM, UM
+from testbench.workflows.unobservable import LOOSE, unobservable
+
+WORKSPACE = 200  #: Poses that stand for the workspace.
+STEP, SLIDE_STEP = math.radians(5), 0.02
+"""Largest steps of a hinge [rad] and a slide [m] between collision checks on the way from pose to pose."""
+NAMED = 5  #: Tasks that a message names; more are counted.
+MORE, FEW = 50, 120  #: Further poses of which a calibration tells what they bring, and candidates for them.
+FRAME, MOUNT = "tracker", "target"  #: Names of what is unknown of the set-up of absolute readings.
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A plan and what it promises."""
+
+    cell: Cell  #: The arm.
+    settings: PlanSettings  #: What was asked for.
+    found: Candidates  #: Feasible poses, and what it took to find them.
+    plan: Chosen  #: The poses, in the order of measuring; `Plan` where they are for tasks.
+    poses: Forecast  #: Errors to expect in them [m].
+    forecast: Forecast  #: At the tasks; of absolute readings over the workspace [m].
+    workspace: Forecast  #: Over the workspace, under the first load [m].
+
+
+@dataclass(frozen=True)
+class AbsolutePlanned(Planned):
+    """A plan of absolute readings and what it promises."""
+
+    union: Union  #: What is unknown.
+    q: Array  #: Poses over which it is judged, (poses, n) [rad, m].
+    wanted: Array  #: Predictions there, `absolute.position_rows`.
+    given: Calibrated | None  #: What was known before.
+
+
+def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
+    """Plan a calibration: the poses that tell most about the tasks, and what they promise.
+
+    Args:
+        cell: The arm.
+        q: Poses in which the robot works under the first of the loads, (tasks, n) [rad, m].
+        settings: What is asked for, such as PlanSettings(loads_kg=(460.3,), poses=12).
+
+    Returns:
+        The poses in the order of measuring, `.plan.q`, and the errors to expect at the tasks, `.forecast`.
+
+    Raises:
+        BenchError: When a number is out of range, or too little is measured without a prior.
+        PoseError: When there are fewer feasible poses than the plan needs.
+    """
+    if settings.absolute:
+        raise BenchError("absolute: expected a plan for tasks")
+    q = check_array(q, (None, cell.arm.n_joints), "tasks q [rad, m]")
+    return plan_for(cell, settings, Tasks(q, weight(cell.vjm, settings.loads_kg[0])))
+
+
+def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
+    """The same of tasks with loads of their own."""
+    found = search(cell, settings)
+    best = choose(cell, settings, tasks, found)
+    spec = best.specification
+    indices = observability(best.examined.problem, best.chosen)
+    if spec.uncertainty is None and indices.seen < indices.of:
+        raise BenchError(
+            f"poses: {settings.poses} poses see {indices.seen} of the {indices.of} directions that these "
+            "loads can show; give more --poses, or leave out --no-prior"
+        )
+    fit = fitted(spec, cad_prior(cell.arm), best.q, best.load)
+    poses, forecast, around = (
+        widened(promise_on(fit, at, load))
+        for at, load in (
+            (best.q, loads_of(spec, best.load)),
+            (tasks.q, tasks.load),
+            (spec.workspace, spec.loads[0]),
+        )
+    )
+    around = without_bound(around, open_to(best.examined.problem, workspace_rows(spec)))
+    return Planned(cell, settings, found, best, poses, forecast, around)
+
+
+def search(cell: Cell, settings: PlanSettings) -> Candidates:
+    """Feasible poses; PoseError for fewer than the plan needs says which condition refused them."""
+    checks, rng = build_checks(cell, settings.conditions), stream(settings.seed, 0)
+    found = find(checks, settings.candidates_wanted, rng, least=settings.poses)
+    return replace(found, q=nearest_turn(found.q, cell.arm))
+
+
+def nearest_turn(q: Array, arm: Arm) -> Array:
+    """Poses (poses, n) [rad, m] with every hinge in the turn nearest to zero that its limits allow.
+
+    A joint that can turn about itself more than once reaches a pose at several angles; nearest to zero the
+    ways from pose to pose are short, and cables are not wound up.
+    """
+    near, (lower, upper) = q - 2 * np.pi * np.round(q / (2 * np.pi)), arm.limits
+    return np.where(arm.turns & (near >= lower) & (near <= upper), near, q)
+
+
+def around(cell: Cell, settings: PlanSettings) -> Array:
+    """Poses that stand for the workspace, (poses, n) [rad, m]; PoseError where the arm can be nowhere."""
+    checks = build_checks(cell, Conditions(settings.area))
+    return find(checks, WORKSPACE, stream(settings.seed, 2), least=1).q
+
+
+def reach_of(cell: Cell, settings: PlanSettings) -> Reach:
+    """Where the arm can go."""
+    checks = build_checks(cell, settings.conditions)
+    return Reach(lambda q: feasible(checks, q), straight_way(cell, settings.station))
+
+
+def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, found: Candidates) -> Plan:
+    """The best plan found; BenchError where without a prior poses are too few or loads show too little."""
+    own = metric(cad_prior(cell.arm), cell.vjm, structure(cell, settings.model))
+    percent = settings.uncertainty_percent
+    spec = Specification(
+        experiment=Experiment(cell.vjm, own, cell.vjm.markers, settings.sigma_um / UM),
+        loads=(
+            *(weight(cell.vjm, mass) for mass in settings.loads_kg),
+            *(Load(np.array([*force, 0, 0, 0]), cell.vjm.load) for force in settings.pulls_n),
+        ),
+        tasks=tasks,
+        workspace=around(cell, settings),
+        uncertainty=None if percent is None else percent / 100,
+        poses=settings.poses,
+    )
+    if spec.uncertainty is None:
+        _check_without_prior(spec, found.q)
+    rng = stream(settings.seed, 1)
+    return make_plan(spec, settings.criterion, found.q, reach_of(cell, settings), rng)
+
+
+def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:
+    """Tells whether all joints can go straight from pose to pose, nothing hung, the tracker in the way."""
+    site = build_site(cell.arm, None, None if station is None else station.position, cell.floor)
+    step = np.array([SLIDE_STEP if joint.prismatic else STEP for joint in cell.arm.joints])
+
+    def clear(start: Array, end: Array) -> bool:
+        steps = max(1, math.ceil(float((np.abs(end - start) / step).max(initial=0.0))))
+        share = np.arange(1, steps)[:, None] / steps
+        return all(contact is None for contact in contacts(site, start + share * (end - start)))
+
+    return clear
+
+
+def _check_without_prior(spec: Specification, q: Array) -> None:
+    """Refuse what only a prior could fill, before the search begins."""
+    try:
+        problem = candidate_set(spec, q).problem
+    except BenchError as err:
+        raise BenchError(f"{err}: leave out --no-prior") from err
+    rows = task_rows(spec)
+    if numbers := (np.flatnonzero(open_to(problem, rows)) + 1).tolist():
+        named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if len(numbers) > NAMED else "")
+        raise BenchError(
+            f"tasks {named} ({len(numbers)} of {len(rows)}): their loads move the arm in directions that "
+            "these loads cannot show, so that the error has no bound; needed is a prior (leave out "
+            "--no-prior) or a load in another direction (--pull)"
+        )
+
+
+def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None = None) -> AbsolutePlanned:
+    """The poses whose absolute readings calibrate an arm best, and what they promise.
+
+    Args:
+        cell: The arm.
+        settings: What is asked for.
+        given: The arm by readings that were taken before; None where there are none.
+
+    Raises:
+        BenchError: When the arm has no joints.
+    """
+    if not cell.arm.joints:
+        raise BenchError(f"{cell.arm.name}: expected an arm with joints")
+    known = given and model_of(given.calibration)
+    union = union_after(known, settings) if known else union_of(cell, settings)
+    found, q = search(cell, settings), around(cell, settings)
+    wanted = absolute.position_rows(union, q)
+    examined = absolute.candidate_set(union, found.q, settings.poses)
+    asked = Search(
+        measured=lambda q, _load: absolute.measured_rows(union, q),
+        poses=settings.poses,
+        limits=cell.arm.limits,
+        reach=reach_of(cell, settings),
+        rng=stream(settings.seed, 1),
+        followed=cell.arm.followed,
+    )
+    best_of = search_best if given is None else choose_greedily
+    best = best_of(asked, criterion_of(settings.criterion, examined.problem, wanted), examined)
+    there, over = (promise(best, rows) for rows in (absolute.position_rows(union, best.q), wanted))
+    return AbsolutePlanned(cell, settings, found, best, there, over, over, union, q, wanted, given)
+
+
+def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, float]:
+    """RMS errors over the workspace [m]: now, frame and mount fitted, and after `MORE` further poses.
+
+    Args:
+        cell: The arm.
+        given: What is known of it.
+        sigma: Standard deviation of a reading along an axis [m].
+
+    Raises:
+        BenchError: When the arm can be nowhere.
+    """
+    settings = PlanSettings(
+        absolute=True, criterion="I", poses=MORE, sigma_um=UM * sigma, candidates_wanted=FEW
+    )
+    union = replace(union_after(given, settings), little=float(MORE))
+    wanted = absolute.position_rows(union, around(cell, settings)[:FEW])
+    return absolute.realigned(union, wanted), best_of(union, search(cell, settings).q, wanted)[1]
+
+
+def best_of(union: Union, q: Array, wanted: Array) -> tuple[list[int], float]:
+    """`MORE` of some poses (poses, n) [rad, m], each the best next one; RMS error of `wanted` then [m]."""
+    problem = absolute.candidate_set(union, q, MORE).problem
+    chosen = greedy(problem, criterion_of("I", problem, wanted), problem.rows, MORE)
+    return chosen.tolist(), error_after(problem, wanted)(chosen)
+
+
+def union_of(cell: Cell, settings: PlanSettings) -> Union:
+    """What is unknown where a tracker reads an arm absolutely."""
+    pose, vjm = _one_pose(cell.vjm, settings), cell.vjm
+    unknowns = unknowns_of(
+        vjm, (pose,), JointErrors(tuple(range(1, settings.orders + 1))), structure(cell, settings.model)
+    )
+    prior, n = cad_prior(cell.arm), cell.arm.n_joints
+    state = replace(
+        nominal(vjm, read_weights(cell.arm), np.ones(n)),
+        C_theta=prior.C_theta,
+        errors=unknowns.errors,
+        n=np.zeros((n, unknowns.errors.size)),
+        frames={FRAME: Frame(np.eye(3), np.zeros(3))},
+        mounts={MOUNT: Mount(vjm.markers[: len(pose.markers)], np.eye(3), pose.markers)},
+    )
+    assert settings.uncertainty_percent is not None
+    L = absolute.expected_root(
+        unknowns,
+        metric(prior, vjm, unknowns.structure),
+        settings.uncertainty_percent / 100,
+        geometry=settings.geometry_mm / MM,
+        error=settings.gear_urad / UM,
+    )
+    hinges = np.array([not joint.prismatic for joint in cell.arm.joints])
+    beyond = settings.gear_urad * math.sqrt(HIGHEST_ORDER - settings.orders)  # orders that are noise
+    return Union(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0))
+
+
+def union_after(given: ArmModel, settings: PlanSettings) -> Union:
+    """What is unknown after readings were taken; further ones have a frame and a mount of their own."""
+    if given.noise is None or not given.state.mounts:
+        raise BenchError("given: expected a model of absolute readings")
+    mount, noise = next(iter(given.state.mounts.values())), given.noise
+    pose = _one_pose(given.vjm, settings, mount.markers)
+    open_ = (noise.open_position, noise.open_rotation)
+    sigma, turn = (
+        float(f * math.hypot(settings.sigma_um / UM, s)) for f, s in zip(noise.factor, open_, strict=False)
+    )
+    pose = replace(pose, sigma=sigma, sigma_rotation=turn if settings.orientations else None)
+    unknowns = unknowns_of(given.vjm, (pose,), given.state.errors, given.structure)
+    state = replace(given.state, frames={FRAME: Frame(np.eye(3), np.zeros(3))}, mounts={MOUNT: mount})
+    first, root = unknowns.starts["geometry"], given.posterior.root
+    L = np.zeros((unknowns.size, first + len(root)))
+    L[:first, :first] = absolute.LOOSE * np.eye(first)
+    L[first + given.columns, first:] = root.T
+    return Union(unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.LITTLE_MORE)
+
+
+def _one_pose(vjm: Vjm, settings: PlanSettings, targets: tuple[str, ...] | None = None) -> Series:
+    """How a pose is read: under own weight, then under one load after the other."""
+    load = weight(vjm, np.array([0.0, *settings.loads_kg]))
+    rows, sigma = len(load.wrench), settings.sigma_um / UM
+    markers = targets or (vjm.arm.markers[:1] if settings.orientations else vjm.arm.markers)
+    return Series(
+        name="plan",
+        markers=markers,
+        frame=FRAME,
+        target=MOUNT,
+        row=np.arange(rows),
+        pose=np.zeros(rows, dtype=int),
+        q=np.zeros((rows, vjm.arm.n_joints)),
+        wrench=load.wrench,
+        point=load.point,
+        position=np.zeros((rows, len(markers), 3)),
+        sigma=sigma,
+        rotation=np.tile(np.eye(3), (rows, 1, 1)) if settings.orientations else None,
+        sigma_rotation=sigma if settings.orientations else None,
+    )
+
+
+def left_open(union: Union, q: Array) -> tuple[str, ...]:
+    """What poses (poses, n) [rad, m] leave unknown, in words."""
+    once = absolute.at(replace(union, pose=select_rows(union.pose, np.arange(1))), q)
+    pull = pull_of(
+        union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)
+    )
+    tells, prior = absolute.information_of(union, q), union.L @ union.L.T
+    set_up = union.unknowns.starts["geometry"]
+    prior[:set_up, :set_up] = LOOSE**2 * np.eye(set_up)
+    return unobservable(union.unknowns, tells, prior, pull)

@@ -1,0 +1,121 @@
+"""Flags of a plan, and the settings that they ask for."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbench.design.criteria import check_criterion
+from testbench.errors import BenchError, of_flag
+from testbench.identify.absolute.fit import Options as Fit
+from testbench.plant.site import Payload
+from testbench.workflows.absolute import Calibrated, File, calibrated, read_all
+from testbench.workflows.campaign_flags import ArmName, MapFile, mass
+from testbench.workflows.cell import Cell
+from testbench.workflows.models import EVERY, plain_name, right_name
+from testbench.workflows.plan_input import box, payload_of, place
+from testbench.workflows.plan_settings import USUAL, PlanSettings
+
+
+@dataclass(frozen=True)
+class Options:
+    """What an engineer asks for, in the units of a command line."""
+
+    arm: ArmName
+    task: Annotated[Path | None, typer.Option(metavar="CSV", help="Poses and forces of the work.")] = None
+    load: Annotated[
+        list[float] | None,
+        typer.Option(parser=mass, metavar="MASS", help="Such as 240 or 530lb; again for a choice."),
+    ] = None
+    pull: Annotated[
+        list[str] | None, typer.Option(metavar="X,Y,Z", help="Force instead of a weight, N; again.")
+    ] = None
+    poses: Annotated[int | None, typer.Option(metavar="N", help="How many; default: 12 or 50.")] = None
+    mapping: MapFile = None
+    tracker: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Where it is, m.")] = None
+    acceptance_deg: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Half angle of fixed targets.")
+    ] = None
+    box: Annotated[str | None, typer.Option(metavar="X0,...,Z1", help="Where the tool may be, m.")] = None
+    criterion: Annotated[str | None, typer.Option(metavar="NAME", help="test, D, A, E, G or I.")] = None
+    model: Annotated[str | None, typer.Option(metavar="NAME", help="What will be identified.")] = None
+    sigma_um: Annotated[float, typer.Option(metavar="UM", help="Noise of a reading along an axis.")] = 50.0
+    uncertainty_percent: Annotated[
+        float | None, typer.Option(metavar="PERCENT", help="Of the prior; default: 30.")
+    ] = None
+    no_prior: Annotated[bool, typer.Option("--no-prior", help="Plan for a fit without a prior.")] = False
+    candidates: Annotated[int | None, typer.Option(metavar="N", help="Poses to choose from.")] = None
+    sling_m: Annotated[float, typer.Option(metavar="M", help="From the load point to the weight.")] = 0.5
+    floor_z: Annotated[float | None, typer.Option(metavar="M", help="Height of a floor.")] = None
+    seed: Annotated[int, typer.Option(metavar="N", help="Of random numbers.")] = 1
+
+
+@dataclass(frozen=True)
+class Absolute:
+    """Flags of a plan of absolute readings."""
+
+    absolute: Annotated[bool, typer.Option("--absolute", help="Plan absolute readings, no tasks.")] = False
+    given: Annotated[
+        list[Path] | None, typer.Option(metavar="CSV", help="Readings taken before; again for more.")
+    ] = None
+    orientations: Annotated[bool, typer.Option("--orientations", help="Read how one target turns.")] = False
+    geometry_mm: Annotated[float, typer.Option(metavar="MM", help="Expected geometric errors.")] = 1.0
+    gear_urad: Annotated[float, typer.Option(metavar="URAD", help="Expected periodic joint errors.")] = 30.0
+    orders: Annotated[int, typer.Option(metavar="N", help="Orders of these that are identified.")] = 3
+
+
+def known_before(cell: Cell, asked: Options, flags: Absolute) -> Calibrated | None:
+    """Calibrate the arm by the readings that were taken before; None without any."""
+    if not flags.given:
+        return None
+    files = [File(path, asked.mapping, sigma_um=asked.sigma_um) for path in flags.given]
+    series, notes = read_all(files, cell.arm)
+    return calibrated(cell.vjm, series, Fit(), notes)
+
+
+def settings_of(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:
+    """Turn the flags into settings.
+
+    Raises:
+        BenchError: When two flags exclude each other, or one is out of range.
+    """
+    _check(asked, flags)
+    usual, loads = USUAL[flags.absolute], asked.load or []
+    wanted = {"criterion": asked.criterion, "poses": asked.poses, "candidates_wanted": asked.candidates}
+    chosen = {key: usual[key] if own is None else own for key, own in wanted.items()}
+    if not flags.absolute:
+        loads = loads or [payload_of(cell.arm, None, "--load")]
+        with of_flag("--criterion"):
+            check_criterion(str(chosen["criterion"]))
+    with of_flag("--model"):
+        model = right_name(cell.arm, asked.model or (plain_name(cell) if asked.no_prior else EVERY))
+    percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
+    settings = PlanSettings(
+        **{**vars(flags), "given": tuple(path.name for path in flags.given or ()), **chosen},
+        model=model,
+        loads_kg=tuple(loads),
+        pulls_n=tuple(place(text, "--pull fx,fy,fz [N]") for text in asked.pull or []),
+        sigma_um=asked.sigma_um,
+        uncertainty_percent=None if asked.no_prior else percent,
+        tracker_m=None if asked.tracker is None else place(asked.tracker),
+        acceptance_deg=asked.acceptance_deg,
+        box_m=None if asked.box is None else box(asked.box),
+        sling_m=asked.sling_m,
+        floor_z_m=asked.floor_z,
+        seed=asked.seed,
+    )
+    if loads:
+        with of_flag("--sling-m"):
+            Payload(max(loads), settings.sling_m)
+    return settings
+
+
+def _check(asked: Options, flags: Absolute) -> None:
+    """Refuse what excludes --absolute, and what excludes --no-prior."""
+    mapping = None if flags.given else asked.mapping
+    others = {"--task": asked.task, "--no-prior": asked.no_prior, "--pull": asked.pull, "--map": mapping}
+    if named := [flag for flag, given in others.items() if flags.absolute and given]:
+        raise BenchError(f"{named[0]}: expected no --absolute with it")
+    if asked.uncertainty_percent is not None and asked.no_prior:
+        raise BenchError("--uncertainty-percent: expected no --no-prior with it")

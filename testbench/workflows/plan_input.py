@@ -1,0 +1,187 @@
+"""What hangs or pulls, and where: tasks, plans and flags read, and what an arm is made for."""
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.decimal import is_decimal, read_decimals
+from testbench.arm.elastic import PAYLOAD_RANGE
+from testbench.arm.folder import Arm
+from testbench.arm.mjcf import GRAVITY
+from testbench.design.rows import Tasks
+from testbench.errors import Array, BenchError, InputError
+from testbench.files.columns import Columns, find_columns, vector, wrench
+from testbench.files.mapping import read_map
+from testbench.files.names import UNITS, find_unit
+from testbench.files.rows import joint_coordinates
+from testbench.files.table import Table, read_table
+from testbench.model.load import Load
+from testbench.workflows.cell import Cell
+
+Place = tuple[float, float, float]
+LOAD_RANGE = (1e-3, 1e4)  #: Masses that can hang from an arm [kg], as in campaign.Scenario.
+PULL_RANGE = (GRAVITY * LOAD_RANGE[0], GRAVITY * LOAD_RANGE[1])  #: Sizes of forces that can pull [N].
+MAX_TASKS = 1000
+LARGEST = 1e6  #: Of a number in a flag, whatever its unit.
+LOAD = "load_kg"  #: Column of a plan: what hangs in a run.
+FORCE = ("force_x_N", "force_y_N", "force_z_N")  #: Columns of a plan: what pulls in a run, world axes.
+OVERLOAD = 1.5  #: Share of the stated payload beyond which a hung mass is doubted.
+
+MASSES = tuple(unit.name for unit in UNITS if unit.si in ("kg", "N"))
+QUANTITY = re.compile(r"\s*([-+.\d]+(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?")
+
+
+def read_loads(path: Path) -> tuple[Array | None, Array | None]:
+    """What hangs and what pulls at the load point in every run of a plan.
+
+    Returns:
+        Masses, (runs,) [kg], 0 where a force pulls; None for poses without loads. Forces, world axes,
+        (runs, 3) [N], 0 where a weight hangs; None for a plan without columns force_*_N.
+    """
+    table = read_table(path, lambda name: name in (LOAD, *FORCE))
+    pulls = _read_pulls(table) if set(FORCE) & set(table.names) else None
+    if LOAD not in table.names and pulls is None:
+        return None, None
+    mass, (low, high) = _column(table, LOAD), LOAD_RANGE
+    pulled = np.zeros(table.rows, dtype=bool) if pulls is None else pulls.any(axis=1)
+    beside = pulled & (np.nan_to_num(mass) != 0)
+    table.refuse(beside, LOAD, lambda row: f"expected no mass beside a force, got {mass[row]:g} kg")
+    else_ = "" if pulls is None else " where no force pulls"
+    off = ~(pulled | ((mass >= low) & (mass <= high)))
+    table.refuse(off, LOAD, lambda row: f"expected {low:g} to {high:g}{else_}, got {mass[row]:g}")
+    return np.where(pulled, 0.0, mass), pulls
+
+
+def _read_pulls(table: Table) -> Array:
+    if missing := [name for name in FORCE if name not in table.names]:
+        raise table.header_error(f"expected {', '.join(missing)} too")
+    if others := [name for name in table.names if name.startswith(("moment_", "point_"))]:
+        problem = "expected forces alone, which act at the arm's load point"
+        raise table.header_error(f"{problem}, got {', '.join(others)}")
+    pulls = np.nan_to_num(np.column_stack([_column(table, name) for name in FORCE]))
+    size, (low, high) = np.linalg.norm(pulls, axis=1), PULL_RANGE
+    off = (size > 0) & ~((size >= low) & (size <= high))
+    table.refuse(off, "", lambda row: f"expected a force of {low:g} to {high:g} N, got {size[row]:g}")
+    return np.asarray(pulls)
+
+
+def _column(table: Table, name: str) -> Array:
+    """Numbers of a column, (rows,), NaN where a cell is blank or there is no such column."""
+    if name not in table.names:
+        return np.full(table.rows, np.nan)
+    k = table.names.index(name)
+    return table.numbers(k, table.mark([k]))
+
+
+def read_masses(text: str) -> list[float]:
+    """Masses, MASS,MASS ... [kg]; BenchError for anything but different ones that can hang."""
+    try:
+        masses = [read_mass(part) for part in text.split(",")]
+    except BenchError as err:
+        raise BenchError(f"--loads: {err}, got {text[:80]!r}") from err
+    if len(set(masses)) < len(masses):
+        raise BenchError(f"--loads: expected different masses, got {text[:80]!r}")
+    return masses
+
+
+def place(text: str, flag: str = "--tracker x,y,z [m]") -> Place:
+    """A place such as the tracker's, or a pull; BenchError for anything but three finite numbers."""
+    x, y, z = _numbers(text, 3, flag)
+    return x, y, z
+
+
+def joints_of(text: str, arm: Arm) -> Array:
+    """File joints as people write them, --start a,b,c [deg, mm], as (n,) [rad, m]; BenchError for others."""
+    return arm.from_shown(np.array(_numbers(text, len(arm.file_joints), "--start [deg, mm]")))
+
+
+def box(text: str) -> tuple[Place, Place]:
+    """Two corners of the work area, x0,y0,z0,x1,y1,z1 [m]; BenchError for anything but six finite numbers."""
+    x0, y0, z0, x1, y1, z1 = _numbers(text, 6, "--box x0,y0,z0,x1,y1,z1 [m]")
+    return (x0, y0, z0), (x1, y1, z1)
+
+
+def _numbers(text: str, count: int, flag: str) -> tuple[float, ...]:
+    try:
+        values = tuple(read_decimals(part.strip() for part in text.split(",")))
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(abs(value) <= LARGEST for value in values):
+        problem = f"expected {count} numbers with commas between them, up to {LARGEST:g}, got {text[:80]!r}"
+        raise BenchError(f"{flag}: {problem}")
+    return values
+
+
+def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) -> Tasks:
+    """Read tasks, one pose a row, and check that the arm can take them.
+
+    Columns: JOINT_rad or JOINT_deg of every joint, of a slide JOINT_m or JOINT_mm. force_*_N and moment_*_Nm
+    (optional): load of the process, world axes. point_*_m (optional with them): where it acts, in the tool's
+    frame; the arm's load point if not given.
+
+    Tasks without such columns have the load `hung`. A map says how the file names the columns otherwise.
+
+    Raises:
+        InputError: Names line, joint or bodies, and what was expected.
+    """
+    from testbench.plant.site import collisions
+
+    names = read_map(mapping, cell.arm)
+    table = read_table(path, names.knows, names.map.file)
+    columns = find_columns(table, names, cell.arm)
+    q = joint_coordinates(columns, cell.arm)
+    if not 1 <= table.rows <= MAX_TASKS:
+        problem = f"expected 1 to {MAX_TASKS} tasks, got {table.rows}"
+        raise table.error(min(table.rows, MAX_TASKS), "", problem)
+    for line, pair in zip(table.lines.tolist(), collisions(cell.room, q), strict=True):
+        if pair:
+            raise InputError(path, f"line {line}", f"{pair[0]} collides with {pair[1]} in this pose")
+    return Tasks(q, _read_load(columns, hung))
+
+
+def _read_load(columns: Columns, hung: Load) -> Load:
+    """The load of every task."""
+    table, acts, point = columns.table, wrench(columns), vector(columns, "point")
+    if acts is None:
+        if point is None:
+            return hung
+        given = "point_x_m, point_y_m, point_z_m are given"
+        raise table.header_error(f"expected force_x_N, force_y_N, force_z_N where {given}")
+    table.refuse(np.asarray(~acts.any(axis=1)), "", "expected a load, got zero force and moment")
+    return Load(acts, np.tile(hung.point, (table.rows, 1)) if point is None else point)
+
+
+def read_mass(text: str) -> float:
+    """A hung mass: 240, 240kg, 530 lb; or its weight, 2354 N [kg]; BenchError for none, or out of range."""
+    parts = QUANTITY.fullmatch(text)
+    if parts is None or not is_decimal(parts[1]):
+        raise BenchError("expected a mass such as 240, 240kg or 530lb")
+    unit = find_unit(parts[2] or "kg")
+    if unit is None or unit.name not in MASSES:
+        raise BenchError(f"expected one of the units {', '.join(MASSES)}")
+    found = float(parts[1]) * unit.scale / (GRAVITY if unit.si == "N" else 1.0)
+    low, high = PAYLOAD_RANGE
+    if not low <= found <= high:
+        raise BenchError(f"expected {low:g} to {high:g} kg")
+    return found
+
+
+def payload_of(arm: Arm, asked: float | None, flag: str) -> float:
+    """The mass that was asked for by a flag, else the payload that the arm states [kg], else BenchError."""
+    if asked is not None:
+        return asked
+    if arm.payload is None:
+        raise BenchError(f"{flag}: expected a mass [kg], as {arm.name} states no payload in elastic.toml")
+    return arm.payload
+
+
+def overloads(arm: Arm, masses: Iterable[float], pulls: Iterable[Sequence[float]] = ()) -> list[str]:
+    """Sentences where masses [kg] or pulls, (3,) each [N], are far beyond the payload that the arm states."""
+    most = OVERLOAD * (np.inf if arm.payload is None else arm.payload)
+    mass, force = max(masses), max((math.hypot(*pull) for pull in pulls), default=0.0)
+    stated = f"an arm that states a payload of {arm.payload or 0:g} kg"
+    found = [f"{mass:.4g} kg hang from {stated}"] * (mass > most)
+    return found + [f"{force:.4g} N pull at {stated}"] * (force > GRAVITY * most)

@@ -1,0 +1,457 @@
+"""Numbers of a plan: its promise, its certificate, plans beside it, ranges that it reads first; plan.csv."""
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.folder import Arm, Joint
+from testbench.data.series import Series
+from testbench.design import absolute
+from testbench.design.baselines import (
+    RANDOM,
+    PriorInfluence,
+    baselines,
+    error_after,
+    observability,
+    prior_influence,
+)
+from testbench.design.criteria import Linear, mean_square
+from testbench.design.exchange import greedy
+from testbench.design.forecast import Forecast, widened
+from testbench.design.planning import Plan, promise
+from testbench.design.rows import deflection_rows, loads_of, task_rows
+from testbench.design.whole_arm import error_on, promise_on
+from testbench.errors import Array, Ids
+from testbench.identify.prior import cad_prior
+from testbench.model.structure import all153
+from testbench.model.vjm import chain, tool_pose
+from testbench.plant.site import has_surroundings
+from testbench.plant.tracker import stream
+from testbench.runs.rows import Row, finite
+from testbench.workflows.open_laws import open_laws
+from testbench.workflows.plan import AbsolutePlanned, Planned, left_open
+from testbench.workflows.plan_settings import pull_words
+from testbench.workflows.predicted_error import (
+    Expected,
+    error_map,
+    fitted,
+    half_widths,
+    joints_alone,
+    overall,
+    unloaded,
+    unshown,
+    within,
+)
+from testbench.workflows.rows import MM
+from testbench.workflows.workspace_errors import Meaning, bounded_mm, error_places, places_at, rms
+
+TARGET = 0.1  #: Error for which the fewest poses are told [mm].
+MORE, LITTLE = 4, 0.10  #: So many more poses that bring less than this share are not worth their time.
+CHANCE = 100  #: Random plans of absolute readings that a plan is compared with.
+COUNTS = (10, 20, 30, 50, 75, 100, 150, 200)  #: Numbers of poses for which their errors are told.
+CURVE = "poses greedy_mm random_median_mm random_p10_mm random_p90_mm"
+CALIBRATED = "calibrated"  #: Name of the arm after a calibration.
+POSITION = Meaning("expected error", "of the targets' positions after calibration", "RMS")
+
+
+def numbers(made: Planned) -> Row:
+    """All numbers of plan.json."""
+    cell, plan, arm = made.cell, made.plan, made.cell.arm
+    margins = arm.room(plan.q).min(axis=0)
+    efficiency = min(plan.efficiency, 1.0)
+    own = Row(
+        vars(made.settings),
+        arm=arm.name,
+        base_m=cell.vjm.base[:3, 3].tolist(),
+        joints=[joint.name for joint in arm.file_joints],
+        units=[joint.shown_unit for joint in arm.file_joints],
+        margins=margins.tolist(),
+        surrounded=has_surroundings(cell.room),
+        error_mm=overall(made.forecast),
+        certificate=Row(
+            efficiency=efficiency,
+            phi=plan.value,
+            phi_bound=plan.relaxed.bound,
+            examined=len(plan.examined.q),
+        ),
+        candidates=Row(found=len(made.found.q), drawn=made.found.drawn, rejected=made.found.rejected),
+    )
+    own.update(_absolute(made) if isinstance(made, AbsolutePlanned) else _pairs(made))
+    own["blocked"] = [row.run for row in own.plan if row.way == "via"]
+    return Row(own, **_listed(own))
+
+
+def _listed(f: Row) -> Row:
+    """List numbers of a plan as rows of tables: plans beside it, the workspace, limits, candidates."""
+    errors, tried = f.map, {"feasible": f.candidates.found, "drawn": f.candidates.drawn}
+    return Row(
+        beside=_beside(f),
+        rests=_rests(f),
+        around=[
+            Row(
+                name=name,
+                typical_mm=finite(errors.typical_mm(name)),
+                worst_mm=own.error_mm,
+                place=", ".join(f"{x:.2f}" for x in own.position_m),
+                joints=own.joints,
+            )
+            for name, own in errors.worst.items()
+        ],
+        limits=[
+            Row(joint=name, margin=x, unit=unit)
+            for name, x, unit in zip(f.joints, f.margins, f.units, strict=True)
+        ],
+        refused=[Row(quantity=key, value=n) for key, n in {**tried, **f.candidates.rejected}.items() if n],
+    )
+
+
+def _beside(f: Row) -> list[Row]:
+    """List the expected errors of this plan and of others [mm]."""
+    chance, doubted = f.random_plans, f.get("error_if_prior_twice_as_uncertain_mm")
+    beyond = f.get("beyond_mm")
+    pairs = {
+        "this plan": f.error_mm.expected,
+        f"this plan, were the arm {f.model} alone": chance.get("planned_mm"),
+        "this plan, joint stiffness only": f.get("joints_alone_mm"),
+        "this plan, prior twice as uncertain": doubted and doubted.expected,
+        "this plan, with joint errors of all orders": beyond and math.hypot(f.error_mm.expected, beyond),
+        "readings taken before": f.get("before_mm"),
+    }
+    known = [Row(what=name, mm=mm) for name, mm in pairs.items() if mm is not None]
+    named = {f"random poses, median of {chance.plans}": chance.median_mm, "best tenth": chance.best_tenth_mm}
+    return [*known, *(Row(what=name, mm=mm) for name, mm in named.items())]
+
+
+def _rests(f: Row) -> list[Row]:
+    """List what a plan rests on: noise, prior, directions, certificate, advice."""
+    seen, told = f.get("directions") or Row(), f.get("advice") or Row()
+    pairs = {
+        "noise of a reading, um": f.sigma_um,
+        "uncertainty of the prior, %": f.uncertainty_percent,
+        f"efficiency by criterion {f.criterion}, at least, %": 100 * f.certificate.efficiency,
+        "candidates examined": f.certificate.examined,
+        "unknowns": seen.get("unknowns"),
+        "directions that these loads can show": seen.get("shown"),
+        "directions that the plan sees": seen.get("seen"),
+        "directions in which readings outweigh the prior": seen.get("outweighed"),
+        "share of the prior in the mean square error, %": seen.get("prior_share_percent"),
+        "95 % half width of a deflection at the tasks, mm": f.get("half_width_95_mm"),
+        f"fewest poses for {TARGET:g} mm at the tasks": told.get("fewest"),
+        f"poses beyond which {MORE} more bring less than {100 * LITTLE:g} %": told.get("enough"),
+        "joint errors beyond these orders, mm": f.get("beyond_mm"),
+    }
+    return [Row(quantity=name, value=value) for name, value in pairs.items() if value is not None]
+
+
+def _pairs(made: Planned) -> Row:
+    """What only a plan for tasks has."""
+    cell, plan, prior = made.cell, made.plan, cad_prior(made.cell.arm)
+    assert isinstance(plan, Plan)
+    spec, rows = plan.specification, task_rows(plan.specification)
+    own, influence = spec.experiment.metric, prior_influence(plan, rows)
+    alone = fitted(joints_alone(spec, prior), prior, plan.q, plan.load)
+    drawn, rng = len(made.found.q) * len(spec.loads), stream(made.settings.seed, 3)
+    others = baselines(plan, rows, drawn=drawn, rng=rng)
+    around, chance = made.workspace, others.random[made.settings.poses]
+    hidden = MM * math.sqrt(influence.hidden)
+    return Row(
+        model=own.structure.name,
+        whole_arm=own.structure.n == all153(cell.arm).n,
+        prior=None if spec.uncertainty is None else own.prior,
+        within_percent=100 * within(spec),
+        half_width_95_mm=MM * float(np.median(half_widths(made.forecast))),
+        joints_alone_mm=MM * float(np.sqrt(np.square(error_on(alone, spec.tasks.q, spec.tasks.load)).mean())),
+        workspace_error_mm=overall(around) if math.isfinite(around.overall) else None,
+        error_if_prior_twice_as_uncertain_mm=_doubted(made, plan),
+        random_plans=Row(
+            plans=RANDOM,
+            planned_mm=MM * promise(plan, rows).overall,
+            median_mm=finite(MM * float(np.median(chance))),
+            best_tenth_mm=_percentile(chance, 10),
+        ),
+        plan=_runs(made, plan),
+        tasks=_tasks(made, plan, rms(rows @ own.expected)),
+        observability=observability(plan.examined.problem, plan.chosen),
+        directions=_directions(plan, influence),
+        curve=[
+            _count(poses, finite(MM * others.greedy[poses - 1]), [_percentile(own, p) for p in (50, 10, 90)])
+            for poses, own in others.random.items()
+        ],
+        greedy_mm=[finite(MM * error) for error in others.greedy],
+        advice=_advice(MM * others.greedy),
+        map=error_map(cell, plan, around),
+        open_laws=open_laws(plan, prior),
+        unshown=unshown(plan, hidden / (MM * made.forecast.overall)),
+        unloaded=unloaded(plan, prior),
+    )
+
+
+def _doubted(made: Planned, plan: Plan) -> Expected | None:
+    """The error at the tasks were the prior twice as uncertain; None without one."""
+    spec = plan.specification
+    if spec.uncertainty is None:
+        return None
+    doubted = replace(spec, uncertainty=2 * spec.uncertainty)
+    fit = fitted(doubted, cad_prior(made.cell.arm), plan.q, plan.load)
+    return overall(widened(promise_on(fit, spec.tasks.q, spec.tasks.load)))
+
+
+def _poses(arm: Arm, made: tuple[Array, Array], forecast: Forecast, moved: tuple[str, Array]) -> list[Row]:
+    """A row a pose: joints in their units, what moves the tool there, the error to expect.
+
+    Args:
+        arm: Whose poses they are.
+        made: Joints of the chain, (poses, n) [rad, m], and where the tool is, (poses, 3) [m].
+        forecast: Errors there.
+        moved: What moves it, and by how much, (poses,) [m].
+    """
+    (q, tool), (name, far) = made, moved
+    return [
+        Row(
+            {f"expected_{name}_mm": float(MM * far[k])},
+            q_shown=arm.shown(q[k]).tolist(),
+            expected_error_mm=float(MM * forecast.error[k]),
+            expected_error_p05_mm=float(MM * forecast.low[k]),
+            expected_error_p95_mm=float(MM * forecast.high[k]),
+            tool_m=tool[k].tolist(),
+        )
+        for k in range(len(q))
+    ]
+
+
+def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
+    """The poses of the plan, how far it is to each, and whether the straight way is free."""
+    arm, q = made.cell.arm, made.plan.q
+    slides = np.array([joint.prismatic for joint in arm.joints], dtype=bool)
+    steps = np.abs(np.diff(q, axis=0, prepend=q[:1]))
+    turned, slid = (steps[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
+    ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear)]
+    tools = chain(made.cell.vjm, q).position
+    return [
+        Row(
+            row,
+            run=k + 1,
+            q=arm.to_file(q[k]).tolist(),
+            travel_deg=float(np.rad2deg(turned[k])),
+            travel_mm=float(MM * slid[k]),
+            way=ways[k],
+        )
+        for k, row in enumerate(_poses(arm, (q, tools), made.poses, moved))
+    ]
+
+
+def _runs(made: Planned, plan: Plan) -> list[Row]:
+    """The poses of a plan for tasks, and what hangs or pulls in each."""
+    spec, masses = plan.specification, made.settings.loads_kg
+    load = loads_of(spec, plan.load)
+    moved = rms(deflection_rows(spec.experiment, plan.q, load) @ spec.experiment.metric.expected)
+    found = _measured(made, ("deflection", moved))
+    for row, index, wrench in zip(found, plan.load, load.wrench, strict=True):
+        pulls = index >= len(masses)  # they come behind all that hangs
+        row["load_kg"] = 0.0 if pulls else float(masses[index])
+        row["pull_N"] = wrench[:3].tolist() if pulls else None
+        row["load"] = pull_words(row.pull_N) if pulls else f"{row.load_kg:g} kg"
+    return found
+
+
+def _tasks(made: Planned, plan: Plan, moved: Array) -> list[Row]:
+    tasks, vjm = plan.specification.tasks, made.cell.vjm
+    wrench, point = (np.broadcast_to(x, (len(tasks.q), x.shape[-1])) for x in vars(tasks.load).values())
+    at = tasks.q, chain(vjm, tasks.q).position
+    return [
+        Row(
+            row,
+            task=k + 1,
+            force_N=wrench[k, :3].tolist(),
+            moment_Nm=wrench[k, 3:].tolist(),
+            point_m=point[k].tolist(),
+        )
+        for k, row in enumerate(_poses(vjm.arm, at, made.forecast, ("deflection", moved)))
+    ]
+
+
+def _directions(plan: Plan, influence: PriorInfluence) -> Row:
+    """Unknowns, what loads can show of them, and what rests on the prior."""
+    spec, problem = plan.specification, plan.examined.problem
+    believed = spec.uncertainty is not None
+    return Row(
+        unknowns=spec.experiment.metric.structure.n,
+        shown=problem.r,
+        seen=observability(problem, plan.chosen).seen,
+        outweighed=influence.outweighed if believed else problem.r,
+        hidden_mm=MM * math.sqrt(influence.hidden),
+        prior_share_percent=100 * influence.prior_share if believed else 0.0,
+    )
+
+
+def _count(poses: int, greedy: float | None, random: Sequence[float | None]) -> Row:
+    """Errors of other plans of so many poses: of the greedy one, of random ones median and tenths [mm]."""
+    return Row(zip(CURVE.split(), (poses, greedy, *random), strict=True))
+
+
+def _advice(greedy: Array) -> Row:
+    """Fewest poses that reach the target, and from where on more always bring little.
+
+    Args:
+        greedy: Errors at the tasks with 1, 2, ... poses, each the best next one, [mm].
+    """
+    reached = np.flatnonzero(greedy <= TARGET)
+    ahead = np.r_[greedy[MORE:], np.full(MORE, np.inf)]
+    with np.errstate(invalid="ignore"):
+        pays = np.isinf(greedy) | (ahead <= (1 - LITTLE) * greedy)
+    judged = len(greedy) - MORE
+    last = np.flatnonzero(pays[:judged])
+    enough = int(last[-1]) + 2 if len(last) else 1
+    return Row(
+        target_mm=TARGET,
+        fewest=int(reached[0]) + 1 if len(reached) else None,
+        examined_up_to=len(greedy),
+        more=MORE,
+        little_percent=100 * LITTLE,
+        enough=enough if enough <= judged else None,
+    )
+
+
+def _percentile(errors: Array, percent: float) -> float | None:
+    """A percentile of errors [m] of which some may be infinite, [mm]."""
+    return finite(MM * float(np.percentile(errors, percent, method="lower")))
+
+
+def _absolute(made: AbsolutePlanned) -> Row:
+    """What only a plan of absolute readings has."""
+    arm, union, plan, q, asked = made.cell.arm, made.union, made.plan, made.q, made.settings.poses
+    rng, problem = stream(made.settings.seed, 3), plan.examined.problem
+    criterion, error = Linear(mean_square(made.wanted @ problem.lift)), error_after(problem, made.wanted)
+    middle, low, _ = _random(made, error, asked, rng)
+    counts = sorted({asked, *(count for count in COUNTS if count <= max(2 * asked, COUNTS[1]))})
+    order = greedy(problem, criterion, problem.rows, counts[-1])
+    at = places_at(arm, q, tool_pose(made.cell.vjm, q)[0], absolute.sag(union, q))
+    return Row(
+        model=union.unknowns.structure.name,
+        prior=cad_prior(arm).name,
+        targets=list(union.pose.markers),
+        unknowns=_counts(made),
+        beyond_mm=MM * float(np.sqrt(np.square(absolute.joint_rest(union, q)).mean())),
+        random_plans=Row(plans=CHANCE, median_mm=middle, best_tenth_mm=low),
+        before_mm=None if made.given is None else MM * absolute.realigned(union, made.wanted),
+        filled=[] if made.given is None else list(filled(arm, made.given.series, plan.q)),
+        plan=_measured(made, ("sag", absolute.sag(union, plan.q))),
+        hidden=[] if made.given is not None else list(left_open(union, plan.q)),
+        curve=[_count(k, MM * error(order[:k]), _random(made, error, k, rng)) for k in counts],
+        map=error_places(at, {CALIBRATED: bounded_mm(made.forecast.error)}, means=POSITION),
+    )
+
+
+def _counts(made: AbsolutePlanned) -> Row:
+    """How many unknowns there are of each kind, and how many directions so many poses can see."""
+    found = Row()
+    for (name, start), (_, end) in pairwise(made.union.unknowns.starts.items()):
+        kind = name.split()[0]
+        found[kind] = found.get(kind, 0) + end - start
+    return Row(found, seen=made.plan.examined.problem.r)
+
+
+def _random(
+    made: AbsolutePlanned, error: Callable[[Ids], float], poses: int, rng: np.random.Generator
+) -> list[float]:
+    """Errors of random plans of the drawn candidates: median, best and worst tenth [mm]."""
+    drawn = len(made.found.q)
+    plans = [rng.choice(drawn, poses, replace=drawn < poses) for _ in range(CHANCE)]
+    return [float(x) for x in MM * np.percentile([error(plan) for plan in plans], [50, 10, 90])]
+
+
+BINS = 72  #: Ranges of a joint: 5 degrees each of a hinge that turns once.
+
+
+def filled(arm: Arm, series: Sequence[Series], q: Array) -> Iterator[Row]:
+    """Of every joint how much was not read, and how many of the poses (poses, n) [rad, m] go there."""
+    for j, joint in enumerate(arm.joints):
+        read = np.zeros(BINS, dtype=bool)
+        for one in series:
+            read[_bin(joint, one.q[one.seen.any(axis=1), j])] = True
+        there = ~read[_bin(joint, q[:, j])]
+        yield Row(joint=joint.name, unread_percent=100 * float((~read).mean()), poses=int(there.sum()))
+
+
+def _bin(joint: Joint, own: Array) -> Ids:
+    """Range of every angle, from limit to limit, or over a turn of a hinge that turns farther."""
+    low, high = joint.lower, joint.upper
+    if not joint.prismatic and high - low > 2 * np.pi:
+        own, low, high = own % (2 * np.pi), 0.0, 2 * np.pi
+    at = np.floor(BINS * (own - low) / (high - low)).astype(int)
+    return np.asarray(np.clip(at, 0, BINS - 1))
+
+
+def write_poses(f: Row, joints: Sequence[Joint], path: Path) -> None:
+    """plan.csv: `plan_columns` or `absolute_columns`; rad and m in full: read back bit by bit."""
+    masses, pulls = f.loads_kg, bool(f.pulls_n)
+    head = plan_columns(joints, pulls=pulls)
+    if f.absolute:
+        head = absolute_columns(joints, loaded=len(masses) == 1)
+    rows = []
+    for row in f.plan:
+        force = row.get("pull_N")
+        mass = "" if force else repr(row.get("load_kg", masses[0] if masses else 0.0))
+        cells = {"run": row.run, "load_kg": mass, "way": row.way}
+        cells |= zip((f"force_{axis}_N" for axis in "xyz"), map(repr, force or []), strict=False)
+        cells |= {key: f"{row[key]:.2f}" for key in ("travel_deg", "travel_mm")}
+        cells |= _cells(row, joints)
+        cells |= {joint.column: repr(x) for joint, x in zip(joints, row.q, strict=True)}
+        rows.append([cells.get(name, "") for name in head])
+    _write_table(head, rows, path)
+
+
+def write_tasks(f: Row, joints: Sequence[Joint], path: Path) -> None:
+    """tasks_expected.csv: of every task its pose and the error to expect."""
+    every = [{"task": f"{row.task}", **_cells(row, joints)} for row in f.tasks]
+    _write_table(list(every[0]), [list(cells.values()) for cells in every], path)
+
+
+def _cells(row: Row, joints: Sequence[Joint]) -> dict[str, str]:
+    """Joints in deg or mm, and what is expected of a pose."""
+    shown = {joint.shown_column: f"{x:.4f}" for joint, x in zip(joints, row.q_shown, strict=True)}
+    return shown | {key: f"{x:.4f}" for key, x in row.items() if key.startswith("expected_")}
+
+
+def _write_table(head: Sequence[str], rows: Sequence[Sequence[object]], path: Path) -> None:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([head, *rows])
+    path.write_text(text.getvalue(), encoding="utf-8")
+
+
+def plan_columns(joints: Sequence[Joint], *, pulls: bool = False) -> list[str]:
+    """The header of a plan, in order; a row is a run, in the order of measuring.
+
+    run: integer. JOINT_rad, JOINT_deg: joint angle, twice; of a slide JOINT_m, JOINT_mm. load_kg: hung mass.
+    force_*_N, of a plan that may pull: force at the load point, world axes; a run has either, the other is
+    blank.
+    expected_deflection_mm: RMS over the markers, by the prior. expected_error_*_mm: of predicting it after
+    identification, with the 5th and 95th percentile. travel_deg: of the hinge that turns farthest from the
+    run before; travel_mm: of the slide, where the arm has one. way: "start", "clear" where all joints can go
+    straight, "via" where that way collides.
+    """
+    names = ["run", *(j.column for j in joints), *(j.shown_column for j in joints), "load_kg"]
+    names += [f"force_{axis}_N" for axis in "xyz" if pulls]
+    names += [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
+    return [*names, "travel_deg", *["travel_mm"] * any(j.prismatic for j in joints), "way"]
+
+
+def absolute_columns(joints: Sequence[Joint], *, loaded: bool) -> list[str]:
+    """The header of a plan of absolute readings, in order.
+
+    As `plan_columns`, but for load_kg, where one mass hangs after the first reading of every pose;
+    expected_sag_mm: RMS over the targets, by the prior, under all that hangs; expected_error_*_mm: of their
+    positions after calibration.
+    """
+    names = plan_columns(joints)
+    return [
+        "expected_sag_mm" if name == "expected_deflection_mm" else name
+        for name in names
+        if name != "load_kg" or loaded
+    ]

@@ -1,0 +1,143 @@
+"""What an engineer asks of a plan: plain data, the units in the names, as flags and plan.json have them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from testbench.design.criteria import check_criterion
+from testbench.errors import BenchError
+from testbench.files.scatter import SIGMA_RANGE
+from testbench.identify.prior import RANGE
+from testbench.model.poses import WorkArea
+from testbench.model.structure import Structure
+from testbench.plant.site import Payload
+from testbench.plant.tracker import Station
+from testbench.workflows.candidates import Conditions
+from testbench.workflows.cell import Cell
+from testbench.workflows.models import EVERY, named_models, own_names
+from testbench.workflows.plan_input import LOAD_RANGE, PULL_RANGE, Place
+from testbench.workflows.rows import UM
+
+HIGHEST = 1000.0  #: Height of a floor, up or down [m]; beyond it a unit is a slip.
+MOST_POSES = 200
+MOST_CANDIDATES = 50_000  #: Also times loads and pulls: memory grows with them.
+HIGHEST_ORDER = 30  #: Of the periodic errors that joints have, as our true arms have.
+MOST_ORDERS = 12  #: Of those that are unknowns of a plan.
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanSettings:
+    """What is asked for."""
+
+    #: Whether the tracker's frame, targets, geometry and joint errors are unknown too: no tasks then.
+    absolute: bool = False
+    given: tuple[str, ...] = ()  #: Names of files of readings that were taken before.
+    #: Name of the model whose structure is to be identified; "ALL" for all links and joints.
+    model: str = EVERY
+    criterion: str = "test"  #: One of criteria.CRITERIA; of absolute readings not "test".
+    poses: int = 12  #: How many are to be measured.
+    #: Masses that may be hung; after an absolute reading without a weight each of them is, one by one.
+    loads_kg: tuple[float, ...] = ()
+    #: Forces that may pull at the load point instead, world axes; a plan chooses a load for every pose.
+    pulls_n: tuple[Place, ...] = ()
+    orientations: bool = False  #: Whether one target is read, and how it is turned.
+    sigma_um: float = 50.0  #: Standard deviation of one reading along one axis; in urad about one.
+    uncertainty_percent: float | None = 30.0  #: Of the CAD prior; None for an identification without a prior.
+    geometry_mm: float = 1.0  #: Expected error of geometry along an axis, and in mrad about one.
+    gear_urad: float = 30.0  #: Expected coefficient of a joint's periodic error, up to order 30.
+    orders: int = 3  #: Orders of those that are identified; the others are noise of a pose.
+    tracker_m: Place | None = None  #: Where it stands; None leaves visibility unchecked.
+    #: Half angle in which fixed targets return the beam; None for targets turned by hand.
+    acceptance_deg: float | None = None
+    #: Lower and upper corner of where the tool may be; None for anywhere.
+    box_m: tuple[Place, Place] | None = None
+    sling_m: float = 0.5  #: From the load point to the weight.
+    candidates_wanted: int = 5000  #: Feasible poses to choose from.
+    floor_z_m: float | None = None  #: Height of a floor that the arm's folder does not have.
+    seed: int = 1  #: Root of all randomness.
+
+    def __post_init__(self) -> None:
+        check_criterion(self.criterion, absolute=self.absolute)
+        self._check_loads()
+        doubled = 1 if self.absolute else 2  # of deflections it is doubled for doubters
+        ranges: tuple[tuple[str, float | None, float, float], ...] = (
+            ("--poses", self.poses, 1, MOST_POSES),
+            ("--candidates", self.candidates_wanted, self.poses, MOST_CANDIDATES),
+            ("--sigma-um", self.sigma_um, UM * SIGMA_RANGE[0], UM * SIGMA_RANGE[1]),
+            ("--uncertainty-percent", self.uncertainty_percent, 100 * RANGE[0], 100 / doubled * RANGE[1]),
+            ("--geometry-mm", self.geometry_mm, 1e-6, 100),
+            ("--gear-urad", self.gear_urad, 1e-6, 1e5),
+            ("--orders", self.orders, 0, MOST_ORDERS),
+            ("--floor-z [m]", self.floor_z_m, -HIGHEST, HIGHEST),
+            ("--acceptance-deg", self.acceptance_deg, 0.1, 90),
+            ("--sling-m", self.sling_m, 0, 100),
+            ("--seed", self.seed, 0, 2**63 - 1),
+        )
+        for own in ranges:
+            _check_range(*own)
+        if self.acceptance_deg is not None and self.tracker_m is None:
+            raise BenchError("--acceptance-deg: expected --tracker with it")
+        if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):
+            raise BenchError(f"--box [m]: expected the lower corner first, got {self.box_m}")
+
+    def _check_loads(self) -> None:
+        loads, pulls = self.loads_kg, self.pulls_n
+        if len(set(loads)) < len(loads) or not (loads or self.absolute):
+            least = "" if self.absolute else "at least one, "
+            raise BenchError(f"--load: expected {least}each once, got {list(loads)}")
+        if len(set(pulls)) < len(pulls):
+            raise BenchError(f"--pull: expected each once, got {list(pulls)}")
+        for load in loads:
+            _check_range("--load [kg]", load, *LOAD_RANGE)
+        for pull in pulls:
+            _check_range("--pull [N], its size", math.hypot(*pull), *PULL_RANGE)
+        every = self.candidates_wanted * (1 if self.absolute else len(loads) + len(pulls))
+        _check_range("--load and --pull, times --candidates", every, 1, MOST_CANDIDATES)
+
+    @property
+    def station(self) -> Station | None:
+        """The tracker."""
+        if self.tracker_m is None:
+            return None
+        half = None if self.acceptance_deg is None else math.radians(self.acceptance_deg)
+        return Station(self.tracker_m, acceptance=half)
+
+    @property
+    def area(self) -> WorkArea | None:
+        """Where the tool may be."""
+        return None if self.box_m is None else WorkArea(*self.box_m)
+
+    @property
+    def conditions(self) -> Conditions:
+        """What a pose must satisfy; under the largest load, as the others hang inside its outline."""
+        payload = Payload(max(self.loads_kg), self.sling_m) if self.loads_kg else None
+        return Conditions(self.area, self.station, payload)
+
+
+USUAL = {
+    True: {"criterion": "I", "poses": 50, "candidates_wanted": 1000},
+    False: {"criterion": "test", "poses": 12, "candidates_wanted": 5000},
+}
+"""What is asked for where nothing is said, of a plan of absolute readings and of one for tasks."""
+
+
+def pull_words(pull: Sequence[float]) -> str:
+    """A pull, world axes [N], as plans name it."""
+    along = [(f"{abs(x):g} N along {'-' * (x < 0)}{axis}") for x, axis in zip(pull, "xyz", strict=True) if x]
+    return f"pull of {along[0]}" if len(along) == 1 else f"pull {', '.join(f'{x:g}' for x in pull)} N"
+
+
+def _check_range(what: str, value: float | None, low: float, high: float) -> None:
+    if value is not None and not low <= value <= high:  # false for NaN
+        raise BenchError(f"{what}: expected {low:g} to {high:g}, got {value:g}")
+
+
+def structure(cell: Cell, name: str) -> Structure:
+    """Unknowns of a model of an arm; BenchError where it has no such model or no prior fits it."""
+    [model] = named_models(cell, [name])
+    if not model.structure.whole:
+        others = ", ".join(other for other in own_names(cell.arm) if other != name)
+        raise BenchError(
+            f"no plan for {name}: it leaves out entries by what one dataset shows; expected one of {others}"
+        )
+    return model.structure

@@ -1,0 +1,433 @@
+"""A robot's program: what acts at its points, where that brings the tool, and the joints that correct it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.correct.beyond import Extent, extent
+from testbench.correct.compensated import Compensated, Refusal, compensate
+from testbench.correct.inverse import joints_along
+from testbench.correct.newton import Aim, Hold
+from testbench.correct.newton import Asked as Meant
+from testbench.correct.predicted import Prediction, predict
+from testbench.correct.process import process_wrench
+from testbench.correct.stiffness import Stiffness, give_halves, stiffness
+from testbench.data.dataset import in_order
+from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
+from testbench.files.motion import CSV, WRITERS, format_of, write_moves
+from testbench.files.program import Program, read_poses, read_program, refuse_joint_jumps, unread
+from testbench.files.table import read_table
+from testbench.files.write import write_program
+from testbench.identify.arm_model import ArmModel
+from testbench.model.load import Load, weight
+from testbench.model.poses import WorkArea
+from testbench.model.vjm import tool_pose
+from testbench.plant.site import Site
+from testbench.plant.tracker import stream
+from testbench.runs.place import Kind, inside
+from testbench.workflows.cell import Cell, clear_poses
+from testbench.workflows.plan_input import place, read_loads
+
+T = TypeVar("T")
+NAMED = 5  #: Points that a message names; more are counted.
+PLACES = 600  #: Poses of the map.
+FORCE = 1000.0  #: Of the map where neither a flag nor the arm's payload says one [N].
+OVERLOAD = 1.5  #: Times the payload beyond which a force is said.
+SLACK = 1.05  #: Up to so many times the largest load nothing is said.
+NEAR, MOSTLY = 10.0, 30.0  #: Angles up to which a direction is along an axis, and mostly along it [deg].
+PROMISED = "expected_error_mm"  #: Column that only plans have.
+
+
+@dataclass(frozen=True)
+class CorrectedProgram:
+    """A program, what acts at its points, and its correction."""
+
+    program: Program
+    model: ArmModel
+    aim: Aim
+    loads: tuple[Load, ...]  #: Each with a row a point.
+    found: Compensated
+
+    @property
+    def reasons(self) -> tuple[str | None, ...]:
+        """Why points cannot be put right, in words; None where they are."""
+        return tuple(refusal_words(self.model.arm, one) for one in self.found.refused)
+
+    @property
+    def unreached(self) -> tuple[str, ...]:
+        """Points that cannot be put right, each with its line and its reason."""
+        rows = zip(self.program.line, self.program.labels, self.reasons, strict=True)
+        return tuple(f"line {line} (point {label}): {why}" for line, label, why in rows if why is not None)
+
+
+def correct_program(
+    model: ArmModel, program: Program, aim: Aim, room: Site | None = None, *, start: Array | None = None
+) -> CorrectedProgram:
+    """Correct a program, in a room where collisions are to be checked.
+
+    Where it has poses of the tool, `start` are joints near those of the first one, (n,) [rad, m].
+
+    Raises:
+        InputError: When a set-point is out of the drawn arm's reach, the feed is nowhere, or the arm cannot
+            bear a load.
+    """
+    q = _drawn_joints(model, program, aim, start)
+    loads = _loads_of(model, program, aim, q)
+    try:
+        found = compensate(model, q, loads, aim, room)
+    except NoEquilibrium as err:
+        raise InputError(program.path, "", str(err)) from err
+    return CorrectedProgram(program, model, aim, loads, found)
+
+
+def _drawn_joints(model: ArmModel, program: Program, aim: Aim, start: Array | None) -> Array:
+    """Joints of the program: its own, or those that bring the drawn arm's tool to its poses."""
+    if program.position is None or program.rotation is None:
+        assert program.q is not None
+        return program.q
+    near = start if program.q is None else program.q
+    found = joints_along(model.vjm, program.position, program.rotation, start=near, point=np.array(aim.point))
+    far = np.flatnonzero(~found.there)
+    if len(far):
+        missing = 1e3 * np.column_stack([found.distance, found.angle])
+        names = [
+            "line {} by {:.3g} mm and {:.3g} mrad".format(program.line[k], *missing[k]) for k in far[:NAMED]
+        ]
+        more = f" and {len(far) - NAMED} more" if len(far) > NAMED else ""
+        raise InputError(program.path, "", f"out of the arm's reach: {', '.join(names)}{more}")
+    if not program.jumps:
+        refuse_joint_jumps(program.path, model.arm, program.line, found.q)
+    return found.q
+
+
+def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Load, ...]:
+    """Loads at every point, one at least: the process at the tool or where the file says; what hangs."""
+    position, rotation = tool_pose(model.vjm, q)
+    tip = np.array(aim.point)
+    try:
+        names = [f"line {line}" for line in program.line]
+        spindle = rotation @ np.array(aim.spindle)
+        along = process_wrench(program.along, position + rotation @ tip, spindle, names)
+    except BenchError as err:
+        raise InputError(program.path, "", str(err)) from err
+    wrench, at = program.wrench + along, tip if program.point is None else program.point
+    hung = [weight(model.vjm, program.mass)] if program.mass.any() else []
+    pulls = [Load(wrench, at).over(len(q))] if wrench.any() or not hung else []
+    return (*pulls, *hung)
+
+
+def destination(out: Path, report: Path | None) -> tuple[str, Kind, Path]:
+    """Tell what a corrected program is written as, and where its report goes.
+
+    Args:
+        out: File of the corrected program.
+        report: Folder of the report; None for one beside the file.
+
+    Returns:
+        "csv" or a robot's language, the kind of file that may be replaced, the folder of the report.
+
+    Raises:
+        InputError: When the file has no name, or lies in the folder of the report.
+        BenchError: When its suffix is unknown.
+    """
+    if not out.name:
+        raise InputError(out, "", "expected the name of a file, got a folder")
+    if report and inside(out, report):
+        raise InputError(out, "", f"expected a place outside of {report}, the folder of --report")
+    form, named = format_of(out), out.stem if out.suffix == ".csv" else out.name.replace(".", "_")
+    kind = Kind("a corrected program", rb"[^\n]*correction_")
+    if form != CSV:
+        kind = Kind(f"a program in {WRITERS[form].title}", WRITERS[form].begins.encode())
+    return form, kind, report or out.with_name(f"{named}_report")
+
+
+def refuse_unreached(found: CorrectedProgram) -> None:
+    """Refuse a program with points that cannot be put right.
+
+    Raises:
+        InputError: Names the first points with their reasons, and the flag that leaves them as they are.
+    """
+    if found.unreached:
+        named, more = "; ".join(found.unreached[:NAMED]), len(found.unreached) - NAMED
+        named += f"; and {more} more" if more > 0 else ""
+        problem = f"{named}; --keep-unreachable leaves such points as they are"
+        raise InputError(found.program.path, "", problem)
+
+
+def aim_of(hold: Hold, asked: Meant | None, tip: str, spindle: str) -> Aim:
+    """Make an aim of flags.
+
+    Args:
+        hold: What is corrected.
+        asked: What the program means; None for the default of the model.
+        tip: Tool point in the frame of the tool, x,y,z [m].
+        spindle: Where the spindle points in that frame, an axis with its sign.
+
+    Raises:
+        BenchError: Names the flag and what was expected.
+    """
+    signs = (("", 1.0), ("-", -1.0))
+    axes = {f"{sign}{name}": s * np.eye(3)[k] for sign, s in signs for k, name in enumerate("xyz")}
+    if spindle not in axes:
+        raise InputError(Path("--spindle"), "", f"expected one of {', '.join(axes)}, got {spindle!r}")
+    x, y, z = axes[spindle].tolist()
+    return Aim(hold, asked, place(tip, "--tip x,y,z [m]"), (x, y, z))
+
+
+def write_corrected(found: CorrectedProgram, file: Path, form: str) -> None:
+    """Write a corrected program, as a table or in a robot's language.
+
+    Args:
+        found: The corrected program.
+        file: Where it goes.
+        form: "csv" or a language, by `format_of`.
+    """
+    arm, program, q = found.model.arm, found.program, found.found.q
+    if form == CSV:
+        write_program(file, program, q, more_columns(found))
+    else:
+        write_moves(file, WRITERS[form], arm.to_file(q), arm.file_joints, program.labels)
+
+
+def more_columns(found: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
+    """What a corrected program says beside its joints, by column."""
+    own, arm = found.found, found.model.arm
+    moved = arm.change_to_file(own.q - own.start)
+    columns: dict[str, Array | Sequence[str]] = {
+        f"correction_{joint.shown_column}": joint.shown * moved[:, k]
+        for k, joint in enumerate(arm.file_joints)
+    }
+    columns |= {f"before_{x}_mm": 1e3 * own.before[:, k] for k, x in enumerate("xyz")}
+    half = np.where(np.isfinite(own.half), own.half, np.nan)
+    columns |= {f"half_95_{x}_mm": 1e3 * half[:, k] for k, x in enumerate("xyz")}
+    columns["turn_left_mrad"] = 1e3 * np.linalg.norm(own.turned, axis=1)
+    columns["left_out"] = [reason or "" for reason in found.reasons]
+    return columns
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """Poses and their loads."""
+
+    path: Path  #: The file.
+    line: Ids  #: Line of every pose in it, (poses,).
+    labels: tuple[str, ...]  #: What every pose is called.
+    q: Array  #: Joints, (poses, n) [rad, m].
+    loads: tuple[Load, ...]  #: With a row a pose.
+    hung: Array  #: Mass that hangs, part of the loads, (poses,) [kg].
+    notes: tuple[str, ...] = ()  #: How the file was read, sentences without a full stop.
+
+    @property
+    def words(self) -> str:
+        """What acts, for people."""
+        own = self.loads[: -1 if self.hung.any() else None]
+        force, moment = (
+            np.linalg.norm(sum((load.wrench[:, part] for load in own), np.zeros((1, 3))), axis=1)
+            for part in (slice(0, 3), slice(3, 6))
+        )
+        parts = ((self.hung, "kg"), (force, "N"), (moment, "N m"))
+        return " and ".join(f"{_between(size)} {unit}" for size, unit in parts if size.any())
+
+
+def _between(values: Array) -> str:
+    low, high = (f"{x:.4g}" if abs(x) < 1000 else f"{x:,.0f}" for x in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"
+
+
+def read_asked(path: Path, model: ArmModel, mapping: Path | None, mass: Callable[[], float]) -> Asked:
+    """Poses of a plan or of a program; of a corrected program its joints, which are what is commanded.
+
+    A map has other names of a program's columns; `mass` gives what hangs where the file says of no load [kg].
+    """
+    if PROMISED in read_table(path, lambda name: name == PROMISED).names:
+        return _of_plan(path, model, mass)
+    program = read_program(path, model.arm, mapping, jumps=True)
+    aim, notes = Aim(), unread(program)
+    if program.corrected and program.q is not None:
+        notes += ("The program was corrected: its joints count as they stand",)
+        program = replace(program, position=None, rotation=None)
+    program, said = with_payload(model, program, mass)
+    q = _drawn_joints(model, program, aim, None)
+    loads = _loads_of(model, program, aim, q)
+    return Asked(path, program.line, program.labels, q, loads, program.mass, (*notes, *said))
+
+
+def with_payload(
+    model: ArmModel, program: Program, mass: Callable[[], float]
+) -> tuple[Program, tuple[str, ...]]:
+    """A program that says of no load with what hangs then [kg], and that in words."""
+    if program.mass.any() or program.wrench.any() or program.along.any():
+        return program, ()
+    hung = mass()
+    return replace(program, mass=np.full(program.points, hung)), (_no_load(model, hung),)
+
+
+def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> Asked:
+    """Poses that `testbench plan` wrote, in which a weight hangs or a force pulls."""
+    q, (found, pulls) = read_poses(path, model.arm), read_loads(path)
+    hung = np.full(len(q), mass()) if found is None else found
+    notes = (_no_load(model, hung[0]),) if found is None else ()
+    labels = tuple(map(str, range(1, len(q) + 1)))
+    forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load).over(len(q))]
+    return Asked(path, np.arange(len(q)) + 2, labels, q, (*forces, weight(model.vjm, hung)), hung, notes)
+
+
+def _no_load(model: ArmModel, mass: float) -> str:
+    """What hangs [kg] where the file says of no load, a sentence."""
+    if not mass:
+        return "No load in the file: nothing hangs"
+    what = f"the payload of {mass:g} kg hangs" if mass == model.arm.payload else f"{mass:g} kg hang"
+    return f"No load in the file: {what}"
+
+
+def _carried(asked: Asked, some: slice, compute: Callable[[Array, list[Load]], T]) -> T:
+    """What follows from some poses and loads; InputError names the line of the first that has no rest."""
+    try:
+        return compute(asked.q[some], [load.of(some) for load in asked.loads])
+    except NoEquilibrium as err:
+        if some.stop - some.start == 1:
+            raise InputError(asked.path, f"line {asked.line[some.start]}", str(err)) from err
+        middle = (some.start + some.stop) // 2
+        _carried(asked, slice(some.start, middle), compute)  # ends here where one of these has none
+        return _carried(asked, slice(middle, some.stop), compute)
+
+
+@dataclass(frozen=True)
+class StiffnessMap:
+    """Poses all over the workspace, the softest first."""
+
+    force: float  #: [N].
+    q: Array  #: Joints, (places, n) [rad, m].
+    position: Array  #: Tool, (places, 3) [m].
+    worst: Array  #: How far the force moves the tool in the worst direction, (places,) [m].
+    direction: Array  #: That direction, unit vectors, (places, 3).
+    #: Half widths of how far it moves the tool along the principal axes, the softest first, (places, 3) [m].
+    half: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """All that is known of the poses that were asked for."""
+
+    model: ArmModel
+    cell: Cell  #: The same arm and its room.
+    asked: Asked
+    linear: bool  #: Whether by Eq. (6).
+    found: Prediction
+    stiffness: Stiffness  #: Of the loaded tool.
+    extent: Extent  #: How large the loads are.
+    map: StiffnessMap
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the points: the tool's origin, then the markers."""
+        return (self.model.arm.tool, *self.model.arm.markers)
+
+    @property
+    def worst_first(self) -> Ids:
+        """Poses by the deflection of the tool, the largest first, (poses,)."""
+        return np.argsort(-self.found.size[:, 0], kind="stable")
+
+    def push_halves(self, poses: Ids) -> Array:
+        """Find half widths of how far the map's force moves the loaded tool along its softest axis.
+
+        Args:
+            poses: Numbers of the poses, (k,).
+
+        Returns:
+            Half widths, (k,) [m].
+        """
+        tool = in_order(self.stiffness, poses)
+        return give_halves(self.model, self.asked.q[poses], tool, self.map.force)[:, 0]
+
+
+def predicted(
+    model: ArmModel, asked: Asked, force: float, area: WorkArea | None = None, *, linear: bool = False
+) -> Predicted:
+    """Predict all poses of a file, `linear` by Eq. (6) instead of Eq. (7), and map what a force does [N].
+
+    Raises:
+        InputError: When a pose has no equilibrium; names its line.
+        PoseError: When too few poses have their tool in the area of the map.
+    """
+    cell, every = Cell(model.arm, model.vjm), slice(0, len(asked.q))
+
+    def both(q: Array, loads: list[Load]) -> tuple[Prediction, Stiffness]:
+        own = predict(model, q, loads, linear=linear)
+        return own, stiffness(model, q, loads, own.theta)
+
+    found, tool = _carried(asked, every, both)
+    return Predicted(
+        model=model,
+        cell=cell,
+        asked=asked,
+        linear=linear,
+        found=found,
+        stiffness=tool,
+        extent=extent(model, asked.q, asked.loads),
+        map=_map(model, cell, force, area),
+    )
+
+
+def _map(model: ArmModel, cell: Cell, force: float, area: WorkArea | None) -> StiffnessMap:
+    """The compliance of Eq. (7) under own weight alone, times a force, at clear poses drawn at random."""
+    q = clear_poses(cell, area, PLACES, stream(0))
+    found = stiffness(model, q)
+    position, _ = tool_pose(model.vjm, q)
+    half = give_halves(model, q, found, force)
+    worst: Array = force * found.give[:, 0]
+    order = np.argsort(-worst, kind="stable")
+    return StiffnessMap(force, *(x[order] for x in (q, position, worst, found.softest, half)))
+
+
+def extrapolated(found: Extent) -> tuple[str, ...]:
+    """What loads are beyond those of the model's data, or the payload, with its number."""
+    if found.force_ratio is not None and np.isinf(found.force_ratio):
+        said = [f"extrapolated: {found.force:,.0f} N, and the model was identified under own weight alone"]
+    else:
+        sizes = (
+            (found.force, "N", found.force_ratio, "force"),
+            (found.moment, "N m", found.moment_ratio, "moment"),
+        )
+        said = [
+            f"extrapolated: {value:,.0f} {unit} are {ratio:.1f} times the largest {what} that the model was "
+            "identified under"
+            for value, unit, ratio, what in sizes
+            if ratio is not None and ratio > SLACK
+        ]
+    if found.payload_ratio is not None and found.payload_ratio > OVERLOAD:
+        said.append(
+            f"{found.force:,.0f} N are {found.payload_ratio:.1f} times the payload that the arm states"
+        )
+    return tuple(said)
+
+
+def refusal_words(arm: Arm, refusal: Refusal | None) -> str | None:
+    """Why a point cannot be put right; None where it is."""
+    if refusal is None:
+        return None
+    if refusal.why == "limit":
+        joint = next(joint for joint in arm.joints if joint.name in refusal.names)
+        return f"{joint.name} would pass its limit by {joint.shown * refusal.size:.3g} {joint.shown_unit}"
+    if refusal.why == "collision":
+        return f"{refusal.names[0]} would collide with {refusal.names[1]}"
+    return (
+        f"out of reach, {1e3 * refusal.size:.3g} mm are left" if refusal.why == "reach" else "no equilibrium"
+    )
+
+
+def direction_words(direction: Array) -> str:
+    """A direction in world axes, (3,), for people, such as "mostly along y" or "between x and -z"."""
+    size = np.abs(direction) / np.linalg.norm(direction)
+    first, second = np.argsort(-size)[:2]
+    angle = float(np.degrees(np.arccos(min(size[first], 1.0))))
+    if angle <= NEAR:
+        return f"along {'xyz'[first]}"
+    if angle <= MOSTLY:
+        return f"mostly along {'xyz'[first]}"
+    side = "" if direction[first] * direction[second] > 0 else "-"
+    return f"between {'xyz'[first]} and {side}{'xyz'[second]}"

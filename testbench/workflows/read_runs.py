@@ -1,0 +1,232 @@
+"""Measured runs for a fit: read, brought into the base's frame, poses that are held back set apart."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, get_args
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from testbench.arm.document import Strict, parse_toml
+from testbench.arm.mjcf import GRAVITY
+from testbench.data.dataset import Dataset, split
+from testbench.errors import BenchError, Doubt, InputError, read_text
+from testbench.files.read_pairs import Export, read_export
+from testbench.identify.diagnosis.deflected import scale
+from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
+from testbench.identify.metric import metric
+from testbench.identify.prior import cad_prior
+from testbench.identify.registered import STATION, Choice, Registered, registered, station
+from testbench.identify.registration import Frame, spread
+from testbench.model.structure import all153
+from testbench.workflows.campaign_flags import Readings
+from testbench.workflows.cell import Cell
+from testbench.workflows.doubt import said
+from testbench.workflows.plan_input import overloads
+from testbench.workflows.registration_notes import registration_notes
+from testbench.workflows.rows import MM, UM
+
+MAX_BYTES = 20_000
+Metres = Annotated[float, Field(ge=-1000, le=1000)]
+Degrees = Annotated[float, Field(ge=-360, le=360)]
+
+
+class _Frame(Strict):
+    """The base in the tracker's frame: a reading is R x + position, R = Rz Ry Rx."""
+
+    station: int = 1  #: Identifier of the station.
+    position_m: list[Metres] = Field(min_length=3, max_length=3)
+    rotation_xyz_deg: list[Degrees] = Field(min_length=3, max_length=3)  #: About the tracker's x, y, then z.
+
+
+class _File(Strict):
+    frame: list[_Frame] = Field(min_length=1, max_length=100)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """A user's runs."""
+
+    name: str  #: Of the file.
+    every: Dataset  #: All of them.
+    used: Dataset  #: Those to fit.
+    check: Dataset | None  #: Those held back; None if there are none.
+    notes: tuple[str, ...] = ()  #: What was understood of them.
+    registration: Mapping[str, object] | None = None  #: Frames and targets; None where no frame fitted.
+    doubts: tuple[Doubt, ...] = ()  #: What may be wrong with them, the likeliest first.
+    #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
+    scale: float | None = None
+
+
+def files_read(asked: Readings) -> list[Path]:
+    """The files that are read: table, map, frames."""
+    return [asked.dataset, *([asked.mapping] if asked.mapping else []), *_frame_files(asked.frame)]
+
+
+def _frame_files(frame: str) -> list[Path]:
+    """The file that a choice of frame names, if it names one."""
+    return [Path(frame)] if frame.endswith(".toml") else []
+
+
+def read(cell: Cell, asked: Readings) -> Export:
+    """The runs as they were read; InputError names what is wrong with the file or its map."""
+    sigma = None if asked.sigma_um is None else asked.sigma_um / UM
+    markers = (*cell.arm.markers, *(asked.new_target or ()))
+    if "" in markers or len(set(markers)) < len(markers):
+        new, have = ", ".join(asked.new_target or ()), ", ".join(cell.arm.markers)
+        raise BenchError(f"--new-target: expected new names, got {new}; {cell.arm.name} has {have}")
+    arm = replace(cell.arm, markers=markers)
+    found = read_export(asked.dataset, arm, asked.mapping, sigma, asked.load)
+    if not found.data.wrench.any():
+        raise InputError(asked.dataset, "", "expected loads, all forces and moments are 0")
+    return found
+
+
+def register(cell: Cell, export: Export, asked: Readings) -> tuple[Cell, Registered]:
+    """The cell with targets where they are, runs in the base's frame; a flag counts more than the map."""
+    try:
+        return to_base(cell, export.data, _said(export, asked))
+    except InputError:
+        raise
+    except BenchError as err:
+        doubt = open_places(cell.vjm, export.data)
+        if doubt is None:
+            raise
+        words = said(doubt, cell.arm, export.columns.joints).sentence
+        raise BenchError(f"{err}; {words}") from err
+
+
+def look_at(
+    cell: Cell, export: Export, found: Registered, asked: Readings
+) -> tuple[tuple[Doubt, ...], float]:
+    """Doubts about registered runs of an arm, as its folder has it, and the factor of their deflections."""
+    prior = cad_prior(cell.arm)
+    try:
+        seen = doubts(HandedIn(cell.vjm, export.data, found, _said(export, asked) != "auto"), prior)
+        factor = scale(found.vjm, metric(prior, found.vjm, all153(found.vjm.arm)), found.data)
+    except BenchError as err:
+        raise InputError(asked.dataset, "", str(err)) from err
+    masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
+    heavy = (Doubt("payload", words) for words in overloads(cell.arm, masses.tolist()))
+    return (*(said(one, cell.arm, export.columns.joints) for one in seen), *heavy), factor
+
+
+def _said(export: Export, asked: Readings) -> str:
+    """The frame that was said, "auto" if none was."""
+    frame = export.columns.names.map.frame
+    return asked.frame if asked.frame != "auto" or frame is None else frame
+
+
+def read_runs(
+    cell: Cell, asked: Readings, held: Sequence[int] = (), *, full_pose: bool = False
+) -> tuple[Cell, Runs]:
+    """The cell that was measured, and its runs: those to fit, and those in the poses `held` back.
+
+    Frames and targets are found from the unloaded readings of all poses, those held back among them.
+
+    Raises:
+        InputError: When the file is wrong, or lacks the orientations that were insisted on.
+        BenchError: When a pose is not in the data, none is left on one side, no target was read in those held
+            back, or a frame cannot be found.
+    """
+    export = read(cell, asked)
+    if full_pose and export.data.rotation_before is None:
+        problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
+        raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
+    filed = cell
+    cell, found = register(cell, export, asked)
+    doubts, factor = look_at(filed, export, found, asked)
+    name, notes, frames = (
+        asked.dataset.name,
+        (*export.notes, *registration_notes(found)),
+        registration_row(found),
+    )
+    runs = Runs(name, found.data, found.data, None, notes, frames, doubts, factor)
+    if not held:
+        return cell, runs
+    try:
+        check, used = split(found.data, np.array(held))
+    except BenchError as err:
+        raise BenchError(f"--check-pose: {err}") from err
+    if not check.seen.any():
+        problem = f"expected readings in pose {list(held)}, every target was lost there"
+        raise BenchError(f"--check-pose: {problem}")
+    return cell, replace(runs, used=used, check=check)
+
+
+def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Registered]:
+    """The cell with targets where they are, and the runs in the base's frame.
+
+    The frame is auto, base, tracker, or the name of a TOML file with the frames.
+    """
+    words = get_args(Choice)
+    choice: Choice | dict[str, Frame]
+    if frame in words:
+        choice = next(word for word in words if word == frame)
+    elif files := _frame_files(frame):
+        to_world = np.asarray(np.linalg.inv(cell.vjm.base), dtype=float)
+        choice = {f"{STATION} {k}": one.of(to_world) for k, one in read_frames(files[0]).items()}
+    else:
+        raise BenchError(f"frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
+    found = registered(cell.vjm, data, choice)
+    return replace(cell, vjm=found.vjm), found
+
+
+def read_frames(path: Path) -> dict[int, Frame]:
+    """Bases in the frames of stations, as a user gives them; InputError names the key."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
+
+    content = parse_toml(path, read_text(path, MAX_BYTES))
+    try:
+        given = _File.model_validate(content).frame
+    except ValidationError as err:
+        first = err.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        hint = "expected [[frame]] with position_m and rotation_xyz_deg of the base in the tracker's frame"
+        raise InputError(path, place, f"{first['msg']}; {hint}") from err
+    stations = [one.station for one in given]
+    if len(set(stations)) < len(stations):
+        raise InputError(path, "frame", f"expected every station once, got {stations}")
+    turns = [Rotation.from_euler("xyz", one.rotation_xyz_deg, degrees=True).as_matrix() for one in given]
+    return {one.station: Frame(R, np.array(one.position_m)) for one, R in zip(given, turns, strict=True)}
+
+
+def registration_row(registered: Registered) -> dict[str, object] | None:
+    """Frames and targets, and how well the unloaded readings fit them; None where no frame fitted.
+
+    Of a frame the base's position in it, turn as a rotation vector, and largest standard deviations, 0 for
+    one that was given; of a target its place in the tool's frame, its distance from where the arm's folder
+    has it, None if it has not, and its largest standard deviation.
+    """
+    found = registered.registration
+    if found is None:
+        return None
+    away = MM * np.linalg.norm(found.targets - found.nominal, axis=1)
+    return {
+        "frame": registered.frame,
+        "frames": [
+            {
+                "station": station(name),
+                "position_mm": (MM * one.translation).tolist(),
+                "rotation_deg": np.degrees(one.rotation_vector).tolist(),
+                "position_sd_mm": MM * spread(one.covariance[3:, 3:]),
+                "rotation_sd_deg": math.degrees(one.deviation),
+            }
+            for name, one in ((name, own.of(registered.vjm.base)) for name, own in found.frames.items())
+        ],
+        "targets": [
+            {
+                "marker": name,
+                "position_mm": (MM * found.targets[k]).tolist(),
+                "from_nominal_mm": float(away[k]) if np.isfinite(away[k]) else None,
+                "position_sd_mm": MM * float(found.target_deviations[k].max()),
+            }
+            for k, name in enumerate(found.markers)
+        ],
+        "rms_mm": MM * found.rms,
+        "noise_mm": MM * found.noise,
+        "readings": len(found.distance),
+        "wild": found.wild,
+    }

@@ -1,0 +1,119 @@
+"""What a fit leaves in a table: rows with units in their names, for Parquet, report.json and views."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify import Constraint, Estimate
+from testbench.identify.certify import total_trace
+from testbench.identify.evaluate import Score
+from testbench.runs.spread import Number, Share, Spread
+from testbench.workflows.advice import advice
+
+MM, UM = 1e3, 1e6
+
+
+def rms(vectors: Array) -> float:
+    """Root mean square of the lengths of vectors, (..., 3)."""
+    return float(np.sqrt(np.square(vectors).sum(axis=-1).mean()))
+
+
+@dataclass(frozen=True)
+class DatasetRow:
+    """What a dataset holds: counts, and the least and largest deflection of a marker."""
+
+    runs: int
+    points: int
+    deflection_min_mm: Number
+    deflection_max_mm: Number
+    sigma_um: float
+
+
+def dataset_row(data: Dataset) -> DatasetRow:
+    """What a dataset holds."""
+    size = MM * np.linalg.norm(data.deflection, axis=-1)
+    return DatasetRow(data.runs, data.points, float(size.min()), float(size.max()), UM * data.sigma)
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """Distance errors of predicted deflections; relative ones are shares of a point's own deflection."""
+
+    rms_mm: Number
+    p95_mm: Number
+    max_mm: Number
+    p95_relative_percent: Number
+    max_relative_percent: Number
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitRow:
+    """What a method found, without its errors; nothing of an estimator of one's own that failed."""
+
+    name: str  #: Of the model.
+    structure: str  #: Name of its structure.
+    method: str = "own estimator"  #: How it was identified, in words.
+    constraint: Constraint = "own"  #: What was asked of the blocks.
+    prior: bool  #: Whether a prior fills what the data cannot see.
+    status: str  #: "solved", or why not.
+    parameters: int  #: Unknowns.
+    rank: int | Spread | None = None  #: Directions of them that the data see.
+    unique: Share = False  #: Whether they see all.
+    conservative: Share = False  #: Whether every block is symmetric and positive semi-definite.
+    min_eigenvalue: Number = None  #: Smallest eigenvalue of a block [m/N, rad/(N m)].
+    f_m: Number = None  #: Cost of Eq. (19).
+    f_m_floor: Number = None  #: What noise alone leaves of it.
+    #: Bound of F_M + trace term above its least value: how well the program is solved; None where none is.
+    duality_gap: Number = None
+    f_m_excess_bound: Number = None  #: Bound of F_M above its least value: what the trace weight costs.
+    trace_bounds_rad_per_Nm: tuple[Number, ...] | None = None  #: Traces within which the bounds hold.
+    held_by_trace_weight: Share = False  #: Whether only the trace weight holds unseen compliance.
+    trace_weight_Nm_per_rad: Number = None  #: Of GCO without a prior, learnt unless it was given.
+    total_trace_rad_per_Nm: Number = None  #: Of all blocks, in scaled units.
+    solve_seconds: Number = None  #: Wall time of the estimator.
+    advice: tuple[str, ...] = ()  #: What the estimate says of itself.
+
+
+def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool = False) -> FitRow:
+    """What a method found; unknowns are compliances, laws of joints aside."""
+    certificate, own = estimate.certificate, estimate.of_compliances
+    return FitRow(
+        name=name,
+        structure=own.structure.name,
+        method=estimate.method,
+        constraint=estimate.constraint,
+        prior=prior,
+        status=estimate.status,
+        parameters=own.structure.n,
+        rank=own.rank,
+        unique=own.rank == own.structure.n,
+        conservative=estimate.conservative,
+        min_eigenvalue=estimate.min_eigenvalue,
+        f_m=estimate.f_m,
+        f_m_floor=estimate.f_m_floor,
+        duality_gap=None if certificate is None else certificate.duality_gap,
+        f_m_excess_bound=None if certificate is None else certificate.f_m_excess_bound,
+        trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
+        held_by_trace_weight=estimate.held_by_trace_weight,
+        trace_weight_Nm_per_rad=None if estimate.penalty is None else estimate.penalty.weight,
+        total_trace_rad_per_Nm=total_trace(own.structure, estimate.pi[: own.structure.n]),
+        solve_seconds=seconds,
+        advice=advice(estimate),
+    )
+
+
+NO_ERRORS = ErrorRow(None, None, None, None, None)  #: Of an estimator that failed.
+FAILED = "failed: "  #: Begins the status of one.
+
+
+def error_row(score: Score) -> ErrorRow:
+    """Errors in millimetres and per cent."""
+    return ErrorRow(
+        rms_mm=MM * score.rms,
+        p95_mm=MM * score.p95,
+        max_mm=MM * score.max,
+        p95_relative_percent=None if score.p95_relative is None else 100 * score.p95_relative,
+        max_relative_percent=None if score.max_relative is None else 100 * score.max_relative,
+    )
