@@ -145,7 +145,7 @@ def test_truth_and_model_share_no_code_not_even_through_others(model):
         "progress",
         "arm",
         "data",
-    }  # names, numbers, runs, how they show themselves
+    }
     assert reaches("plant") & reaches(model) <= shared
 
 

@@ -63,7 +63,7 @@ TRACKER = r"^.*resource_tracker: There appear to be .*\n  warnings\.warn\(\n"
 UNDER_WAY = r"(^|/)\.[^/]+\.(new|lock)(/|$)"
 """Names of what a run makes, and of the lock that keeps others out of its place."""
 MOVING = r"(^|/)\.[^/]+\.new/(earlier|gone)/"  #: Names of earlier results that have left their place.
-OURS = r"testbench/(?!(cli/|studies/|shell/)?__init__|shell/interrupt)"
+OURS = r"testbench/(?!(cli/|studies/|runs/)?__init__|runs/(interrupt|session))"
 """In a traceback: a module of ours that is imported when stops are heeded already."""
 WAYS = ("TERM", "INT", "KILL", "TERM group", "INT group", "KILL group", "INT INT", "TERM KILL")
 """Signals, one after the other; to the process, or to its group as a terminal or a supervisor does."""

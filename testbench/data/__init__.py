@@ -1,1 +1,1 @@
-"""Readings: datasets, their files, and the instruments that make them."""
+"""Readings: datasets of deflections, and series of absolute readings."""

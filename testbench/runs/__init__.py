@@ -1,1 +1,1 @@
-"""The engine of trials: independent trials of a study on all cores or a cluster, stored as they come."""
+"""Runs: the folder that a run leaves, its manifest, its stops and progress, its trials on cores or a cluster."""

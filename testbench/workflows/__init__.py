@@ -1,1 +1,1 @@
-"""The composers: a cell, campaigns in it, fits, candidates and plans."""
+"""What commands and studies share: a cell, simulated campaigns, fits and their choice, plans, corrections."""

@@ -247,7 +247,7 @@ HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "pyarrow"}
 
 
 def test_help_lists_every_command_and_imports_nothing_heavy():
-    code = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
+    code = "import sys; from testbench.runs import command; from testbench.cli.program import program; "
     code += "command.run(program([])); print(*sys.modules, file=sys.stderr)"
     for flag, said in (("--help", COMMANDS), ("--version", [f"testbench {__version__}\n"])):
         done = subprocess.run([sys.executable, "-c", code, flag], capture_output=True, text=True, check=True)
