@@ -106,7 +106,7 @@ def of_average(average: Average | None) -> list[str]:
     share = f"{100 * average.weight:.3g} %"
     if average.weight > 0.5:
         return [f"link compliances do not improve the model: joint stiffness only weighs {share} by evidence"]
-    return [f"links and joints, averaged with joint stiffness only, which weighs {share} by evidence"]
+    return [f"links and joints, averaged with joint stiffness only, which weighs {share}"]
 
 
 def _of_outliers(estimate: Estimate) -> list[str]:

@@ -8,7 +8,18 @@ import pytest
 from loads import at_rest
 from scipy.integrate import quad
 
-from testbench import BenchError, Scenario, deflections, gco, paper_gco, reduce, score, simulate, with_prior
+from testbench import (
+    BenchError,
+    Scenario,
+    deflections,
+    gco,
+    least_squares,
+    paper_gco,
+    reduce,
+    score,
+    simulate,
+    with_prior,
+)
 from testbench.data.dataset import select
 from testbench.identify import average, hierarchy
 from testbench.identify import posterior as posteriors
@@ -19,7 +30,7 @@ from testbench.identify.evidence import bends, greatest, posterior
 from testbench.identify.metric import Belief, metric, precision_root, rescaled, whitened
 from testbench.identify.posterior import CURVED, Posterior, curvature, intervals, linearise
 from testbench.identify.prior import Prior, Strength, cad_prior, softened
-from testbench.identify.regression import f_m, places, some_columns
+from testbench.identify.regression import f_m, places, some_columns, spread
 from testbench.identify.solve import answer, solve
 from testbench.identify.wander import size, wandering
 from testbench.model.laws import with_laws, with_ties
@@ -662,6 +673,29 @@ def test_links_that_follow_the_pose_widen_intervals_and_others_are_left_alone(kr
             covered.append(inside.mean())
         assert covered[1] > 0.85
         assert found.f_m == pytest.approx(f_m(some_columns(regression, found.structure), found.pi))
+
+
+def test_joints_alone_weigh_a_quarter_where_links_change_with_the_pose(kr500, campaign, monkeypatch):
+    """As least squares has them, of readings as they are; intervals widen by how far the mean moves."""
+    method, s = default(kr500, 3)
+    regression = reduce(kr500.vjm, s, campaign.identification)
+    monkeypatch.setattr(average, "size", lambda *_: 0.2)
+    found = method.of(kr500.vjm, regression)
+    monkeypatch.setattr(average, "RIGID", 0.0)
+    changing = method.of(kr500.vjm, regression)
+    assert found.average.laws == found.average.ties == 0
+    joints = joints_only(kr500.arm)
+    alone = spread(least_squares(kr500.vjm, joints, campaign.identification).pi, joints, found.structure)
+    seen = alone > 0  # no weight turns joint 1: it has what the prior says
+    np.testing.assert_allclose((found.pi - 0.75 * changing.pi)[seen], 0.25 * alone[seen], rtol=2e-3)
+    links = found.structure.a < 6 * found.structure.links
+    np.testing.assert_allclose(found.pi[links], 0.75 * changing.pi[links], rtol=1e-12, atol=1e-24)
+    rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
+    told = linearise(found)
+    np.testing.assert_array_equal(told.x, found.pi)
+    around = sum(p * (rows @ (e.pi - found.pi)) ** 2 for p, e in found.average.parts)
+    own = sum(p * linearise(e).deviations(rows) ** 2 for p, e in found.average.parts)
+    np.testing.assert_allclose(told.deviations(rows) ** 2, own + around, rtol=1e-9)
 
 
 def test_links_stay_alike_in_all_poses_where_readings_weighed_otherwise_refuse_the_prior(
