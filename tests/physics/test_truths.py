@@ -13,7 +13,7 @@ from testbench.plant import true_arms
 from testbench.plant.cast import CAST_IRON, Casting, Line, as_compliant, beam_compliance, draw_casting
 from testbench.plant.section import Sections, rib_thickness
 from testbench.plant.tracker import stream
-from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.cell import Scenario, simulate, true_cell
 from testbench.workflows.perturbed_prior import FAR, PRIORS, TURN, prior_of, wrong_prior
 
 TUBE = stiffness.tube_compliance(stiffness.Tube(1.3, 0.34, 0.31, 1.1e11, 0.26))
@@ -98,7 +98,7 @@ def test_joints_are_normal_or_far_off_evenly_in_the_logarithm_each_by_itself(kr5
 @pytest.mark.parametrize("name", true_arms.TRUTHS)
 def test_mujoco_and_the_model_agree_to_first_order_on_every_truth(kr500, name):
     """MuJoCo's linear deflections against those of the model with the true compliances."""
-    cell = true_arms.true_cell(kr500, name, 3)
+    cell = true_cell(kr500, name, 3)
     assert cell.arm is kr500.arm
     assert cell.vjm is kr500.vjm
     scenario = Scenario(arm=kr500.arm.name, truth="linear", noise=False, workspace_poses=20)
@@ -212,7 +212,7 @@ def test_the_family_gives_every_seed_the_next_kind_and_an_unknown_name_is_answer
     kinds = [*true_arms.TRUTHS, *true_arms.TRUTHS]
     assert [true_arms.member("family", 12 + k) for k in range(len(kinds))] == kinds
     assert {true_arms.member("cast", seed) for seed in SEEDS} == {"cast"}
-    for find, names in ((true_arms.true_cell, true_arms.TRUTHS), (prior_of, PRIORS)):
+    for find, names in ((true_cell, true_arms.TRUTHS), (prior_of, PRIORS)):
         with pytest.raises(BenchError, match=", ".join(names)):
             find(kr500, "rubber", 1)
 
