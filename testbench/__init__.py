@@ -11,16 +11,22 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from testbench.arm.folder import Arm as Arm
     from testbench.arm.folder import load_arm as load_arm
+    from testbench.correct.compensated import Compensated as Compensated
     from testbench.correct.compensated import compensate as compensate
     from testbench.correct.newton import Aim as Aim
+    from testbench.correct.predicted import Prediction as Prediction
     from testbench.correct.predicted import predict as predict
+    from testbench.correct.stiffness import Stiffness as Stiffness
     from testbench.correct.stiffness import stiffness as stiffness
     from testbench.data.dataset import Dataset as Dataset
     from testbench.data.series import Series as Series
     from testbench.errors import BenchError as BenchError
+    from testbench.files.program import Program as Program
     from testbench.files.program import read_program as read_program
     from testbench.files.read_pairs import read_csv as read_csv
+    from testbench.files.read_series import SeriesExport as SeriesExport
     from testbench.files.read_series import read_series as read_series
     from testbench.files.write import write_csv as write_csv
     from testbench.files.write import write_program as write_program
@@ -35,22 +41,36 @@ if TYPE_CHECKING:
     from testbench.identify import reduce as reduce
     from testbench.identify import robust as robust
     from testbench.identify import with_prior as with_prior
+    from testbench.identify.absolute.fit import Calibration as Calibration
     from testbench.identify.absolute.fit import calibrate as calibrate
     from testbench.identify.arm_model import ArmModel as ArmModel
+    from testbench.identify.estimate import Certificate as Certificate
+    from testbench.identify.evaluate import Score as Score
     from testbench.identify.evaluate import deflections as deflections
     from testbench.identify.evaluate import score as score
+    from testbench.identify.method import Method as Method
+    from testbench.identify.posterior import Intervals as Intervals
+    from testbench.identify.prior import Prior as Prior
+    from testbench.identify.prior import Strength as Strength
     from testbench.identify.prior import cad_prior as cad_prior
     from testbench.identify.registered import registered as registered
+    from testbench.identify.regression import Regression as Regression
     from testbench.model.load import Load as Load
     from testbench.model.load import weight as weight
     from testbench.model.structure import Structure as Structure
+    from testbench.model.vjm import Vjm as Vjm
     from testbench.workflows.arm_models import load_model as load_model
     from testbench.workflows.arm_models import save_model as save_model
+    from testbench.workflows.cell import Campaign as Campaign
+    from testbench.workflows.cell import Cell as Cell
     from testbench.workflows.cell import Scenario as Scenario
     from testbench.workflows.cell import build_cell as build_cell
     from testbench.workflows.cell import simulate as simulate
+    from testbench.workflows.load_dataset import PublicCampaign as PublicCampaign
     from testbench.workflows.load_dataset import load_dataset as load_dataset
     from testbench.workflows.models import MODELS as MODELS
+    from testbench.workflows.models import Model as Model
+    from testbench.workflows.plan import Planned as Planned
     from testbench.workflows.plan import plan as plan
     from testbench.workflows.plan_settings import PlanSettings as PlanSettings
 
@@ -97,6 +117,26 @@ HOMES = {
     "PlanSettings": "workflows.plan_settings",
     "plan": "workflows.plan",
     "BenchError": "errors",
+    "Arm": "arm.folder",
+    "Calibration": "identify.absolute.fit",
+    "Campaign": "campaign.campaign",
+    "Cell": "campaign.campaign",
+    "Certificate": "identify.estimate",
+    "Compensated": "correct.compensated",
+    "Intervals": "identify.posterior",
+    "Method": "identify.method",
+    "Model": "campaign.models",
+    "Planned": "campaign.plan",
+    "Prediction": "correct.predicted",
+    "Prior": "identify.prior",
+    "Program": "data.program",
+    "PublicCampaign": "campaign.load_dataset",
+    "Regression": "identify.regression",
+    "Score": "identify.evaluate",
+    "SeriesExport": "data.read_series",
+    "Stiffness": "correct.stiffness",
+    "Strength": "identify.prior",
+    "Vjm": "model.vjm",
 }
 """The module of every public name."""
 

@@ -1,14 +1,30 @@
 """Display of public types: one line in a shell, a small table in a notebook."""
 
+from dataclasses import fields, is_dataclass
 from html import escape
+
+import numpy as np
+import numpy.typing as npt
+
+LONGEST = 60  #: Most characters of a value that is shown as it is.
+SMALL = 6  #: Most numbers of an array that are shown.
+
+
+def span(values: npt.NDArray[np.float64]) -> str:
+    """Write the range of numbers, such as "3.53 to 7.78"; "none" if there are none."""
+    if not np.size(values):
+        return "none"
+    ends = f"{np.min(values):.3g}", f"{np.max(values):.3g}"
+    return ends[0] if ends[0] == ends[1] else " to ".join(ends)
 
 
 class Displayed:
     """Give a type a repr of one line and an HTML table, both from `about`; its dataclass has `repr=False`."""
 
     def about(self) -> dict[str, object]:
-        """Return what a reader wants to know of the object, by name."""
-        raise NotImplementedError
+        """Summarise the object by name and value; fields by default, an array by its shape."""
+        assert is_dataclass(self)
+        return {field.name: _short(getattr(self, field.name)) for field in fields(self)}
 
     def __repr__(self) -> str:
         return (
@@ -22,3 +38,12 @@ class Displayed:
             for name, value in self.about().items()
         )
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+
+def _short(value: object) -> str:
+    """Write a value in few characters: the shape of a large array, the type of anything else that is long."""
+    if isinstance(value, np.ndarray):
+        few = value.ndim == 1 and value.size <= SMALL
+        return f"[{', '.join(f'{x:.6g}' for x in value)}]" if few else f"array{value.shape}"
+    text = repr(value)
+    return text if len(text) <= LONGEST and "\n" not in text else f"<{type(value).__name__}>"

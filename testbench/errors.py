@@ -8,10 +8,11 @@ import math
 import os
 import shlex
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
+from types import NoneType
 
 import numpy as np
 import numpy.typing as npt
@@ -258,6 +259,43 @@ def check_array(value: object, shape: tuple[int | None, ...], what: str) -> Arra
     return array
 
 
+def check_type(value: object, expected: type | tuple[type, ...], name: str) -> None:
+    """Check the type of an argument, such as "vjm: expected Vjm, got Cell; it has one as .vjm".
+
+    Args:
+        value: The argument.
+        expected: The type, or several.
+        name: Name of the argument.
+
+    Raises:
+        BenchError: When it is of another type.
+    """
+    if not isinstance(value, expected):
+        every = expected if isinstance(expected, tuple) else (expected,)
+        wanted = " or ".join("None" if each is NoneType else each.__name__ for each in every)
+        has = getattr(value, name, None)
+        hint = f"; it has one as .{name}" if has is not None and isinstance(has, expected) else ""
+        got = type(value).__name__
+        raise BenchError(f"{name}: expected {wanted}, got {got}{hint}")
+
+
+def check_items(values: object, expected: type, name: str) -> None:
+    """Check that an argument is a list or tuple, and the type of its items.
+
+    Args:
+        values: The argument.
+        expected: Type of every item.
+        name: Name of the argument.
+
+    Raises:
+        BenchError: When it is none, or an item is of another type.
+    """
+    if not isinstance(values, list | tuple):
+        raise BenchError(f"{name}: expected a list of {expected.__name__}, got {type(values).__name__}")
+    for k, value in enumerate(values):
+        check_type(value, expected, f"{name}[{k}]")
+
+
 @contextlib.contextmanager
 def of_flag(flag: str) -> Iterator[None]:
     """Name the flag that asked for what the block refuses."""
@@ -265,6 +303,25 @@ def of_flag(flag: str) -> Iterator[None]:
         yield
     except BenchError as err:
         raise BenchError(f"{flag}: {err}") from err
+
+
+@contextlib.contextmanager
+def in_flags(flags: Mapping[str, str]) -> Iterator[None]:
+    """Name the flag in place of the argument with which an error of the block begins.
+
+    Args:
+        flags: Flag of every argument.
+
+    Raises:
+        BenchError: Of the block, with its first word replaced.
+    """
+    try:
+        yield
+    except BenchError as err:
+        argument, colon, problem = str(err).partition(":")
+        if argument not in flags:
+            raise
+        raise BenchError(f"{flags[argument]}{colon}{problem}") from err
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from testbench.errors import (
     PoseError,
     check_array,
     check_least,
+    check_type,
     cut,
     shown,
 )
@@ -49,7 +50,9 @@ def find_arm(name: str | Path) -> Path:
 
     Raises:
         InputError: When there is neither.
+        BenchError: When it is neither text nor a path.
     """
+    check_type(name, (str, Path), "arm")
     if os.path.isdir(name):  # noqa: PTH112 - a name too long is no folder either
         return Path(name)
     found = {folder.name: folder for root in FOLDERS if root.is_dir() for folder in sorted(root.iterdir())}
@@ -138,7 +141,7 @@ class Arm(Displayed):
     load: str  #: Body at whose origin a hung weight acts: the load point.
     markers: tuple[str, ...]  #: Bodies that the tracker reads, the markers.
     payload: float | None = None  #: Rated payload [kg]; None where elastic.toml states none.
-    compensator: Compensator | None = None  #: Beside joint 2; None where elastic.toml states none.
+    compensator: Compensator | None = None  #: Compensator of joint 2; None if elastic.toml states none.
     #: Map from file joints to its joints; None where they are the same.
     joint_map: JointMap | None = None
 

@@ -1,7 +1,7 @@
 """Linear map from file joints to chain joints: q_model = L q_file + q_0.
 
 A pendant may count joint 3 from the horizontal, so that it moves with joint 2; a palletiser's hand is kept
-level by joints that nobody commands. Both are this one linear map. Files, programs, plans and limits that
+level by dependent joints. Both are this one linear map. Files, programs, plans and limits that
 people read are in file joints; all mathematics is in the joints of the chain.
 """
 
@@ -107,7 +107,7 @@ class JointMap:
             Torques of chain joints, (..., n) [N m, N].
 
         Raises:
-            BenchError: When joints follow others: their torques cannot be told apart.
+            BenchError: When joints follow others: their torques cannot be separated.
         """
         if not self.square:
             raise BenchError("torques do not tell those of joints that follow others: leave them out")

@@ -6,6 +6,7 @@ Points that cannot be corrected keep their programmed joints and say why.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from types import NoneType
 from typing import Literal
 
 import numpy as np
@@ -14,7 +15,8 @@ from testbench.arm.folder import Arm
 from testbench.correct.newton import Aim, Asked, Corrected, Points, Target, asked, solve
 from testbench.correct.rest import put, rest
 from testbench.correct.uncertainty import Poses, half_widths
-from testbench.errors import Array, BenchError, Mask, check_array
+from testbench.display import Displayed, span
+from testbench.errors import Array, BenchError, Mask, check_array, check_items, check_type
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
 from testbench.plant.site import Site, collisions
@@ -32,8 +34,8 @@ class Refusal:
     size: float = 0.0  #: Remaining distance [m], or how far beyond the limit [rad, m].
 
 
-@dataclass(frozen=True)
-class Compensated:
+@dataclass(frozen=True, repr=False)
+class Compensated(Displayed):
     """Hold the joints that put the loaded tool where the program asks it to be, and the errors."""
 
     q: Array  #: Joints to command, those of the program at refused points, (points, n) [rad, m].
@@ -46,6 +48,15 @@ class Compensated:
     held: Mask  #: Joints that a limit stopped, (points, n).
     refused: tuple[Refusal | None, ...]  #: Why a point is refused; None for a corrected one.
     asked: Asked  #: Meaning that the program's joints were given.
+
+    def about(self) -> dict[str, object]:
+        """Summarise the correction: points, refused points, and errors of position before and after."""
+        sizes = (1e3 * np.linalg.norm(error, axis=1) for error in (self.before, self.after))
+        return {
+            "points": len(self.q),
+            "refused": int((~self.corrected).sum()),
+            **dict(zip(("before_mm", "after_mm"), map(span, sizes), strict=True)),
+        }
 
     @property
     def corrected(self) -> Mask:
@@ -74,9 +85,12 @@ def compensate(
         Corrected joints inside the limits, remaining errors and their intervals.
 
     Raises:
-        BenchError: When shapes do not fit, or there is no point.
+        BenchError: When types or shapes do not fit, or there is no point.
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
+    check_type(model, ArmModel, "model")
+    check_items(loads, Load, "loads")
+    check_type(aim, (Aim, NoneType), "aim")
     q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
     if not len(q):
         raise BenchError("q [rad, m]: expected at least one point")

@@ -12,7 +12,8 @@ import numpy as np
 from testbench.correct.rest import batches, rest
 from testbench.correct.uncertainty import Poses, curvature, half_widths
 from testbench.data.dataset import joined
-from testbench.errors import Array, check_array
+from testbench.display import Displayed, span
+from testbench.errors import Array, check_array, check_items, check_type
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CURVED
 from testbench.model.load import Load, on_joints
@@ -21,8 +22,8 @@ from testbench.model.tool_motion import turn_between, turned
 from testbench.model.vjm import chain
 
 
-@dataclass(frozen=True)
-class Prediction:
+@dataclass(frozen=True, repr=False)
+class Prediction(Displayed):
     """Hold deflections and positions of points of the tool, its origin first, with intervals.
 
     Own weight acts both with and without loads.
@@ -38,6 +39,15 @@ class Prediction:
     #: Distance between the loaded tool's origin by Eq. (6) and by Eq. (7), (poses,) [m].
     apart: Array
     theta: Array  #: Virtual joints of the loaded arm at its equilibrium, (poses, n_theta) [m, rad].
+
+    def about(self) -> dict[str, object]:
+        """Summarise the prediction: numbers of poses and points, deflections of the tool's origin."""
+        return {
+            "poses": len(self.deflection),
+            "points": self.deflection.shape[1],
+            "deflection_mm": span(1e3 * self.size[:, 0]),
+            "half_width_mm": span(1e3 * self.widest[:, 0]),
+        }
 
     @cached_property
     def size(self) -> Array:
@@ -72,8 +82,10 @@ def predict(
 
     Raises:
         NoEquilibrium: When the arm cannot carry the loads; the message names the pose.
-        BenchError: When an array has another shape or is not finite.
+        BenchError: When an argument has another type or shape, or is not finite.
     """
+    check_type(model, ArmModel, "model")
+    check_items(loads, Load, "loads")
     q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
     points = model.vjm.markers if points is None else check_array(points, (None, 3), "points [m]")
     points = np.vstack([np.zeros(3), points])

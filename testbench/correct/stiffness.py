@@ -9,7 +9,8 @@ import numpy as np
 from testbench.correct.rest import batches, rest
 from testbench.correct.uncertainty import Poses, half_widths
 from testbench.data.dataset import joined
-from testbench.errors import Array
+from testbench.display import Displayed, span
+from testbench.errors import Array, check_items, check_type
 from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
 from testbench.model.laws import tangent
@@ -18,8 +19,8 @@ from testbench.model.loaded import geometric_stiffness, loaded_compliance
 from testbench.model.vjm import chain
 
 
-@dataclass(frozen=True)
-class Stiffness:
+@dataclass(frozen=True, repr=False)
+class Stiffness(Displayed):
     """Hold how the loaded tool yields to a small further force at its origin."""
 
     #: Compliance C of Eq. (7), twist = C @ wrench, world axes, (poses, 6, 6) [m/N, rad/N, rad/(N m)].
@@ -27,6 +28,11 @@ class Stiffness:
     #: Semi-axes of the ellipsoid over which a unit force moves the tool, the longest first, (poses, 3) [m/N].
     give: Array
     axes: Array  #: Directions of the semi-axes as columns, world axes, (poses, 3, 3) [1].
+
+    def about(self) -> dict[str, object]:
+        """Summarise the stiffness: number of poses, least and largest principal stiffness."""
+        ends = {"softest_N_per_um": self.principal[:, 0], "stiffest_N_per_um": self.principal[:, -1]}
+        return {"poses": len(self.give), **{name: span(1e-6 * values) for name, values in ends.items()}}
 
     @cached_property
     def principal(self) -> Array:
@@ -62,8 +68,10 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Arra
 
     Raises:
         NoEquilibrium: When there is no equilibrium, or the load is exactly a buckling load.
-        BenchError: When a load has rows for another number of poses.
+        BenchError: When an argument has another type, or a load has rows for another number of poses.
     """
+    check_type(model, ArmModel, "model")
+    check_items(loads, Load, "loads")
     every = Poses(q, loads)
     theta = rest(model.state, q, every.loads).theta if theta is None else theta
     return joined([_stiffness(model.state, every.of(some), theta[some]) for some in batches(len(q))])

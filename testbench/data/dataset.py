@@ -1,4 +1,4 @@
-"""Measured runs as arrays: one load in one pose a run, every marker read before and after loading."""
+"""Measured runs as arrays: one load in one pose per run, every marker read before and after loading."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -14,36 +14,39 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 Shapes = dict[str, tuple[int | None, ...]]
-"""Of arrays by name and unit; None for any length."""
+"""Shapes of arrays by name and unit; None for any length."""
 
-SHOWN = 600  #: Runs that are looked at one by one, evenly out of all.
-SKEW = 1e-9  #: Share of a matrix by which it may differ from its transpose.
+SHOWN = 600
+"""Most runs that are evaluated one by one, evenly out of all."""
+SKEW = 1e-9
+"""Largest asymmetry of a matrix, as a share of its size."""
 
 
 @dataclass(frozen=True, repr=False)
 class Dataset(Displayed):
-    """Deflection measurements."""
+    """Hold deflection measurements: readings of markers before and after loading, with poses and loads."""
 
     markers: tuple[str, ...]  #: Names of the markers, m of them.
     run: Ids  #: Identifier of every run, (runs,).
     pose: Ids  #: Identifier of the pose of every run, (runs,); repeated runs share it.
     q: Array  #: Actuated joints, (runs, n) [rad, m].
     wrench: Array  #: Load, force and moment, world axes, (runs, 6) [N, N m].
-    point: Array  #: Where it acts, in the tool's frame, (runs, 3) [m].
+    point: Array  #: Point where the load acts, in the tool's frame, (runs, 3) [m].
     before: Array  #: Marker positions read unloaded, world, (runs, m, 3) [m].
     after: Array  #: Marker positions read loaded, (runs, m, 3) [m].
     sigma: float  #: Standard deviation of one position reading along one axis [m].
     #: Tool orientation read unloaded, rotation vectors, (runs, 3) [rad]; None if not read.
     rotation_before: Array | None = None
-    rotation_after: Array | None = None  #: The same loaded, (runs, 3) [rad].
+    #: Tool orientation read loaded, rotation vectors, (runs, 3) [rad]; None if not read.
+    rotation_after: Array | None = None
     #: Standard deviation of one orientation reading about one axis [rad].
     sigma_rotation: float | None = None
     #: Inverse covariance of every deflection, world axes, (runs, m, 3, 3) [1/m^2]; all zero where a target
     #: was lost. None where sigma holds along every axis: a deflection then has 2 sigma^2.
     precision: Array | None = None
-    #: Set-up of the tracker that read each run, (runs,): each has a frame of its own. None for one set-up.
+    #: Station of the tracker that read each run, (runs,): each has a frame of its own. None for one station.
     station: Ids | None = None
-    #: Whether the unloaded reading of a run came last, the load taken off again, (runs,); None for no run.
+    #: Whether the load was taken off before the unloaded reading of a run, (runs,); None for no run.
     taken_off: Mask | None = None
 
     def __post_init__(self) -> None:
@@ -59,7 +62,7 @@ class Dataset(Displayed):
             _check_precision(self.precision)
 
     def about(self) -> dict[str, object]:
-        """Runs, poses, markers, deflections and noise."""
+        """Summarise the runs: numbers of runs and poses, markers, deflections and noise."""
         size = 1e3 * np.linalg.norm(self.deflection, axis=-1)[self.seen]
         return {
             "runs": self.runs,
@@ -71,36 +74,36 @@ class Dataset(Displayed):
 
     @property
     def runs(self) -> int:
-        """Number of runs."""
+        """Count the runs."""
         return len(self.run)
 
     @property
     def points(self) -> int:
-        """Number of measured points: markers times runs."""
+        """Count the measured points: markers times runs."""
         return len(self.run) * len(self.markers)
 
     @property
     def seen(self) -> Mask:
-        """Which targets were read, (runs, m): not those that the tracker lost."""
+        """Tell which targets were read, (runs, m): not those that the tracker lost."""
         if self.precision is None:
             return np.ones((self.runs, len(self.markers)), dtype=bool)
         return np.asarray(self.precision.any(axis=(2, 3)))
 
     @property
     def covariance(self) -> Array:
-        """Of every deflection, world axes, (runs, m, 3, 3) [m^2]; of no meaning where a target was lost."""
+        """Compute the covariance of every deflection, world axes, (runs, m, 3, 3) [m^2]; unused if lost."""
         if self.precision is None:
             return np.broadcast_to(2 * self.sigma**2 * np.eye(3), (*self.before.shape, 3))
         return np.asarray(np.linalg.inv(np.where(self.seen[..., None, None], self.precision, np.eye(3))))
 
     @property
     def deflection(self) -> Array:
-        """Measured deflection of every marker, (runs, m, 3) [m]."""
+        """Compute the measured deflection of every marker, (runs, m, 3) [m]."""
         return self.after - self.before
 
     @property
     def rotation(self) -> Array:
-        """Measured rotation of the tool, world axes, (runs, 3) [rad]; BenchError for positions only."""
+        """Compute the measured rotation of the tool, world axes, (runs, 3) [rad]; BenchError if not read."""
         if self.rotation_before is None or self.rotation_after is None:
             raise BenchError("dataset: expected orientations, it has positions only")
         return turn(self.rotation_before, self.rotation_after)
@@ -160,7 +163,7 @@ def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], own: Sh
 
 
 def _check_precision(precision: Array) -> None:
-    """Refuse what is neither symmetric positive definite nor zero."""
+    """Refuse a matrix that is neither symmetric positive definite nor zero."""
     size = np.abs(precision).max(axis=(2, 3))
     skew = np.abs(precision - precision.swapaxes(2, 3)).max(axis=(2, 3))
     least = np.linalg.eigvalsh(precision)[..., 0]
@@ -195,14 +198,14 @@ Rows = TypeVar("Rows", bound="DataclassInstance")
 
 
 def joined(parts: Sequence[Rows]) -> Rows:
-    """Rows of several parts, one after the other."""
+    """Concatenate the rows of several parts."""
     every = [arrays(part) for part in parts]
     whole = {name: np.concatenate([own[name] for own in every]) for name in every[0]}
     return replace(parts[0], **whole)
 
 
 def arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:
-    """The fields that are arrays, a row a run, a reading or a pose."""
+    """Return the fields that are arrays with one row per run, reading or pose."""
     every = {field.name: getattr(data, field.name) for field in fields(data)}
     return {name: own for name, own in every.items() if isinstance(own, np.ndarray)}
 
@@ -221,7 +224,15 @@ def in_order(data: Rows, rows: Ids | Mask | slice) -> Rows:
 
 
 def evenly(runs: Ids, most: int = SHOWN) -> Ids:
-    """Return at most so many of the runs, evenly, the first and the last among them."""
+    """Select at most a given number of runs, evenly spaced; the first and the last are among them.
+
+    Args:
+        runs: The runs, (n,).
+        most: Number of runs to keep.
+
+    Returns:
+        The selected runs, (min(n, most),).
+    """
     return np.asarray(runs[np.linspace(0, len(runs) - 1, min(most, len(runs))).round().astype(int)])
 
 

@@ -1,4 +1,4 @@
-"""Absolute readings as arrays: targets on the tool in a tracker's frame, one pose under one load a row."""
+"""Absolute readings as arrays: targets on the tool in a tracker's frame, one pose and load per row."""
 
 from dataclasses import dataclass
 
@@ -11,23 +11,23 @@ from testbench.errors import Array, BenchError, Ids, Mask, check_array
 
 @dataclass(frozen=True, repr=False)
 class Series(Displayed):
-    """What one set-up of a tracker read of one arm.
+    """Hold the readings of one station of a tracker on one arm.
 
-    Frame and target are names: series that share a name share the unknown behind it. Rows of one `pose` are
-    readings without a move in between, such as unloaded and loaded: what the model leaves open there is
-    common to them.
+    Frame and target are names: series that share a name share the unknown frame or mount. Rows of one `pose`
+    are readings without a move in between, such as unloaded and loaded: the model error there is common to
+    them.
     """
 
-    name: str  #: For reports, such as the file's name.
+    name: str  #: Name in reports, such as the file's name.
     markers: tuple[str, ...]  #: Names of the targets, m of them.
     frame: str  #: Name of the tracker's frame.
     target: str  #: Name of the mount that holds the targets to the tool.
     row: Ids  #: Identifier of every row, such as its line in the file, (rows,).
     pose: Ids  #: Identifier of the pose of every row, (rows,).
     q: Array  #: Actuated joints, commanded or read, (rows, n) [rad, m].
-    wrench: Array  #: Load beside the arm's own weight, force and moment, world axes, (rows, 6) [N, N m].
-    point: Array  #: Where it acts, in the tool's frame, (rows, 3) [m].
-    position: Array  #: Targets in the tracker's frame, (rows, m, 3) [m]; zero where one was lost.
+    wrench: Array  #: Load in addition to own weight, force and moment, world axes, (rows, 6) [N, N m].
+    point: Array  #: Point where the load acts, in the tool's frame, (rows, 3) [m].
+    position: Array  #: Targets in the tracker's frame, (rows, m, 3) [m]; zero for lost ones.
     sigma: float  #: Standard deviation of one position reading along one axis [m].
     #: Inverse covariance of every position, the tracker's axes, (rows, m, 3, 3) [1/m^2]; zero where the
     #: target was lost. None where sigma holds for all.
@@ -37,13 +37,13 @@ class Series(Displayed):
     rotation: Array | None = None
     sigma_rotation: float | None = None  #: Standard deviation of an orientation about an axis [rad].
     torque: Array | None = None  #: Torques of the actuated joints, (rows, n) [N m, N].
-    temperature: Array | None = None  #: (rows,) [degree Celsius].
-    time: Array | None = None  #: (rows,) [s] from any start.
+    temperature: Array | None = None  #: Temperature, (rows,) [degree Celsius].
+    time: Array | None = None  #: Time from any start, (rows,) [s].
     #: Name and unit of every joint's column in the file that it was read from, in the arm's order.
     joints: tuple[tuple[str, str], ...] = ()
 
     def about(self) -> dict[str, object]:
-        """Rows, poses, targets, frame, mount and noise."""
+        """Summarise the series: rows, poses, targets, frame, mount and noise."""
         return {
             "name": self.name,
             "rows": len(self.row),
@@ -70,19 +70,19 @@ class Series(Displayed):
 
     @property
     def rows(self) -> int:
-        """Number of rows."""
+        """Count the rows."""
         return len(self.row)
 
     @property
     def seen(self) -> Mask:
-        """Which targets were read, (rows, m)."""
+        """Tell which targets were read, (rows, m)."""
         if self.precision is None:
             return np.ones((self.rows, len(self.markers)), dtype=bool)
         return np.asarray(self.precision.any(axis=(2, 3)))
 
     @property
     def turned(self) -> Mask:
-        """In which rows an orientation was read, (rows,)."""
+        """Tell in which rows an orientation was read, (rows,)."""
         if self.rotation is None:
             return np.zeros(self.rows, dtype=bool)
         return np.asarray(np.isfinite(self.rotation).all(axis=(1, 2)))
@@ -108,7 +108,7 @@ def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
 
 
 def _both(data: Dataset, name: str, frame: str, target: str) -> Series:
-    """The unloaded readings of some runs, then the loaded ones."""
+    """Combine the unloaded and then the loaded readings of some runs."""
     rotation, both = None, in_order(data, np.tile(np.arange(data.runs), 2))
     if data.rotation_before is not None and data.rotation_after is not None:
         from scipy.spatial.transform import Rotation  # here: it takes long to import

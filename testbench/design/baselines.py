@@ -1,8 +1,8 @@
 """Baselines of a plan: greedy and random plans, the part that rests on the prior, observability indices.
 
 O1: Borm and Menq (IJRR 1991). O2: Driels and Pathre (J. Robotic Systems 1990). O3: Nahvi, Hollerbach and
-Hayward (ICRA 1994). O4: Nahvi and Hollerbach (ICRA 1996). O5: Sun and Hollerbach (ICRA 2008). Reports set
-them beside the plan.
+Hayward (ICRA 1994). O4: Nahvi and Hollerbach (ICRA 1996). O5: Sun and Hollerbach (ICRA 2008). Reports compare
+them with the plan.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""What stands beside positions: orientations in any notation, torques of the joints, temperature, time."""
+"""Readings other than positions: orientations in any notation, joint torques, temperature, time."""
 
 import re
 
@@ -12,19 +12,22 @@ from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_colum
 from testbench.files.rearranged import clock, seconds
 
 UNIT_NORM = 5e-3
-"""How far a quaternion's norm, or a matrix times its transpose, may be from one [1]: rounding in a file."""
-MOST = 2.5 * np.pi  #: Angles beyond it are in degrees [rad].
-ROUNDED = re.compile(r"\d([.,]\d*)?[eE]\+?13|\d{6}0{8}")  #: 2,02011E+13: its hour, and more, is gone.
+"""Largest deviation of a quaternion's norm, or of a matrix times its transpose, from one [1]: rounding in a
+file."""
+MOST = 2.5 * np.pi
+"""Largest angle [rad]: larger ones are in degrees."""
+ROUNDED = re.compile(r"\d([.,]\d*)?[eE]\+?13|\d{6}0{8}")
+"""Time rounded by a spreadsheet, such as 2,02011E+13: its hour is lost."""
 
 
 def read_rotations(columns: Columns) -> Array | None:
-    """Orientation of the target in every row, the tracker from the target, (rows, 3, 3).
+    """Read the orientation of the target in every row, tracker from target.
 
     Returns:
-        All NaN in rows where it is blank; None where no column says it.
+        Rotation matrices, (rows, 3, 3), NaN in rows without one; None if no column states orientations.
 
     Raises:
-        InputError: When the notation is not said or a part is missing, and at what is no rotation.
+        InputError: If the notation of angles is not stated, a component is missing, or a cell is no rotation.
     """
     found = [c for c in columns.every(*ROTATIONS) if not c.slot.when]
     if not found:
@@ -45,7 +48,7 @@ def read_rotations(columns: Columns) -> Array | None:
 
 
 def _from_angles(columns: Columns, found: list[Column]) -> Array:
-    """Of three angles in the notation of the map, or a rotation vector under our own names."""
+    """Convert three angles in the map's notation, or a rotation vector in our own columns."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
 
     notation = columns.names.map.series.rotation or _unsaid(columns, found)
@@ -79,7 +82,7 @@ def _from_angles(columns: Columns, found: list[Column]) -> Array:
 
 
 def _unsaid(columns: Columns, found: list[Column]) -> str:
-    """Our own rotation_x, y, z are a rotation vector; what others call angles must be said."""
+    """Return "vector" for our own rotation_x, y, z; the notation of other angles must be stated."""
     if all(column.slot.index < len(XYZ) and not columns.names.maps(column.name) for column in found):
         return "vector"
     problem = 'expected "intrinsic xyz", "extrinsic zyx" or the like, or "vector", for three angles'
@@ -122,7 +125,7 @@ def read_torques(columns: Columns, arm: Arm) -> Array | None:
         Torques, (rows, n) [N m, N]; None without such columns.
 
     Raises:
-        InputError: When a joint has none, or joints follow others: their torques cannot be told apart.
+        InputError: If a joint has none, or joints follow others: their torques cannot be separated.
     """
     found = columns.whole(torque_columns(arm))
     torque = np.column_stack([columns.full(column) for column in found]) if found else None
@@ -133,7 +136,7 @@ def read_torques(columns: Columns, arm: Arm) -> Array | None:
 
 
 def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:
-    """Temperature, (rows,) [degree Celsius]; None where a cell holds no number."""
+    """Read temperatures, (rows,) [degree Celsius], or None and a note if a cell is not a number."""
     column = columns.get(Slot("temperature"))
     if column is None:
         return None, []
@@ -141,7 +144,7 @@ def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:
 
 
 def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
-    """Time since the first row, (rows,) [s]; None where the cells are no times."""
+    """Read the time since the first row, (rows,) [s], or None and a note if the cells are no times."""
     counted, stamp = columns.get(Slot("time", 1)), columns.get(Slot("time"))
     if counted is not None:
         return _if_full(columns, counted)
@@ -160,7 +163,7 @@ def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
 
 
 def _if_full(columns: Columns, column: Column) -> tuple[Array | None, list[str]]:
-    """A column of numbers, (rows,), or why it is not read: no reading is refused for what stands beside."""
+    """Read a column of numbers, (rows,), or explain why it is not read: it never makes a file refused."""
     try:
         return columns.full(column), []
     except InputError:

@@ -1,4 +1,4 @@
-"""Which column of a file says what, each with one unit, and what it says in SI units."""
+"""Meaning and unit of every column of a file, and its values in SI units."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,54 +27,54 @@ from testbench.files.rearranged import join_axes, take_apart, with_log
 from testbench.files.table import Table, read_table
 
 READ: tuple[What, ...] = ("reading", "covariance", "deviation", "turn_deviation", "spread", *ROTATIONS)
-"""Quantities whose cells are blank, or hold a word, where a target was lost."""
+"""Quantities whose cells are blank, or hold a word, if a target was lost."""
 ACTS: tuple[What, ...] = ("force", "moment", "process")
-"""Quantities that are 0 where nothing acts."""
+"""Quantities that are 0 without a load."""
 LIMITS: Mapping[What, tuple[float, float]] = {
     **dict.fromkeys(("force", "moment", "process"), (-1e6, 1e6)),
     **{"mass": (0.0, 1e5), "point": (-10.0, 10.0), "set_point": (-100.0, 100.0)},
 }
-"""Least and largest components [N, N m, N, kg, m, m]; beyond them a unit is a slip."""
+"""Least and largest components [N, N m, N, kg, m, m]; beyond them a unit is wrong."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column that is read."""
+    """Describe a column that is read."""
 
-    index: int  #: In the table.
-    name: str  #: As it stands in the file.
-    slot: Slot  #: What it says.
-    unit: Unit | None  #: Its unit; None for what has none.
-    sign: float  #: -1 for a column of the opposite direction.
+    index: int  #: Place in the table.
+    name: str  #: Name in the file.
+    slot: Slot  #: Quantity.
+    unit: Unit | None  #: Unit; None for a quantity without one.
+    sign: float  #: -1 for a column with the opposite sign.
 
 
 @dataclass(frozen=True)
 class Columns:
-    """What a table says, column by column."""
+    """Hold a table with the meaning of its columns."""
 
     table: Table  #: The cells.
-    names: Names  #: Of the quantities.
-    found: dict[Slot, Column]  #: The columns that are read.
-    ignored: tuple[str, ...]  #: Names of the others.
+    names: Names  #: Names of the quantities.
+    found: dict[Slot, Column]  #: Columns that are read, by quantity.
+    ignored: tuple[str, ...]  #: Names of the other columns.
     mark: str  #: The decimal mark.
-    warnings: tuple[str, ...]  #: Of a log joined by order, and of columns that are not read.
+    warnings: tuple[str, ...]  #: Warnings about a log joined by row order, and about unread columns.
 
     def every(self, *what: str) -> list[Column]:
-        """The columns of some quantities, in the order of the file."""
+        """List the columns of some quantities, in the order of the file."""
         return sorted((c for c in self.found.values() if c.slot.what in what), key=lambda c: c.index)
 
     def get(self, slot: Slot) -> Column | None:
-        """The column of a quantity; None where there is none."""
+        """Return the column of a quantity; None if there is none."""
         return self.found.get(slot)
 
     @property
     def joints(self) -> tuple[tuple[str, str], ...]:
-        """Name, with a minus where a map turns it, and unit of every joint's column, in the arm's order."""
+        """List name and unit of every joint's column in the arm's order; a minus marks a reversed column."""
         own = sorted(self.every("joint"), key=lambda c: c.slot.index)
         return tuple(("-" * (c.sign < 0) + c.name, "" if c.unit is None else c.unit.name) for c in own)
 
     def values(self, column: Column) -> Array:
-        """A column in SI units, (rows,); NaN where it is blank."""
+        """Read a column in SI units, (rows,); NaN where it is blank."""
         lost = '; a word for a lost target goes into the map, as [words] lost = "NaN"'
         words = lost if column.slot.what == "reading" else ""
         values = self.table.numbers(column.index, self.mark, words)
@@ -95,7 +95,7 @@ class Columns:
         return values if scale == 1 else scale * values
 
     def full(self, column: Column) -> Array:
-        """The same where no cell may be blank; InputError at the first blank one."""
+        """Read a column without blank cells in SI units, (rows,); InputError at the first blank cell."""
         values = self.values(column)
         blank = np.isnan(values)
         if blank.any():
@@ -110,18 +110,24 @@ class Columns:
         return values
 
     def said(self, slot: Slot) -> "Column | float | None":
-        """What says a quantity: a column, the map's constant [SI units], or nothing."""
+        """Find the source of a quantity: a column, the map's constant [SI units], or None."""
         return self.found.get(slot) or self.constant(slot)
 
     def every_row(self, own: "Column | float | None") -> Array:
-        """What it says in every row, (rows,), 0 where nothing does; InputError at the first blank cell."""
+        """Read a source from `said` in every row, (rows,); 0 for None. InputError at the first blank cell."""
         return self.full(own) if isinstance(own, Column) else np.full(self.table.rows, own or 0.0)
 
     def whole(self, wanted: Mapping[str, Slot]) -> list[Column]:
-        """The columns of some quantities by their names in our files: all, or none where the file has none.
+        """List the columns of some quantities: all of them, or none if the file has none.
+
+        Args:
+            wanted: Quantities by the name of their column in our files.
+
+        Returns:
+            The columns in that order; empty if the file has none.
 
         Raises:
-            InputError: Names those that are missing.
+            InputError: Names the missing columns if the file has some of them.
         """
         found = [self.found.get(slot) for slot in wanted.values()]
         missing = [name for name, column in zip(wanted, found, strict=True) if column is None]
@@ -130,7 +136,7 @@ class Columns:
         return [column for column in found if column]
 
     def together(self, found: Sequence[Column]) -> tuple[Array, Mask]:
-        """Columns side by side, (rows, k), and which rows have them, (rows,); a row has all or none."""
+        """Read columns whose cells are blank together, (rows, k), and which rows have them, (rows,)."""
         values = np.column_stack([self.values(column) for column in found])
         blank = np.isnan(values)
         part, names = blank & ~blank.all(axis=1, keepdims=True), [column.name for column in found]
@@ -138,18 +144,34 @@ class Columns:
         return values, ~blank[:, 0]
 
     def lack(self, missing: Sequence[str], hint: str = "") -> InputError:
-        """The error about columns that are not there."""
+        """Make the error about missing columns.
+
+        Args:
+            missing: Names of the missing columns.
+            hint: What the user can do instead, beginning with "; ".
+
+        Returns:
+            The error; it also lists the ignored columns.
+        """
         ignored = f", ignored columns {list(self.ignored)}" if self.ignored else ""
         if self.ignored and not hint:
             hint = "; testbench data map proposes a map"
         return self.table.header_error(f"missing columns {list(missing)}{ignored}{hint}")
 
     def map_error(self, place: str, problem: str) -> InputError:
-        """What is wrong with the map, or with a flag that stands for it."""
+        """Make the error about an entry of the map, or about an argument that replaces it.
+
+        Args:
+            place: Key of the map, such as "values.mass_kg".
+            problem: Expected and actual value.
+
+        Returns:
+            The error.
+        """
         return self.names.error(self.table.path, place, problem)
 
     def constant(self, slot: Slot) -> float | None:
-        """A quantity that the map states, in SI units; None where it does not."""
+        """Return a quantity that the map states, in SI units; None if it does not."""
         stated = self.names.values.get(slot)
         return None if stated is None else stated[0] * stated[1].scale
 
@@ -183,6 +205,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     Raises:
         InputError: Where two columns say the same, a unit is missing or a column of the map is not there.
     """
+    # Split combined cells, and find the quantity of every name.
     table, read_as = take_apart(table, names)
     named = {k: own for k, name in enumerate(read_as) if (own := names.find(name))}
     if not named:
@@ -191,8 +214,10 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
         got = ", ".join(table.names[:3])
         raise table.header_error(f"no column is known, expected {wanted}, got {got} ...; {hint}")
     _check_map(table, names, named)
+    # Join rows of single axes; the map's names replace our own.
     table, named = join_axes(table, named, names)
     named = _chosen(named)
+    # One column per quantity, with its unit.
     found: dict[Slot, Column] = {}
     for k, own in named.items():
         unit = _unit(table, k, own, arm)
@@ -209,6 +234,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     ignored = tuple(
         name for k, name in enumerate(table.names) if k not in named and name and name not in names.cells
     )
+    # Replace words for lost targets and for loads, and fill merged cells.
     readings = [c.index for c in found.values() if c.slot.what in READ]
     loads = [c.index for c in found.values() if c.slot.what in ("mass", "force", "moment")]
     mark = table.mark([c.index for c in found.values() if c.unit])
@@ -232,7 +258,7 @@ def _refuse_blanks(table: Table, columns: Sequence[Column]) -> None:
 
 
 def _warnings(table: Table, names: Names, ignored: Sequence[str]) -> tuple[str, ...]:
-    """What a user may not expect: a log joined by the order of its rows, and columns that are not read."""
+    """Write warnings about a log joined by the order of its rows, and about columns that are not read."""
     log = names.map.log
     keys = [] if log is None else [*log.on, *log.to]
     full = {name for k, name in enumerate(table.names) if not table.blank(k).all()}
@@ -244,7 +270,7 @@ def _warnings(table: Table, names: Names, ignored: Sequence[str]) -> tuple[str, 
 
 
 def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:
-    """Every line of the map has a column in the file."""
+    """Check that every entry of the map has a column in the file."""
     used = {own.mapped for own in named.values()}
     for name, own in names.theirs.items():
         if own.mapped not in used and not own.optional:
@@ -254,7 +280,7 @@ def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:
 
 
 def _chosen(named: dict[int, Named]) -> dict[int, Named]:
-    """Without our own names for what the map names, and without readings that say less than others."""
+    """Drop our own names for what the map names, and readings that others state in more detail."""
     mapped = {own.slot for own in named.values() if own.mapped}
     chosen = {k: own for k, own in named.items() if own.mapped or own.slot not in mapped}
     loaded = {own.slot.marker for own in chosen.values() if own.slot.when == "after"}
@@ -269,7 +295,7 @@ def _chosen(named: dict[int, Named]) -> dict[int, Named]:
 
 
 def _unit(table: Table, k: int, own: Named, arm: Arm) -> Unit | None:
-    """The unit of a column: its name says it, the map, or the line below the header."""
+    """Find the unit of a column: in its name, in the map, or in the line below the header."""
     allowed = SI.get(own.slot.what, ())
     if own.slot.what == "joint":
         allowed = (arm.file_joints[own.slot.index].unit,)
@@ -291,10 +317,17 @@ def _unit(table: Table, k: int, own: Named, arm: Arm) -> Unit | None:
 
 
 def axes(columns: Columns, what: What) -> list[Column | float | None]:
-    """What says x, y, z of a vector: a column, the map's constant, or nothing for one alone, which is zero.
+    """Find the source of each component of a vector quantity.
+
+    Args:
+        columns: The columns of the file.
+        what: The quantity, such as "force".
+
+    Returns:
+        For x, y and z: a column, the map's constant [SI units], or None, which counts as zero.
 
     Raises:
-        InputError: When one is missing.
+        InputError: If one component is missing while the others are given.
     """
     found = [columns.said(Slot(what, k)) for k in range(len(XYZ))]
     missing = [name for name, own in zip(columns_of(what), found, strict=True) if own is None]
@@ -334,7 +367,7 @@ def vector(columns: Columns, what: What, count: int = len(XYZ)) -> Array | None:
 
 
 def wrench(columns: Columns) -> Array | None:
-    """Force and moment of every row, (rows, 6) [N, N m]; as `vector` has them."""
+    """Read force and moment of every row, (rows, 6) [N, N m]; missing components are zero, as in `vector`."""
     parts = [vector(columns, what) for what in ("force", "moment")]
     if all(part is None for part in parts):
         return None

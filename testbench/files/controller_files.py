@@ -1,7 +1,8 @@
-"""Numbers in the own file of a robot's controller, found and exchanged; all else stays.
+"""Numbers in the configuration file of a robot's controller: found and replaced, all else unchanged.
 
-- KUKA: `$MAMES` of `$machine.dat`, angle of an axis where it is mastered [deg] (KR C2, Machine Data, 2.1.7).
-- ABB: `cal_offset` of MOTOR_CALIB in MOC.cfg, angle of a motor where its axis is calibrated [rad].
+- KUKA: `$MAMES` of `$machine.dat`, angle of an axis in its mastering position [deg] (KR C2, Machine Data,
+  2.1.7).
+- ABB: `cal_offset` of MOTOR_CALIB in MOC.cfg, angle of a motor in its axis' calibration position [rad].
 """
 
 import math
@@ -24,15 +25,15 @@ ABB_LINE = rf'(?s)-name\s+"(?P<key>[^"]*)"(?:(?!-name\s).)*?\s-cal_offset\s+{NUM
 
 @dataclass(frozen=True)
 class Format:
-    """A kind of file."""
+    """Describe a kind of controller file."""
 
-    title: str  #: For people.
-    name: str  #: Of one key in the file, `{}` for the key.
-    part: str  #: Regular expression of what holds the numbers.
-    line: str  #: Of one, with `key` and `number`.
-    decimals: int  #: Of a number that is written.
-    comment: str  #: Begins one.
-    head: str  #: Regular expression of what stands before our comment.
+    title: str  #: Name in messages.
+    name: str  #: Name of one key in the file, `{}` for the key.
+    part: str  #: Regular expression of the section with the numbers.
+    line: str  #: Regular expression of one number, with the groups `key` and `number`.
+    decimals: int  #: Decimals of a number that is written.
+    comment: str  #: Beginning of a comment.
+    head: str  #: Regular expression of the text before our comment.
 
 
 KUKA = Format(
@@ -42,7 +43,7 @@ ABB = Format("ABB's MOC.cfg", 'cal_offset of "{}"', r"(?m)^MOTOR_CALIB:[^#]*", A
 
 
 def read_controller(file: Path) -> tuple[Format, str]:
-    """What kind of file the robot's own one is, and its text; InputError when it is none."""
+    """Read a controller file and recognise its kind; InputError if it is none."""
     text = read_bytes(file, MAX_BYTES).decode(BYTES)
     if STAMP in text:
         raise InputError(file, "", "testbench export wrote it; expected the robot's own file")
@@ -55,7 +56,20 @@ def read_controller(file: Path) -> tuple[Format, str]:
 
 
 def find_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Mapping[str, re.Match[str]]:
-    """Where the numbers of some keys stand in a text, once each; InputError where they do not."""
+    """Find the numbers of some keys in the text of a controller file.
+
+    Args:
+        form: Kind of file.
+        file: The file, for messages.
+        text: Its text.
+        keys: The keys.
+
+    Returns:
+        Match of every key.
+
+    Raises:
+        InputError: If a key is missing or occurs twice.
+    """
     found: dict[str, re.Match[str]] = {}
     part = re.search(form.part, text)
     for match in re.compile(form.line).finditer(text, part.start() if part else 0, part.end() if part else 0):
@@ -69,14 +83,38 @@ def find_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Ma
 
 
 def read_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Array:
-    """The numbers of some keys; InputError as of `find_numbers`."""
+    """Read the numbers of some keys in the text of a controller file.
+
+    Args:
+        form: Kind of file.
+        file: The file, for messages.
+        text: Its text.
+        keys: The keys.
+
+    Returns:
+        The numbers, in the order of the keys.
+
+    Raises:
+        InputError: If a key is missing or occurs twice.
+    """
     return np.array([float(match["number"]) for match in find_numbers(form, file, text, keys).values()])
 
 
 def exchanged(
     form: Format, text: str, numbers: Mapping[str, re.Match[str]], values: Iterable[float], *said: str
 ) -> str:
-    """The text with other numbers, our stamp and what is said in comments."""
+    """Replace numbers in the text of a controller file; add our stamp and comments.
+
+    Args:
+        form: Kind of file.
+        text: The text.
+        numbers: Match of every number, from `find_numbers`.
+        values: New numbers, in the same order.
+        said: Lines of comment.
+
+    Returns:
+        The new text.
+    """
     for match, value in sorted(zip(numbers.values(), values, strict=True), key=lambda pair: -pair[0].end()):
         start, end = match.span("number")
         text = f"{text[:start]}{round(value, form.decimals) + 0.0:.{form.decimals}f}{text[end:]}"

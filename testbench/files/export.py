@@ -1,7 +1,7 @@
-"""An identified arm as URDF, new or the robot's own, read back before anything stands at its place.
+"""Export of an identified arm as URDF, new or the robot's own, read back before it replaces a file.
 
-What a URDF cannot hold, compliances, errors and laws of the joints and weights, is documented JSON beside it.
-A new URDF has links, joints with limits, tool and masses, no shapes.
+Compliances, errors and laws of the joints, and weights have no place in a URDF; they are written to a
+documented JSON file in the same folder. A new URDF has links, joints with limits, tool and masses, no shapes.
 """
 
 import xml.etree.ElementTree as ET
@@ -62,24 +62,25 @@ UNKNOWN = {"effort": "0", "velocity": "0"}
 
 @dataclass(frozen=True)
 class Draft:
-    """A URDF, or what stands for one, that is not written yet."""
+    """Hold a URDF, or its substitute, that is not written yet."""
 
     text: str
     joints: tuple[str, ...]  #: Names of its joints, in the arm's order.
     frames: Frames
-    drawing_off: float | None = None  #: Between the two drawings, of a robot's own URDF [m, rad].
-    as_urdf: Callable[[str], str] = str  #: A URDF of the text that was written.
-    encoding: str = "utf-8"  #: Of the text.
-    loose_meshes: bool = False  #: Meshes are named by their place beside the URDF.
+    #: Distance between the robot's own and the arm's drawing [m, rad]; None for a new URDF.
+    drawing_off: float | None = None
+    as_urdf: Callable[[str], str] = str  #: Function that converts the written text to a URDF.
+    encoding: str = "utf-8"  #: Encoding of the text.
+    loose_meshes: bool = False  #: Whether meshes are named by relative paths.
 
     @property
     def aside(self) -> float:
-        """From the model's tool to the tip, as drawn [m]."""
+        """Return the distance from the model's tool to the tip, as drawn [m]."""
         return float(np.linalg.norm(self.frames.tip[:3, 3]))
 
 
 def draft_new(state: State) -> Draft:
-    """A URDF from scratch: its frames are the bodies of rigid.xml."""
+    """Make a URDF from scratch: its frames are the bodies of rigid.xml."""
     arm, geometry, one = state.vjm.arm, identified(state), np.eye(4)
     names = [link.name for link in arm.links]
     frames = Frames([*names, arm.tool], one, [one] * len(names), one)
@@ -87,7 +88,19 @@ def draft_new(state: State) -> Draft:
 
 
 def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
-    """The robot's own URDF with other origins; InputError when it is not the arm's."""
+    """Replace the origins in the robot's own URDF.
+
+    Args:
+        state: The identified arm.
+        file: The robot's URDF.
+        tip: Link that carries the tool; None to find it.
+
+    Returns:
+        The new text.
+
+    Raises:
+        InputError: If it is not a URDF of the arm.
+    """
     own = read_own(file, state.vjm.arm, tip)
     frames, off = place(own, state)
     text = with_origins(file, own.text, own_origins(own, frames, identified(state)))
@@ -95,15 +108,20 @@ def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
 
 
 def export(state: State, draft: Draft, out: Path) -> Row:
-    """Write a URDF and what it cannot hold beside it, in JSON of the same stem: both or none.
+    """Write a URDF, and a JSON of the same stem with what it cannot hold: both or none.
+
+    Args:
+        state: The identified arm.
+        draft: The URDF.
+        out: The file.
 
     Returns:
-        How far the URDF was off when it was read back, `read_back`; how far the identified geometry moves the
-        tool from the drawing, `geometry_mm`, and what moves it beside, `left`, by kind: RMS and at most [mm].
+        Error of the URDF when read back, `read_back`; motion of the tool by the identified geometry,
+        `geometry_mm`, and by each kind of effect that the URDF cannot hold, `left`: RMS and largest [mm].
 
     Raises:
-        BenchError: When the URDF, read back, is not the model's geometry.
-        InputError: When a file cannot be written.
+        BenchError: If the URDF, read back, differs from the model's geometry.
+        InputError: If a file cannot be written.
     """
     q = random_joints(state.vjm)
     with whole_files([out, beside_of(out)]) as (urdf, other):
@@ -117,12 +135,25 @@ def export(state: State, draft: Draft, out: Path) -> Row:
 
 
 def beside_of(urdf: Path) -> Path:
-    """Where the JSON beside a URDF stands."""
+    """Return the path of the JSON that belongs to a URDF."""
     return urdf.with_suffix(".json")
 
 
 def read_back(state: State, draft: Draft, urdf: Path, text: str) -> tuple[float, float]:
-    """How far the written file, as Pinocchio reads it, is from the model [m, rad]; BenchError for too far."""
+    """Compare the written file, as Pinocchio reads it, with the model.
+
+    Args:
+        state: The identified arm.
+        draft: The URDF that was written.
+        urdf: The file, for messages and meshes.
+        text: Its text.
+
+    Returns:
+        Largest difference of the tip [m, rad].
+
+    Raises:
+        BenchError: If it exceeds `NEAR`.
+    """
     q, frames = random_joints(state.vjm), draft.frames
     found = frames.root @ urdf_poses(urdf, draft.as_urdf(text), draft.joints, frames.names[-1], q)
     off = apart(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
@@ -133,7 +164,17 @@ def read_back(state: State, draft: Draft, urdf: Path, text: str) -> tuple[float,
 
 
 def beside(state: State, frames: Frames, urdf: Path, done: Row) -> dict[str, object]:
-    """The document; of the URDF as it is written it has the digest."""
+    """Make the JSON document that belongs to a URDF; it holds the URDF's digest.
+
+    Args:
+        state: The identified arm.
+        frames: Frames of the URDF in the model.
+        urdf: The file.
+        done: Report of `export`.
+
+    Returns:
+        The document.
+    """
     arm = state.vjm.arm
     return {
         "format": 1,

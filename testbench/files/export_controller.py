@@ -1,4 +1,4 @@
-"""An identified arm in files of controllers: offsets of joints, and what these cannot hold."""
+"""Export of an identified arm to controller files: joint offsets, with comments on what these cannot hold."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,18 +24,25 @@ from testbench.identify.absolute.state import State
 from testbench.runs.whole import whole_file
 
 AXES = 6  #: Of a robot whose file is written.
-TURN = 2 * np.pi  #: A controller counts a motor's turns apart from its angle [rad].
+TURN = 2 * np.pi
+"""A controller counts whole turns of a motor separately from its angle [rad]."""
 
 
 def export_offsets(state: State, file: Path, out: Path, gears: Sequence[float]) -> tuple[BestOffsets, float]:
-    """Write the offsets of the joints into a controller's file, and in comments what it cannot hold.
+    """Write the joint offsets to a controller file, with comments on what offsets cannot correct.
 
-    Gears are of ABB: how motors turn with the axes, n numbers or (n, n) row by row [1]. Returns the offsets
-    and how far those of the file move the tool from them at most [m].
+    Args:
+        state: The identified arm.
+        file: The robot's own file.
+        out: The file to write.
+        gears: For ABB: turns of the motors per turn of the axes, n numbers or (n, n) row by row [1].
+
+    Returns:
+        The offsets, and the largest motion of the tool by their rounding [m].
 
     Raises:
-        InputError: When the file is not such a one, or one cannot be written.
-        BenchError: When the arm has other axes or another number of gears, or the offsets, read back, differ.
+        InputError: If the file is none of a known kind, or one cannot be written.
+        BenchError: If the arm has other axes or another number of gears, or the offsets, read back, differ.
     """
     form, text = read_controller(file)
     keys, turns = _axes(form, six_axes(form.title, state).n_joints, gears)
@@ -61,7 +68,18 @@ def export_offsets(state: State, file: Path, out: Path, gears: Sequence[float]) 
 
 
 def six_axes(title: str, state: State) -> Arm:
-    """Take an arm of six joints that turn; BenchError, with the title of the file, for another one."""
+    """Check that an arm has six hinges.
+
+    Args:
+        title: Kind of file, for messages.
+        state: The identified arm.
+
+    Returns:
+        The arm.
+
+    Raises:
+        BenchError: If it has other axes.
+    """
     arm = state.vjm.arm
     if arm.n_joints != AXES or arm.moves is not None or any(joint.prismatic for joint in arm.joints):
         raise BenchError(f"{title}: expected an arm of {AXES} joints that turn; {arm.name} has others")
@@ -69,7 +87,7 @@ def six_axes(title: str, state: State) -> Arm:
 
 
 def _axes(form: Format, n: int, gears: Sequence[float]) -> tuple[list[str], Array]:
-    """Keys of the axes in a file, and what a radian of offset adds to their numbers, (n, n)."""
+    """Return the keys of the axes in a file, and the change of their numbers per radian of offset, (n, n)."""
     if form is KUKA:
         return [str(k + 1) for k in range(n)], np.degrees(np.eye(n))
     if len(gears) not in (n, n * n):

@@ -1,4 +1,4 @@
-"""The identified geometry: constants of the virtual joints folded into the poses of the joints."""
+"""Identified geometry: constants of the virtual joints included in the poses of the joints."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -10,12 +10,13 @@ from testbench.errors import Array
 from testbench.identify.absolute.state import State
 from testbench.model.vjm import Vjm, bend, chain, rotation
 
-POSES = 1000  #: Random poses in which an export is looked at.
+POSES = 1000
+"""Random poses in which an export is compared."""
 
 
 @dataclass(frozen=True)
 class Rigid:
-    """A rigid chain: base, then for every joint a step and a turn or slide, then the tool."""
+    """Describe a rigid chain: base, then a step and a turn or slide for every joint, then the tool."""
 
     base: Array  #: Pose of the base link in the world, (4, 4) [m].
     steps: Array  #: Pose of each joint's body in the body before it at q = 0, (n, 4, 4) [m].
@@ -23,7 +24,7 @@ class Rigid:
 
     @property
     def bodies(self) -> list[Array]:
-        """Poses of the links' bodies in the world at q = 0, (n + 1) of (4, 4) [m]."""
+        """Compute the poses of the links' bodies in the world at q = 0, (n + 1) of (4, 4) [m]."""
         found = [self.base]
         for step in self.steps:
             found.append(found[-1] @ step)
@@ -32,32 +33,40 @@ class Rigid:
 
 @dataclass(frozen=True)
 class Frames:
-    """Where a URDF's frames stand in the model; they are there for every q and every geometry."""
+    """Hold the places of a URDF's frames in the model, the same for every q and every geometry."""
 
     names: Sequence[str]  #: Links of the URDF: the first, those behind the joints, the tip; n + 2.
-    root: Array  #: The first link in the model's world, (4, 4) [m].
+    root: Array  #: First link in the model's world, (4, 4) [m].
     links: Sequence[Array]  #: Links in the model's bodies, the base's first, (n + 1) of (4, 4) [m].
-    tip: Array  #: The tip in the model's tool, (4, 4) [m].
+    tip: Array  #: Tip in the model's tool, (4, 4) [m].
 
 
 def in_order(poses: Iterable[Array]) -> Array:
-    """The product of poses, (4, 4) [m]."""
+    """Multiply poses in order, (4, 4) [m]."""
     return np.asarray(reduce(np.matmul, poses, np.eye(4)))
 
 
 def within(frame: Array, pose: Array) -> Array:
-    """A pose in a frame, both in a third, (4, 4) [m]."""
+    """Express a pose in a frame, both given in a third frame.
+
+    Args:
+        frame: The frame, (4, 4) [m].
+        pose: The pose, (4, 4) [m].
+
+    Returns:
+        The pose in the frame, (4, 4) [m].
+    """
     back = frame[:3, :3].T
     return _pose(back @ pose[:3, :3], back @ (pose[:3, 3] - frame[:3, 3]))
 
 
 def drawn(vjm: Vjm) -> Rigid:
-    """The arm as drawn."""
+    """Return the nominal geometry of an arm."""
     return Rigid(vjm.base, vjm.placements, vjm.tool)
 
 
 def identified(state: State) -> Rigid:
-    """The arm with its errors of geometry: `chain` at theta_0, for every q."""
+    """Compute the geometry with its identified errors: `chain` at theta_0, for every q."""
     vjm, n = state.vjm, state.vjm.arm.n_joints
     links, offsets = state.theta_0[: 6 * n + 6].reshape(-1, 6), state.theta_0[6 * n + 6 :]
     poses = [*vjm.placements, vjm.tool]
@@ -70,7 +79,7 @@ def identified(state: State) -> Rigid:
 
 
 def _bent(pose: Array, frame: Array, theta: Array) -> Array:
-    """The pose behind a link whose end is moved by constants, (6,) [m, rad]."""
+    """Compute the pose behind a link whose end is moved by constants, (6,) [m, rad]."""
     p, _, beam = bend(pose[:3, 3:], frame[..., None], theta[None])
     return _pose(beam[..., 0] @ frame.T @ pose[:3, :3], p[:, 0])
 
@@ -80,30 +89,47 @@ def _moved(axis: Array, by: float, *, prismatic: bool) -> Array:
 
 
 def _pose(R: Array, p: Array) -> Array:
-    """Poses (..., 4, 4) of rotations (..., 3, 3) and positions (..., 3)."""
+    """Combine rotations (..., 3, 3) and positions (..., 3) to poses, (..., 4, 4)."""
     found = np.zeros((*p.shape[:-1], 4, 4))
     found[..., :3, :3], found[..., :3, 3], found[..., 3, 3] = R, p, 1
     return found
 
 
 def random_joints(vjm: Vjm) -> Array:
-    """Poses over all of the joints' range, the same for every export, (POSES, n) [rad, m]."""
+    """Draw poses over the joints' ranges, the same for every export, (POSES, n) [rad, m]."""
     return vjm.arm.drawn(np.random.default_rng(0), POSES)
 
 
 def tool_poses(vjm: Vjm, q: Array, theta_0: Array | None = None) -> Array:
-    """Poses of the model's tool in the world, rigid, (poses, 4, 4) [m]."""
+    """Compute the poses of the model's tool in the world, rigid.
+
+    Args:
+        vjm: The arm.
+        q: Actuated joints, (poses, n) [rad, m].
+        theta_0: Constants of the virtual joints, (n_theta,) [m, rad]; None for zero.
+
+    Returns:
+        Poses, (poses, 4, 4) [m].
+    """
     where = chain(vjm, q, None if theta_0 is None else np.tile(theta_0, (len(q), 1)))
     return _pose(where.rotation, where.position)
 
 
 def apart(a: Array, b: Array) -> tuple[float, float]:
-    """Most that poses, (poses, 4, 4), differ: in position [m], and in an axis [rad]."""
+    """Compute the largest difference between poses.
+
+    Args:
+        a: Poses, (poses, 4, 4) [m].
+        b: Other poses, (poses, 4, 4) [m].
+
+    Returns:
+        Difference of position [m], and of an axis [rad].
+    """
     position = np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1).max()
     return float(position), float(np.abs(a[:, :3, :3] - b[:, :3, :3]).max())
 
 
 def far(off: Array) -> tuple[float, float]:
-    """Lengths of displacements, (poses, 3) [m]: RMS and at most [mm]."""
+    """Compute RMS and largest length of displacements, (poses, 3) [m], in millimetres."""
     mm = 1e3 * np.linalg.norm(off, axis=1)
     return float(np.sqrt(np.mean(mm**2))), float(mm.max())

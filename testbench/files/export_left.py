@@ -1,4 +1,4 @@
-"""What a file cannot hold of an arm, by its size at the tool, and the joint offsets that take most of it."""
+"""Effects that a file cannot hold, by their size at the tool, and joint offsets that correct most."""
 
 from dataclasses import dataclass, replace
 
@@ -13,14 +13,23 @@ from testbench.model.load import Load, weight
 
 GEOMETRY, WEIGHT, PAYLOAD = "lengths and tilts of axes", "own weight", "payload, where there is one"
 ERRORS = {"harmonics": "periodic errors of the joints", "ratio": "errors in proportion to the angle"}
-"""What the kinds of joint errors are called, where their name does not say it."""
-SEEN = 1e-6  #: Smallest singular value that counts, over the largest: the tool may lie on an axis.
+"""Names of the kinds of joint errors in reports."""
+SEEN = 1e-6
+"""Least singular value that counts, over the largest [1]: the tool may lie on an axis."""
 Sizes = dict[str, tuple[float, float]]
-"""What the kinds of errors do at the tool over random poses, RMS and at most [mm]."""
+"""Motion of the tool by kind of effect over random poses, RMS and largest [mm]."""
 
 
 def displacements(state: State, q: Array) -> dict[str, Array]:
-    """How every kind of error moves the tool's origin, (poses, 3) [m]."""
+    """Compute how every kind of error moves the tool's origin.
+
+    Args:
+        state: The identified arm.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        Displacements by kind, (poses, 3) [m].
+    """
     rigid, still = tool_poses(state.vjm, q, state.theta_0)[:, :3, 3], replace(state, n=0 * state.n)
     sagged, payload = _rest(still, q), state.vjm.arm.payload
     found = {GEOMETRY: rigid - tool_poses(state.vjm, q)[:, :3, 3], WEIGHT: sagged - rigid}
@@ -38,25 +47,35 @@ def _rest(state: State, q: Array, loads: list[Load] | None = None) -> Array:
 
 
 def unloaded(moved: dict[str, Array]) -> Array:
-    """All of them together but for the payload's."""
+    """Sum the displacements of all kinds except the payload's."""
     return np.asarray(np.sum([rows for kind, rows in moved.items() if kind != PAYLOAD], axis=0))
 
 
 @dataclass(frozen=True)
 class BestOffsets:
-    """Offsets of the joints of the arm as drawn that bring it nearest to the arm as identified, unloaded.
+    """Hold joint offsets that bring the nominal arm closest to the identified arm without load.
 
-    Distances are RMS and at most, with base and tool where they fit best [mm].
+    Distances are RMS and largest, with base and tool fitted [mm].
     """
 
-    offsets: Array  #: (n,) [rad]; none of the first and the last joint, which are turns of base and tool.
-    drawn_mm: tuple[float, float]  #: Of the tool without them.
-    corrected_mm: tuple[float, float]  #: With them.
-    left: Sizes  #: What they leave of every kind.
+    #: Offsets, (n,) [rad]; zero for the first and the last joint, whose offsets are rotations of base and
+    #: tool.
+    offsets: Array
+    drawn_mm: tuple[float, float]  #: Distance of the tool without them.
+    corrected_mm: tuple[float, float]  #: Distance with them.
+    left: Sizes  #: Remainder of every kind of effect.
 
 
 def best_offsets(state: State, q: Array) -> BestOffsets:
-    """The offsets, of least squares over the tool's origin in some poses, (poses, n) [rad]."""
+    """Fit joint offsets by least squares over the tool's origin.
+
+    Args:
+        state: The identified arm.
+        q: Poses, (poses, n) [rad].
+
+    Returns:
+        The offsets, and what they leave.
+    """
     vjm, n, moved = state.vjm, state.vjm.arm.n_joints, displacements(state, q)
     wanted = tool_poses(vjm, q)[:, :3, 3] + unloaded(moved)
 
@@ -74,5 +93,5 @@ def best_offsets(state: State, q: Array) -> BestOffsets:
 
 
 def _beyond(J: Array, rows: Array) -> Array:
-    """What the columns cannot do of displacements."""
+    """Compute the part of displacements that the columns cannot explain."""
     return np.asarray(rows - (J @ np.linalg.lstsq(J, rows.ravel(), rcond=SEEN)[0]).reshape(rows.shape))

@@ -1,7 +1,8 @@
-"""The robot's own URDF: its chain found by the names of its joints, its origins as identified.
+"""The robot's own URDF: its chain matched by the names of its joints, its origins as identified.
 
-A robot's file and the arm's folder draw one robot with other frames: another base, other axes of the links,
-another zero along a joint's axis. The axes are the same lines: one's are laid onto the other's.
+A robot's file and the arm's folder may draw one robot with other frames: another base, other axes of the
+links, another zero along a joint's axis. The joint axes are the same lines: the lines of one drawing are
+fitted to the other's.
 """
 
 import re
@@ -36,46 +37,59 @@ from testbench.model.kinematics import urdf_poses
 from testbench.model.vjm import rotation, skew
 
 SAME = 1e-4
-"""Most that a robot's own drawing differs from the arm's [m, rad]: a right angle of five digits does so."""
-STILL = 1e-12  #: Less than this is rounding [m, 1].
+"""Largest difference of a robot's own drawing from the arm's [m, rad]: that of a right angle with five
+digits."""
+STILL = 1e-12
+"""Size below which a number is rounding [m, 1]."""
 UNTOLD = 1e-4
-"""Smallest singular value that counts, over the largest: rounding does not tell where parallel axes end."""
+"""Least singular value that counts, over the largest [1]: rounding does not determine where parallel axes
+end."""
 
 
 @dataclass(frozen=True)
 class Own:
-    """The arm's chain in a robot's URDF."""
+    """Hold the arm's chain in a robot's URDF."""
 
     file: Path
-    text: str  #: Of the file.
-    root: str  #: Its first link.
-    tip: str  #: The link that carries the tool.
+    text: str  #: Text of the file.
+    root: str  #: First link.
+    tip: str  #: Link that carries the tool.
     bodies: tuple[Body, ...]  #: From the first link to the tip, fixed ones too.
-    names: tuple[str, ...]  #: Of the joint before each of them; "" of the first.
-    loose_meshes: bool  #: Whether it names meshes by their place beside it.
+    names: tuple[str, ...]  #: Name of the joint before each body; "" for the first.
+    loose_meshes: bool  #: Whether it names meshes by relative paths.
 
     @property
     def moving(self) -> list[int]:
-        """Places of the joints that move, in `bodies`."""
+        """List the places of the moving joints, in `bodies`."""
         return [k for k, body in enumerate(self.bodies) if body.joint]
 
     @property
     def joints(self) -> list[Joint]:
-        """The joints that move."""
+        """List the moving joints."""
         return [body.joint for body in self.bodies if body.joint]
 
     @property
     def rigid(self) -> Rigid:
-        """As one step a joint; the base is the first link."""
+        """Combine the chain to one step per joint; the base is the first link."""
         cuts = [1, *(k + 1 for k in self.moving)]
         steps = [in_order([b.pose for b in self.bodies[i:j]]) for i, j in pairwise(cuts)]
         return Rigid(np.eye(4), np.array(steps), in_order([b.pose for b in self.bodies[cuts[-1] :]]))
 
 
 def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
-    """The chain of an arm in a robot's own URDF; InputError where its joints up to the tip are not the arm's.
+    """Read the chain of an arm in a robot's own URDF.
 
-    The tip carries the tool: if not given the link called as the arm's tool, else the usual one.
+    Args:
+        file: The URDF.
+        arm: The arm.
+        tip: Link that carries the tool; None for the link with the name of the arm's tool, else the usual
+            one.
+
+    Returns:
+        The chain.
+
+    Raises:
+        InputError: If its joints up to the tip are not the arm's.
     """
     root, text = read_xml(file), read_text(file, MAX_BYTES)
     if re.match(BEGINS, text.encode()) and not re.match(BEGINS_NEW, text.encode()):
@@ -86,7 +100,22 @@ def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
 
 
 def chain_of(file: Path, text: str, root: ET.Element, arm: Arm, tip: str | None = None) -> Own:
-    """The same of a URDF that is read, its text and its root element."""
+    """Find the chain of an arm in a URDF that was read.
+
+    Args:
+        file: The URDF, for messages.
+        text: Its text.
+        root: Its root element.
+        arm: The arm.
+        tip: Link that carries the tool; None for the link with the name of the arm's tool, else the usual
+            one.
+
+    Returns:
+        The chain.
+
+    Raises:
+        InputError: If its joints up to the tip are not the arm's.
+    """
     loose = any("://" not in mesh.get("filename", "") for mesh in root.iter("mesh"))
     tree = read_tree(file, root)
     end = _tip(file, tree, arm, tip)
@@ -109,7 +138,7 @@ def _tip(file: Path, tree: Robot, arm: Arm, asked: str | None) -> int:
 
 
 def _check_joints(file: Path, bodies: tuple[Body, ...], names: tuple[str, ...], arm: Arm) -> None:
-    """The moving joints are the arm's by name, in order, and of the same kind."""
+    """Check that the moving joints are the arm's by name, order and kind."""
     moving = [(name, body) for name, body in zip(names, bodies, strict=True) if body.moves]
     for name, body in moving:
         if body.odd:
@@ -126,10 +155,17 @@ def _check_joints(file: Path, bodies: tuple[Body, ...], names: tuple[str, ...], 
 
 
 def place(own: Own, state: State) -> tuple[Frames, float]:
-    """Where a robot's own frames stand in the model, and how far the two drawings differ at most [m, rad].
+    """Find the places of a robot's own frames in the model, and the difference of the two drawings.
+
+    Args:
+        own: The robot's chain.
+        state: The identified arm.
+
+    Returns:
+        The frames, and the largest difference [m, rad].
 
     Raises:
-        InputError: When the robot's own drawing is not that of the arm; says how far off it is.
+        InputError: If the drawings differ by more than `SAME`.
     """
     vjm, rigid, model = state.vjm, own.rigid, drawn(state.vjm)
     slides = [joint.prismatic for joint in vjm.arm.joints]
@@ -157,7 +193,19 @@ def place(own: Own, state: State) -> tuple[Frames, float]:
 
 
 def own_origins(own: Own, placed: Frames, geometry: Rigid) -> dict[str, Array]:
-    """Poses of the URDF's joints as identified, by their names, (4, 4) [m]."""
+    """Compute the identified poses of the URDF's joints.
+
+    Args:
+        own: The robot's chain.
+        placed: Places of its frames in the model.
+        geometry: The identified geometry.
+
+    Returns:
+        Poses by the joints' names, (4, 4) [m].
+
+    Raises:
+        InputError: If the tool has moved and no fixed joint carries it.
+    """
     poses: dict[str, Array] = {}
     cuts = [1, *(k + 1 for k in own.moving)]
     for i, step in enumerate(geometry.steps):
@@ -176,9 +224,15 @@ def own_origins(own: Own, placed: Frames, geometry: Rigid) -> dict[str, Array]:
 
 
 def axis_lines(bodies: Sequence[Array], axes: Array, slides: Sequence[bool]) -> Array:
-    """Twists of the joints at q = 0 in the frame of the poses, (n, 6): turn, then speed at the origin [1, m].
+    """Compute the twists of the joints at q = 0 in the frame of the poses.
 
-    The joints' bodies have poses (4, 4) [m], in which their unit axes are (n, 3); some slide.
+    Args:
+        bodies: Poses of the joints' bodies, (4, 4) each [m].
+        axes: Unit axes in these bodies, (n, 3) [1].
+        slides: Which joints slide.
+
+    Returns:
+        Angular velocity, then velocity at the origin, (n, 6) [1, m].
     """
     found = []
     for pose, axis, slide in zip(bodies, axes, slides, strict=True):
@@ -188,11 +242,18 @@ def axis_lines(bodies: Sequence[Array], axes: Array, slides: Sequence[bool]) -> 
 
 
 def align(theirs: Array, ours: Array) -> Array:
-    """The pose of their frame in ours that lays their twists (n, 6), see `axis_lines`, onto ours, (4, 4) [m].
+    """Fit the pose of their frame in ours so that their twists match ours, see `axis_lines`.
 
-    The turn is that of least squares (Kabsch 1976) of the axes' directions and of the ways between the lines,
-    the shift then is linear. Where axes leave it open, as the height of a base below parallel axes, it moves
-    least.
+    The rotation is a least-squares fit (Kabsch 1976) of the axes' directions and of the distances between the
+    lines; the translation is then linear. If the axes leave it undetermined, such as a base's height below
+    parallel axes, it is the shortest one.
+
+    Args:
+        theirs: Twists in their frame, (n, 6).
+        ours: Twists in ours, (n, 6).
+
+    Returns:
+        The pose, (4, 4) [m].
     """
     U, _, V = np.linalg.svd(STILL * np.eye(3) + _vectors(ours).T @ _vectors(theirs))
     R = U @ np.diag([1, 1, np.linalg.det(U @ V)]) @ V
@@ -204,7 +265,7 @@ def align(theirs: Array, ours: Array) -> Array:
 
 
 def _vectors(lines: Array) -> Array:
-    """Directions of axes, and from line to line of those that turn the way across both, (k, 3) [1, m]."""
+    """Compute directions of axes, and common perpendiculars of every two turning ones, (k, 3) [1, m]."""
     turns = np.asarray(lines[:, :3].any(axis=1))
     d = np.where(turns[:, None], lines[:, :3], lines[:, 3:])
     points, ways = np.cross(d, lines[:, 3:]), []  # of the lines, nearest to the origin
@@ -215,9 +276,16 @@ def _vectors(lines: Array) -> Array:
 
 
 def onto_axis(frame: Array, theirs: Array, ours: Array, *, slide: bool) -> Array:
-    """A link's frame (4, 4) [m] in the model's body, moved so that its axis is exactly the model's.
+    """Move a link's frame in the model's body so that its axis is exactly the model's.
 
-    The unit axis is `theirs` in the link and `ours`, (3,), in the body; that of a slide has no place.
+    Args:
+        frame: The link's frame, (4, 4) [m].
+        theirs: Unit axis in the link, (3,) [1].
+        ours: Unit axis in the body, (3,) [1].
+        slide: Whether the joint slides: its axis then has a direction only.
+
+    Returns:
+        The moved frame, (4, 4) [m].
     """
     d = frame[:3, :3] @ theirs
     across = np.cross(d, ours)

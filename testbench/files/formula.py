@@ -11,13 +11,13 @@ MARK = "'"
 
 
 def as_cell(text: str) -> str:
-    """A stranger's word in a cell of a CSV: on one line, and no formula."""
+    """Write text from a user's file as a cell of a CSV: on one line, and never a formula."""
     line = shown(text)
     return MARK + line if _is_formula(line) else line
 
 
 def from_cell(text: str) -> str:
-    """The word of such a cell."""
+    """Read the text of a cell that `as_cell` wrote."""
     return text[1:] if text.startswith(MARK) and _is_formula(text[1:]) else text
 
 

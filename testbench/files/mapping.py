@@ -37,7 +37,7 @@ Words = tuple[str, ...]
 
 
 class Layout(Strict):
-    """How the file is written, where that is not to be found from the file itself."""
+    """Describe the layout of a file, as far as it cannot be found from the file itself."""
 
     #: Between cells; " " for runs of blanks, "  " for runs of at least two.
     delimiter: Literal[",", ";", "\t", "|", " ", "  "] | None = None
@@ -55,7 +55,7 @@ class Layout(Strict):
 
 
 class Absolute(Strict):
-    """What holds for the absolute readings of a file; the file's own name stands for what is not said."""
+    """Describe the absolute readings of a file; names that are not stated are the file's own."""
 
     frame: Text | None = None  #: Name of the tracker's frame; files that say the same share it.
     target: Text | None = None  #: Name of the mount of the targets; the same.
@@ -65,7 +65,7 @@ class Absolute(Strict):
 
 
 class Log(Strict):
-    """Another file with a row for every reading, such as the robot's joints."""
+    """Describe another file with a row for every reading, such as the robot's joints."""
 
     file: Text  #: Its path from the map's folder.
     on: list[Text] = Field(default=[])  #: Columns of the readings that say together a row's name or time.
@@ -83,7 +83,7 @@ class Log(Strict):
 
 
 class Map(Strict):
-    """A map as its file has it."""
+    """Hold a map as its file states it."""
 
     frame: Frame | None = None
     file: Layout = Layout()
@@ -99,7 +99,7 @@ class Map(Strict):
 
 @dataclass(frozen=True)
 class Named:
-    """What a column of somebody's file is to us."""
+    """Describe the meaning of a column of a user's file."""
 
     slot: Slot  #: The quantity.
     unit: Unit | None  #: Its unit by our name for it; None where that has none.
@@ -111,7 +111,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Names:
-    """All names that a file may use, ours and those of its map."""
+    """Hold all names that a file may use: ours, and those of its map."""
 
     path: Path | None  #: The map, for messages; None without one.
     ours: Mapping[str, Slot]  #: Our own, squeezed.
@@ -127,7 +127,7 @@ class Names:
     load: float | None = None  #: Mass that hangs in loaded rows where nothing says one [kg].
 
     def find(self, header: str) -> Named | None:
-        """What a column is: the map before our own names; None for neither."""
+        """Find the meaning of a column; the map has priority over our own names. None if it is unknown."""
         if found := self.theirs.get(squeeze(header)):
             parts = split_unit(header, brackets=True)
             return replace(found, header=parts[1]) if parts else found
@@ -137,31 +137,52 @@ class Names:
         return None if own is None else Named(*own)
 
     def knows(self, header: str) -> bool:
-        """Whether a column of that name is looked for."""
+        """Tell whether a column with that name is read."""
         return self.find(header) is not None
 
     def maps(self, header: str) -> bool:
-        """Whether the map has a column of that name."""
+        """Tell whether the map has a column with that name."""
         parts = split_unit(header)
         return any(squeeze(text) in self.theirs for text in [header, *([parts[0]] if parts else [])])
 
     def error(self, file: Path, place: str, problem: str) -> InputError:
-        """What is wrong with the map; where there is none, with how the file is read."""
+        """Make the error about an entry of the map; without a map it names the file that is read.
+
+        Args:
+            file: The file that is read.
+            place: Key of the map.
+            problem: Expected and actual value.
+
+        Returns:
+            The error.
+        """
         return InputError(self.path or file, place, problem)
 
     def word(self, text: str, known: Collection[str]) -> str:
-        """Our word for what a cell says, of those that are known; empty for any other."""
+        """Translate the text of a cell into our word for it.
+
+        Args:
+            text: The cell.
+            known: Our words that may stand in this column.
+
+        Returns:
+            The word; "" if the text means none of them.
+        """
         ours = text if text in known else self.words.get(squeeze(text), "")
         return ours if ours in known else ""
 
 
 def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, Slot]] = our_names) -> Names:
-    """Our names for an arm, and those of a map.
+    """Read a map, and combine it with our names for an arm.
 
     Args:
-        path: The map; None without one.
+        path: The map; None for none.
         arm: The arm.
-        quantities: Our names: those of runs, or of absolute readings, whose targets the map may name.
+        quantities: Function that lists our names: those of runs, absolute readings or programs. The map may
+            name other targets than the arm's, except for runs.
+
+    Returns:
+        All names that a file may use.
 
     Raises:
         InputError: Names the key and what was expected.

@@ -1,4 +1,4 @@
-"""What the names of strangers' columns mean: joints of one family, positions of targets, what nobody read."""
+"""Meaning of columns by their names: joints of one family, positions of targets, and unread columns."""
 
 import re
 import tomllib
@@ -18,33 +18,33 @@ LISTED = 9  #: Columns that a warning names.
 
 
 class Place(NamedTuple):
-    """What a column of positions is of."""
+    """Describe a column of positions: target, state and axis."""
 
     target: str  #: As the name has it, plain; "" where it names none.
     when: str  #: "before", "after", or "" where it says no state.
     axis: str
 
     def ours(self, targets: Mapping[str, str]) -> str:
-        """Our name for it, with our name of its target."""
+        """Return our name for the column, with our name of its target."""
         return "_".join(filter(None, (targets[self.target], self.when, self.axis)))
 
 
 def plain(name: str) -> str:
-    """A name without its unit, in small letters and digits alone."""
+    """Reduce a name to small letters and digits, without its unit."""
     return re.sub(r"[\W_]+", "", (split_unit(name) or (name,))[0]).casefold()
 
 
 def meaning(name: str) -> str:
-    """What a column is to us by its name alone; "" for an unknown one, and for positions."""
+    """Find the quantity of a column by its name alone; "" for an unknown name, and for positions."""
     found = ((ours, re.fullmatch(own, plain(name))) for ours, own in KNOWN["columns"].items())
     return next((ours.format(**match.groupdict()) for ours, match in found if match), "")
 
 
 def places(arm: Arm) -> Callable[[str], Place | None]:
-    """How to read target, state and axis from a name, in any order, beside words such as "measured".
+    """Make a function that finds target, state and axis in a name, in any order.
 
     Returns:
-        A function of a name; it returns None where the name is not that of a position.
+        A function of a name; it returns None if the name is not that of a position.
     """
     markers = sorted(filter(None, map(plain, arm.markers)), key=len, reverse=True)
     states = "|".join(map(re.escape, sorted(STATES, key=len, reverse=True)))
@@ -65,10 +65,10 @@ def places(arm: Arm) -> Callable[[str], Place | None]:
 
 
 def joints_of(arm: Arm) -> Callable[[str], tuple[str, int] | None]:
-    """How to read from a name its family, the same for all joints of a file, and the joint's number.
+    """Make a function that finds a joint's number in a name, and the family of names to which it belongs.
 
     Returns:
-        A function of a name; it returns None where the name is not that of a joint.
+        A function of a name; it returns None if the name is not that of a joint.
     """
     numbers = {plain(joint.name): k for k, joint in enumerate(arm.file_joints, start=1)}
     spoken = "|".join(map(re.escape, sorted(filter(None, numbers), key=len, reverse=True))) or NEVER
@@ -86,9 +86,17 @@ def joints_of(arm: Arm) -> Callable[[str], tuple[str, int] | None]:
 
 
 def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
-    """The columns of an arm's joints in their order, all of one family; none where no family has them all.
+    """Find the columns of an arm's joints by their names, such as A1 to A6.
 
-    Numbers count from 1 or 0. Families with no more members than joints come first: A1 to A6 before J1 to J7.
+    All of them belong to one family of names, numbered from 1 or from 0. A family with exactly as many
+    members as the arm has joints is preferred.
+
+    Args:
+        names: Names of all columns.
+        arm: The arm.
+
+    Returns:
+        Places of the columns in the order of the joints; empty if no family is complete.
     """
     families: dict[str, dict[int, int]] = {}
     read, n, whole = joints_of(arm), len(arm.file_joints), list[tuple[bool, list[int]]]()
@@ -105,7 +113,7 @@ def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
 
 
 def overlooked(names: Sequence[str]) -> list[str]:
-    """Warnings of columns that nobody read and that look like orientations, joints, times or loads."""
+    """Write warnings about unread columns that look like orientations, joints, times or loads."""
     left = {name: plain(name) for name in names}
     kinds: dict[str, list[str]] = {}
     for kind, sets in KNOWN["together"].items():
@@ -125,7 +133,15 @@ def overlooked(names: Sequence[str]) -> list[str]:
 
 
 def looks_like(name: str, kind: str) -> bool:
-    """Whether a name, or its unit, is one of orientations, joints, times or forces."""
+    """Tell whether the name or the unit of a column suggests a kind of quantity.
+
+    Args:
+        name: Name of the column.
+        kind: "orientations", "joints", "times" or "forces".
+
+    Returns:
+        True if it does.
+    """
     parts = split_unit(name)
     loaded = kind == "forces" and parts is not None and parts[1].si in LOADS
     return loaded or re.fullmatch(KNOWN["alone"][kind], plain(name)) is not None

@@ -1,4 +1,4 @@
-"""Which files the folder of an arm has, and that of a model of one: copied, and known by their SHA-256."""
+"""Files in the folder of an arm and of its model: copied, and identified by their SHA-256."""
 
 import shutil
 from collections.abc import Iterable
@@ -17,7 +17,12 @@ MAX_BYTES, MAX_ROOT = 50_000_000, 300_000_000
 
 
 def copy_arm(arm: Arm, folder: Path) -> None:
-    """Copy the files of an arm, meshes among them."""
+    """Copy the files of an arm with its meshes.
+
+    Args:
+        arm: The arm.
+        folder: Folder to copy to.
+    """
     own = arm.rigid.parent
     for name in _arm_files(own):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)

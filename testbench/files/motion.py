@@ -1,6 +1,7 @@
-"""Joint moves in the languages of robots: KUKA KRL, ABB RAPID, URScript of Universal Robots.
+"""Programs of joint moves in robot languages: KUKA KRL, ABB RAPID, URScript of Universal Robots.
 
-A program stops in every point. Its name is legal, its comments stay comments, its numbers stand in full.
+A program stops at every point. Its name is valid, labels stay inside comments, and numbers are written in
+full.
 """
 
 import re
@@ -17,10 +18,14 @@ from testbench.runs.whole import write_whole
 
 CSV = "csv"
 """Not a language: the table that `testbench.files.program` reads and writes."""
-LONGEST_COMMENT = 80  #: Characters of a label in a comment: a line of a controller's editor.
-MAIN, EXTERNAL = 6, 6  #: Axes of a robot, and axes beside it, that KRL and RAPID know.
-ROUNDING = 1e-6  #: By which a joint may be beyond its limit, as in files that are read [rad, m].
-MARK = "p_"  #: Stands before a name that the language would not take.
+LONGEST_COMMENT = 80
+"""Most characters of a label in a comment: a line of a controller's editor."""
+MAIN, EXTERNAL = 6, 6
+"""Most robot axes and external axes in KRL and RAPID."""
+ROUNDING = 1e-6
+"""Largest excess of a joint over its limit, as in files that are read [rad, m]."""
+MARK = "p_"
+"""Prefix of a name that the language would not accept."""
 KRL_SETTINGS = ("BAS(#INITMOV,0)", "BAS(#VEL_PTP,10)", "BAS(#ACC_PTP,20)")
 """Speed and acceleration, shares of what every axis can do [%]."""
 RAPID_PREFIX = "run_"  #: Of the procedure: a module and a procedure in it have different names.
@@ -32,14 +37,14 @@ URSCRIPT_RATES = "a=0.5, v=0.25"  #: Acceleration and speed of the joint that le
 
 @dataclass(frozen=True)
 class _Moves:
-    """What a program consists of."""
+    """Hold the content of a program."""
 
-    name: str  #: Legal in its language.
+    name: str  #: Name, valid in the language.
     joints: tuple[str, ...]  #: Name and unit of every joint, in comments.
-    main: list[int]  #: Which joints are axes of the robot.
-    external: list[int]  #: Which are axes beside it.
-    points: list[list[str]]  #: Numbers of every point, a joint each.
-    comments: list[str]  #: One of every point, or none.
+    main: list[int]  #: Joints that are robot axes.
+    external: list[int]  #: Joints that are external axes.
+    points: list[list[str]]  #: Numbers of every point, one per joint.
+    comments: list[str]  #: One comment per point, or none.
 
     def lines(self, mark: str, move: Callable[[list[str], list[str]], str]) -> Iterator[str]:
         """Every point: its comment behind a mark, then the move of main and external axes."""
@@ -50,7 +55,7 @@ class _Moves:
 
 
 def _krl(moves: _Moves) -> Iterator[str]:
-    """A .src of PTP moves by axes, A1 to A6 and E1 on."""
+    """Write a .src of PTP moves of the axes A1 to A6 and E1 on."""
     axes = [f"A{k + 1}" for k in range(len(moves.main))]
     axes += [f"E{k + 1}" for k in range(len(moves.external))]
 
@@ -67,7 +72,7 @@ def _krl(moves: _Moves) -> Iterator[str]:
 
 
 def _rapid(moves: _Moves) -> Iterator[str]:
-    """A module of MoveAbsJ; what is beyond six axes, and slides, are external axes."""
+    """Write a module of MoveAbsJ; joints beyond six, and slides, are external axes."""
 
     def move(main: list[str], external: list[str]) -> str:
         robot = ",".join(main + ["0"] * (MAIN - len(main)))
@@ -87,7 +92,7 @@ def _rapid(moves: _Moves) -> Iterator[str]:
 
 
 def _urscript(moves: _Moves) -> Iterator[str]:
-    """A function of movej."""
+    """Write a function of movej."""
     yield f"def {moves.name}():"
     yield f"  # joints [rad]: {', '.join(joint.removesuffix(' [deg]') for joint in moves.joints)}"
     yield from moves.lines("  #", lambda main, _: f"  movej([{', '.join(main)}], {URSCRIPT_RATES})")
@@ -96,21 +101,21 @@ def _urscript(moves: _Moves) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Language:
-    """A robots' language."""
+    """Describe a robot language."""
 
     lines: Callable[[_Moves], Iterator[str]]
-    title: str  #: For people.
-    suffix: str  #: Of its files.
-    newline: str  #: Between its lines.
-    begins: str  #: Regular expression of the beginning of a file of ours.
-    longest: int  #: Characters of a name.
-    words: str  #: Names that it has a meaning for, in any case.
-    patterns: list[str]  #: Regular expressions of further ones.
-    decimals: int  #: Of a number; a controller keeps some seven digits of degrees and millimetres.
-    radians: bool = False  #: Whether it has six joints that turn, in radians; else degrees and millimetres.
+    title: str  #: Name in reports.
+    suffix: str  #: Suffix of its files.
+    newline: str  #: Line ending.
+    begins: str  #: Regular expression of the beginning of a file that we wrote.
+    longest: int  #: Most characters of a name.
+    words: str  #: Reserved words, in any case.
+    patterns: list[str]  #: Regular expressions of further reserved words.
+    decimals: int  #: Decimals of a number; a controller keeps about seven digits of degrees and millimetres.
+    radians: bool = False  #: Whether it has six hinges in radians; otherwise degrees and millimetres.
 
     def takes(self, name: str) -> bool:
-        """Whether a name is free."""
+        """Tell whether a name is valid and unused."""
         taken = "|".join([*self.words.split(), *self.patterns])
         return re.fullmatch(taken, name, re.IGNORECASE) is None
 
@@ -121,10 +126,10 @@ WRITERS: Mapping[str, Language] = {name: Language(lines, **_DECLARED[name]) for 
 
 
 def format_of(path: Path) -> str:
-    """Tell what a file is to be written as by its suffix, "csv" or a key of `WRITERS`.
+    """Find the format of a file by its suffix: "csv" or a key of `WRITERS`.
 
     Raises:
-        BenchError: When the suffix does not say it.
+        BenchError: If the suffix states no format.
     """
     known = {CSV: ".csv", **{name: language.suffix for name, language in WRITERS.items()}}
     found = [name for name, suffix in known.items() if suffix == path.suffix.lower()]
@@ -169,7 +174,7 @@ def write_moves(
 
 
 def _identifier(name: str, language: Language) -> str:
-    """A name as a language takes it: letters, digits and `_`, a letter first, no name that it has."""
+    """Convert a name to a valid one: letters, digits and `_`, a letter first, not reserved."""
     fit = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "program"
     if not fit[0].isalpha() or not language.takes(fit):
         fit = MARK + fit
@@ -177,12 +182,12 @@ def _identifier(name: str, language: Language) -> str:
 
 
 def _plain(text: str) -> str:
-    """A text that no comment breaks at: one line of printable ASCII."""
+    """Convert a text to one line of printable ASCII, which cannot end a comment."""
     return re.sub(r"[^ -~]", "?", " ".join(text.split()))[:LONGEST_COMMENT].rstrip(" \\")
 
 
 def _check_moves(q: Array, joints: Sequence[Joint], labels: Sequence[str]) -> Array:
-    """The joints, (points, n) [rad, m], within limits, labels as many or none; else a BenchError."""
+    """Check that joints, (points, n) [rad, m], are within limits and labels as many; else a BenchError."""
     found = check_array(q, (None, len(joints)), "q [rad, m]")
     lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
     for k, j in np.argwhere((found < lower - ROUNDING) | (found > upper + ROUNDING))[:1]:
@@ -196,12 +201,12 @@ def _check_moves(q: Array, joints: Sequence[Joint], labels: Sequence[str]) -> Ar
 
 
 def _split_axes(joints: Sequence[Joint]) -> tuple[list[int], list[int]]:
-    """Which joints are axes of the robot and which are external, as KRL and RAPID count them.
+    """Divide the joints into robot axes and external axes, as KRL and RAPID count them.
 
-    Up to six joints are the robot's. Of more, slides are external first, then the last hinges.
+    Up to six joints are robot axes. Of more, slides are external first, then the last hinges.
 
     Raises:
-        BenchError: When there are more than both hold.
+        BenchError: If there are more than both can hold.
     """
     if len(joints) > MAIN + EXTERNAL:
         raise BenchError(f"joints: expected at most {MAIN + EXTERNAL}, got {len(joints)}")

@@ -12,7 +12,7 @@ from testbench.arm.folder import Arm
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of a file."""
+    """Describe a unit in a file."""
 
     name: str  #: As we write it.
     si: str  #: What it is a multiple of.
@@ -54,20 +54,20 @@ TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+(?i:in)\s+|[\s_]+)([^\s_/,\[\]()]+)$"
 
 
 def find_unit(word: str) -> Unit | None:
-    """The unit that a word names, whatever its case and its blanks; None for any other word."""
+    """Find the unit of a word, whatever its case and its blanks; None for any other word."""
     small = "".join(word.casefold().split()).replace("²", "2")
     return KNOWN.get(OTHER_NAMES.get(small, small))
 
 
 def split_unit(name: str, *, brackets: bool = False) -> tuple[str, Unit] | None:
-    """What stands before a unit at the end of a name, and the unit: "x_mm", "x [mm]", "x (mm)", "x in mm".
+    """Split a name into its quantity and the unit at its end: "x_mm", "x [mm]", "x (mm)", "x in mm".
 
     Args:
-        name: Of a column.
-        brackets: Whether a unit counts in brackets only.
+        name: Name of a column.
+        brackets: Whether a unit counts only in brackets.
 
     Returns:
-        None where no unit stands there.
+        Quantity and unit; None if the name does not end with a unit.
     """
     name = " ".join(name.split())  # the patterns take long on runs of blanks
     if len(name) > LONGEST:
@@ -116,7 +116,7 @@ SI: Mapping[What, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Slot:
-    """What one column says."""
+    """Describe the quantity of one column."""
 
     what: What  #: The quantity.
     index: int = 0  #: Number of the joint from 0, the axis or WHOLE, or the entry of a covariance.
@@ -143,7 +143,15 @@ COLUMNS: Mapping[What, tuple[str, Sequence[str]]] = {
 
 
 def columns_of(what: What, when: str = "") -> dict[str, Slot]:
-    """The columns of a quantity, in order, and what each says; `when` is one of two states, where it has."""
+    """List the columns of a quantity with several components.
+
+    Args:
+        what: The quantity.
+        when: "before" or "after" for readings and rotations of one state; "" otherwise.
+
+    Returns:
+        Name in our files and meaning of each component, in order.
+    """
     pattern, parts = COLUMNS[what]
     if when:
         pattern = f"{when}_{{}}_m" if what == "reading" else f"rotation_{when}_{{}}_rad"
@@ -151,7 +159,7 @@ def columns_of(what: What, when: str = "") -> dict[str, Slot]:
 
 
 def torque_columns(arm: Arm) -> dict[str, Slot]:
-    """The columns of the joints' torques."""
+    """List the columns of the joints' torques."""
     units = ("N" if joint.prismatic else "Nm" for joint in arm.file_joints)
     both = zip(arm.file_joints, units, strict=True)
     return {f"torque_{joint.name}_{unit}": Slot("torque", k) for k, (joint, unit) in enumerate(both)}
@@ -162,12 +170,12 @@ def _without_unit(every: Mapping[str, Slot]) -> dict[str, Slot]:
 
 
 def squeeze(text: str) -> str:
-    """A name without case, blanks, hyphens and underscores: what names are compared by."""
+    """Remove case, blanks, hyphens and underscores from a name: names are compared in this form."""
     return re.sub(r"[\s_\-]+", "", text).casefold()
 
 
 def our_names(arm: Arm) -> dict[str, Slot]:
-    """Every quantity of an arm's measurement by its squeezed name, without unit."""
+    """List the quantities of an arm's runs by squeezed name, without unit."""
     single: tuple[What, ...] = ("run", "pose", "marker", "station", "state", "loading", "mass", "sigma")
     found: dict[str, Slot] = {name: Slot(name) for name in single}
     found |= {"when": Slot("state"), "axis": Slot("axis"), "position": Slot("reading", WHOLE)}
@@ -190,7 +198,10 @@ def our_names(arm: Arm) -> dict[str, Slot]:
 
 
 def series_names(arm: Arm) -> dict[str, Slot]:
-    """The same with what absolute readings have beside: orientations, scatter by axis, torques, time."""
+    """List the quantities of absolute readings by squeezed name: those of `our_names` and further ones.
+
+    The further ones are orientations, noise by axis, torques, temperature and time.
+    """
     found = {"payload": Slot("mass"), "timestamp": Slot("time")}
     found |= {name: Slot(name) for name in ("series", "series_frame", "series_target")}
     for unit in ("", "_c", "_degc", "[c]", "[°c]", "[degc]", "(c)", "(°c)", "(degc)"):
@@ -208,7 +219,7 @@ def series_names(arm: Arm) -> dict[str, Slot]:
 
 
 def program_names(arm: Arm) -> dict[str, Slot]:
-    """Every quantity of a robot's program by its squeezed name, without unit."""
+    """List the quantities of a robot's program by squeezed name, without unit."""
     shared = ("joint", "mass", "force", "moment", "point", *ROTATIONS)
     kept = {name: slot for name, slot in series_names(arm).items() if slot.what in shared and not slot.when}
     found = {name: Slot("label") for name in ("label", "point", "name")}
@@ -220,7 +231,15 @@ def program_names(arm: Arm) -> dict[str, Slot]:
 
 
 def recognise(name: str, known: Mapping[str, Slot]) -> tuple[Slot, Unit | None] | None:
-    """The quantity of a name and its unit where it has one; None for a name that is not known."""
+    """Find the quantity and the unit that a column's name states.
+
+    Args:
+        name: Name of the column.
+        known: Quantities by squeezed name, see `squeeze`.
+
+    Returns:
+        The quantity, and its unit, or None where the name has none; None for an unknown name.
+    """
     whole = known.get(squeeze(name))
     if whole is not None:
         return whole, None
@@ -234,7 +253,15 @@ def recognise(name: str, known: Mapping[str, Slot]) -> tuple[Slot, Unit | None] 
 def placeholders(
     arm: Arm, words: Mapping[str, tuple[str, ...]]
 ) -> dict[str, list[tuple[str, tuple[str, ...]]]]:
-    """What may stand for {n}, {n0}, {joint}, {axis}, {marker} and {when}: our word, and what files say."""
+    """List the words that may replace {n}, {n0}, {joint}, {axis}, {marker} and {when} in a map's patterns.
+
+    Args:
+        arm: The arm, whose joints and markers have names.
+        words: Further words of the map, by our word.
+
+    Returns:
+        For each placeholder our words, each with the words that files use for it.
+    """
     joints = [joint.name for joint in arm.file_joints]
     return {
         "n": [(name, (str(k),)) for k, name in enumerate(joints, start=1)],
@@ -249,7 +276,16 @@ def placeholders(
 def expand(
     ours: str, theirs: str, choices: Mapping[str, list[tuple[str, tuple[str, ...]]]]
 ) -> Iterator[tuple[str, str]]:
-    """Every pair of names that two patterns stand for."""
+    """Generate the pairs of names that two patterns with the same placeholder stand for.
+
+    Args:
+        ours: Pattern of our names, such as "joint_{n}".
+        theirs: Pattern of the file's names, such as "A{n}".
+        choices: Words for every placeholder, from `placeholders`.
+
+    Yields:
+        Our name, and the file's name.
+    """
     for key, values in choices.items():
         hole = f"{{{key}}}"
         numbered = f"joint_{hole}"  # joint_{n} is the n-th joint, whatever its name

@@ -1,4 +1,4 @@
-"""Runs made of single readings: each loaded reading with the unloaded one that belongs to it."""
+"""Runs from single readings: each loaded reading is paired with its unloaded one."""
 
 from dataclasses import dataclass
 
@@ -10,19 +10,20 @@ from testbench.files.rows import SAME_POSE, Conditions, first_rows, number_rows,
 from testbench.files.table import Table
 
 HELD = 2e-4
-"""Difference of joint coordinates between the readings of a run that is let pass, and said [rad, m]."""
+"""Largest difference of joint coordinates between the readings of a run that is accepted, with a note [rad,
+m]."""
 
 
 @dataclass(frozen=True)
 class Paired:
-    """The readings of every run."""
+    """Hold the readings of every run."""
 
-    row: Ids  #: A row of the table with the run's conditions, (runs,).
+    row: Ids  #: Row of the table with the run's conditions, (runs,).
     run: Ids  #: Identifier, (runs,).
-    leader: Ids  #: Of every row one that has the same conditions, (rows,).
-    before: Array  #: (runs, m, 3) [m]; NaN where the target was lost or has no reading.
-    after: Array  #: (runs, m, 3) [m]; the same.
-    notes: tuple[str, ...]  #: What was assumed.
+    leader: Ids  #: For every row one that has the same conditions, (rows,).
+    before: Array  #: Unloaded positions, (runs, m, 3) [m]; NaN where the target was lost or has no reading.
+    after: Array  #: Loaded positions, (runs, m, 3) [m]; NaN as above.
+    notes: tuple[str, ...]  #: Assumptions that were made.
 
 
 def pair(table: Table, conditions: Conditions, read: Readings) -> Paired:
@@ -48,7 +49,8 @@ def pair(table: Table, conditions: Conditions, read: Readings) -> Paired:
 
 
 def _in_one_row(table: Table, conditions: Conditions, read: Readings, marker: Ids) -> Paired:
-    """Both states stand in a row: of all targets, or of one."""
+    """Pair readings if a row holds both states, of all targets or of one."""
+    # Number the runs; without a column of runs repeated markers start a new one.
     own, code = conditions, np.arange(table.rows)
     if own.run is not None:
         code = number_rows(own.run)
@@ -56,6 +58,7 @@ def _in_one_row(table: Table, conditions: Conditions, read: Readings, marker: Id
         code = _repeated(table, number_rows(own.pose, own.station, own.wrench, own.point), marker)
     first = first_rows(code)
     run = np.arange(len(first)) + 1 if own.run is None else own.run[first]
+    # Every run needs each marker exactly once.
     again = repeats(code, marker) > 0
     table.refuse(again, "", lambda row: f"run {run[code[row]]} stands in the file twice")
     if read.long:
@@ -69,12 +72,13 @@ def _in_one_row(table: Table, conditions: Conditions, read: Readings, marker: Id
 
 
 def _state_by_state(table: Table, conditions: Conditions, read: Readings, marker: Ids) -> Paired:
-    """A row is of one state; an unloaded reading serves its own run, or all loads of its pose."""
+    """Pair readings if a row holds one state; an unloaded one serves its run, or all loads of its pose."""
     own, loaded = conditions, np.zeros(table.rows, dtype=bool)
     loaded[read.row] = read.after
     if loaded.all() or not loaded.any():
         have = "loaded" if loaded.any() else "unloaded"
         raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}")
+    # Number readings of one pose, load and state; unloaded rows have no load.
     load = np.column_stack([own.wrench, own.point]) * loaded[:, None]
     code = number_rows(own.pose, own.station, own.run, loaded, load)
     if own.run is None:
@@ -82,9 +86,11 @@ def _state_by_state(table: Table, conditions: Conditions, read: Readings, marker
     again = repeats(code, marker) > 0
     table.refuse(again, "", "this marker was read before in the same run, pose, state and load")
     first, position = first_rows(code), placed(read, code)
+    # Find the unloaded reading of every loaded one; joints must not move in between.
     hung, idle = np.flatnonzero(loaded[first]), np.flatnonzero(~loaded[first])
     row, unloaded = first[hung], _belongs(table, own, first[idle], first[hung])
     held = _check_held(table, own.q, row, first[idle[unloaded]])
+    # Number the runs, and note what was assumed.
     notes = list[str]()
     if own.run is None or len(np.unique(own.run[row])) < len(row):
         notes = [f"runs, one a load, are numbered in their order: {len(row)} of them"]
@@ -94,7 +100,7 @@ def _state_by_state(table: Table, conditions: Conditions, read: Readings, marker
 
 
 def _notes(table: Table, idle: Ids, unloaded: Ids) -> list[str]:
-    """Unloaded readings, by their first rows, that serve several runs or none; one belongs to each run."""
+    """Note unloaded readings that serve several runs or none."""
     shared = int((np.bincount(unloaded, minlength=len(idle)) > 1).sum())
     alone = np.setdiff1d(np.arange(len(idle)), unloaded)
     notes = [f"{shared} unloaded readings serve several loads each"] * bool(shared)
@@ -105,7 +111,7 @@ def _notes(table: Table, idle: Ids, unloaded: Ids) -> list[str]:
 
 
 def _repeated(table: Table, code: Ids, marker: Ids) -> Ids:
-    """Groups parted where a marker comes again, (rows,): the second reading of each is a second run."""
+    """Split groups at a repeated marker, (rows,): the second reading of each marker is a second run."""
     again = repeats(code, marker)
     if not again.any():
         return code
@@ -118,13 +124,13 @@ def _repeated(table: Table, code: Ids, marker: Ids) -> Ids:
 
 
 def _belongs(table: Table, own: Conditions, idle: Ids, rows: Ids) -> Ids:
-    """Which unloaded readings belong to loaded ones, (runs,): of the run, else of the pose.
+    """Find the unloaded reading of each loaded one, (runs,): that of the run, else of the pose.
 
     Args:
         table: The cells.
-        own: Of every row.
+        own: Conditions of every row.
         idle: First rows of the unloaded readings, in the order of the file.
-        rows: First rows of the loaded ones.
+        rows: First rows of the loaded readings.
     """
     found = _last(number_rows(own.pose, own.station), idle, rows)
     of_run = np.full(len(rows), -1)
@@ -141,7 +147,7 @@ def _belongs(table: Table, own: Conditions, idle: Ids, rows: Ids) -> Ids:
 
 
 def _last(key: Ids, idle: Ids, rows: Ids) -> Ids:
-    """Of every row the place in `idle` of the last one of its key before it, else of the first; else -1."""
+    """Find the last place in `idle` with each row's key before that row, else the first one; else -1."""
     place = key * len(key) + np.arange(len(key))
     order = np.argsort(place[idle])
     known = place[idle[order]]
@@ -151,7 +157,7 @@ def _last(key: Ids, idle: Ids, rows: Ids) -> Ids:
 
 
 def _check_held(table: Table, q: Array, row: Ids, idle: Ids) -> list[str]:
-    """What is to be said of joints that moved between unloaded and loaded readings; they may by HELD."""
+    """Note joints that moved between unloaded and loaded readings; refuse motions beyond HELD."""
     moved = np.abs(q[row] - q[idle]).max(axis=1)
     for k in np.flatnonzero(moved > HELD)[:1]:
         raise table.error(row[k], "", not_held("unloaded", int(table.lines[idle[k]]), moved[k]))
@@ -161,5 +167,14 @@ def _check_held(table: Table, q: Array, row: Ids, idle: Ids) -> list[str]:
 
 
 def not_held(which: str, line: int, by: float) -> str:
-    """What is wrong with joints of a reading that another one in this line should have."""
+    """Write the message about a joint that moved between two readings which belong together.
+
+    Args:
+        which: Which of the two the other line holds, such as "unloaded".
+        line: The line of the other reading.
+        by: Largest difference of a joint coordinate [rad, m].
+
+    Returns:
+        The message.
+    """
     return f"expected the joints of the {which} reading in line {line}, one differs by {by:.2g} rad or m"

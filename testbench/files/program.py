@@ -1,6 +1,6 @@
-"""A robot's program as a table: where the tool goes, point by point, and what acts on it there.
+"""A robot's program as a table: poses of the tool point by point, with the loads that act there.
 
-A path that jumps is refused: between two such points the arm would go a way that nobody wrote down.
+Jumps are refused: between two such points the arm would take a path that the program does not define.
 """
 
 import math
@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.errors import Array, Ids, InputError
+from testbench.display import Displayed
+from testbench.errors import Array, Ids, InputError, check_type
 from testbench.files.beside import read_rotations
 from testbench.files.columns import Column, Columns, find_columns, read_columns, vector, wrench
 from testbench.files.mapping import read_map
@@ -22,76 +23,92 @@ from testbench.files.rows import joint_coordinates
 from testbench.files.table import read_table
 
 MAX_POINTS = 1_000_000
-CORRECTION = "correction_"  #: What begins the columns that tell of a correction.
-LISTED = 12  #: Columns that a sentence names.
+CORRECTION = "correction_"
+"""Prefix of columns about a correction."""
+LISTED = 12
+"""Most columns that a sentence names."""
 LOADS: Mapping[What, Sequence[str]] = {
     "force": [*(f"force_{axis}" for axis in XYZ), *ALONG],
     "moment": [f"moment_{axis}" for axis in XYZ],
     "mass": ["mass", "payload"],
 }
-"""Of every kind of load the names."""
+"""Names of every kind of load."""
 FARTHEST_TURN = math.radians(45)
 """Largest turn of a hinge, or of the tool, from one point to the next [rad]."""
 SAME = 1e-3
-"""Difference between a coordinate and the same in another unit that rounding explains [deg, mm]."""
-FARTHEST_STEP = 1.0  #: Largest way of a slide, or of the tool [m].
-SLACK = 1 + 1e-9  #: Of these, for rounding [1].
+"""Difference between a coordinate and the same one in another unit that rounding explains [deg, mm]."""
+FARTHEST_STEP = 1.0
+"""Largest motion of a slide, or of the tool, from one point to the next [m]."""
+SLACK = 1 + 1e-9
+"""Factor on these for rounding [1]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Program:
-    """The points of a program in their order, as joints or as poses of the tool.
+@dataclass(frozen=True, eq=False, repr=False)
+class Program(Displayed):
+    """Hold the points of a program in their order, as joints or as poses of the tool.
 
-    With both, the poses are asked for and the joints say in which configuration.
+    With both, the poses are the target and the joints select the configuration.
     """
 
-    labels: tuple[str, ...]  #: What the file calls every point; numbers from 1 where it does not.
+    labels: tuple[str, ...]  #: Names of the points in the file; numbers from 1 if it has none.
     #: Joints of the chain, (points, n) [rad, m]; None where poses of the tool alone are given.
     q: Array | None
-    position: Array | None  #: Tool in the world, (points, 3) [m]; None where joints alone are given.
-    rotation: Array | None  #: Its orientation, world from tool, (points, 3, 3); None together with that.
+    #: Position of the tool in the world, (points, 3) [m]; None if only joints are given.
+    position: Array | None
+    #: Orientation of the tool, world from tool, (points, 3, 3); None if only joints are given.
+    rotation: Array | None
     wrench: Array  #: Force and moment on the tool at `point`, world axes, (points, 6) [N, N m].
     along: Array  #: Process force along the feed, across it, along the spindle, at `point`, (points, 3) [N].
-    mass: Array  #: Hung mass, (points,) [kg].
-    #: Where wrench and process force act, tool's frame, (points, 3) [m]; None where the file is silent.
+    mass: Array  #: Mass of the payload, (points,) [kg].
+    #: Point where wrench and process force act, tool's frame, (points, 3) [m]; None if the file states none.
     point: Array | None
-    arm: Arm = field(repr=False)  #: The arm that it is for.
+    arm: Arm = field(repr=False)  #: The arm of the program.
     columns: Columns = field(repr=False)  #: The file's cells.
-    jumps: bool  #: Whether points may lie as far apart as they like.
+    jumps: bool  #: Whether points may be any distance apart.
+
+    def about(self) -> dict[str, object]:
+        """Summarise the program: file, arm, points, and whether they are joints or poses of the tool."""
+        kinds = {"joints": self.q, "poses": self.position}
+        return {
+            "file": self.path.name,
+            "arm": self.arm.name,
+            "points": self.points,
+            "as": " and ".join(name for name, values in kinds.items() if values is not None),
+        }
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """Return the file."""
         return self.columns.table.path
 
     @property
     def line(self) -> Ids:
-        """Line of every point in the file, (points,)."""
+        """Return the line of every point in the file, (points,)."""
         return self.columns.table.lines
 
     @property
     def points(self) -> int:
-        """How many points there are."""
+        """Count the points."""
         return len(self.line)
 
     @property
     def joints(self) -> list[Column | None]:
-        """The column of every file joint; None where the file has none."""
+        """Return the column of every file joint; None for a joint without one."""
         return [self.columns.get(Slot("joint", k)) for k in range(len(self.arm.file_joints))]
 
     @property
     def other(self) -> tuple[str, ...]:
-        """Columns that are carried through, in the order of the file."""
+        """List the columns that are carried through, in the order of the file."""
         return self.columns.ignored
 
     @property
     def corrected(self) -> bool:
-        """Whether it was corrected: its joints are what is commanded."""
+        """Tell whether the program was corrected: its joints are then commands."""
         return any(name.startswith(CORRECTION) for name in self.other)
 
 
 def unread(program: Program) -> tuple[str, ...]:
-    """Sentences on columns that were not read, without a full stop; first those that look like loads."""
+    """Write a sentence, without full stop, on each kind of unread columns; those like loads come first."""
     like = {name: _load_like(name) for name in program.other}
     found = [
         f"Not read though its unit is that of a load: {name}{near and f' ({near}?)'}; it counts for nothing"
@@ -106,7 +123,7 @@ def unread(program: Program) -> tuple[str, ...]:
 
 
 def _load_like(header: str) -> str | None:
-    """The load's name that is nearest, "" if none is near; None where the unit is not that of a load."""
+    """Return the most similar name of a load, "" if none is similar; None if the unit is not a load's."""
     name, unit = split_unit(header) or ("", None)
     names = next((own for what, own in LOADS.items() if unit and unit.si in SI[what]), None)
     if unit is None or names is None:
@@ -115,7 +132,9 @@ def _load_like(header: str) -> str | None:
     return f"{near[0]}_{unit.name}" if near else ""
 
 
-def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bool = False) -> Program:
+def read_program(
+    path: str | Path, arm: Arm, mapping: str | Path | None = None, *, jumps: bool = False
+) -> Program:
     """Read a program, one point a row.
 
     Columns: JOINT_deg or JOINT_rad of every joint, of a slide JOINT_mm or JOINT_m; or x_mm, y_mm, z_mm and an
@@ -132,8 +151,11 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
 
     Raises:
         InputError: Names line and column, and what was expected.
+        BenchError: When arm is no Arm.
     """
-    names = read_map(mapping, arm, program_names)
+    check_type(arm, Arm, "arm")
+    path = Path(path)
+    names = read_map(None if mapping is None else Path(mapping), arm, program_names)
     if names.cells:
         raise names.error(path, "cells", "expected a quantity a column in a program")
     columns = read_columns(path, names, arm)
@@ -195,13 +217,13 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
         both = f"{table.names[first[own.slot]]} and {table.names[k]}"
         for i in np.flatnonzero(~(joint.shown * np.abs(here - other) <= SAME))[:1]:
             got = f"{joint.shown * here[i]:.4f} and {joint.shown * other[i]:g} {joint.shown_unit}"
-            place = f"line {table.lines[i]}, columns {both}"  # whoever edits one must not be overheard
+            place = f"line {table.lines[i]}, columns {both}"  # an edit of one of them counts
             raise InputError(path, place, f"expected the same twice, got {got}")
     return q
 
 
 def _joints(columns: Columns, arm: Arm) -> Array | None:
-    """Joints of every point; None where the table has poses of the tool alone."""
+    """Read the joints of every point; None if the table has only poses of the tool."""
     stated = any(slot.what == "joint" for slot in columns.names.values)
     if columns.every("joint") or stated or not arm.joints:
         return joint_coordinates(columns, arm)
@@ -212,7 +234,7 @@ def _joints(columns: Columns, arm: Arm) -> Array | None:
 
 
 def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
-    """Positions and orientations of the tool; None where the table has joints alone."""
+    """Read positions and orientations of the tool; None if the table has only joints."""
     rotation = read_rotations(columns)
     found = columns.whole(wanted := columns_of("set_point"))
     if not found and rotation is None:
@@ -259,7 +281,7 @@ def refuse_joint_jumps(path: Path, arm: Arm, line: Ids, q: Array) -> None:
 
 
 def _refuse_tool_jumps(path: Path, line: Ids, position: Array, rotation: Array) -> None:
-    """InputError at the first two poses, (points, 3) [m] and (points, 3, 3), that lie too far apart."""
+    """Refuse two neighbouring poses, (points, 3) [m] and (points, 3, 3), that are too far apart."""
     step = np.linalg.norm(np.diff(position, axis=0), axis=1)
     cosine = (np.einsum("pxy,pxy->p", rotation[1:], rotation[:-1]) - 1) / 2
     turn = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
@@ -269,5 +291,5 @@ def _refuse_tool_jumps(path: Path, line: Ids, position: Array, rotation: Array) 
 
 
 def _refuse(path: Path, lines: Ids, got: str, most: str) -> None:
-    problem = f"the path jumps, {got}: expected at most {most} from point to point; --jumps allows it"
+    problem = f"the path jumps, {got}: expected at most {most} from point to point unless jumps are allowed"
     raise InputError(path, f"lines {lines[0]} and {lines[1]}", problem)

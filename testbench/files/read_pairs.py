@@ -1,4 +1,4 @@
-"""Measured runs read from a text file as it comes from an instrument, a spreadsheet or a robot."""
+"""Reader of measured runs from a text file of an instrument, a spreadsheet or a robot."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, in_order
-from testbench.errors import Array, Ids, Mask
+from testbench.errors import Array, Ids, Mask, check_type
 from testbench.files.columns import Columns, find_columns, read_columns
 from testbench.files.mapping import read_map
 from testbench.files.names import ENTRIES, Slot, columns_of
@@ -20,11 +20,11 @@ from testbench.files.table import table_of
 
 @dataclass(frozen=True)
 class Export:
-    """A file that was read, and how it was understood."""
+    """Hold a file that was read, and how it was understood."""
 
     data: Dataset  #: The runs.
-    columns: Columns  #: Which column says what.
-    notes: tuple[str, ...]  #: What was assumed, left out or numbered; none for a file that says it all.
+    columns: Columns  #: Meaning of its columns.
+    notes: tuple[str, ...]  #: Assumptions, omissions and numbering; empty for a complete file.
 
 
 def read_csv(path: str | Path, arm: Arm) -> Dataset:
@@ -39,7 +39,9 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
 
     Raises:
         InputError: Names the line and what was expected.
+        BenchError: When arm is no Arm.
     """
+    check_type(arm, Arm, "arm")
     return read_export(Path(path), arm).data
 
 
@@ -55,9 +57,12 @@ def read_export(
     Args:
         path: The file; docs/formats.md has an example of every form.
         arm: The arm that was measured.
-        mapping: A map of its names, TOML; None where it uses ours.
-        sigma: Standard deviation of a reading along an axis [m], where neither file nor map has one.
-        load: Mass that hangs in loaded rows [kg], where neither file nor map has a load.
+        mapping: A map of its names, TOML; None if it uses ours.
+        sigma: Standard deviation of a reading along an axis [m], if neither file nor map has one.
+        load: Mass of the payload in loaded rows [kg], if neither file nor map has a load.
+
+    Returns:
+        The runs, and how the file was understood.
 
     Raises:
         InputError: Names line and column, or key of the map, and what was expected.
@@ -82,14 +87,29 @@ def from_text(text: str, arm: Arm) -> Dataset:
 
 
 def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
-    """The same of columns that were found."""
+    """Convert the columns of a file to runs.
+
+    Args:
+        columns: The columns.
+        arm: The arm that was measured.
+        sigma: Standard deviation of a reading along an axis [m], if neither file nor map has one.
+
+    Returns:
+        The runs, and how the file was understood.
+
+    Raises:
+        InputError: Names line and column, or key of the map, and what was expected.
+    """
+    # Drop points that are no markers, and average shots.
     columns, dropped = markers_only(columns)
     columns, shots = averaged(columns)
+    # Conditions and positions of every row, then pairs of unloaded and loaded readings.
     conditions = read_conditions(columns, arm)
     read = read_readings(columns, arm, conditions.loaded)
     runs = pair(columns.table, conditions, read)
     _check_once(columns, conditions, runs, read)
     own = in_order(conditions, runs.row)
+    # Noise: one sigma for the file, or a covariance per reading; lost targets have zero weight.
     lost = np.asarray((np.isnan(runs.before) | np.isnan(runs.after)).any(axis=-1))
     scatter, (before, after) = read_scatter(columns, sigma), _rotations(columns, runs.row)
     own_sigma = _of_the_file(columns, 0, scatter.sigma)
@@ -118,7 +138,7 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
 
 
 def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Readings) -> None:
-    """What holds for a run is the same in all of its rows."""
+    """Check that conditions of a run are equal in all of its rows."""
     every, lead = {"pose": conditions.pose[:, None], "joint": conditions.q}, runs.leader
     if conditions.taken_off is not None:
         every["loading"] = conditions.taken_off[:, None].astype(int)
@@ -134,14 +154,14 @@ def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Re
 
 
 def _of_the_file(columns: Columns, index: int, values: Array) -> float:
-    """Standard deviation of positions (0) or orientations (1), (rows,) [m, rad]: one for the file."""
+    """Return one standard deviation of positions (0) or orientations (1) of a file, from (rows,) [m, rad]."""
     if column := columns.get(Slot("sigma", index)):
         columns.table.refuse(values != values[0], column.name, "expected one value in the whole file")
     return float(values[0])
 
 
 def _rotations(columns: Columns, row: Ids) -> tuple[Array, Array] | tuple[None, None]:
-    """Orientations of every run, unloaded and loaded, (runs, 3) [rad]; None where they were not read."""
+    """Read orientations of every run, unloaded and loaded, (runs, 3) [rad]; None if there are none."""
     wanted = columns_of("rotation", "before") | columns_of("rotation", "after")
     found = columns.whole(wanted)
     if not found:
@@ -155,7 +175,7 @@ def _rotations(columns: Columns, row: Ids) -> tuple[Array, Array] | tuple[None, 
 
 
 def _precision(columns: Columns, read: Readings, runs: Paired, lost: Mask) -> Array | None:
-    """Inverse covariances, (runs, m, 3, 3) [1/m^2], zero where the target was lost; None without columns."""
+    """Compute inverse covariances, (runs, m, 3, 3) [1/m^2], zero for lost targets; None without columns."""
     table, C = columns.table, read_covariances(columns, "covariance")
     if C is None:
         return None

@@ -1,6 +1,6 @@
-"""Absolute readings read from a text file as it comes from a tracker, a spreadsheet or a robot.
+"""Reader of absolute readings from a text file of a tracker, a spreadsheet or a robot.
 
-Those of several targets at one time are one row of a series.
+Readings of several targets at one time form one row of a series.
 """
 
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.series import Series, select_rows, series_of
-from testbench.errors import Array, Ids, stem_of
+from testbench.errors import Array, Ids, check_type, stem_of
 from testbench.files.beside import read_rotations, read_temperature, read_time, read_torques
 from testbench.files.columns import Columns, read_columns
 from testbench.files.mapping import read_map
@@ -21,23 +21,26 @@ from testbench.files.readings import Readings, averaged, markers_only, placed, r
 from testbench.files.rows import Conditions, first_rows, number_rows, read_conditions, repeats
 from testbench.files.scatter import Scatter, read_scatter
 
-ALONE = "target"  #: Name of a file's only target where the arm has several.
-APART = 0.02  #: Readings of one target in one pose that are farther apart are of two targets [m].
-TURNED_APART = 1e-6  #: Difference of two orientations up to which they are one [1].
+ALONE = "target"
+"""Name of a file's only target if the arm has several."""
+APART = 0.02
+"""Distance of two readings of one target in one pose beyond which they are of two targets [m]."""
+TURNED_APART = 1e-6
+"""Difference of two orientations up to which they count as equal [1]."""
 TOLD = 5  #: Most lines that a note lists.
 BESIDE: tuple[What, ...] = ("time", "temperature", "torque", *ROTATIONS)
 """Quantities of absolute readings that pairs do not have."""
 NAMES: tuple[What, ...] = ("series", "station", "series_frame", "series_target")
-"""Columns that part a file into series, or name what these share."""
+"""Columns that divide a file into series, or name what series share."""
 
 
 @dataclass(frozen=True)
 class SeriesExport:
-    """A file of absolute readings that was read, and how it was understood."""
+    """Hold a file of absolute readings that was read, and how it was understood."""
 
-    series: tuple[Series, ...]  #: One for every set-up that the file names.
-    columns: Columns  #: Which column says what.
-    notes: tuple[str, ...]  #: What was assumed, left out or numbered.
+    series: tuple[Series, ...]  #: One series for every station that the file names.
+    columns: Columns  #: Meaning of its columns.
+    notes: tuple[str, ...]  #: Assumptions, omissions and numbering.
     lost: Ids  #: Lines of rows without a reading, which are left out.
 
 
@@ -62,7 +65,9 @@ def read_series(
 
     Raises:
         InputError: Names line and column, or key of the map, and what was expected.
+        BenchError: When arm is no Arm.
     """
+    check_type(arm, Arm, "arm")
     path = Path(path)
     names = replace(read_map(None if mapping is None else Path(mapping), arm, series_names), load=load)
     arm = replace(arm, markers=names.markers)
@@ -75,15 +80,18 @@ def read_series(
 
 
 def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
-    """The absolute readings in a table of columns that were found."""
+    """Convert the columns of a table to series."""
     if any(c.slot.when for c in columns.every("reading")):
         return _pairs(columns, arm, sigma)
+    # Drop points that are no markers, and average shots.
     columns, notes = markers_only(columns)
     columns, shots = averaged(columns)
+    # A file without loads is of unloaded readings, unless a column states loaded ones.
     state = columns.get(Slot("state"))
     words = set() if state is None else set(columns.table.texts(state.index))
     loaded = any(columns.names.word(word, WHEN) == "after" for word in words)
     conditions = read_conditions(columns, arm, needs_load=loaded)
+    # Without a column of markers all readings are of one target.
     alone = len(arm.markers) > 1 and columns.get(Slot("marker")) is None
     alone = alone and not any(c.slot.marker for c in columns.every("reading"))
     if alone:
@@ -92,6 +100,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     read = read_readings(columns, arm, conditions.loaded)
     if alone:
         _check_alone(columns, conditions, read)
+    # One series of all rows, then one per station.
     scatter = read_scatter(columns, sigma)
     whole, first, lost, more = _assembled(columns, arm, conditions, read, scatter)
     notes += [*columns.warnings, *shots, *conditions.notes, *scatter.notes, *more]
@@ -101,7 +110,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
 
 
 def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
-    """Both readings of a run stand in a row."""
+    """Convert runs, whose rows hold both readings, to series."""
     export = runs_of(columns, arm, sigma)
     said, stem = columns.names.map.series, stem_of(columns.table.path)
     series = series_of(export.data, stem, said.target or stem)
@@ -115,7 +124,7 @@ def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
 
 
 def _check_alone(columns: Columns, conditions: Conditions, read: Readings) -> None:
-    """Refuse several places in one pose under one load: they are of several targets."""
+    """Refuse several positions in one pose under one load: they are of several targets."""
     key = np.column_stack([conditions.q, conditions.wrench])
     same = (key[1:] == key[:-1]).all(axis=1)
     apart = np.linalg.norm(np.diff(read.position, axis=0), axis=1) > APART
@@ -126,23 +135,26 @@ def _check_alone(columns: Columns, conditions: Conditions, read: Readings) -> No
 def _assembled(
     columns: Columns, arm: Arm, conditions: Conditions, read: Readings, scatter: Scatter
 ) -> tuple[Series, Ids, Ids, list[str]]:
-    """All rows of a file as one series without a name, each with a covariance.
+    """Convert all rows of a file to one series without a name, each with a covariance.
 
     Returns:
-        The series, the first row of the table of each of its rows, the lines of those without a reading, and
-        what was not read.
+        The series, the first row of the table of each of its rows, the lines without a reading, and notes on
+        unread columns.
 
     Raises:
         InputError: Names line and column.
     """
+    # Rows of one reading, and their positions by target.
     table, m = columns.table, len(read.markers)
     code = _grouped(columns, conditions, read) if read.long and m > 1 else np.arange(table.rows)
     first, position = first_rows(code), placed(read, code)
     own = select_rows(conditions, first)
     lost = np.asarray(np.isnan(position).any(axis=2))
+    # Inverse covariance of every position, zero for lost targets.
     P = np.zeros((len(first), m, 3, 3))
     P[code[read.row], read.marker] = _precision(scatter)[read.row]
     P[lost] = 0
+    # Readings other than positions.
     temperature, warm = read_temperature(columns)
     time, timed = read_time(columns)
     torque, rotation = read_torques(columns, arm), read_rotations(columns)
@@ -166,6 +178,7 @@ def _assembled(
         time=None if time is None else time[first],
         joints=columns.joints,
     )
+    # Drop rows without any reading.
     there = whole.seen.any(axis=1) | whole.turned
     if not there.any():
         raise table.error(0, "", "expected at least one reading, all are blank")
@@ -173,15 +186,17 @@ def _assembled(
 
 
 def _grouped(columns: Columns, conditions: Conditions, read: Readings) -> Ids:
-    """Rows of one pose and load as one reading, each target once, (rows,): numbers as they first appear."""
+    """Number the rows of each reading, (rows,): one row per target, in one pose under one load."""
     table = columns.table
     marker = np.empty(table.rows, dtype=int)
     marker[read.row] = read.marker
     found = (columns.get(Slot(what)) for what in ("series", "series_frame", "series_target", "state"))
     words = (np.array(table.texts(column.index)) for column in found if column is not None)
+    # Equal conditions form a group; a repeated marker starts a new reading.
     own = conditions
     code = number_rows(own.wrench, own.point, own.pose, own.run, own.station, *words)
     code = number_rows(code, repeats(code, marker))
+    # The joints of a reading must agree in all of its rows.
     leader = first_rows(code)[code]
     moved = np.abs(conditions.q - conditions.q[leader]).max(axis=1)
     table.refuse(
@@ -191,7 +206,7 @@ def _grouped(columns: Columns, conditions: Conditions, read: Readings) -> Ids:
 
 
 def _precision(scatter: Scatter) -> Array:
-    """Inverse covariance of the positions in every row of the table, (rows, 3, 3) [1/m^2]."""
+    """Compute the inverse covariance of the positions in every row of the table, (rows, 3, 3) [1/m^2]."""
     if scatter.covariance is None:
         return np.asarray(np.eye(3) / scatter.sigma[:, None, None] ** 2)
     P = np.linalg.inv(scatter.covariance)
@@ -199,7 +214,7 @@ def _precision(scatter: Scatter) -> Array:
 
 
 def _one_each(columns: Columns, rotation: Array, code: Ids, first: Ids) -> Array:
-    """The orientation of every reading, (readings, 3, 3), which all its rows say; NaN where none does."""
+    """Return the orientation of every reading, (readings, 3, 3), equal in all its rows; NaN without one."""
     there = np.asarray(np.isfinite(rotation).all(axis=(1, 2)))
     leader = np.full(len(first), -1)
     rows = np.flatnonzero(there)[::-1]
@@ -212,13 +227,13 @@ def _one_each(columns: Columns, rotation: Array, code: Ids, first: Ids) -> Array
 
 
 def _parted(columns: Columns, whole: Series, first: Ids, scatter: Scatter) -> tuple[Series, ...]:
-    """The rows of a file by what its columns of set-ups say, (parts,).
+    """Divide the rows of a file by its columns of series and stations.
 
     Args:
-        columns: Which column says what.
-        whole: All rows.
+        columns: The columns of the file.
+        whole: All rows as one series.
         first: Row of the table of each.
-        scatter: Of every row of the table.
+        scatter: Noise of every row of the table.
     """
     said, stem = columns.names.map.series, stem_of(columns.table.path)
     texts = [_texts(columns, what, first) for what in NAMES]
@@ -247,7 +262,7 @@ def _parted(columns: Columns, whole: Series, first: Ids, scatter: Scatter) -> tu
 
 
 def _texts(columns: Columns, what: What, first: Ids) -> list[str]:
-    """What a column says in some rows; nothing where there is no such column."""
+    """Read the text of a column in some rows; empty without such a column."""
     column = columns.get(Slot(what))
     if column is None:
         return [""] * len(first)

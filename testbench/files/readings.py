@@ -1,6 +1,6 @@
-"""Where which target was: readings of one target in one state each, of which a row may hold several.
+"""Positions of targets: readings of one target in one state each; a row of a file may hold several.
 
-Several shots of a point are one reading: their mean, and the noise that their scatter tells.
+Several shots of a point are averaged, and their standard deviation gives the noise.
 """
 
 from dataclasses import dataclass, replace
@@ -15,29 +15,33 @@ from testbench.files.rows import first_rows, number_rows
 
 OWN = ("reading", "torque", "temperature", "time", "sigma", "deviation", "spread")
 """Quantities that may differ between shots."""
-APART = 2e-3  #: Distance of a shot from the mean of its point beyond which it is of another [m].
+APART = 2e-3
+"""Distance of a shot from the mean of its point beyond which it is of another point [m]."""
 
 
 @dataclass(frozen=True)
 class Readings:
-    """All readings of a file, one marker in one state each."""
+    """Hold all readings of a file, one marker in one state each."""
 
-    markers: tuple[str, ...]  #: Names, in the order in which they first appear.
+    markers: tuple[str, ...]  #: Names in order of appearance.
     row: Ids  #: Row of the table, (s,).
     marker: Ids  #: Index of the marker, (s,).
     after: Mask  #: Whether the arm was loaded, (s,).
-    position: Array  #: Where the target was, (s, 3) [m]; NaN where it was lost.
-    long: bool  #: Whether a column of markers says which target a row is of.
-    paired: bool  #: Whether both states stand in one row.
+    position: Array  #: Positions, (s, 3) [m]; NaN for lost targets.
+    long: bool  #: Whether a column of markers states the target of a row.
+    paired: bool  #: Whether both states are in one row.
 
 
 def placed(read: Readings, code: Ids, some: Mask | slice = slice(None)) -> Array:
-    """Some readings by their group and marker, (groups, m, 3) [m]; NaN where there are none.
+    """Arrange readings by group and marker.
 
     Args:
         read: The readings.
         code: The group of every row, (rows,).
-        some: Which of them.
+        some: The readings that count.
+
+    Returns:
+        Positions, (groups, m, 3) [m]; NaN where there is none.
     """
     found: Array = np.full((int(code.max()) + 1, len(read.markers), 3), np.nan)
     found[code[read.row[some]], read.marker[some]] = read.position[some]
@@ -45,10 +49,10 @@ def placed(read: Readings, code: Ids, some: Mask | slice = slice(None)) -> Array
 
 
 def markers_only(columns: Columns) -> tuple[Columns, list[str]]:
-    """Without the rows of points that the map calls no markers, and that in words.
+    """Drop the rows of points that the map does not count as markers, and note it.
 
     Raises:
-        InputError: Where there are no rows.
+        InputError: If no rows are left.
     """
     table, column = columns.table, columns.get(Slot("marker"))
     if not table.rows:
@@ -66,7 +70,7 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> Readings:
     Args:
         columns: The columns of the file.
         arm: The arm.
-        loaded: Whether the row has a load, (rows,); it tells the state where no column does.
+        loaded: Whether the row has a load, (rows,); it gives the state if no column does.
 
     Returns:
         The readings.
@@ -74,6 +78,7 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> Readings:
     Raises:
         InputError: Names line and column.
     """
+    # Three columns per marker and state; rows may also name the marker ("long") or the state.
     blocks = _blocks(columns)
     everyone = np.arange(columns.table.rows)
     long = "" in {marker for marker, _ in blocks}
@@ -83,6 +88,8 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> Readings:
     paired = all(when for _, when in blocks)
     state = None if paired else _states(columns, loaded)
     parts = []
+    # One part per block: marker, state and position of every row; deflections are added to unloaded
+    # positions.
     for (name, when), triple in blocks.items():
         own = np.array([place[n] for n in names or [name] * len(everyone)])
         after = np.full(len(everyone), when != "before") if state is None else state
@@ -95,7 +102,7 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> Readings:
 
 
 def _blocks(columns: Columns) -> dict[tuple[str, str], list[Column]]:
-    """Three columns by marker and state."""
+    """List the three columns of every marker and state."""
     found: dict[tuple[str, str], dict[int, Column]] = {}
     for column in columns.every("reading"):
         found.setdefault((column.slot.marker, column.slot.when), {})[column.slot.index] = column
@@ -117,7 +124,7 @@ def _blocks(columns: Columns) -> dict[tuple[str, str], list[Column]]:
 
 
 def _markers(columns: Columns, arm: Arm) -> list[str]:
-    """The marker of every row."""
+    """Read the marker of every row."""
     column, table = columns.get(Slot("marker")), columns.table
     if column is None:
         if len(arm.markers) == 1:
@@ -127,7 +134,7 @@ def _markers(columns: Columns, arm: Arm) -> list[str]:
 
 
 def _states(columns: Columns, loaded: Mask) -> Mask:
-    """Which rows are loaded, (rows,)."""
+    """Find the loaded rows, (rows,)."""
     column = columns.get(Slot("state"))
     if column is None:
         return loaded
@@ -140,7 +147,7 @@ def _states(columns: Columns, loaded: Mask) -> Mask:
 def _said(
     columns: Columns, column: Column, known: tuple[str, ...], hint: str, unsaid: Mask | None = None
 ) -> list[str]:
-    """What the cells of a column of words say in our words; under the mask `unsaid` they may say nothing."""
+    """Translate the cells of a column of words; under the mask `unsaid` they may be blank."""
     texts = columns.table.texts(column.index)
     ours = {text: columns.names.word(text, known) for text in dict.fromkeys(texts)}
     found = [ours[text] for text in texts]
@@ -152,9 +159,9 @@ def _said(
 
 
 def _positions(columns: Columns, triple: list[Column]) -> Array:
-    """Where a target was, (rows, 3) [m]; NaN where all three cells are blank.
+    """Read the positions of a target, (rows, 3) [m]; NaN if all three cells are blank.
 
-    Three equal coordinates, as 9999 or 0, are refused: instruments write so for a lost target.
+    Three equal coordinates, such as 9999 or 0, are refused: instruments write them for a lost target.
     """
     found, _ = columns.together(triple)
     if triple[0].slot.when != DEFLECTION:
@@ -170,10 +177,10 @@ def _positions(columns: Columns, triple: list[Column]) -> Array:
 
 
 def averaged(columns: Columns) -> tuple[Columns, list[str]]:
-    """A row a point, where the map says that a file has several shots, and that in words.
+    """Average the shots of each point to one row, if the map requests it, and note it.
 
-    Shots are rows alike in all that says which reading they are: names and loads, without a name the joints.
-    The noise of a mean is the pooled scatter over the root of their number, where nothing else says it.
+    Shots of a point are rows with equal names and loads; without a name, with equal joints. The noise of a
+    mean is the pooled standard deviation over the root of the number of shots, if nothing else states it.
     """
     names, table = columns.names, columns.table
     if not names.map.file.average:

@@ -28,12 +28,19 @@ FORMS = ("", *(f"{day} {hour}".strip() for day in DAYS for hour in HOURS))
 
 
 def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
-    """The table with a column more for every part of its combined cells, and how its columns are called.
+    """Split cells that hold several quantities, such as "P1_loaded", into one column per quantity.
 
-    A name that stands in the header again is called by its number too, as "X (2)", where the map does so.
+    A name that the header has twice is also known with its number, such as "X (2)", if the map uses that.
+
+    Args:
+        table: The table.
+        names: Names of the quantities, with the map's patterns of such cells.
+
+    Returns:
+        The table with one more column per part, and the name under which each column is read.
 
     Raises:
-        InputError: At a pattern that is none, or a cell that none of its patterns fits.
+        InputError: If a pattern is invalid, or a cell fits none of its patterns.
     """
     read_as = _numbered(table.names, names)
     for header, patterns in names.cells.items():
@@ -79,13 +86,18 @@ def _expression(pattern: str) -> re.Pattern[str]:
 
 
 def join_axes(table: Table, named: dict[int, Named], names: Names) -> tuple[Table, dict[int, Named]]:
-    """The table with a row a point where a column says the axis of a row; else as it is.
+    """Join the three rows of a point to one row, if a column states the axis of each row.
+
+    Args:
+        table: The table.
+        named: Meaning of its columns, by place.
+        names: Names of the quantities.
 
     Returns:
-        The table, and which of its columns says what.
+        The table and the meaning of its columns; both unchanged if no column states an axis.
 
     Raises:
-        InputError: Where the three rows of a point do not stand together, or differ in what they share.
+        InputError: If the three rows of a point are not adjacent, or differ in what they share.
     """
     axis = next((k for k, own in named.items() if own.slot.what == "axis"), None)
     whole = [k for k, own in named.items() if own.slot.index == WHOLE]
@@ -95,11 +107,13 @@ def join_axes(table: Table, named: dict[int, Named], names: Names) -> tuple[Tabl
                 problem = f"expected an axis in the name {named[k].mapped!r}, or a column of axes, 'axis'"
                 raise names.error(table.path, f"columns.{named[k].mapped}", problem)
         return table, {k: own for k, own in named.items() if k not in (axis, *whole)}
+    # Drop rows of ignored axes, and sort the three rows of each point.
     other = [squeeze(text) in names.ignored for text in table.texts(axis)]
     table = table.take(~np.array(other, dtype=bool))
     rows = _rows_of_points(table, axis)
     kept = [k for k in range(len(table.names)) if k != axis and k not in whole]
     _check_shared(table, [k for k in kept if k in named])
+    # The first row of each point, with one column per axis.
     points, spread = table.take(np.arange(table.rows) % 3 == 0), [(k, i) for k in whole for i in range(3)]
     points = replace(
         points,
@@ -130,7 +144,7 @@ def _rows_of_points(table: Table, axis: int) -> Ids:
 
 
 def _check_shared(table: Table, columns: list[int]) -> None:
-    """What holds for a point is the same in its three rows, or blank in the lower ones."""
+    """Check that conditions of a point are equal in its three rows, or blank in the lower ones."""
     for k in columns:
         texts = table.texts(k)
         for row, text in enumerate(texts):
@@ -141,7 +155,7 @@ def _check_shared(table: Table, columns: list[int]) -> None:
 
 
 def clock(texts: Sequence[str]) -> Array | None:
-    """Seconds of dates and times, or of times of a day, all in one way of writing, (n,); None for others."""
+    """Convert dates and times, or times of a day, in one notation to seconds, (n,); None if they are not."""
     parts = [part for text in texts if (part := FRACTION.fullmatch(text))]
     for form in FORMS if parts and len(parts) == len(texts) else ():
         found = [_seconds(form, f"{part[1]}{part[3] or ''}") for part in parts]
@@ -161,7 +175,7 @@ def _seconds(form: str, text: str) -> float | None:
 
 
 def seconds(text: str) -> float | None:
-    """Seconds of a date and time since 1970; None for anything else."""
+    """Convert a date and time to seconds since 1970; None if the text is neither."""
     stamp = STAMP.fullmatch(text)
     try:
         when = datetime.fromisoformat("{}-{}-{}T{}:{}:{}".format(*stamp.groups()) if stamp else text)
@@ -171,9 +185,17 @@ def seconds(text: str) -> float | None:
 
 
 def with_log(table: Table, names: Names) -> Table:
-    """The table with the columns of the log that a map names; as it is where the map names none.
+    """Join the columns of the log that a map names; points that the map ignores have no row in the log.
 
-    Points that the map ignores have no row in the log.
+    Args:
+        table: The table of readings.
+        names: Names of the quantities, with the map.
+
+    Returns:
+        The joined table; the table itself if the map names no log.
+
+    Raises:
+        InputError: As `joined`, and if the log cannot be read.
     """
     if names.map.log is None or names.path is None:
         return table
@@ -185,10 +207,18 @@ def with_log(table: Table, names: Names) -> Table:
 
 
 def joined(table: Table, log: Table, how: Log) -> Table:
-    """The table with those columns of a log that it has not.
+    """Join the columns of a log that a table of readings lacks, by row, by name or by nearest time.
+
+    Args:
+        table: The table of readings.
+        log: The table of the log.
+        how: How their rows correspond.
+
+    Returns:
+        The joined table.
 
     Raises:
-        InputError: At the first reading without a row of the log, and at a name that the log has twice.
+        InputError: At the first reading without a row of the log, or at a name that the log has twice.
     """
     to = how.to or how.on
     if how.rows is not None:
@@ -224,7 +254,18 @@ def nearest(ours: Array, theirs: Array) -> Ids:
 
 
 def times_of(table: Table, columns: Sequence[str]) -> Array:
-    """What columns say together as times, (rows,) [s]; InputError where they do not."""
+    """Read times from the text that some columns form together.
+
+    Args:
+        table: The table.
+        columns: Names of the columns, such as a date and a time of day.
+
+    Returns:
+        Times, (rows,) [s]; their zero depends on the notation.
+
+    Raises:
+        InputError: If the text is in no known notation of times.
+    """
     found = clock(keys_of(table, columns)) if columns else None
     if found is None:
         raise table.header_error(f"expected times to join by in {' and '.join(columns) or 'a column'}")
@@ -232,7 +273,18 @@ def times_of(table: Table, columns: Sequence[str]) -> Array:
 
 
 def keys_of(table: Table, columns: Sequence[str]) -> list[str]:
-    """What columns say together, row by row; InputError names one that is not there."""
+    """Read the text that some columns form together, row by row.
+
+    Args:
+        table: The table.
+        columns: Names of the columns.
+
+    Returns:
+        One text per row, its parts separated by blanks.
+
+    Raises:
+        InputError: If a column is missing.
+    """
     if missing := [name for name in columns if name not in table.names]:
         raise table.header_error(f"no column {missing[0]!r} to join by; columns are {list(table.names)}")
     return [" ".join(own) for own in zip(*(table.texts(table.names.index(n)) for n in columns), strict=True)]

@@ -1,4 +1,4 @@
-"""What every row of a table says: run, pose, set-up, joints, load."""
+"""Conditions of every row of a table: run, pose, station, joints, load."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ from testbench.files.columns import Column, Columns, axes
 from testbench.files.names import LOADING, WHEN, XYZ, Slot, split_unit, squeeze
 
 SAME_POSE = 1e-6
-"""Difference of two joint coordinates up to which two poses are one [rad, m]."""
+"""Largest difference of joint coordinates in one pose [rad, m]."""
 ROUNDED = 1e-4
-"""How far rounding in a file may take a coordinate beyond a limit, at which it is then read [rad, m]."""
+"""Excess over a limit that rounding in a file explains; the coordinate is then set to the limit [rad, m]."""
 POSES = "poses are numbered by equal joint angles"
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
 """Coordinates that only another unit explains, and that unit."""
@@ -23,31 +23,34 @@ SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
 
 @dataclass(frozen=True)
 class Conditions:
-    """Of every row of a table."""
+    """Hold the conditions of every row of a table."""
 
-    run: Ids | None  #: Identifier, (rows,); None where no column says it.
-    pose: Ids  #: Identifier, (rows,).
-    named: bool  #: Whether a column says the pose.
-    station: Ids | None  #: Set-up of the tracker, (rows,).
-    taken_off: Mask | None  #: Whether the load was taken off again before the unloaded reading, (rows,).
+    run: Ids | None  #: Identifier of the run, (rows,); None if no column states it.
+    pose: Ids  #: Identifier of the pose, (rows,).
+    named: bool  #: Whether a column states the pose.
+    station: Ids | None  #: Station of the tracker, (rows,).
+    taken_off: Mask | None  #: Whether the load was taken off before the unloaded reading, (rows,).
     q: Array  #: Joint coordinates, (rows, n) [rad, m].
     wrench: Array  #: Force and moment, world axes, (rows, 6) [N, N m].
-    point: Array  #: Where it acts, tool's frame, (rows, 3) [m].
-    notes: tuple[str, ...]  #: What was assumed.
+    point: Array  #: Point where the load acts, tool's frame, (rows, 3) [m].
+    notes: tuple[str, ...]  #: Assumptions that were made.
 
     @property
     def loaded(self) -> Mask:
-        """Which rows have a load, (rows,)."""
+        """Tell which rows have a load, (rows,)."""
         return np.asarray(self.wrench.any(axis=1))
 
 
 def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> Conditions:
-    """Run, pose, set-up, joints and load of every row.
+    """Read run, pose, station, joints and load of every row.
 
     Args:
-        columns: Which column says what.
+        columns: The columns of the file.
         arm: The arm that was measured.
-        needs_load: Whether a file without any load is refused, rather than of unloaded readings.
+        needs_load: Whether a file without any load is refused; otherwise all of its readings are unloaded.
+
+    Returns:
+        The conditions.
 
     Raises:
         InputError: Names line and column.
@@ -70,7 +73,7 @@ def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> C
 
 
 def _taken_off(columns: Columns) -> Mask | None:
-    """What a column says of the loading, (rows,); blank is a load put on."""
+    """Read the column of loading, (rows,); blank is a load put on."""
     column = columns.get(Slot("loading"))
     if column is None:
         return None
@@ -83,7 +86,20 @@ def _taken_off(columns: Columns) -> Mask | None:
 
 
 def identifiers(columns: Columns, column: Column) -> tuple[Ids, str]:
-    """Integers as they stand there; names by the number in each, or numbered in their order."""
+    """Read a column of identifiers as integers.
+
+    Names are replaced by the number that each contains, or else by 1, 2, ... in the order of the file.
+
+    Args:
+        columns: The columns of the file.
+        column: The column.
+
+    Returns:
+        Identifiers, (rows,), and a note on replaced names; "" if there is none.
+
+    Raises:
+        InputError: If numbers and names are mixed, or a cell is blank.
+    """
     if (counted := columns.table.counts(column.index)) is not None:
         return counted, ""
     texts = columns.table.texts(column.index)
@@ -100,7 +116,7 @@ def identifiers(columns: Columns, column: Column) -> tuple[Ids, str]:
 
 
 def same_poses(q: Array) -> Ids:
-    """Poses numbered from 1 as they first appear, (rows,): equal in every joint."""
+    """Number poses from 1 in order of appearance, (rows,): two are the same if they agree in every joint."""
     labels = np.zeros(q.shape, dtype=int)
     for k, own in enumerate(q.T):
         order = np.argsort(own, kind="stable")
@@ -109,7 +125,7 @@ def same_poses(q: Array) -> Ids:
 
 
 def number_rows(*parts: Array | Ids | Mask | None) -> Ids:
-    """Rows equal in all parts, (rows,) or (rows, k), by one number each, from 0 as they first appear."""
+    """Number the groups of equal rows, (rows,) or (rows, k) in every part, from 0 in order of appearance."""
     known = [part.reshape(len(part), -1) for part in parts if part is not None]
     code = np.zeros(len(known[0]), dtype=int)
     for column in (column for part in known for column in part.T):
@@ -122,12 +138,12 @@ def number_rows(*parts: Array | Ids | Mask | None) -> Ids:
 
 
 def first_rows(code: Ids) -> Ids:
-    """The first row of every group, (groups,), of groups numbered as they first appear."""
+    """Find the first row of every group, (groups,), for groups numbered in order of appearance."""
     return np.unique(code, return_index=True)[1]
 
 
 def repeats(*parts: Ids) -> Ids:
-    """How many rows that are equal in all parts stand before each row, (rows,)."""
+    """Count the earlier rows that are equal to each row in all parts, (rows,)."""
     code = number_rows(*parts)
     order = np.argsort(code, kind="stable")
     size = np.bincount(code)
@@ -137,7 +153,7 @@ def repeats(*parts: Ids) -> Ids:
 
 
 def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
-    """Load of every row, (rows, 6) [N, N m]; a blank cell of an unloaded reading is no load."""
+    """Read the load of every row, (rows, 6) [N, N m]; a blank cell of an unloaded reading is no load."""
     table, hung = columns.table, columns.said(Slot("mass"))
     acting = [*axes(columns, "force"), *axes(columns, "moment")]
     acts = any(own is not None for own in acting)
@@ -168,7 +184,7 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
 
 
 def _load(columns: Columns, own: Column | float | None) -> Array:
-    """A component of the load, (rows,): zero in an unloaded row, and where nothing says of a blank mass."""
+    """Read a component of the load, (rows,): zero in an unloaded row and for a blank mass."""
     values = columns.values(own) if isinstance(own, Column) else columns.every_row(own)
     state = columns.get(Slot("state"))
     idle = np.zeros(len(values), dtype=bool)
@@ -189,13 +205,13 @@ def _load(columns: Columns, own: Column | float | None) -> Array:
 
 
 def load_point(arm: Arm) -> Array:
-    """The arm's load point in the tool's frame, (3,) [m]: its body is a child of the tool's."""
+    """Find the arm's load point in the tool's frame, (3,) [m]: its body is a child of the tool's."""
     body = find_body(arm.rigid, read_mjcf(arm.rigid), arm.load)
     return np.array(numbers(arm.rigid, body, "pos", 3) if "pos" in body.attrib else [0.0] * 3)
 
 
 def _point(columns: Columns, arm: Arm) -> tuple[Array, list[str]]:
-    """Where the load acts, (rows, 3) [m]."""
+    """Read the point where the load acts, (rows, 3) [m]."""
     found, rows = axes(columns, "point"), columns.table.rows
     if all(own is None for own in found):
         return np.tile(load_point(arm), (rows, 1)), [f"the load acts at the arm's load point {arm.load}"]
@@ -235,7 +251,7 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
 
 
 def _numbered_joints(ignored: Sequence[str], count: int) -> str:
-    """The line of a map for columns that are numbered as the joints are; empty where there are none."""
+    """Write a map's entry for columns that are numbered as the joints are; empty if there are none."""
     units = dict(split_unit(name) or (name, None) for name in ignored)
     for name, unit in units.items():
         before, one, after = name.rpartition("1")
@@ -262,7 +278,7 @@ def _check_chain(columns: Columns, arm: Arm, q: Array) -> None:
 
 
 def _check_limits(columns: Columns, joints: Sequence[Joint], q: Array) -> None:
-    """Refuse what is beyond the limits of file joints; degrees are the first suspect."""
+    """Refuse file joints beyond their limits, with a hint if another unit or sign would fit."""
     lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
     bad = np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))
     if not len(bad):
@@ -281,7 +297,7 @@ def _check_limits(columns: Columns, joints: Sequence[Joint], q: Array) -> None:
 
 
 def _other_columns(columns: Columns, joints: Sequence[Joint], q: Array, k: int) -> str:
-    """What brings a joint's column within the limits: the other sign, or another joint's column."""
+    """Find what brings a joint's column within the limits: the other sign, or another joint's column."""
     lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
     found = list[str]()
 

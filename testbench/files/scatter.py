@@ -1,4 +1,4 @@
-"""How far readings scatter: one number for a file, one a row, or a covariance of each."""
+"""Noise of readings: one standard deviation for a file, one per row, or a covariance of each."""
 
 from dataclasses import dataclass
 
@@ -9,22 +9,24 @@ from testbench.files.columns import Columns
 from testbench.files.names import ENTRIES, ROTATIONS, Slot, What, columns_of
 
 SIGMA = (50e-6, 2e-4)
-"""Standard deviations of positions and of orientations where the file is silent [m, rad]."""
+"""Standard deviations of positions and of orientations if the file states none [m, rad]."""
 SIGMA_RANGE = (1e-9, 1e-2)
-"""Standard deviations that an instrument can have [m, rad]: beyond them a unit is wrong."""
-MOST = 1.0  #: Largest standard deviation of a row [m, rad]: beyond it nothing was measured.
+"""Range of standard deviations of instruments [m, rad]: beyond it a unit is wrong."""
+MOST = 1.0
+"""Largest standard deviation of a row [m, rad]: beyond it nothing was measured."""
 LEAST = (1e-6, 1e-7)
-"""Least standard deviations of a row that are believed [m, rad]: no target stands stiller."""
+"""Least standard deviations of a row that are accepted [m, rad]: no target is steadier."""
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Of every row of a table."""
+    """Hold the noise of every row of a table."""
 
     sigma: Array  #: Standard deviation of a position along an axis, (rows,) [m].
-    sigma_rotation: Array  #: Of an orientation about an axis, (rows,) [rad].
-    covariance: Array | None  #: Of a position, (rows, 3, 3) [m^2]; None where sigma says it all.
-    notes: tuple[str, ...]  #: What was assumed.
+    sigma_rotation: Array  #: Standard deviation of an orientation about an axis, (rows,) [rad].
+    #: Covariance of a position, (rows, 3, 3) [m^2]; None if sigma holds along every axis.
+    covariance: Array | None
+    notes: tuple[str, ...]  #: Assumptions that were made.
 
 
 def read_scatter(columns: Columns, sigma: float | None) -> Scatter:
@@ -61,16 +63,16 @@ def read_scatter(columns: Columns, sigma: float | None) -> Scatter:
 def _read_sigma(
     columns: Columns, index: int, flag: float | None, deviations: Array | None = None
 ) -> tuple[Array, list[str]]:
-    """Standard deviation of positions (0) or orientations (1) of every row, (rows,) [m, rad].
+    """Read the standard deviation of positions (0) or orientations (1) of every row.
 
     Args:
-        columns: The table.
-        index: Of what.
-        flag: What the command says where file and map say nothing.
-        deviations: By axis, (rows, 3) [m, rad], as the file has them.
+        columns: The columns of the file.
+        index: 0 or 1.
+        flag: Value for a file and map that state none [m, rad]; None for `SIGMA`.
+        deviations: Standard deviations by axis in the file, (rows, 3) [m, rad].
 
     Returns:
-        It, and what was assumed.
+        Standard deviations, (rows,) [m, rad], and notes on assumptions.
 
     Raises:
         InputError: At a number that no instrument has.
@@ -96,14 +98,14 @@ def _read_sigma(
 
 
 def _unlike(flag: float | None, used: Array) -> list[str]:
-    """That what a command said [m] gives way to what is used, where that is another."""
+    """Note that the caller's sigma [m] is not used, if the file's or map's differs."""
     if flag is None or np.allclose(used, flag, rtol=1e-6, atol=0):
         return []
     return [f"sigma is that of the file or its map, not {1e6 * flag:g} um as was said"]
 
 
 def _deviations(columns: Columns, what: What, least: float, unit: str) -> tuple[Array | None, list[str]]:
-    """Standard deviations by axis, (rows, 3) [m, rad], NaN where blank; None without such columns."""
+    """Read standard deviations by axis, (rows, 3) [m, rad], NaN if blank; None without such columns."""
     found = columns.whole(columns_of(what))
     if not found:
         return None, []

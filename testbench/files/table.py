@@ -1,4 +1,4 @@
-"""The cells of a text file as its owner sees them; a wrong one is refused by line and column."""
+"""Cells of a text file or workbook as their author sees them; errors name line and column."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -18,58 +18,88 @@ from testbench.files.names import Unit, squeeze
 from testbench.files.text import Header, find_header, read_letters, rows_of, split_lines
 from testbench.files.workbook import SHEET
 
-BLOCK = 16_000_000  #: What Arrow parses at a time [byte]: more than the longest row.
+BLOCK = 16_000_000
+"""Block that Arrow parses at a time [byte]: more than the longest row."""
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
 DIVIDED = "|".join(f"({mark}[0-9]{{3}})+" for mark in ("X", "'", r"[ \x{00a0}\x{202f}]"))
 GROUPED = {
     mark: f"^[+-]?[0-9]{{1,3}}({DIVIDED.replace('X', f'[{other}]')})[{mark}][0-9]+$"
     for mark, other in ((".", ","), (",", "."))
 }
-"""Numbers whose thousands are divided, by decimal mark; without one 1,234 is told from no other number."""
+"""Numbers with grouped thousands, by decimal mark; without a decimal mark 1,234 is ambiguous."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """The cells of a text file or a sheet."""
+    """Hold the cells of a text file or a sheet."""
 
     path: Path  #: The file.
-    names: tuple[str, ...]  #: Of the columns, as they stand in the file.
-    units: tuple[Unit | None, ...]  #: Of the columns, by a line of units below the header.
+    names: tuple[str, ...]  #: Names of the columns in the file.
+    units: tuple[Unit | None, ...]  #: Units of the columns, from a line of units below the header.
     header: int  #: Line of the header in the file.
-    delimiter: str  #: Between cells; blanks for runs of at least as many.
+    delimiter: str  #: Delimiter of the cells; blanks stand for runs of at least as many.
     lines: Ids  #: Line of every row in the file, (rows,).
     notes: tuple[str, ...]  #: How the file was read.
-    decimal: str | None  #: The decimal mark; None where the cells decide.
+    decimal: str | None  #: The decimal mark; None to find it in the cells.
     sheet: str  #: Name of the sheet, in which a blank cell may be an error; "" of a text file.
     #: Of every column: texts, or numbers that were computed.
     cells: Sequence["pa.Array"] = field(repr=False)
 
     @property
     def rows(self) -> int:
-        """How many rows there are."""
+        """Count the rows."""
         return len(self.lines)
 
     def error(self, row: int, column: str, problem: str) -> InputError:
-        """What is wrong in a row, counted from 0, and in which column; "" for the whole row."""
+        """Make the error about a cell or a row.
+
+        Args:
+            row: The row, from 0.
+            column: Name of the column; "" for the whole row.
+            problem: Expected and actual value.
+
+        Returns:
+            The error; it names the line in the file.
+        """
         line = self.lines[row] if row < self.rows else 1 + max([self.header, *self.lines[-1:]])
         return InputError(self.path, self.place(int(line), column), problem)
 
     def header_error(self, problem: str, column: str = "") -> InputError:
-        """What is wrong with the columns, or with the header of one."""
+        """Make the error about the columns, or about the header of one.
+
+        Args:
+            problem: Expected and actual columns.
+            column: Name of the column; "" for all.
+
+        Returns:
+            The error.
+        """
         return InputError(self.path, self.place(self.header, column), problem)
 
     def place(self, line: int, column: str = "") -> str:
-        """Return where something stands in the file, in words."""
+        """Describe a place in the file.
+
+        Args:
+            line: Line in the file, or row of the sheet, from 1.
+            column: Name of the column; "" for the whole line.
+
+        Returns:
+            Such as "line 3, column x_mm".
+        """
         row = f"sheet {self.sheet}, row {line}" if self.sheet else f"line {line}"
         return f"{row}, column {column}" if column else row
 
     def refuse(self, bad: Mask, columns: str | Sequence[str], problem: str | Callable[..., str]) -> None:
-        """InputError at the first place under a mask, if there is any.
+        """Raise an InputError at the first marked row or cell, if there is any.
 
         Args:
-            bad: (rows,), or (rows, k).
-            columns: Name of the column, "" for the whole row; the names of k columns.
-            problem: What is wrong, or that of row and column, counted from 0.
+            bad: Marked rows, (rows,), or cells, (rows, k).
+            columns: Name of the column, "" for the whole row; names of k columns for cells.
+            problem: Expected and actual value, or a function that writes it from row and column, counted from
+                0.
+
+        Raises:
+            InputError: If anything is marked.
         """
         if bad.any():
             row, *k = np.argwhere(bad)[0].tolist()
@@ -77,24 +107,32 @@ class Table:
             raise self.error(row, name, problem if isinstance(problem, str) else problem(row, *k))
 
     def texts(self, k: int) -> list[str]:
-        """The cells of a column without blanks around them, nor what keeps spreadsheets from computing."""
+        """Read the cells of a column as text, without surrounding blanks and guards against formulas."""
         own = self.cells[k].dictionary_encode("encode")
         words = [from_cell(shown(str(word))) for word in own.dictionary.to_pylist()]
         return [words[place] for place in own.indices.to_numpy().tolist()]
 
     def blank(self, k: int) -> Mask:
-        """Which cells of a column are blank, (rows,)."""
+        """Tell which cells of a column are blank, (rows,)."""
         if not pa.types.is_string(self.cells[k].type):
             return np.asarray(pc.is_null(self.cells[k]).to_numpy(zero_copy_only=False))
         return np.asarray(pc.equal(self.cells[k], "").to_numpy(zero_copy_only=False))
 
     def take(self, rows: Mask | Ids) -> "Table":
-        """Rows under a mask, or by their places, in any order."""
+        """Select rows by a mask or by their places, in any order."""
         places = np.arange(self.rows)[rows]
         return replace(self, lines=self.lines[rows], cells=[cells.take(places) for cells in self.cells])
 
     def beside(self, other: "Table", rows: Ids) -> "Table":
-        """With those columns of another table that it has not, in these rows; decimal commas are points."""
+        """Append the columns of another table that this table lacks; decimal commas become points.
+
+        Args:
+            other: The other table.
+            rows: The row of the other table that belongs to each row here, (rows,).
+
+        Returns:
+            The joined table.
+        """
         own = {squeeze(name) for name in self.names}
         kept = [k for k, name in enumerate(other.names) if squeeze(name) not in own]
         return replace(
@@ -109,13 +147,21 @@ class Table:
         )
 
     def with_numbers(self, k: int, values: Array) -> "Table":
-        """With other numbers in a column, (rows,); blank where NaN."""
+        """Replace the numbers of a column.
+
+        Args:
+            k: Place of the column.
+            values: The numbers, (rows,); NaN for a blank cell.
+
+        Returns:
+            The changed table.
+        """
         cells = list(self.cells)
         cells[k] = pa.array(values, pa.float64())
         return replace(self, cells=cells)
 
     def filled(self, columns: Sequence[int]) -> "Table":
-        """Blank cells of some columns take the value above, as below merged cells."""
+        """Fill blank cells of some columns with the value above, as below merged cells."""
         cells = list(self.cells)
         for k in columns:
             own = np.where(self.blank(k), 0, np.arange(self.rows))
@@ -125,10 +171,19 @@ class Table:
     def with_parts(
         self, k: int, parts: Sequence[str], wholes: Sequence[re.Pattern[str]], expected: str
     ) -> "Table":
-        """With a column more for every part of the combined cells of a column, blank where there is none.
+        """Append one column for each part of the combined cells of a column; a missing part is blank.
+
+        Args:
+            k: Place of the combined column.
+            parts: Names of the parts.
+            wholes: Patterns of a whole cell, with the parts as groups; the first that fits counts.
+            expected: The patterns in words, for messages.
+
+        Returns:
+            The extended table.
 
         Raises:
-            InputError: At the first cell that no pattern fits.
+            InputError: At the first cell that fits no pattern.
         """
         split: dict[str, dict[str, str]] = {"": {}}
         for row, text in enumerate(self.texts(k)):
@@ -147,7 +202,15 @@ class Table:
         )
 
     def worded(self, columns: Sequence[int], words: Mapping[str, str]) -> "Table":
-        """Cells of some columns that hold one of the words hold what it stands for."""
+        """Replace words in some columns by what they stand for.
+
+        Args:
+            columns: Places of the columns.
+            words: Replacements by word.
+
+        Returns:
+            The changed table.
+        """
         cells = list(self.cells)
         for k in columns:
             for word, meant in words.items():
@@ -161,7 +224,7 @@ class Table:
         return np.asarray(pc.cast(self.cells[k], pa.int64()).to_numpy())
 
     def integers(self, k: int) -> Ids:
-        """A column of integers of 64 bits, (rows,); InputError names the first cell that holds none."""
+        """Read a column as integers of 64 bits, (rows,); InputError names the first other cell."""
         if (counted := self.counts(k)) is not None:
             return counted
         texts = self.texts(k)
@@ -173,7 +236,7 @@ class Table:
         return np.array([found[text] for text in texts], dtype=int)
 
     def mark(self, columns: Sequence[int]) -> str:
-        """The decimal mark: what the map says, or what most numbers with one of these columns have."""
+        """Find the decimal mark: as the map states, or as in most numbers of these columns that have one."""
         if self.decimal:
             return self.decimal
         count = {",": 0, ".": 0}
@@ -187,15 +250,18 @@ class Table:
         return max(count, key=lambda mark: (count[mark], mark))
 
     def numbers(self, k: int, mark: str = ".", words: str = "") -> Array:
-        """A column of finite numbers, (rows,); NaN where a cell is blank.
+        """Read a column as finite numbers.
 
         Args:
-            k: The column.
+            k: Place of the column.
             mark: The decimal mark.
-            words: What an error adds about cells that are no number in another way of writing.
+            words: Hint for the error about a cell without a number.
+
+        Returns:
+            Numbers, (rows,); NaN where the cell is blank.
 
         Raises:
-            InputError: At the first cell that holds something else.
+            InputError: At the first cell with anything else.
         """
         plain = self.cells[k]
         if pa.types.is_floating(plain.type):
@@ -221,32 +287,48 @@ class Table:
 
 
 def _pointed(cells: "pa.Array", mark: str) -> "pa.Array":
-    """Numbers with a decimal point in place of the mark; beside a comma 1.234 is none."""
+    """Replace the decimal mark by a point; with a decimal comma 1.234 is not a number."""
     return cells if mark == "." else pc.replace_substring(pc.replace_substring(cells, ".", "_"), ",", ".")
 
 
 def _parsed(cells: "pa.Array") -> Array:
-    """Texts as numbers, (rows,), NaN where null."""
+    """Convert text to numbers, (rows,), NaN for null."""
     return np.asarray(pc.cast(cells, pa.float64()).to_numpy(zero_copy_only=False))
 
 
 def read_table(path: Path, known: Callable[[str], bool], layout: Layout | None = None) -> Table:
-    """The table of a text file: its header is found by the names that are known.
+    """Read the table of a text file or a workbook; the header is the line with most known names.
 
     Args:
         path: The file.
-        known: Whether a name is that of a column that is looked for.
-        layout: What a map says of the file.
+        known: Tells whether a name is that of a wanted column.
+        layout: What a map states about the layout; None for nothing.
+
+    Returns:
+        The table.
 
     Raises:
-        InputError: When it cannot be read, is empty, or is no table.
+        InputError: If the file cannot be read, is empty, or is no table.
     """
     layout = layout or Layout()
     return table_of(path, read_letters(path, layout.encoding, layout.decimal or "."), known, layout)
 
 
 def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool], layout: Layout) -> Table:
-    """Return the table of a text that was read, and how it was."""
+    """Split the text of a file into a table.
+
+    Args:
+        path: The file, for messages.
+        letters: Its text, and how it was decoded, from `read_letters`.
+        known: Tells whether a name is that of a wanted column; the header has most of them.
+        layout: What the map states about the layout.
+
+    Returns:
+        The table.
+
+    Raises:
+        InputError: If the text is empty or no table.
+    """
     text, encoding = letters
     if encoding.startswith(SHEET):
         layout = layout.model_copy(update={"delimiter": "\t" if "\t" in text else None})
@@ -267,7 +349,7 @@ def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool],
 
 
 def _notes(encoding: str, header: Header) -> tuple[str, ...]:
-    """How a file was read, in words."""
+    """Describe how a file was read."""
     between = {"\t": "tabs", " ": "runs of blanks", "  ": "runs of two or more blanks"}.get(
         header.delimiter, f"{header.delimiter!r}"
     )
@@ -280,7 +362,7 @@ def _notes(encoding: str, header: Header) -> tuple[str, ...]:
 
 
 def _cells(content: bytes, mark: str, count: int) -> list["pa.Array"]:
-    """Cells of rows of CSV without blanks around them, a column each."""
+    """Parse rows of CSV to cells without surrounding blanks, one array per column."""
     if not content:
         return [pa.array([], pa.string())] * count
     names = list(map(str, range(count)))
@@ -294,6 +376,6 @@ def _cells(content: bytes, mark: str, count: int) -> list["pa.Array"]:
 
 
 def _decimal_points(cells: "pa.Array") -> "pa.Array":
-    """Decimal commas of a column of numbers as points."""
+    """Replace decimal commas in a column of numbers by points."""
     plain = pc.match_substring_regex(cells, rf"{COMMA}|^[+-]?[0-9]*$")
     return pc.replace_substring(cells, ",", ".") if pc.all(plain).as_py() else cells

@@ -1,4 +1,4 @@
-"""A robot's log: a table, or a program in RAPID, KRL or URScript whose joint targets become its rows."""
+"""Robot logs: a table, or a program in RAPID, KRL or URScript whose joint targets become rows."""
 
 import re
 from collections.abc import Callable
@@ -16,17 +16,17 @@ from testbench.files.text import read_letters
 from testbench.files.workbook import SHEET
 
 NUMBERS = r"[-+\d.eE,\s]*"
-"""Between two brackets."""
+"""Numbers between two brackets."""
 
 
 class Language(NamedTuple):
-    """How a language of robots writes joints."""
+    """Describe how a robot language writes joint targets."""
 
-    title: str  #: For people.
-    comment: str  #: Begins one.
-    unit: str  #: Of the robot's own axes.
+    title: str  #: Name in messages.
+    comment: str  #: Beginning of a comment.
+    unit: str  #: Unit of the robot's axes.
     begins: str  #: Regular expression of a line that only its programs have.
-    target: str  #: Of joints, with the groups name, blank for a move, and axes.
+    target: str  #: Regular expression of joints, with the groups name, blank for a move, and axes.
 
 
 LANGUAGES = (
@@ -52,18 +52,31 @@ LANGUAGES = (
         rf"(?:(?P<name>\w+)\s*=\s*|movej\s*\(\s*)(?P<axes>\[{NUMBERS}\])",
     ),
 )
-OTHERS = r"/PROG\b|/JOB\b|//INST\b|MAIN\s*\(\)|\.PROGRAM\b"  #: FANUC, Yaskawa, and others.
-ROBOT = tuple(f"A{k}" for k in range(1, 7))  #: Axes of a robot.
-OUTER = {f"E{k}": f"A{k + 6}" for k in range(1, 7)}  #: External axes, as they are counted here.
-NO_AXIS = 9e8  #: RAPID has 9E9 for an external axis that is not there.
+OTHERS = r"/PROG\b|/JOB\b|//INST\b|MAIN\s*\(\)|\.PROGRAM\b"
+"""Lines of programs of FANUC, Yaskawa and others."""
+ROBOT = tuple(f"A{k}" for k in range(1, 7))
+"""Axes of a robot."""
+OUTER = {f"E{k}": f"A{k + 6}" for k in range(1, 7)}
+"""External axes, renumbered from A7 on."""
+NO_AXIS = 9e8
+"""Least value that RAPID writes, 9E9, for a missing external axis."""
 ASKED = "save a table with a row for every pose: its name or time, and a column for every joint"
 
 
 def read_log(path: Path, known: Callable[[str], bool]) -> Table:
-    """The table of a robot's log; that of a program has names, axes A1 to A6, and external ones from A7 on.
+    """Read a robot's log: a table, or a program whose joint targets become rows.
+
+    The columns of a program are the names of its targets, axes A1 to A6, and external axes from A7 on.
+
+    Args:
+        path: The file.
+        known: Tells whether a name is that of a wanted column.
+
+    Returns:
+        The table.
 
     Raises:
-        InputError: When it cannot be read, is no table, or is a program without joints.
+        InputError: If the file cannot be read, is no table, or is a program without joint targets.
     """
     text, how = read_letters(path, None, ".")
     if not how.startswith(SHEET):
@@ -82,7 +95,7 @@ def _has(begins: str, text: str) -> bool:
 
 
 def _read_targets(path: Path, text: str, language: Language) -> Table:
-    """The joint targets of a program: those with a name, else those of its moves in their order."""
+    """Read the joint targets of a program: those with a name, else those of its moves in order."""
     code = "\n".join(line.split(language.comment)[0] for line in text.splitlines())
     found = [(m, _axes(m["axes"])) for m in re.finditer(language.target, code, re.IGNORECASE)]
     found = [(m, axes) for m, axes in found if {*ROBOT} <= axes.keys()]
@@ -108,7 +121,7 @@ def _read_targets(path: Path, text: str, language: Language) -> Table:
 
 
 def _axes(text: str) -> dict[str, str]:
-    """Numbers of a target by axis: A1 to A6 of the robot, external ones from A7 on."""
+    """Parse the numbers of a target by axis: A1 to A6 of the robot, external ones from A7 on."""
     if "[" in text:
         own = [part.split(",") for part in re.findall(r"\[([^\]]*)\]", text)]
         pairs = [[f"{'AE'[row]}{k}", x] for row, part in enumerate(own) for k, x in enumerate(part, start=1)]

@@ -1,4 +1,4 @@
-"""The text of a table: its letters, its lines, where its header is, and which cells a row has."""
+"""Text of a table: its encoding, lines, header, and the cells of a row."""
 
 import csv
 import re
@@ -12,31 +12,39 @@ from testbench.files.mapping import Layout
 from testbench.files.names import Unit, find_unit
 from testbench.files.workbook import WORKBOOKS, sheet_text
 
-MAX_BYTES = 300_000_000  #: Size of a file that is read [byte].
-MAX_LINES = 2_000_000  #: Of a file.
+MAX_BYTES = 300_000_000
+"""Largest file that is read [byte]."""
+MAX_LINES = 2_000_000
+"""Most lines of a file."""
 MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 """Byte order marks."""
 GZIP = b"\x1f\x8b"
 COMMENTS = ("#", "//")
-JOINED = 20  #: Most lines that one quoted cell may take.
-LONGEST = 1_000_000  #: Letters of a row.
-BLANK = ' ;,|\t"'  #: A line of these alone is blank.
+JOINED = 20
+"""Most lines of one quoted cell."""
+LONGEST = 1_000_000
+"""Most letters of a row."""
+BLANK = ' ;,|\t"'
+"""Characters of a blank line."""
 SEARCHED, WIDEST, COUNTED = 100, 20_000, 200
-"""Lines in which a header is looked for, letters of the longest one, and names of it that count."""
+"""Lines in which a header is searched, most letters of the header, and most names of it that count."""
 DELIMITERS = (";", "\t", ",", "|", " ", "  ")
-"""Between cells; blanks stand for runs of at least as many. The first of equals is taken."""
+"""Possible delimiters, in order of preference; blanks stand for runs of at least as many."""
 
 
 def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]:
-    """Return the text of a file without its byte order mark, and how it was read.
+    """Decode the text of a file, without its byte order mark.
 
     Args:
         path: The file, or FILE.xlsx#SHEET.
-        encoding: What a map says of it; else the byte order mark counts, then UTF-8, then cp1252.
-        mark: The decimal mark of the numbers of a workbook, which have none.
+        encoding: Encoding that the map states; None for the byte order mark, then UTF-8, then cp1252.
+        mark: The decimal mark for the numbers of a workbook, which have none.
+
+    Returns:
+        The text, and its encoding or sheet.
 
     Raises:
-        InputError: If it is missing, no plain file, too large, or no text.
+        InputError: If the file is missing, no plain file, too large, or no text.
     """
     content = read_bytes(path, MAX_BYTES)
     if content.startswith(WORKBOOKS):
@@ -63,7 +71,16 @@ def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]
 
 
 def split_lines(path: Path, text: str) -> list[str]:
-    """Return all lines of a file; a line whose quotes are open takes in those below it, which are then blank.
+    """Split a text into lines; a quoted cell with line breaks is joined into its first line.
+
+    Lines that were joined into an earlier one become blank, so that the number of lines stays.
+
+    Args:
+        path: The file, for messages.
+        text: Its text.
+
+    Returns:
+        The lines.
 
     Raises:
         InputError: If quotes never end, or there are more than `MAX_LINES`.
@@ -88,29 +105,33 @@ def split_lines(path: Path, text: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Header:
-    """The header of a table."""
+    """Hold the header of a table."""
 
     line: int  #: Its last line in the file, from 1; 0 if the map names the columns.
-    skipped: int  #: Lines with something in them before it.
-    delimiter: str  #: Between cells; blanks for runs of at least as many.
-    names: tuple[str, ...]  #: Of the columns; those without any at the end are left out.
-    units: tuple[Unit | None, ...]  #: Of the columns, by a line of units below.
-    body: Sequence[int]  #: Places of the rows among the lines.
-    left_out: int  #: Lines of comments and the header again among them, left out.
+    skipped: int  #: Lines with content before it.
+    delimiter: str  #: Delimiter of the cells; blanks stand for runs of at least as many.
+    names: tuple[str, ...]  #: Names of the columns; blank ones at the end are left out.
+    units: tuple[Unit | None, ...]  #: Units of the columns, from a line of units below.
+    body: Sequence[int]  #: Indices of the rows among the lines.
+    left_out: int  #: Comments and repeated headers among the rows, left out.
 
 
 def find_header(path: Path, lines: Sequence[str], layout: Layout, known: Callable[[str], bool]) -> Header:
-    """Find the header: the line with most of the names that are known.
+    """Find the header: the line with most known names.
 
     Args:
-        path: The file.
+        path: The file, for messages.
         lines: All of its lines.
-        layout: What the map says of the file.
-        known: Whether a name is that of a column that is looked for.
+        layout: What the map states about the layout.
+        known: Tells whether a name is that of a wanted column.
+
+    Returns:
+        The header, and which lines are rows.
 
     Raises:
         InputError: If the file is empty.
     """
+    # Lines with content, between the skipped ones and the footer.
     said = [k for k, line in enumerate(lines) if line.strip(BLANK)]
     said = [k for k in said[: len(said) - layout.footer] if k >= (layout.skip or 0)]
     if not said:
@@ -122,9 +143,11 @@ def find_header(path: Path, lines: Sequence[str], layout: Layout, known: Callabl
     if len(head[0]) > WIDEST:
         problem = f"expected a header of at most {WIDEST} letters, got {len(head[0])}"
         raise InputError(path, f"line {said[at] + 1}", problem)
+    # Names of the columns, and the rows below without comments and repeated headers.
     names, below = _names(head, delimiter), said[at + layout.header :]
     again = {line.strip() for line in head}  # of the next page
     rows = [k for k in below if not is_comment(lines[k]) and lines[k].strip() not in again]
+    # A line of units below the header.
     units = _units(lines[rows[0]], delimiter, len(names)) if rows else None
     if units:
         rows = [k for k in rows if lines[k].strip() != lines[rows[0]].strip()]
@@ -140,7 +163,7 @@ def find_header(path: Path, lines: Sequence[str], layout: Layout, known: Callabl
 
 
 def _most_names(lines: Sequence[str], layout: Layout, known: Callable[[str], bool]) -> tuple[int, str]:
-    """Return the place of the line with most of the names that are known, and what is between its cells."""
+    """Find the line with most known names, and the delimiter of its cells."""
     best, at, delimiter = (-1, False, False, 0), 0, ","
     searched = 1 if layout.skip is not None else min(len(lines), SEARCHED)
     for mark in (layout.delimiter,) if layout.delimiter else DELIMITERS:
@@ -156,7 +179,7 @@ def _most_names(lines: Sequence[str], layout: Layout, known: Callable[[str], boo
 
 
 def _without_header(lines: Sequence[str], said: Sequence[int], layout: Layout) -> Header:
-    """Return the columns as the map names them; what divides most rows into as many cells divides all."""
+    """Make the header from the names of the map; the delimiter that splits most rows correctly is used."""
     rows, count = [k for k in said if not is_comment(lines[k])], len(layout.names)
 
     def divided(mark: str) -> int:
@@ -174,7 +197,7 @@ def _without_header(lines: Sequence[str], said: Sequence[int], layout: Layout) -
 
 
 def is_comment(line: str) -> bool:
-    """Return whether a line is a comment."""
+    """Tell whether a line is a comment."""
     return line.lstrip(' "').startswith(COMMENTS)
 
 
@@ -183,13 +206,21 @@ def _blanks(delimiter: str) -> bool:
 
 
 def cells_in(line: str, delimiter: str) -> list[str]:
-    """Return the cells of a line as of a header; a comment's are those behind its mark."""
+    """Split a line into cells without surrounding blanks, the sign of a comment left out.
+
+    Args:
+        line: The line.
+        delimiter: What separates the cells; blanks stand for runs of at least as many.
+
+    Returns:
+        The cells.
+    """
     text, mark = _divided(line.lstrip().lstrip("#/") if is_comment(line) else line, delimiter)
     return [cell.strip() for cell in _cells(text, mark)]
 
 
 def _divided(line: str, delimiter: str) -> tuple[str, str]:
-    """Return a line, and the letter between its cells: a tab for runs of blanks outside of quotes."""
+    """Return a line and its delimiter: runs of blanks outside quotes become tabs."""
     if not _blanks(delimiter):
         return line, delimiter
     parts, runs = line.strip().split('"'), rf"\s{{{len(delimiter)},}}"
@@ -197,7 +228,7 @@ def _divided(line: str, delimiter: str) -> tuple[str, str]:
 
 
 def _cells(line: str, mark: str) -> list[str]:
-    """Return the cells of a line without quotes around them; the line itself for what is no table."""
+    """Split a line into cells without quotes; a line that is no table stays whole."""
     if '"' not in line:
         return line.split(mark)
     try:
@@ -207,7 +238,7 @@ def _cells(line: str, mark: str) -> list[str]:
 
 
 def _names(lines: Sequence[str], delimiter: str) -> list[str]:
-    """Return the names of the columns; those of merged cells above hold for the blank ones to their right."""
+    """Combine the names of the columns; merged cells above also name the blank cells to their right."""
     *upper, lowest = [cells_in(line, delimiter) for line in lines]
     while lowest and not lowest[-1]:
         lowest.pop()
@@ -221,12 +252,12 @@ def _kept(left: str, own: str) -> str:
 
 
 def _full(cells: Sequence[str], count: int) -> bool:
-    """Return whether a row has as many cells, or more that are blank."""
+    """Tell whether a row has enough cells, and only blank ones beyond."""
     return len(cells) >= count and not any(cells[count:])
 
 
 def _units(line: str, delimiter: str, count: int) -> list[Unit | None] | None:
-    """Return the units of a line that holds nothing else; None for any other line."""
+    """Read the units of a line that holds nothing else; None for any other line."""
     words = [cell.strip("[]() ") for cell in cells_in(line, delimiter)][:count]
     units = [find_unit(word) for word in words]
     other = [word for word, unit in zip(words, units, strict=True) if unit is None and word.strip("-1")]
@@ -236,7 +267,15 @@ def _units(line: str, delimiter: str, count: int) -> list[Unit | None] | None:
 
 
 def rows_of(path: Path, header: Header, lines: Sequence[str]) -> tuple[bytes, str]:
-    """Return the rows as CSV without surplus blank cells, and the letter between their cells.
+    """Convert the rows below a header to CSV, without surplus blank cells.
+
+    Args:
+        path: The file, for messages.
+        header: The header.
+        lines: All lines of the file.
+
+    Returns:
+        The CSV, and the delimiter of its cells.
 
     Raises:
         InputError: If a row has another number of cells than the header, or more than `LONGEST` letters.

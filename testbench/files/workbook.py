@@ -18,9 +18,12 @@ MAX_UNPACKED = (
 MAX_CELLS = 20_000_000
 """Rows times columns of a sheet: calamine holds 32 bytes for each cell between the first and the last one."""
 CELL = re.compile(rb'<c r="([A-Z]{1,3})([0-9]{1,7})"')  #: Name of a cell in the XML of a sheet.
-WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  #: Beginnings of the files: zip, and that of old .xls.
-SHEET = "sheet "  #: Before the name of the sheet, in how a table of a workbook was read.
-DAY_0 = datetime(1899, 12, 30)  #: From which a spreadsheet counts.
+WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
+"""First bytes of the files: zip, and old .xls."""
+SHEET = "sheet "
+"""Prefix of a sheet's name where an encoding is stated for text files."""
+DAY_0 = datetime(1899, 12, 30)
+"""First day of a spreadsheet's dates."""
 
 Cell = float | str | bool | time | date | datetime | timedelta
 

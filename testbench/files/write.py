@@ -1,7 +1,7 @@
-"""Runs, absolute readings and corrected programs as CSV, in the columns that `names` declares.
+"""Writers of runs, absolute readings and corrected programs as CSV, in the columns that `names` declares.
 
-A row is one marker of one run, one target of one reading, one point. Numbers are written in full, so that
-reading gives them back bit by bit; a blank cell is a number that is not there.
+A row is one marker of one run, one target of one reading, or one point. Numbers are written in full, so that
+reading them back gives the same bits; a blank cell is a missing number.
 """
 
 import csv
@@ -15,7 +15,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
 from testbench.data.series import Series
-from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array
+from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array, check_type
 from testbench.files.formula import as_cell
 from testbench.files.names import ENTRIES, LOADING, WHEN, What, columns_of, torque_columns
 from testbench.files.program import Program
@@ -25,11 +25,12 @@ from testbench.files.scatter import LEAST
 from testbench.runs.whole import write_whole
 
 Table = dict[str, list[str]]
-"""The cells of every column."""
+"""Cells of every column."""
 Shown = Callable[[float], str]
-"""How a number is written."""
+"""Format of a number."""
 Block = tuple[Iterable[str], Array | Ids | None]
-"""Columns and their numbers, (rows, columns), a row for as many points as follow each other; or none."""
+"""Columns and their numbers, (rows, columns), a row for as many points as follow each other; None for no
+columns."""
 DIGITS = 4  #: Digits of standard deviations and covariances in a shortened file.
 
 
@@ -52,9 +53,10 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
         path: The file.
 
     Raises:
-        BenchError: When the names are not as many as the joint angles.
+        BenchError: When data is no Dataset, or the names are not as many as the joint angles.
         InputError: When the file cannot be written.
     """
+    check_type(data, Dataset, "data")
     write_whole(csv_text(data, arm), Path(path))
 
 
@@ -115,28 +117,41 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
 def write_series(
     path: str | Path, arm: Arm, series: Series | Sequence[Series], decimals: int | None = None
 ) -> None:
-    """Write one or several series; an existing file is replaced only by a whole one.
+    """Write one or several series; an existing file is replaced only by a complete one.
 
-    Columns whose value the reader would take by itself are left out: no load, the arm's load point, one
-    marker, names that are the file's.
+    Columns whose value the reader assumes by default are left out: no load, the arm's load point, one marker,
+    and names that are the file's.
 
     Args:
         path: The file.
         arm: The arm that was measured.
-        series: What is written, alike in targets and in what was read.
-        decimals: Of positions [m], joints and angles [rad], loads and torques; None for numbers in full,
-            which are read back bit by bit but for orientations (1e-15).
+        series: Series with the same targets and the same kinds of readings.
+        decimals: Decimals of positions [m], joints and angles [rad], loads and torques; None for numbers in
+            full, which are read back bit by bit, except orientations (1e-15).
 
     Raises:
-        BenchError: When series differ in their columns, or a target is not the arm's.
-        InputError: When the file cannot be written.
+        BenchError: If series differ in their columns, or a target is not the arm's.
+        InputError: If the file cannot be written.
     """
     every = [series] if isinstance(series, Series) else series
     write_whole(series_text(arm, every, Path(path).stem, decimals), Path(path))
 
 
 def series_text(arm: Arm, series: Sequence[Series], stem: str, decimals: int | None = None) -> str:
-    """The same as text, for a file of that name without its ending."""
+    """Write series as the text of `write_series`.
+
+    Args:
+        arm: The arm that was measured.
+        series: The series.
+        stem: Name of the file without its ending; names that begin with it are shortened.
+        decimals: Number of decimals; None for numbers in full.
+
+    Returns:
+        The text.
+
+    Raises:
+        BenchError: If series differ in their columns, or do not fit the arm.
+    """
     for s in series:
         if s.q.shape[1] != arm.n_joints:
             raise BenchError(f"joints: expected {arm.n_joints} of {arm.name}, got {s.q.shape[1]}")
@@ -172,9 +187,10 @@ def write_program(
         more: Further columns by their names, numbers or words, (points,) each; NaN is a blank cell.
 
     Raises:
-        BenchError: When joints or columns are not one a point.
+        BenchError: When program is no Program, or joints or columns are not one a point.
         InputError: When the program has a column of that name, or the file cannot be written.
     """
+    check_type(program, Program, "program")
     table, mark, arm = program.columns.table, program.columns.mark, program.arm
     q, more = check_array(q, (program.points, arm.n_joints), "q [rad, m]"), more or {}
     names = list(table.names)
@@ -202,7 +218,7 @@ def write_program(
 
 
 def _text(header: Iterable[str], rows: Iterable[Iterable[str]], delimiter: str = ",") -> str:
-    """A table as CSV."""
+    """Write a table as CSV."""
     text = io.StringIO()
     writer = csv.writer(text, delimiter=delimiter, lineterminator="\n")
     writer.writerow(map(as_cell, header))
@@ -211,12 +227,12 @@ def _text(header: Iterable[str], rows: Iterable[Iterable[str]], delimiter: str =
 
 
 def _cells(points: int, blocks: Iterable[Block], shown: Shown) -> Table:
-    """The numbers of every point as text, by column."""
+    """Format the numbers of every point, by column."""
     return {name: _numbers(own, shown) for name, own in _repeated(points, blocks)}
 
 
 def _repeated(points: int, blocks: Iterable[Block]) -> Iterator[tuple[str, Array | Ids]]:
-    """The numbers of every point, by column."""
+    """Repeat the numbers of every run for its points, by column."""
     for names, values in blocks:
         if values is not None:
             rows = np.repeat(values.reshape(len(values), -1), points // max(len(values), 1), axis=0)
@@ -224,29 +240,29 @@ def _repeated(points: int, blocks: Iterable[Block]) -> Iterator[tuple[str, Array
 
 
 def _numbers(values: Array | Ids, shown: Shown = repr, mark: str = ".") -> list[str]:
-    """Numbers with a decimal mark; NaN is blank."""
+    """Format numbers with a decimal mark; NaN is blank."""
     texts = ["" if x != x else shown(x) for x in values.tolist()]
     return texts if mark == "." else [text.replace(".", mark) for text in texts]
 
 
 def _rounded(decimals: int | None) -> Shown:
-    """In full, or to so many decimals."""
+    """Return a format in full, or to a number of decimals."""
     return repr if decimals is None else lambda x: repr(round(x, decimals) + 0.0)
 
 
 def _conditions(joints: Sequence[str], q: Array, own: Dataset | Series) -> list[Block]:
-    """File joints, (rows, m) [rad, m], and load of every run or reading."""
+    """List file joints, (rows, m) [rad, m], and load of every run or reading."""
     load = [*columns_of("force"), *columns_of("moment")]
     return [(joints, q), (load, own.wrench), (columns_of("point"), own.point)]
 
 
 def _entries(C: Array) -> Array:
-    """The entries of covariances, (rows, 3, 3), that files hold, (rows, 6)."""
+    """Return the entries of covariances, (rows, 3, 3), that files hold, (rows, 6)."""
     return np.column_stack([C[:, a, b] for a, b in ENTRIES.values()])
 
 
 def _silent(arm: Arm, series: Sequence[Series], stem: str) -> set[str]:
-    """Columns that say what the reader takes by itself."""
+    """List columns with the values that the reader assumes by default."""
     at, first = load_point(arm), series[0]
     known = arm.markers if len(arm.markers) == 1 else (ALONE,)
     places = [_place(s, stem) for s in series]
@@ -268,12 +284,12 @@ def _silent(arm: Arm, series: Sequence[Series], stem: str) -> set[str]:
 
 
 def _place(s: Series, stem: str) -> str:
-    """What its name says beside that of the file."""
+    """Return the part of a series' name that the file's name does not contain."""
     return "" if s.name == stem else s.name.removeprefix(f"{stem} ")
 
 
 def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
-    """All columns of a series but how far it scatters, (rows * m) cells each."""
+    """Format all columns of a series except its noise, (rows * m) cells each."""
     n, shown, lost = s.rows * len(s.markers), _rounded(decimals), ~s.seen.reshape(-1, 1)
     texts = {"series": _place(s, stem) or s.name, "series_frame": s.frame, "series_target": s.target}
     vectors = None if s.rotation is None else _vectors(s, s.rotation)
@@ -290,14 +306,14 @@ def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
 
 
 def _torques(arm: Arm, s: Series) -> Array | None:
-    """Torques of file joints, (rows, m) [N m, N], as `testbench.files.beside.read_torques` reads them."""
+    """Convert torques to file joints, (rows, m) [N m, N], the inverse of `beside.read_torques`."""
     if s.torque is None or arm.joint_map is None:
         return s.torque
     return arm.joint_map.torque_to_file(s.torque)
 
 
 def _vectors(s: Series, R: Array) -> Array:
-    """Orientations, (rows, 3, 3), as rotation vectors, (rows, 3) [rad]; NaN where lost."""
+    """Convert orientations, (rows, 3, 3), to rotation vectors, (rows, 3) [rad]; NaN where lost."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
 
     found = np.full((s.rows, 3), np.nan)
@@ -307,7 +323,7 @@ def _vectors(s: Series, R: Array) -> Array:
 
 
 def _covariances(s: Series) -> tuple[Array, Mask]:
-    """Covariance of every position, (rows * m, 3, 3) [m^2], NaN where lost, and which are there."""
+    """Return the covariance of every position, (rows * m, 3, 3) [m^2], NaN where lost, and which exist."""
     seen = s.seen.reshape(-1)
     C = np.full((len(seen), 3, 3), np.nan)
     C[seen] = (
@@ -317,7 +333,7 @@ def _covariances(s: Series) -> tuple[Array, Mask]:
 
 
 def _scatter_columns(series: Sequence[Series]) -> What | None:
-    """Standard deviations by axis, or covariances; none where sigma says it all."""
+    """Choose columns of standard deviations by axis, or of covariances; None if sigma suffices."""
     C = np.concatenate([own[seen] / s.sigma**2 for s in series for own, seen in [_covariances(s)]])
     if np.allclose(C, np.eye(3), rtol=0, atol=1e-12):
         return None
@@ -327,7 +343,7 @@ def _scatter_columns(series: Sequence[Series]) -> What | None:
 
 
 def _scatter(s: Series, what: What | None, decimals: int | None) -> Table:
-    """How far it scatters: one number for all, and one for every reading where columns say so."""
+    """Format the noise of a series: one number for all, and one per reading if needed."""
     C, _ = _covariances(s)
     sigmas = zip(("sigma_m", "sigma_rad"), (s.sigma, s.sigma_rotation), strict=True)
     blocks: list[Block] = [([name], np.full(len(C), x)) for name, x in sigmas if x is not None]

@@ -1,4 +1,4 @@
-"""An arm as it was identified: its state, how sure that is, and where it comes from."""
+"""An identified arm: its state, the uncertainty of that, and its origin."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -22,25 +22,31 @@ from testbench.model.weights import Weights
 class About:
     """Hold the origin of a model: method, files of readings, warnings and largest load."""
 
-    method: str  #: How it was found.
+    method: str  #: Method that found it.
     #: SHA-256 of every file of readings, by its name.
     data: Mapping[str, str] = field(default_factory=dict)
-    doubts: tuple[str, ...] = ()  #: What may be wrong, sentences.
-    force: float | None = None  #: Largest force it was identified under [N]; None where nobody knows.
-    moment: float | None = None  #: Largest moment about the tool's origin [N m]; the same.
+    doubts: tuple[str, ...] = ()  #: Warnings about the model, as sentences.
+    force: float | None = None  #: Largest force in the data [N]; None if unknown.
+    moment: float | None = None  #: Largest moment about the tool's origin in the data [N m]; None if unknown.
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ArmModel:
     """Hold an identified arm: from deflections compliances only, from absolute readings geometry too."""
 
     state: State  #: theta = theta_0 + C_theta u + Phi(q) n, own weight included.
-    structure: Structure  #: Of the compliances that are uncertain.
-    columns: Ids  #: Which of `unknowns` are uncertain, (c,).
-    posterior: Posterior  #: Of these.
+    structure: Structure  #: Structure of the uncertain compliances.
+    columns: Ids  #: Columns of `unknowns` that are uncertain, (c,).
+    posterior: Posterior  #: Posterior of these unknowns.
     about: About
     #: How absolute readings scatter about it; None where geometry and joint errors were not identified.
     noise: Noise | None = None
+
+    def __repr__(self) -> str:
+        return (
+            f"ArmModel(arm={self.arm.name}, method={self.about.method}, structure={self.structure.name}, "
+            f"unknowns={len(self.columns)}, absolute={self.absolute})"
+        )
 
     @property
     def vjm(self) -> Vjm:
@@ -69,12 +75,15 @@ class ArmModel:
 
 
 def of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights) -> ArmModel:
-    """The model that an estimate of compliances is, of an arm as drawn.
+    """Convert an estimate of the compliances of a nominal arm to a model.
 
     Args:
         vjm: The arm.
-        estimate: From any estimator.
-        weights: What its links weigh, such as `read_weights`.
+        estimate: An estimate, from any estimator.
+        weights: Weights of the links, such as `read_weights`.
+
+    Returns:
+        The model.
     """
     state = bending(vjm_of(vjm, estimate.structure), estimate.C_theta, weights)
     return of_compliances(state, estimate.structure, linearise(estimate), About(estimate.method))

@@ -1,12 +1,14 @@
-"""The default: joints alone, links and joints, these with laws of joints or with coupled ones, averaged.
+"""The default method: an average of models, weighted by their evidence.
 
-All of it by two priors: links as they are expected, and softened ones, which are less of a beam.
-Where links are so stiff that the readings hardly see them, their fitted compliances are noise: joints alone
-predict better. Where joints stiffen, stick or have play, a linear model errs; where a torque on one joint
-turns another too, the cone bends links to explain it. Errors held out of few poses
-are too noisy to tell; the evidence tells, and where it does not the mean of models errs less than a choice: a
-choice by the same evidence loses twice as often to joints alone where links are 10 or 30 times stiffer than
-the folder's. A mean of positive semi-definite matrices is one.
+The models are joints only; links and joints; these with laws of joints; and these with coupled joints. Each
+is fitted under two priors: links as expected, and softened ones, which are less of a beam.
+
+If links are so stiff that the readings hardly show them, their fitted compliances are noise, and joints only
+predict better. If joints stiffen, stick or have backlash, a linear model errs. If a torque on one joint turns
+another one too, the cone bends links to explain it. Held-out errors of few poses are too noisy to select a
+model; the evidence is not. Where it is undecided, an average errs less than a selection: selecting by the
+same evidence loses to joints only twice as often where links are 10 or 30 times stiffer than the folder's. A
+mean of positive semi-definite matrices is positive semi-definite.
 """
 
 import math
@@ -117,18 +119,20 @@ def _steadied(r: Regression, constraint: Constraint, prior: Metric, found: Estim
 
 
 def _of_two(r: Regression, constraint: Constraint, prior: Metric, softened: Metric) -> Estimate:
-    """The same of readings as they are weighed."""
+    """Average the fits under both priors, for readings with given weights."""
     first, log_evidence = _of_prior(r, constraint, prior, widths=True)
     if log_evidence is None:
         return first
     second, log_other = _of_prior(r, constraint, softened, widths=True)
     assert log_other is not None
+    # Weights by evidence: for the mean, and for intervals.
     odds = log_other - log_evidence
     share, likely = _logistic(odds - math.log(BEAMS)), _logistic(ROOT * odds)
     if not OPEN < likely < 1 - OPEN:
         return second if likely > 0.5 else first
     share = share if share > OPEN else 0.0
     likelier, widest = (second if share > 0.5 else first), max(first, second, key=lambda e: e.structure.n)
+    # The mean, and the models that it contains.
     pi, weighed = np.zeros(widest.structure.n), ((1 - share, first), (share, second))
     for weight, own in weighed:
         pi[: own.structure.n] += weight * own.pi
@@ -152,18 +156,21 @@ def _of_two(r: Regression, constraint: Constraint, prior: Metric, softened: Metr
 
 
 def averaged(r: Regression, constraint: Constraint, prior: Metric, *, widths: bool) -> Estimate:
-    """Fit a dataset with a prior that is learnt from it, and average the fit with what is simpler.
+    """Fit a dataset with a prior learnt from it, and average the fit with simpler models.
 
     Mathematics: `prior-12`.
 
     Args:
-        r: The reduced dataset; a structure with laws has them averaged in.
+        r: The reduced dataset; if its structure has joint laws, the average includes them.
         constraint: Least squares or GCO.
-        prior: In the metric of the structure.
-        widths: Whether intervals or doubts are asked for.
+        prior: Prior, in the metric of the structure.
+        widths: Whether the uncertainty of the learnt prior is computed, which intervals need.
+
+    Returns:
+        The averaged estimate.
 
     Raises:
-        BenchError: When the dataset wants a common scale of the prior that is not above 0.
+        BenchError: If the dataset requires a common scale of the prior that is not above 0.
     """
     return _of_prior(r, constraint, prior, widths=widths)[0]
 
@@ -171,7 +178,7 @@ def averaged(r: Regression, constraint: Constraint, prior: Metric, *, widths: bo
 def _of_prior(
     r: Regression, constraint: Constraint, prior: Metric, *, widths: bool
 ) -> tuple[Estimate, float | None]:
-    """The same, and its evidence; None where it tells of nothing."""
+    """Fit under one prior and average with simpler models; also return the evidence, None without one."""
     if not prior.ties.any():
         return _untied(r, constraint, prior, widths=widths)
     bare, tied = (
@@ -204,12 +211,13 @@ def _of_prior(
 def _untied(
     r: Regression, constraint: Constraint, prior: Metric, *, widths: bool
 ) -> tuple[Estimate, float | None]:
-    """The same of joints that turn each with its own torque alone."""
+    """Average models with uncoupled joints, with and without laws; also return the evidence."""
     plain = without_laws(prior)
     compliances = r if plain is prior else some_columns(r, plain.structure)
     straight, log_evidence = _linear(compliances, constraint, plain, widths)
     if plain is prior or log_evidence is None:
         return straight, log_evidence
+    # Odds of joint laws, and the mean by them.
     belief = learn(r, prior, widths=widths)
     assert belief.log_evidence is not None
     odds = belief.log_evidence - log_evidence
@@ -263,7 +271,7 @@ def metric_of(metric: Metric, structure: Structure) -> Metric:
 def _linear(
     r: Regression, constraint: Constraint, prior: Metric, widths: bool
 ) -> tuple[Estimate, float | None]:
-    """Links and joints, averaged with joints alone, and their evidence; None where it tells of neither."""
+    """Average links and joints with joints only, without laws; also return the evidence, None without one."""
     belief, joints = learn(r, prior, widths=widths), joint_columns(prior)
     whole = solve(r, constraint, belief)
     if belief.log_evidence is None or len(joints) < prior.structure.links - 1:  # of links or joints alone

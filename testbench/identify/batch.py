@@ -1,11 +1,11 @@
-"""Least squares with a trace term over positive semi-definite blocks: many alike problems at once, coarsely.
+"""Least squares with a trace term over positive semi-definite blocks: many similar problems at once.
 
     minimise   |R_f x|^2 / 2 - g_f . x + l c . x   over   x, svec of positive semi-definite blocks
 
-for every fold f of the readings and every weight l. The step is that of `interior.py`, Mehrotra's predictor
-and corrector along the direction of Nesterov and Todd; what is held out tells weights apart by per cents, so
-that a hundredth of the cost is near enough, and so few steps need no warm start. Readings see fewer
-directions than there are unknowns: Newton's matrix R^T R + E, E of blocks, is inverted by Woodbury's
+for every fold f of the readings and every weight l. The step is that of `interior`: Mehrotra's predictor and
+corrector along the direction of Nesterov and Todd. Held-out errors distinguish weights at a precision of per
+cents, so a hundredth of the cost is accurate enough, and so few steps need no warm start. Readings determine
+fewer directions than there are unknowns: Newton's matrix R^T R + E, E of blocks, is inverted by Woodbury's
 identity.
 """
 
@@ -17,30 +17,33 @@ from testbench.errors import Array, Ids, Mask
 from testbench.identify import cone
 from testbench.identify.interior import BOLD, LEAST, SMALL, TINY, Scaling
 
-NEAR = 1e-2  #: Distance from the optimum at which a problem ends, as a share of its cost.
-STEPS = 30  #: At most.
-FIRST = 0.1  #: Gap at the start, as a share of the cost.
+NEAR = 1e-2
+"""Distance from the optimum at which a problem is solved, as a share of its cost [1]."""
+STEPS = 30
+"""Most steps."""
+FIRST = 0.1
+"""Duality gap at the start, as a share of the cost [1]."""
 
 
 @dataclass(frozen=True)
 class Problems:
-    """Folds of readings, in units where x and the readings are of order one."""
+    """Hold folds of readings, in units in which x and the readings are of order one."""
 
     R: Array  #: Root of the Gram matrix of every fold, (folds, rank, n).
     g: Array  #: (folds, n).
     half: Array  #: Half the squares of the readings, (folds,).
-    c: Array  #: Price of x, (n,).
+    c: Array  #: Cost per unit of x, (n,).
     sizes: tuple[int, ...]  #: Orders of the blocks.
 
 
 @dataclass(frozen=True)
 class _State:
-    """Those problems that are on their way."""
+    """Hold the problems that are not solved yet."""
 
-    at: Ids  #: Their places among all, (problems,).
+    at: Ids  #: Their places among all problems, (problems,).
     x: Array  #: (problems, n).
     s: Array  #: Multipliers, (problems, n).
-    step: Array  #: How far the last step went, 1 for all the way, (problems,).
+    step: Array  #: Length of the last step, 1 for a full one, (problems,).
 
     def only(self, some: Mask) -> "_State":
         """Some of them."""
@@ -93,13 +96,13 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
 
 
 def _definite(x: Array, groups: list[Ids]) -> Mask:
-    """Whether all blocks are positive definite, (problems,)."""
+    """Tell whether all blocks are positive definite, (problems,)."""
     least = [np.linalg.eigvalsh(cone.smat(x[:, at]))[..., 0].min(axis=1) for at in groups]
     return np.asarray(np.min(least, axis=0) > 0)
 
 
 def _moved(state: _State, missing: Array, newton: "_Newton", scalings: list[Scaling]) -> _State:
-    """A step, predicted for terms of second order, then corrected."""
+    """Take one step: predicted to first order, then corrected to second order."""
     x, s, order = state.x, state.s, sum(one.d.shape[1] * one.d.shape[2] for one in scalings)
     aim = np.maximum((1 - state.step) ** 2, LEAST) * np.vecdot(x, s) / order
     predicted, w, sums = newton.solve(-s - missing), np.empty_like(x), []
@@ -116,7 +119,7 @@ def _moved(state: _State, missing: Array, newton: "_Newton", scalings: list[Scal
 
 
 def _start(problems: Problems, fold: Ids, price: Array, groups: list[Ids]) -> _State:
-    """All blocks alike, as large as fits the readings best; multipliers as large as the gradient there."""
+    """Start with equal blocks that fit the readings best, and multipliers of the gradient's size."""
     one = np.concatenate([cone.svec(np.eye(size)) for size in problems.sizes])
     moved = np.vecmat(problems.R @ one, problems.R)
     square = np.maximum(moved @ one, TINY)
@@ -130,7 +133,7 @@ def _start(problems: Problems, fold: Ids, price: Array, groups: list[Ids]) -> _S
 
 @dataclass(frozen=True)
 class _Newton:
-    """(R^T R + E)^-1 = D - D R^T (R D R^T + 1)^-1 R D, with D = E^-1 block by block."""
+    """Apply (R^T R + E)^-1 = D - D R^T (R D R^T + 1)^-1 R D, with D = E^-1 block by block."""
 
     R: Array  #: (problems, rank, n).
     RD: Array  #: (problems, rank, n).

@@ -1,21 +1,24 @@
-"""A proof of quality for any conservative estimate.
+"""Certificate of optimality for any conservative estimate.
 
 F_M is a sum of norms |r_k| of affine residuals r_k = R_k pi - z_k. For vectors y_k of length at most one,
-|r_k| >= y_k . r_k; so with S_i the gradient of sum y_k . r_k with respect to block i, and any trace term
-w <W, C>, every conservative C whose blocks have a trace of at most t_i obeys
+|r_k| >= y_k . r_k. So with S_i the gradient of sum y_k . r_k with respect to block i, and any trace term w
+<W, C>, every conservative C whose blocks have a trace of at most t_i obeys
+
     F(C) + w <W, C> >= -sum y_k . z_k - sum max(0, -lambda_min(S_i + w W_i)) t_i.
-With y_k = r_k / |r_k| of an estimate, S_i is the gradient of F_M there. Nothing is asked of how the estimate
+
+With y_k = r_k / |r_k| of an estimate, S_i is the gradient of F_M there. It does not matter how the estimate
 was found. The bound is used twice:
+
 - with the trace term of GCO it bounds the program that is solved: the duality gap;
-- without it it bounds F_M alone. What an optimum of the program is at most above the least F_M is what the
-  trace term costs, beside the duality gap.
+- without it it bounds F_M alone: the largest excess of F_M over its minimum is the cost of the trace term, in
+  addition to the duality gap.
 """
 
 import math
 
 import numpy as np
 
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, check_array, check_type
 from testbench.identify.estimate import Certificate, Dual, Estimate, Penalty
 from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
@@ -23,7 +26,7 @@ from testbench.model.structure import Structure
 TIE_BREAK = 1e-8
 """Weight of the trace in `paper_gco`, as a share of the largest sensitivity of F_M to a compliance [1].
 
-The paper has no such term. It selects the least trace among models that fit alike. If the fit keeps improving
+The paper has no such term. It selects the least trace among models of equal fit. If the fit keeps improving
 as an unobservable compliance grows, no such model exists; then this weight decides where the growth stops,
 and the advice says so.
 """
@@ -59,7 +62,7 @@ def scaled_units(structure: Structure) -> Array:
 
 
 def tie_break(regression: Regression) -> Penalty:
-    """Make the trace term of the paper's GCO, so light that it only selects among models that fit alike.
+    """Make the trace term of the paper's GCO, so light that it only selects among models of equal fit.
 
     Args:
         regression: The reduced dataset.
@@ -87,6 +90,7 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
         BenchError: When the estimate is not conservative (the bound would prove nothing), or the dual has
             another shape, is not finite, or has a vector longer than one by more than rounding.
     """
+    check_type(estimate, Estimate, "estimate")
     if not estimate.conservative:
         raise BenchError(
             f"certify: expected a conservative estimate, {estimate.method} has smallest eigenvalue "

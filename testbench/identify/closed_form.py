@@ -1,8 +1,12 @@
-"""Where the base stands in a tracker's frame, and where the targets sit on the tool: the closed form.
+"""Pose of the base in a tracker's frame, and targets on the tool, in closed form.
 
-A reading of target k in pose r in frame s, the arm rigid, is p_rk = R_s (R_r m_k + p_r) + t_s. The tool's
-pose R_r, p_r is the arm's; R_s, t_s and the target m_k are unknown. With R_s^T and R_s^T t_s as unknowns it
-is linear. Where m_k is about known, Kabsch's rotation between two sets of points does with fewer poses.
+A reading of target k in pose r in frame s, the arm rigid, is
+
+    p_rk = R_s (R_r m_k + p_r) + t_s.
+
+The tool's pose R_r, p_r follows from the arm; R_s, t_s and the target m_k are unknown. With R_s^T and R_s^T
+t_s as unknowns it is linear. If m_k is roughly known, Kabsch's rotation between two sets of points needs
+fewer poses.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,11 +18,12 @@ from testbench.data.series import Series
 from testbench.errors import Array, Ids
 from testbench.model.vjm import Vjm, tool_pose
 
-LEAST_POINTS = 3  #: That fix a frame, as long as they are on no line.
+LEAST_POINTS = 3
+"""Fewest points that determine a frame, if they are not on a line."""
 #: Readings that are used, drawn at random where there are more: noise is not what limits a frame.
 MOST = 3000
 BLIND = 1e-6
-"""Least singular value of the linear form over its largest, below which it is not taken."""
+"""Least singular value of the linear form over its largest, below which it is not used [1]."""
 
 
 @dataclass(frozen=True)

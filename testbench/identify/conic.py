@@ -21,7 +21,8 @@ from testbench.identify.interior import Program as Norms
 from testbench.identify.regression import Regression, check_symmetric, f_m
 from testbench.model.structure import Structure
 
-PENALTY_TOLD = 1e-4  #: Share of F_M that the tie-break may cost before the advice tells of it.
+PENALTY_TOLD = 1e-4
+"""Share of F_M that the tie-break may cost before the advice mentions it."""
 GAP_TOLERANCE = 1e-5
 """Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
 DATA_TOLERANCE = 1e-7
@@ -75,7 +76,7 @@ class Answer:
 
     pi: Array  #: Parameters, (n,).
     seconds: float  #: Time inside the solver.
-    failure: str  #: What is said where it is not proven to be near the optimum.
+    failure: str  #: Status if it is not proven to be close to the optimum.
     dual: Dual  #: Its proof.
 
 
@@ -249,7 +250,7 @@ def _kept(structure: Structure, columns: bytes) -> Structure:
 
 
 def sensitivity_units(regression: Regression, unit: float = 1.0, penalty: Penalty | None = None) -> Array:
-    """Compute units of pi in which all parameters change F_M alike: C = unit d X d^T.
+    """Compute units of pi in which all parameters change F_M equally: C = unit d X d^T.
 
     d^-2 is the change of F_M and of the trace term with each diagonal entry. This is a congruence, so that X
     is positive semi-definite where C is.

@@ -10,7 +10,7 @@ import numpy as np
 from testbench.arm.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
 from testbench.data.dataset import Dataset
 from testbench.display import Displayed
-from testbench.errors import Array, check_array
+from testbench.errors import Array, check_array, check_type
 from testbench.identify.metric import Belief
 from testbench.identify.regression import Regression, f_m, regression_of
 from testbench.model.structure import Structure
@@ -43,7 +43,7 @@ class Dual:
 
 @dataclass(frozen=True)
 class Penalty:
-    """Hold the trace term of GCO beside F_M: the least w <W, C'> of all C' >= 0 that make up C.
+    """Hold the trace term of GCO, in addition to F_M: the least w <W, C'> of all C' >= 0 that make up C.
 
     A joint that a structure counts in the link before it is an unknown t of its own in C': the link's block
     is C = C' + t a a^T, with a the joint's axis. Without such joints C' is C.
@@ -73,8 +73,8 @@ class Penalty:
         return regression_of(self.structure, tuple(terms))
 
 
-@dataclass(frozen=True)
-class Certificate:
+@dataclass(frozen=True, repr=False)
+class Certificate(Displayed):
     """Hold bounds of how far an estimate is from the best conservative one within `trace_bounds`."""
 
     #: Upper bound of F_M + w <W, C> above its least value [1]: how well the convex program is solved.
@@ -83,6 +83,14 @@ class Certificate:
     f_m_excess_bound: float
     trace_bounds: Array  #: Bound t_i of the trace of each block in scaled units, (blocks,) [rad/(N m)].
     dual: Dual  #: The proof; the best one known may certify any other estimate of the same regression.
+
+    def about(self) -> dict[str, object]:
+        """Summarise the bounds."""
+        return {
+            "duality_gap": f"{self.duality_gap:.3g}",
+            "f_m_excess_bound": f"{self.f_m_excess_bound:.3g}",
+            "blocks": len(self.trace_bounds),
+        }
 
 
 @dataclass(frozen=True)
@@ -218,8 +226,9 @@ def make_estimate(
         The estimate with C_theta and F_M; add what else is known by `dataclasses.replace`.
 
     Raises:
-        BenchError: When pi has another shape or is not finite.
+        BenchError: When the regression is none, or pi has another shape or is not finite.
     """
+    check_type(regression, Regression, "regression")
     pi = check_array(pi, (regression.structure.n,), "pi [m/N, rad/(N m), rad/N]")
     C, cost = regression.structure.matrix(pi), f_m(regression, pi)
     return Estimate(

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError
+from testbench.display import Displayed
+from testbench.errors import Array, BenchError, check_array, check_type
 from testbench.identify.estimate import Estimate
 from testbench.identify.fold import BLOCK_RUNS
 from testbench.model.laws import as_loaded, vjm_of
 from testbench.model.vjm import Vjm, chain, generalised_load, marker_points, translation_rows
 
 
-@dataclass(frozen=True)
-class Score:
+@dataclass(frozen=True, repr=False)
+class Score(Displayed):
     """Hold the distance errors of predicted deflections over a set of runs."""
 
     rms: float  #: Root mean square of the distance error over all points [m].
@@ -24,6 +25,14 @@ class Score:
     p95_relative: float | None
     #: Largest error over the measured deflection of its point [1]; None where no point moved.
     max_relative: float | None
+
+    def about(self) -> dict[str, object]:
+        """Summarise the errors in millimetres and per cent."""
+        lengths = {"rms_mm": self.rms, "p95_mm": self.p95, "max_mm": self.max}
+        shares = {"p95_percent": self.p95_relative, "max_percent": self.max_relative}
+        return {name: f"{1e3 * value:.4g}" for name, value in lengths.items()} | {
+            name: None if value is None else f"{100 * value:.3g}" for name, value in shares.items()
+        }
 
 
 def deflections(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
@@ -36,7 +45,13 @@ def deflections(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
 
     Returns:
         Deflection of every marker in every run in base axes, (runs, m, 3) [m].
+
+    Raises:
+        BenchError: When an argument has another type.
     """
+    check_type(vjm, Vjm, "vjm")
+    check_type(estimate, Estimate, "estimate")
+    check_type(data, Dataset, "data")
     return np.asarray(all_deflections(vjm, [estimate], data)[0])
 
 
@@ -78,11 +93,10 @@ def score(predicted: Array, reference: Array) -> Score:
     Raises:
         BenchError: When the shapes differ, or a number is not finite.
     """
+    for name, values in (("predicted", predicted), ("reference", reference)):
+        check_array(values, (None,) * np.ndim(values), f"{name} [m]")
     if np.shape(predicted) != np.shape(reference):
         raise BenchError(f"score: expected equal shapes, got {np.shape(predicted)} and {np.shape(reference)}")
-    for name, values in (("predicted", predicted), ("reference", reference)):
-        if not np.isfinite(values).all():
-            raise BenchError(f"score: {name} [m]: expected finite numbers")
     error = np.linalg.norm(predicted - reference, axis=-1).ravel()
     size = np.linalg.norm(reference, axis=-1).ravel()
     share = error[size > 0] / size[size > 0]

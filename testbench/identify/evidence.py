@@ -1,14 +1,14 @@
-"""What is learnt of a linear model from its own readings: sizes of unknowns, and the scatter of equations.
+"""Empirical Bayes for a linear model: sizes of unknowns, and noise of equations, learnt from the readings.
 
-Of c unknowns some are drawn from N(m(h), d(h)^2), d one size for all of a part; those of no part are free,
-or held by equations that are known for sure. With y_k = A_k x + noise of deviation s_k(h), a kind each, the
-hyperparameters h, logarithms all, are those of greatest evidence (MacKay 1992, The evidence framework):
+Of c unknowns some are drawn from N(m(h), d(h)^2), with one size d for all unknowns of a part. The others are
+free, or held by equations that count as exact. With y_k = A_k x + noise of deviation s_k(h) for each kind k,
+the hyperparameters h, all logarithms, maximise the evidence (MacKay 1992, The evidence framework):
 
     -log p(y, h) = sum_k (|y_k - A_k x|^2 / s_k^2 + 2 n_k log s_k) / 2
                    + sum_i ((x_i - m_i)^2 / d_i^2 + log d_i^2) / 2 + log det P / 2 - log p(h),
-    P = sum_k A_k^T A_k / s_k^2 + diag(d^-2),
 
-x the most likely unknowns, and P their precision. Equations enter by their sums of squares alone.
+P = sum_k A_k^T A_k / s_k^2 + diag(d^-2), x the most probable unknowns, and P their precision. Only the Gram
+matrices of the equations are needed.
 """
 
 from collections.abc import Callable
@@ -21,11 +21,12 @@ from scipy.linalg.lapack import dpotri
 from testbench.errors import Array, BenchError, Ids
 
 ENOUGH = 1e-4
-"""By how much a step of Newton's raises the evidence that is the last: the next would by its square."""
+"""Gain of the evidence below which a Newton step is the last one: the next step would gain its square."""
 MOST, HALVINGS = 100, 30  #: Steps, and times that one is halved.
 ALIKE, TAIL = 0.4, 4.0
-"""Scale and degrees of freedom of the Student distribution of logarithms of sizes that are mostly alike."""
-SHALLOW, FAR = 1e-3, 2.0  #: Least second derivative that a step counts with, and how far it goes at most.
+"""Scale and degrees of freedom of the Student distribution of log sizes: most are similar, a few differ."""
+SHALLOW, FAR = 1e-3, 2.0
+"""Least second derivative that a step uses, and the longest step."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +54,10 @@ def student_density(z: Array) -> tuple[Array, Array, Array]:
 class Problem:
     """Hold a linear model of c unknowns with m hyperparameters; the last are log s_k."""
 
-    gram: Array  #: Sums of squares of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
+    gram: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
     counts: Array  #: Equations of every kind, (kinds,).
-    known: Array  #: The same sums of equations that are known for sure, (c + 1, c + 1).
-    drawn: Array  #: log d of every unknown per unit of h, zero where nothing is believed of it, (c, m).
+    known: Array  #: Gram matrix of the equations that count as exact, (c + 1, c + 1).
+    drawn: Array  #: log d of every unknown per unit of h, zero for unknowns without a prior, (c, m).
     expected: Array  #: m_i over its scale, (c,).
     scale: Array  #: Logarithm of that scale per unit of h, (c, m).
     priors: tuple[Hyperprior, ...]  #: Of the hyperparameters.
@@ -90,10 +91,10 @@ class Normal:
 
 
 def normal(H: Array) -> Normal:
-    """Most likely unknowns by sums of squares of [A | y], whitened, (c + 1, c + 1).
+    """Solve for the most probable unknowns from the Gram matrix of the whitened [A | y], (c + 1, c + 1).
 
     Raises:
-        BenchError: When they leave an unknown open, as only frames and targets are without a prior.
+        BenchError: If an unknown is undetermined: only frames and targets have no prior.
     """
     size = np.sqrt(np.diag(H)[:-1])
     try:
@@ -111,10 +112,10 @@ class Posterior:
 
     normal: Normal
     covariance: Array  #: V = P^-1, (c, c).
-    deviation: Array  #: d, infinite where nothing is believed, (c,).
+    deviation: Array  #: d, infinite for unknowns without a prior, (c,).
     mean: Array  #: m, (c,).
     left: Array  #: |y_k - A_k x|^2 / s_k^2, (kinds,).
-    spent: Array  #: Equations that the unknowns spend, of every kind, (kinds,).
+    spent: Array  #: Degrees of freedom that the unknowns use, by kind of equations, (kinds,).
     loss: float  #: -log p(y, h).
     gradient: Array  #: Of that, (m,).
 

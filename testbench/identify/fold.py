@@ -1,7 +1,7 @@
-"""Readings boiled down: rows [A | y] folded by QR into triangular factors, part by part; parts add up.
+"""Reduction of readings: rows [A | y] folded by QR into triangular factors, part by part; parts add up.
 
-A part is what is left out, or kept, together: runs whose pose is of one fold and whose load is of one fold, a
-block of joint space. Memory does not grow with the rows.
+A part is the unit of cross-validation: runs whose pose is in one fold and whose load is in one fold, or a
+block of joint space. Memory does not grow with the number of rows.
 """
 
 import math
@@ -17,7 +17,7 @@ from scipy.sparse import block_diag, csr_array
 
 from testbench.data.dataset import Dataset
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array, Ids, Mask
+from testbench.errors import Array, Ids, Mask, check_type
 from testbench.identify.absolute.noise import (
     POSITIONS,
     Noise,
@@ -51,7 +51,7 @@ class Folded:
     """Hold triangular factors of rows [A | y], per kind of equations and part."""
 
     def __init__(self, columns: int) -> None:
-        """No rows of so many columns."""
+        """Start without rows, for a given number of columns."""
         self.columns = columns
         #: (columns, columns) each, or all rows where they are fewer.
         self.factors: dict[tuple[int, int], Array] = {}
@@ -165,8 +165,12 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regres
         F_M of the structure on them; `rows` are its equations in standard deviations.
 
     Raises:
-        BenchError: When the dataset is empty or names a marker that the arm lacks.
+        BenchError: When an argument has another type, or the dataset is empty or names a marker that the arm
+            lacks.
     """
+    check_type(vjm, Vjm, "vjm")
+    check_type(structure, Structure, "structure")
+    check_type(data, (Dataset, Regression), "data")
     if isinstance(data, Regression):
         return some_columns(data, structure)
     [parts] = reduce_parts(vjm, [structure], data, np.broadcast_to(0, data.runs))
@@ -276,7 +280,7 @@ class Part:
     """Hold the equations of one block of joint space of one series."""
 
     series: int  #: Place of the series.
-    gram: Array  #: Sums of squares of [A | y] of every kind of equations, (kinds, size + 1, size + 1).
+    gram: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, size + 1, size + 1).
     counts: Array  #: Scalar equations of every kind, (kinds,).
 
 
@@ -318,7 +322,7 @@ class Point:
     unknowns: Unknowns
     state: State
     noise: Noise
-    loss: Loss = READINGS  #: By which a reading that is far off pulls less.
+    loss: Loss = READINGS  #: Robust loss that weighs each reading.
 
 
 def reduce_series(at: Point, series: Sequence[Series], blocks: Sequence[Ids] | None = None) -> Reduced:

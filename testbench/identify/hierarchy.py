@@ -1,12 +1,12 @@
-"""A prior that learns from the readings how wrong it is, before it fills what they do not see.
+"""A hierarchical prior: its scales and uncertainties are learnt from the readings before it is used.
 
-In the metric of the prior a block is x_k = s_k (e_k + d xi): its scale s_k, and entries that scatter around
-what was expected, by u those of a beam template and by c the couplings that no beam has. The scales of links,
-and those of joints, scatter around a factor of each kind, as a Student distribution does: most are alike, a
-few are far off. Entries of a whole link scatter w times as much as those of others, by its shape. The
-hyperparameters h = (log s, factors, log w, log u, log c, log kappa), kappa the scatter of the readings over
-what it is said to be, are those of greatest `evidence`. A CAD model whose joints, or one of whose links, are
-ten times off costs little then, where the readings show it.
+In the metric of the prior a block is x_k = s_k (e_k + d xi). It has a scale s_k, and entries that scatter
+about their expectation: by u those of a straight beam, by c the couplings that no straight beam has. Scales
+of links, and those of joints, scatter about one factor of each kind by a Student distribution: most are
+similar, a few differ much. Entries of a whole link scatter w times as much as the others, by its shape. The
+hyperparameters h = (log s, factors, log w, log u, log c, log kappa), with kappa the noise over its stated
+value, maximise the `evidence`. So a CAD model whose joints, or one of whose links, are wrong by a factor of
+ten costs little if the readings show it.
 """
 
 import math
@@ -31,11 +31,14 @@ from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression
 from testbench.model.laws import KINDS
 
-GAP = 1.5  #: Standard deviation of the logarithm of the joints' factor over the links' [1].
+GAP = 1.5
+"""Standard deviation of the log factor of the joints over the links [1]."""
 SHAPE = 0.5, 0.4  #: Median of u, and standard deviation of its logarithm [1].
-COUPLING = 0.15, 0.7  #: The same of c.
+COUPLING = 0.15, 0.7
+"""Median of c, and standard deviation of its logarithm [1]."""
 ALONE = math.hypot(ALIKE, SHAPE[0])
-"""How far a joint's compliance is from a common scale where links are rigid [1]: its scale and its entry."""
+"""Standard deviation of a joint's log compliance from a common scale if links are rigid [1]: scale and
+entry."""
 LOOSE = 3.0
 """With which they are then fitted: a folder whose joints are off costs nothing where the readings tell. ALONE
 loses more than 5 % to least squares in 15 % of arms whose links are 100 times stiffer than the folder's, this
@@ -52,16 +55,22 @@ LAW = 0.5, 0.8
 """Median of the sizes of a law of the joints, and standard deviation of its logarithm [1]."""
 STRUT_LAW = 0.05, 1.5
 """The same of a compensator's: from no stiffness as the arm deflects to half of that of joint 2."""
-KIND = "joints"  #: Name of the scale of all joints beside the links.
+KIND = "joints"
+"""Name of the common scale of all joints, as opposed to the links."""
 FURTHEST, NOISIEST = 6.0, 30.0
-"""Largest logarithm of a scale, a factor of 400, and of kappa: misfits have no end."""
-WIDEST = 1.5  #: Largest standard deviation of a hyperparameter that intervals count with: linear no more.
-FINEST = 1e6  #: Readings over their noise beyond which squares of them have no digits left for the noise.
+"""Largest logarithm of a scale, a factor of 400, and of kappa, since misfits have no bound."""
+WIDEST = 1.5
+"""Largest standard deviation of a hyperparameter that intervals use: beyond it the model is not linear."""
+FINEST = 1e6
+"""Readings over their noise beyond which their squares have no digits left for the noise [1]."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the readings say of h, (K + kinds + W + T + 3,): log s, factors, log w, log t, log u, c, kappa."""
+    """Hold the evidence of the readings as a function of the hyperparameters h, (K + kinds + W + T + 3,).
+
+    They are log s, factors, log w, log t, log u, log c and log kappa.
+    """
 
     metric: Metric  #: Of the prior, in the scale of the data.
     problem: Problem  #: The readings.
@@ -73,31 +82,36 @@ class Evidence:
 
     @property
     def blocks(self) -> int:
-        """How many scales there are, K."""
+        """Count the scales, K."""
         return len(self.kind)
 
     @property
     def tail(self) -> int:
-        """How many hyperparameters there are behind log w, T + 3."""
+        """Count the hyperparameters behind log w, T + 3."""
         return 3 + self.tied
 
     def scale(self, h: Array) -> Array:
-        """Of every entry of x, (n,) [1]."""
+        """Compute the prior scale of every entry of x, (n,) [1]."""
         return np.asarray(np.exp(self.shares @ h[: self.blocks]))
 
 
 def evidence(regression: Regression, metric: Metric, *, alike: bool = False) -> Evidence:
-    """What a dataset says of a prior.
+    """Evaluate the evidence of a dataset for a prior, as a function of the prior's hyperparameters.
 
     Mathematics: `prior-7`.
 
     Args:
         regression: The reduced dataset.
-        metric: Of the structure and the prior.
-        alike: Whether w is one of all links: else the shape of one may take up a mistake of few readings.
+        metric: Metric of the structure and the prior.
+        alike: Whether all links share one uncertainty w. Otherwise the shape of one link may absorb an error
+            in few readings.
+
+    Returns:
+        The evidence.
 
     Raises:
-        BenchError: When the data want a common scale of the prior that is not above 0, or no load moves it.
+        BenchError: If the data require a common scale of the prior that is not above 0, or no load deflects
+            the prior.
     """
     metric = rescaled(metric, regression)
     gram = squares(regression, metric)
@@ -132,7 +146,7 @@ def evidence(regression: Regression, metric: Metric, *, alike: bool = False) -> 
 
 
 def _priors(kind: Ids, m: int, tied: bool) -> tuple[Hyperprior, ...]:
-    """Densities of the hyperparameters."""
+    """Make the prior densities of the hyperparameters."""
     K, one = len(kind), np.eye(m)
     of_tie = one[m - 4 : m - 3] if tied else one[:0]
     widths = np.array([SHAPE[1], COUPLING[1], MISFIT])
@@ -150,7 +164,7 @@ def _priors(kind: Ids, m: int, tied: bool) -> tuple[Hyperprior, ...]:
 
 
 def _size(kind: int) -> tuple[float, float]:
-    """Median of the sizes of laws of a kind, from 2 on, and standard deviation of their logarithm [1]."""
+    """Return the median size of the laws of a kind, from 2 on, and the deviation of its logarithm [1]."""
     return LAW if kind < 2 + len(KINDS) else STRUT_LAW
 
 
@@ -171,21 +185,21 @@ def squares(regression: Regression, metric: Metric) -> Array:
 
 
 def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Belief:
-    """The prior as a dataset corrects it, and what the dataset leaves open of it.
+    """Learn the prior from a dataset: its scales, its uncertainty, and what the dataset leaves undetermined.
 
     Mathematics: `int-4`, `prior-10`.
 
     Args:
         regression: The reduced dataset.
-        metric: Of the structure and the prior.
-        widths: Whether intervals or doubts are asked for; else what the dataset leaves open stays unknown.
+        metric: Metric of the structure and the prior.
+        widths: Whether the uncertainty of the hyperparameters is computed, which intervals need.
 
     Returns:
-        The metric with the scale of every block, how firmly each entry is believed, how unsure that is, and
-        by how much the parameters move with the hyperparameters.
+        The metric with the scale of every block, the uncertainty of each entry and of that uncertainty, and
+        the change of the parameters with the hyperparameters.
 
     Raises:
-        BenchError: When the data want a common scale of the prior that is not above 0.
+        BenchError: If the data require a common scale of the prior that is not above 0.
     """
     seen = evidence(regression, metric)
     h = greatest(seen.problem, seen.start)
@@ -262,7 +276,7 @@ def log_evidence_alone(regression: Regression, metric: Metric) -> tuple[float, B
 
 
 def _scales(seen: Evidence, h: Array, covariance: Array) -> tuple[Scale, ...]:
-    """The factor of every link or joint over others of its kind, and that of the joints over the links."""
+    """Compute the factor of every link or joint over others of its kind, and of the joints over the links."""
     K, m = seen.blocks, len(h) - 1
     _, kinds, called = seen.metric.scaled
     own = np.flatnonzero(kinds < 2)
@@ -278,9 +292,9 @@ def _scales(seen: Evidence, h: Array, covariance: Array) -> tuple[Scale, ...]:
 
 
 TOLD, FAR = 2.5, 2.0
-"""Standard deviations, and factor, from which a scale that the readings want is a doubt about the prior."""
+"""Standard deviations, and factor, from which a learnt scale contradicts the prior."""
 TENFOLD, OPEN = math.log(10), 2.0
-"""Logarithm of a scale that the readings would have to refuse, and loss of evidence at which they do."""
+"""Logarithm of a scale that the readings must be able to reject, and the loss of evidence that rejects it."""
 
 
 def contradicted(belief: Belief) -> tuple[Scale, ...]:
@@ -305,17 +319,17 @@ class Unchecked:
 
 
 def unchecked(regression: Regression, metric: Metric) -> Unchecked:
-    """What the readings leave open of a prior.
+    """Find the links and joints whose prior scale the readings leave undetermined.
 
     Mathematics: `prior-15`.
 
     Args:
         regression: The reduced dataset.
-        metric: Of the structure and the prior.
+        metric: Metric of the structure and the prior.
 
     Returns:
-        Names of links and joints, no parts of a link: with a tenfold scale, and all others as they suit it
-        best, the evidence falls by less than `OPEN`.
+        Names of links and joints. With a tenfold scale of each, and the best scales of all others, the log
+        evidence falls by less than `OPEN`.
     """
     seen = evidence(regression, metric)
     best = greatest(seen.problem, seen.start)
@@ -328,7 +342,7 @@ def unchecked(regression: Regression, metric: Metric) -> Unchecked:
 
 
 def _loss_at(seen: Evidence, best: Array, k: int, size: float) -> float:
-    """By how much the evidence falls with the logarithm of block k's scale this far from its kind's."""
+    """Compute the loss of evidence if the log scale of block k is this far from that of its kind."""
     start, kind = best.copy(), seen.blocks + seen.kind[k]
     start[k] = best[kind] + size
     h = greatest(seen.problem, start, held=k)

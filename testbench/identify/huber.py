@@ -41,15 +41,19 @@ REJECT = 4.033
 
 At 99 % every third campaign of 45 sound readings would lose one, and gain nothing for it.
 """
-ROUNDS, STILL = 200, 1e-6  #: Of reweighing, and change of a residual after which it ends [1].
-WEAK = 10.0  #: Relative uncertainty of the CAD compliances while outliers of GCO without a prior are sought.
+ROUNDS, STILL = 200, 1e-6
+"""Most reweightings, and the change of a residual after which they end [1]."""
+WEAK = 10.0
+"""Relative uncertainty of the CAD compliances while outliers of GCO without a prior are searched."""
 NO_OUTLIERS = "sigma too small, or wrong structure, load, unit or frame"
 
 
 def without_outliers(
     vjm: Vjm, data: Dataset, regression: Regression, constraint: Constraint, held: Belief | Penalty | None
 ) -> Estimate:
-    """Reject readings by Huber's loss, and fit the others by the plain method; GCO needs whole blocks.
+    """Reject outliers by Huber's loss, and fit the remaining readings by the plain method.
+
+    GCO requires symmetric blocks.
 
     Args:
         vjm: The arm's virtual joint model.
@@ -62,7 +66,7 @@ def without_outliers(
         The estimate; F_M, its floor and the rank refer to the readings that are kept.
 
     Raises:
-        BenchError: When the dataset is too large, or too few readings are left.
+        BenchError: If the dataset is too large, or too few readings remain.
     """
     readings = one_by_one(vjm, regression.structure, data)
     start = time.perf_counter()

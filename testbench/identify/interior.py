@@ -19,18 +19,29 @@ from testbench.errors import Array, Ids
 from testbench.identify import cone
 
 ITERATIONS = 40
-CENTRED = 0.1  #: First gap, as a share of the objective, at least.
-SMALL = 1e-3  #: Size of the first x where the data want none above zero.
-LEFT = 1e-11  #: Distance from the optimum at which it ends, in units where the data are of order one,
-FINEST = 1e-14  #: and that of squares, whose own unit is that of noise.
-EXACT = 1e-9  #: Norm below which a residual has no direction to speak of: there is nothing to be proven.
-STUCK = 1e-6  #: Step length below which it ends.
-STALLED = 1e-7  #: Distance below which an iteration that gains less than half is the last.
+CENTRED = 0.1
+"""Least first gap, as a share of the objective."""
+SMALL = 1e-3
+"""Size of the first x if the data fit best at zero."""
+LEFT = 1e-11
+"""Distance from the optimum at which the method ends, in units in which the data are of order one."""
+FINEST = 1e-14
+"""That distance for squares, whose unit is that of the noise."""
+EXACT = 1e-9
+"""Norm of a residual below which it has no direction, so that nothing can be proven."""
+STUCK = 1e-6
+"""Step length below which the method ends."""
+STALLED = 1e-7
+"""Distance below which an iteration that gains less than half is the last one."""
 STEADY = 0.3  #: Relative change of the norms below which their tangent is trusted.
-LEAST = 1e-6  #: Least share of the gap that a step aims at.
-BOLD = 0.9  #: Share of the way to the boundary that a step goes at least.
-SINGULAR = 3e-6  #: Least pivot of a matrix over its largest: the root of what Cholesky loses to rounding.
-ROUNDING = 1e-12  #: Share of a trace that an eigenvalue may lie below zero.
+LEAST = 1e-6
+"""Least share of the gap at which a step aims."""
+BOLD = 0.9
+"""Least share of the way to the boundary that a step goes."""
+SINGULAR = 3e-6
+"""Least pivot of a matrix over its largest [1]: the root of the rounding of a Cholesky factorisation."""
+ROUNDING = 1e-12
+"""Share of a trace by which an eigenvalue may be negative [1]."""
 TINY = 1e-300
 
 
@@ -90,12 +101,15 @@ class State:
     s: Array  #: Those of their multipliers, positive definite, (n,).
     norms: Array  #: (K,).
     pulls: Array  #: Their gradients, (K, n).
-    missing: Array  #: What the gradient of the cost is more than the multipliers, (n,).
-    step: float = 0.5  #: How far the last step went, 1 for all the way.
-    steady: bool = False  #: Whether the tangent of the norms is trusted.
+    missing: Array  #: Gradient of the cost minus the multipliers, (n,).
+    step: float = 0.5  #: Length of the last step, 1 for a full one.
+    steady: bool = False  #: Whether the tangent of the norms is accurate enough.
 
     def left(self, program: Program) -> float:
-        """Gap, or how far products are from the barrier; and what the gradient lacks, by the length of x."""
+        """Bound the distance from the optimum: the duality gap plus |x| |gradient - s|.
+
+        With a barrier, the distance of the products X S from the barrier replaces the gap.
+        """
         gap = float(self.x @ self.s)
         if program.barrier:
             groups = cone.groups_of(program.sizes)
@@ -192,7 +206,7 @@ def interior(program: Program) -> State:
 
 
 def _start(program: Program) -> State:
-    """All blocks alike, as large as fits the data best; multipliers as large as the gradient there."""
+    """Start with equal blocks that fit the data best, and multipliers of the gradient's size."""
     one = np.concatenate([cone.svec(np.eye(size)) for size in program.sizes])
     moved = program.R @ one
     square = max(float((moved**2).sum()), TINY)
@@ -206,12 +220,12 @@ def _start(program: Program) -> State:
 
 
 def _iterate(program: Program, state: State) -> State:
-    """A step, predicted for terms of second order, then corrected.
+    """Take one step: predicted to first order, then corrected to second order.
 
     Newton's system is (hessian + E) dx = w - missing, E dx + ds = w.
 
     Raises:
-        LinAlgError, ValueError: When there is none.
+        LinAlgError, ValueError: If the system has no solution.
     """
     x, s, missing = state.x, state.s, state.missing
     share = program.share(state.norms)
@@ -244,7 +258,7 @@ def _iterate(program: Program, state: State) -> State:
 
 @dataclass(frozen=True)
 class Scaling:
-    """Nesterov and Todd's scaling of blocks of one order: G^-1 X G^-T = G^T S G = diag d; of many pairs."""
+    """Hold the Nesterov-Todd scaling G^-1 X G^-T = G^T S G = diag d of blocks of one order, many pairs."""
 
     at: Ids  #: Places of the blocks, (blocks, entries).
     G: Array  #: (..., blocks, m, m).
@@ -253,9 +267,20 @@ class Scaling:
 
     @classmethod
     def of(cls, at: Ids, x: Array, s: Array) -> "Scaling":
-        """Of a pair, (..., n) each.
+        """Compute the scaling of pairs: G^-1 X G^-T = G^T S G = diag d (Nesterov and Todd).
 
         Mathematics: `est-10`.
+
+        Args:
+            at: Places of the blocks among the coordinates, (blocks, entries).
+            x: svec of all blocks, (..., n).
+            s: svec of their multipliers, (..., n).
+
+        Returns:
+            The scaling.
+
+        Raises:
+            LinAlgError: If a block is not positive definite.
         """
         L = np.linalg.cholesky(cone.smat(x[..., at]))
         squares, V = np.linalg.eigh(L.swapaxes(-1, -2) @ cone.smat(s[..., at]) @ L)
@@ -265,18 +290,36 @@ class Scaling:
         return cls(at, L @ V / root[..., None, :], inverse, d)
 
     def scaled(self, x: Array) -> Array:
-        """G^-1 X G^-T."""
+        """Scale a direction of x: G^-1 X G^-T, (..., blocks, m, m)."""
         return np.asarray(self.inverse @ cone.smat(x[..., self.at]) @ self.inverse.swapaxes(-1, -2))
 
     def corrected(self, aim: float | Array, X: Array) -> Array:
-        """Sum of the scaled steps to products of this size, second order of the predicted step X included."""
+        """Compute the sum of the scaled steps of x and s that leads to products X S = aim.
+
+        The second-order term of the predicted step is included (Mehrotra's corrector).
+
+        Args:
+            aim: Product to aim at, one number or one per pair.
+            X: Predicted step of x, scaled, (..., blocks, m, m).
+
+        Returns:
+            The sum, (..., blocks, m, m).
+        """
         one = np.eye(self.d.shape[-1])
         half = X @ (self.d[..., None] * one + X)
         product = (half + half.swapaxes(-1, -2)) / (self.d[..., :, None] + self.d[..., None, :])
         return np.asarray((aim / self.d - self.d)[..., None] * one + product)
 
     def longest(self, X: Array, both: Array) -> Array:
-        """Longest step that keeps the cone, (...): of a scaled step X, and of what it lacks of the sum."""
+        """Compute the longest step that keeps x and s in the cone.
+
+        Args:
+            X: Step of x, scaled, (..., blocks, m, m).
+            both: Sum of the scaled steps of x and s, (..., blocks, m, m).
+
+        Returns:
+            Step length, (...).
+        """
         root = 1 / np.sqrt(self.d)
         steps = np.stack([X, both - X]) * (root[..., :, None] * root[..., None, :])
         least = np.linalg.eigvalsh(steps)[..., 0].min(axis=(0, -1))

@@ -32,7 +32,7 @@ def minimum_norm(regression: Regression) -> Estimate:
     Returns:
         The estimate; it need not be conservative.
     """
-    # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations alike.
+    # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations equally.
     rows = np.vstack([np.sqrt(term.equations) * np.c_[term.R, term.z] for term in regression.terms])
     A, y, seen = rows[:, :-1], rows[:, -1], regression.columns > 0
     scale, pi = np.linalg.norm(A[:, seen], axis=0), np.zeros(regression.structure.n)
@@ -141,7 +141,7 @@ def least_shift(s: Structure, free: Free) -> float:
 
 
 def _program(s: Structure, free: Free, beside: Array, rows: tuple[cone.Rows, ...]) -> cone.Problem:
-    """The least t with X_0 + N w + t beside in the cone, and what else; the unknowns are t, then w."""
+    """Make the program min t over (t, w) with X_0 + N w + t B in the cone, B the argument `beside`."""
     for block in s.blocks:
         entries, svec = psd_entries(s, block)
         A = -svec @ np.c_[beside, free.N][entries]

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.data.dataset import Dataset
-from testbench.errors import BenchError
+from testbench.errors import BenchError, check_type
 from testbench.identify.average import averaged, of_two_priors
 from testbench.identify.crossval import divided
 from testbench.identify.estimate import Constraint, Estimate, Estimator, Penalty
@@ -54,10 +54,10 @@ class Method:
     strength: Strength | None = None
     #: "robust" finds outliers by Huber's loss and fits without them.
     loss: Literal["plain", "robust"] = "plain"
-    #: Weight w of the trace term beside F_M in GCO without a prior [N m/rad]: F_M + w <W, C> is least, see
+    #: Weight w of the trace term added to F_M in GCO without a prior [N m/rad]: F_M + w <W, C> is least, see
     #: `trace`. It is an exponential prior on compliances, of mean 1 / (w F_M N) rad/(N m) each for N points,
     #: those of joints nearly free. None to learn it from poses held out; 0 for the paper's GCO, which takes
-    #: the least trace only among models that fit alike.
+    #: the least trace only among models that fit equally well.
     trace_weight: float | None = None
 
     def __post_init__(self) -> None:
@@ -81,9 +81,13 @@ class Method:
             The estimate: parameters pi, C_theta, F_M, rank, status and certificate.
 
         Raises:
-            BenchError: When the dataset is empty or names a marker that the arm lacks, the structure is not
-                symmetric where it must be, or the prior does not fit the structure or the data.
+            BenchError: When an argument has another type, the dataset is empty or names a marker that the arm
+                lacks, the structure is not symmetric where it must be, or the prior does not fit the
+                structure or the data.
         """
+        check_type(vjm, Vjm, "vjm")
+        check_type(structure, Structure, "structure")
+        check_type(data, (Dataset, Regression), "data")
         unknowns = structure if self.learns else without_laws(structure)
         reduced: Parts | Regression
         # Only the trace weight needs held-out poses; then the equations are kept part by part.

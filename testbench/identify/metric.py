@@ -105,7 +105,7 @@ class Metric:
 class Scale:
     """Hold the factor by which the readings scale the prior of one link or joint, over others of its kind."""
 
-    name: str  #: Of the link or joint; "joints" for all of them beside the links.
+    name: str  #: Name of the link or joint; "joints" for the common scale of all joints.
     factor: float  #: Over the prior's compliance [1].
     deviation: float  #: Standard deviation of its logarithm [1].
 
@@ -125,7 +125,7 @@ class Belief:
     #: roughly, (n,) [1]; None where the prior is not learnt from the readings.
     unsure: Array | None = None
     scales: tuple[Scale, ...] = ()  #: What the readings say of the prior's scales.
-    #: Logarithm of the density of the readings, but for what all models share; None where nobody asks.
+    #: Log density of the readings, up to what all models share; None if it was not requested.
     log_evidence: float | None = None
 
 
@@ -191,7 +191,7 @@ def whitened(regression: Regression, metric: Metric) -> tuple[Array, Array]:
 
 
 def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
-    """Compute the rows B, c of a prior: |B x - c|^2 is its penalty beside chi squared.
+    """Compute the rows B, c of a prior: |B x - c|^2 is its penalty added to chi squared.
 
     With deviations d of the entries of x and v of the common scale, the prior's covariance is diag(d)^2 + v^2
     e e^T. B is a root of its inverse; where v is infinite B projects e out.

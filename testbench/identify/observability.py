@@ -1,11 +1,12 @@
-"""What readings tell of unknowns and what they do not: unseen directions, and which unknowns hide in which.
+"""What the readings determine: unobservable directions, and unknowns that cannot be separated.
 
-A null space has no axes of its own. It is searched from the small to the large: one link or joint, then
-neighbours along the chain. Elimination with pivots chosen by size gives each find a basis of circuits: a
-direction takes the fewest parameters that can trade against each other, all in units of what is expected.
+A null space has no axes of its own. It is searched from small sets of unknowns to large ones: one link or
+joint, then neighbours along the chain. Elimination with pivots chosen by size gives a basis of circuits: each
+direction has the fewest parameters that can compensate each other, all in units of their expectation.
 
-With a prior, a quantity is open where the readings leave much of its prior variance. If little of that were
-left, were all else known, it hides: behind what, once known, would take most of the rest away.
+With a prior, a quantity is undetermined if much of its prior variance remains after the readings. If little
+of it would remain once all other unknowns were known, it is confounded: with those unknowns that, once known,
+would remove most of it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,24 +19,31 @@ from testbench.identify.posterior import conditional
 from testbench.identify.regression import RANK_TOLERANCE, ROUNDING
 
 SHARE = 0.15
-"""A parameter takes part in a direction if it changes by this share of the one that changes most."""
-ZERO = 1e-7  #: Below this share of the largest an entry of a direction is the rounding of a zero.
-NEW = 1e-5  #: A direction is new if this share of it lies outside those found before.
-NEIGHBOURS = (1, 2, 3, 5)  #: Links and joints along the chain that are searched together, before all are.
-OPEN = 0.5  #: Share of the prior variance left from which on a quantity is open [1].
+"""Least change of a parameter, relative to the largest change, that counts as part of a direction [1]."""
+ZERO = 1e-7
+"""Share of the largest entry below which an entry of a direction counts as zero [1]."""
+NEW = 1e-5
+"""Share of a direction outside those found before from which it counts as new [1]."""
+NEIGHBOURS = (1, 2, 3, 5)
+"""Numbers of neighbouring links and joints that are searched together, before all are."""
+OPEN = 0.5
+"""Share of the prior variance that remains from which a quantity counts as undetermined [1]."""
 HIDES = 0.5
-"""Share of what is left, were all else known and were what it hides behind, below which a quantity hides:
-else it is unseen, or behind a little of everything."""
+"""Share of the remaining variance, once all others or the confounded ones were known, below which a quantity
+counts as confounded [1]; otherwise it is unobservable, or confounded with a little of everything."""
 ENOUGH, MOST = 0.7, 3
-"""Share of what is left that has to go with what it hides behind, and how many those may be."""
-HELPS = 0.8  #: Share of what is left after a joint was turned below which turning it helps.
-PINNED = 1e8  #: Information that holds structural directions, in units of the prior.
-FLAT = 0.01  #: Share of a quantity's prior variance outside structural directions that does not count.
+"""Share of the remaining variance that must vanish with the confounded quantities [1], and most of those."""
+HELPS = 0.8
+"""Share of the remaining variance after one joint was turned below which turning it helps [1]."""
+PINNED = 1e8
+"""Information that fixes structural directions, in units of the prior."""
+FLAT = 0.01
+"""Share of a quantity's prior variance outside structural directions that counts as zero [1]."""
 
 
 @dataclass(frozen=True)
 class Direction:
-    """Parameters that trade against each other: together they may change, and no reading does."""
+    """Describe parameters that compensate each other: they can change together without changing a reading."""
 
     #: Their indices, the one that changes most first, relative to what is expected.
     parameters: tuple[int, ...]
@@ -44,28 +52,29 @@ class Direction:
 
 @dataclass(frozen=True)
 class Quantity:
-    """Something that has a name."""
+    """Describe a quantity that can be named in reports."""
 
-    name: str  #: Such as "joint_3's offset".
+    name: str  #: Name, such as "joint_3's offset".
     H: Array  #: Its numbers per unit of every unknown, (k, size).
-    own: bool = True  #: Whether it is the arm's; else it is only what others may hide behind.
+    own: bool = True  #: Whether it belongs to the arm; otherwise arm quantities are only confounded with it.
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """A quantity that readings leave open."""
+    """Describe a quantity that the readings leave undetermined."""
 
-    name: str  #: Of the quantity.
-    behind: tuple[str, ...] = ()  #: What it hides behind, the most important first; nothing where unseen.
-    share: float = 1.0  #: Of its prior variance left [1].
-    correlation: float = 0.0  #: With what it hides behind, after the readings, multiple [1].
-    #: Which joint to turn; their number where several have to, -1 where hardly anything helps; None where
-    #: nobody asked.
+    name: str  #: Name of the quantity.
+    #: Quantities with which it is confounded, most important first; empty if it is unobservable.
+    behind: tuple[str, ...] = ()
+    share: float = 1.0  #: Share of its prior variance that remains [1].
+    correlation: float = 0.0  #: Multiple correlation with these quantities, given the readings [1].
+    #: Which joint to turn; their number where several have to, -1 where hardly anything helps; None if
+    #: it was not requested.
     helps: int | None = None
 
 
 def null_space(A: Array) -> Array:
-    """Basis of what rows, (rows, n), with columns of unlike units do not see, (n, n - rank).
+    """Compute a basis of the null space of rows, (rows, n), whose columns differ in unit: (n, n - rank).
 
     Mathematics: `obs-5`.
     """
@@ -117,7 +126,7 @@ def directions(A: Array, unit: Array, groups: Sequence[Ids], known: Array) -> Ar
 
 
 def idle(A: Array) -> Mask:
-    """Columns that are zero, up to rounding, (n,)."""
+    """Tell which columns are zero up to rounding, (n,)."""
     norm = np.linalg.norm(A, axis=0)
     return np.asarray(norm <= ROUNDING * norm.max(initial=0))
 
@@ -155,7 +164,7 @@ def circuits(N: Array, unit: Array) -> Array:
 
 
 def direction(row: Array) -> Direction:
-    """Who takes part in a direction, (n,)."""
+    """Describe a direction, (n,), by the unknowns that take part in it."""
     size = np.abs(row) / np.abs(row).max()
     order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > ZERO]
     return Direction(tuple(k for k in order if size[k] >= SHARE), tuple(k for k in order if size[k] < SHARE))
@@ -182,19 +191,20 @@ def whereabouts(N: Array, within: Array, unit: Array) -> Array:
 def hidden(
     quantities: Sequence[Quantity], L: Array, M: Array, never: Array, further: Sequence[Array] = ()
 ) -> tuple[Hidden, ...]:
-    """Quantities that readings leave open, those that hide first, the most open before others.
+    """Find the quantities that the readings leave undetermined, the most uncertain first.
 
     Mathematics: `obs-8`.
 
     Args:
-        quantities: All that may be named.
-        L: Unknowns per unit of their prior, L L^T its covariance, (size, size).
-        M: Information of the readings in these units, L^T T^T T L of the root T of their equations.
-        never: Structural directions, orthonormal, in these units, (size, k): they count as known.
-        further: Information that turning one joint after the other would add, and turning all of them.
+        quantities: Quantities that may be named.
+        L: Root of the prior's covariance L L^T, (size, size).
+        M: Information of the readings in units of the prior, L^T A^T A L.
+        never: Structural directions, orthonormal, in units of the prior, (size, k); they count as known.
+        further: Information that further readings would add: one joint turned after the other, then all of
+            them.
 
     Returns:
-        Each once: of those that hide behind each other the most open.
+        The quantities; of those that compensate each other the most uncertain.
     """
     H, names = np.vstack([one.H for one in quantities]) @ L, [one.name for one in quantities]
     ends = np.cumsum([len(one.H) for one in quantities])
@@ -225,7 +235,7 @@ def _covariance(M: Array) -> Array:
 
 
 def _unit(H: Array, never: Array) -> Array:
-    """Combinations of a quantity's numbers of unit prior variance beside structural directions."""
+    """Combine a quantity's numbers to unit prior variance, outside structural directions."""
     free = H - (H @ never) @ never.T
     values, V = np.linalg.eigh(free @ free.T)
     own = values > FLAT * np.square(H).sum() / len(H)
@@ -233,14 +243,14 @@ def _unit(H: Array, never: Array) -> Array:
 
 
 def _alone(H: Array, L: Array, M: Array) -> float:
-    """Share of a quantity's prior variance left, were all else known."""
+    """Compute the share of a quantity's prior variance that remains once all others are known."""
     move = np.linalg.solve(L + np.diag(np.where(np.diag(L) > 0, 0.0, 1.0)), H.T)
     left, before = np.linalg.inv(move.T @ move + move.T @ M @ move), (H @ L) @ (H @ L).T
     return float(np.trace(np.linalg.solve(before, left)) / len(H))
 
 
 def _behind(K: Array, parts: Sequence[Ids], k: int, unit: Array) -> tuple[list[int], float]:
-    """What takes most away of quantity k, once known, and the share left then."""
+    """Find the quantities that, once known, remove most of quantity k, and the share that remains."""
     found: list[int] = []
     share = first = _mean(unit, K[np.ix_(parts[k], parts[k])])
     while len(found) < MOST and share > (1 - ENOUGH) * first:
@@ -253,7 +263,7 @@ def _behind(K: Array, parts: Sequence[Ids], k: int, unit: Array) -> tuple[list[i
 
 
 def _helps(H: Array, after: Sequence[Array], share: float) -> int | None:
-    """Which joint to turn, by numbers of unit prior variance (k, size)."""
+    """Find the joint to turn, for numbers of unit prior variance, (k, size)."""
     if not after:
         return None
     *each, everywhere = (float((H @ S * H).sum() / len(H)) for S in after)
@@ -264,5 +274,5 @@ def _helps(H: Array, after: Sequence[Array], share: float) -> int | None:
 
 
 def _mean(unit: Array, K: Array) -> float:
-    """Mean variance of combinations (k, n) of numbers of a covariance (n, n)."""
+    """Average the variance of combinations, (k, n), of numbers with a covariance, (n, n)."""
     return float(np.trace(unit @ K @ unit.T) / len(unit))

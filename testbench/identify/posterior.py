@@ -1,8 +1,9 @@
-"""How sure anything is that is linear in the unknowns: the one posterior of estimates and of calibrations.
+"""Uncertainty of everything that is linear in the unknowns: one posterior for estimates and calibrations.
 
-The covariance (M^T M)^+ is that of weighted least squares, Eq. (14)-(15), M the rows of the data over their
-standard deviation and, with a prior, those of the prior below them. A direction that M does not see has an
-infinite standard deviation. GCO away from the boundary of the cone has the same distribution.
+The covariance (M^T M)^+ is that of weighted least squares, Eq. (14)-(15). M holds the rows of the data over
+their standard deviation and, with a prior, those of the prior below them. A direction that M does not
+determine has an infinite standard deviation. GCO away from the boundary of the cone has the same
+distribution.
 """
 
 import math
@@ -13,7 +14,8 @@ from statistics import NormalDist
 import numpy as np
 
 from testbench.data.dataset import Dataset, in_order
-from testbench.errors import Array, BenchError, Ids, check_array
+from testbench.display import Displayed
+from testbench.errors import Array, BenchError, Ids, check_array, check_type
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Average, Estimate
 from testbench.identify.metric import Belief, precision_root
@@ -35,17 +37,17 @@ CURVED = 2.0
 parameters. On an arm that moves by 9 to 41 mm (`arm_6r`, 18 full poses, non-linear truths of the family,
 seeds 1 to 5) 95 % intervals hold 68 % without it, 97 % with it."""
 HEAVY = 4.0
-"""Degrees of freedom of the Student distribution of what a learnt prior puts into prediction errors.
+"""Degrees of freedom of the Student distribution of the prior's part in prediction errors.
 
-Priors are wrong in more ways than a normal distribution counts; readings are not. Over fourteen kinds of true
-arms (`campaign.true_arms`, seeds 740001 to 740017, 8 poses, wrong priors) 90, 95 and 98 % of errors are held
-by 1.6, 2.0 and 2.3 standard deviations of noise beside 1.8, 2.4 and 3.2 of what the prior puts in; of cast
-links it takes 2.5, 3.2 and 4.0. Student's with 4 degrees of freedom are 2.1, 2.8 and 3.7.
+Priors are wrong in more ways than a normal distribution covers; readings are not. Over fourteen kinds of true
+arms (`campaign.true_arms`, seeds 740001 to 740017, 8 poses, wrong priors) 90, 95 and 98 % of errors are
+within 1.6, 2.0 and 2.3 standard deviations of noise plus 1.8, 2.4 and 3.2 of the prior's part; cast links
+take 2.5, 3.2 and 4.0. Student's distribution with 4 degrees of freedom has 2.1, 2.8 and 3.7.
 """
 
 
-@dataclass(frozen=True)
-class Intervals:
+@dataclass(frozen=True, repr=False)
+class Intervals(Displayed):
     """Hold intervals of linear functionals of the unknowns, such as deflections."""
 
     centre: Array  #: By the estimate, of any shape.
@@ -55,8 +57,8 @@ class Intervals:
     on_boundary: bool  #: Whether the cone holds the estimate: then the intervals are not exact.
 
 
-@dataclass(frozen=True, eq=False)
-class Posterior:
+@dataclass(frozen=True, eq=False, repr=False)
+class Posterior(Displayed):
     """Hold a normal distribution of the unknowns about their estimate.
 
     A linear functional a has the value a @ x and the standard deviation |root a|, with root^T root = (M^T
@@ -193,8 +195,11 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
         Intervals in base axes of every marker in every run, (runs, m, 3) [m].
 
     Raises:
-        BenchError: When the confidence is outside (0, 1).
+        BenchError: When an argument has another type, or the confidence is outside (0, 1).
     """
+    check_type(vjm, Vjm, "vjm")
+    check_type(estimate, Estimate, "estimate")
+    check_type(data, Dataset, "data")
     vjm = vjm_of(vjm, estimate.structure)
     own, points = linearise(estimate), marker_points(vjm, data.markers)
     together, ends = max(1, TOGETHER // len(points)), []
@@ -297,7 +302,7 @@ def conditional(K: Array, own: Ids, known: Ids) -> Array:
 
 
 def _averaged(estimate: Estimate, average: Average) -> Posterior:
-    """The mixture of the models, as likely as they are: each wider by how far the mean lies from it."""
+    """Mix the posteriors of averaged models by probability, each widened by its distance from the mean."""
     if average.parts:
         return _mixture(estimate.pi, [(p, linearise(own)) for p, own in average.parts])
     if average.tied is not None:
@@ -311,7 +316,7 @@ def _averaged(estimate: Estimate, average: Average) -> Posterior:
 
 
 def _untied(average: Average) -> list[tuple[float, Posterior]]:
-    """Models whose joints are not coupled, and how likely each of them is beside the others."""
+    """Select the models with uncoupled joints, and their relative probabilities."""
     p, q = average.likely, average.rigid
     lawful = [] if average.lawful is None else [(p, linearise(average.lawful))]
     if p == 1:
@@ -324,7 +329,7 @@ def _untied(average: Average) -> list[tuple[float, Posterior]]:
 
 
 def _among(found: Posterior, own: Structure, widest: Structure) -> Posterior:
-    """A posterior of some unknowns among those of a wider structure, the others zero."""
+    """Embed a posterior in the unknowns of a wider structure; all others are zero."""
     x, root, unseen, scale = (
         spread(numbers, own, widest) for numbers in (found.x, found.root, found.unseen, found.scale)
     )
@@ -332,7 +337,7 @@ def _among(found: Posterior, own: Structure, widest: Structure) -> Posterior:
 
 
 def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
-    """Posteriors as likely as these, about a mean of theirs; sizes of laws, the last unknowns, some lack."""
+    """Mix posteriors by probability about a common mean; some lack the last unknowns, sizes of joint laws."""
     noise, heavy = [], []
     for p, own in parts:
         rows, first = np.zeros((len(own.root) + 1, len(pi))), len(own.root) - own.heavy
@@ -346,12 +351,12 @@ def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
 
 
 def _split(rows: list[Array], back: Array, belief: Belief, L: Array) -> tuple[Array, int]:
-    """Root of the covariance, what readings scatter above what the prior leaves open, and rows of the latter.
+    """Compute the root of the covariance: the part of noise, and rows of the part of the prior's error.
 
-    With M the rows of readings A above those of the prior B, the covariance is (M^T M)^-1 (A^T A + B^T B)
-    (M^T M)^-1: what noise does to the estimate, and what an error of the prior does. A learnt size of these
-    errors is itself unsure: by the law of total variance they count by the mean of their squares, rows of B
-    times `unsure`, and the moves of the estimate with the sizes come to them.
+    With M the rows A of the readings above those B of the prior, the covariance is (M^T M)^-1 (A^T A + B^T B)
+    (M^T M)^-1: the effect of noise on the estimate, and that of an error of the prior. Learnt sizes of these
+    errors are uncertain: by the law of total variance their mean squares count, rows of B times `unsure`. The
+    changes of the estimate with the sizes are further rows.
     """
     assert belief.moves is not None
     assert belief.unsure is not None

@@ -1,7 +1,7 @@
 """Priors: compliances expected before any reading, and their relative uncertainty.
 
-`cad_prior` makes one from the arm's folder. `metric` turns it into rows beside those of the data, and
-`hierarchy` learns its scales and uncertainties from the readings.
+`cad_prior` makes one from the arm's folder. `metric` turns it into rows that are added to those of the data,
+and `hierarchy` learns its scales and uncertainties from the readings.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, check_type
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -20,7 +20,7 @@ RANGE = 1e-6, 1e6
 SOFTENED = 0.5
 """Share of the couplings (off-diagonal compliances) that `softened` removes from every link [1].
 
-It stands for bearings and flanges that bend beside the beam between them.
+It stands for bearings and flanges that are elastic in addition to the beam between them.
 """
 PRIORS = 32
 """Number of softened priors that are cached, so that their metrics are found again."""
@@ -79,7 +79,11 @@ def cad_prior(arm: Arm) -> Prior:
 
     Returns:
         Expected compliances, as accurate as the folder.
+
+    Raises:
+        BenchError: When the argument is no arm.
     """
+    check_type(arm, Arm, "arm")
     return Prior(f"CAD of {arm.name}", arm.C_theta)
 
 

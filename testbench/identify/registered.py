@@ -1,9 +1,10 @@
-"""Runs in the base's frame, whatever frame they were read in, and the model with its targets as they are.
+"""Runs converted to the base's frame from any tracker frame, and the model with its targets as measured.
 
-Sizes, on a KR 500 in 10 poses with deflections of 6 mm and 40 um of noise: by noise the frame's rotation
-leaves 1 um of a deflection open, 5 um (at most 12) with joints 1 mm and 1 mrad off; that is added to its
-covariance. The targets leave as much, by the tool's rotation of 4 mrad; that is not added. What the arm's sag
-and its errors have in common with a rotation is in neither: 0.1 deg by its own weight, 0.2 deg with both.
+Sizes on a KR 500 in 10 poses, with deflections of 6 mm and 40 um of noise: the uncertainty of the frame's
+rotation changes a deflection by 1 um through noise, and by 5 um (at most 12) through joints off by 1 mm and 1
+mrad; this is added to its covariance. The uncertainty of the targets does as much, through the tool's
+rotation of 4 mrad; this is not added. Neither contains what the arm's sag and its errors have in common with
+a rotation: 0.1 deg by its own weight, 0.2 deg by both.
 """
 
 import math
@@ -15,14 +16,15 @@ import numpy as np
 
 from testbench.data.dataset import Dataset, read_by
 from testbench.data.series import Series, select_rows, series_of
-from testbench.errors import Array, BenchError, Mask
+from testbench.errors import Array, BenchError, Mask, check_type
 from testbench.identify.registration import Frame, Registration, reach, register, spread
 from testbench.identify.weighed import check_runs
 from testbench.model.vjm import Vjm, skew
 
 Choice = Literal["auto", "base", "tracker"]
 
-STATION = "station"  #: Frames are called by it and by the number of the set-up.
+STATION = "station"
+"""Prefix of the names of frames; the number of the station follows."""
 TURN, SHIFT = math.radians(0.5), 0.01
 """A frame nearer to the base than this is the base [rad, share of the arm's reach].
 
@@ -30,13 +32,15 @@ Readings in the base's frame seem turned by up to 0.35 deg and moved by 15 mm at
 with `plant.TYPICAL` errors; without errors, by 0.13 deg and 4 mm by its own weight (30 campaigns, KR 500).
 """
 MOVED = 0.005
-"""Distance from its nominal position beyond which a target of readings in the base's frame is taken as found
-[m]. By its own weight a sound arm moves one by up to 2 mm; to take targets as found costs nothing."""
-SURE = 3.0  #: Standard deviations within which a frame may be the base.
-LOOSE = math.radians(1.0)  #: Standard deviation of a frame's rotation beyond which it is not known [rad].
+"""Distance from its nominal position beyond which a target of readings in the base's frame is fitted [m]. Own
+weight moves a target of a sound arm by up to 2 mm; fitting targets costs nothing."""
+SURE = 3.0
+"""Standard deviations within which a frame may be the base."""
+LOOSE = math.radians(1.0)
+"""Standard deviation of a frame's rotation beyond which it is undetermined [rad]."""
 FAR = 0.02
-"""Median distance of readings from where the nominal arm has them, over the tool's distance from its base,
-from which it is another arm, or has other joint angles."""
+"""Median distance of readings from the nominal arm, over the tool's distance from its base, beyond which they
+are of another arm or of other joint angles [1]."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +49,10 @@ class Registered:
 
     vjm: Vjm  #: The model, with targets where the readings have them.
     data: Dataset  #: The runs in the base's frame.
-    registration: Registration | None  #: How they fit; None where nothing was found.
-    frame: Literal["base", "tracker"]  #: What the readings were in.
-    taken: Mask  #: Which targets were taken as found, (m,).
-    why: str = ""  #: Why nothing was found.
+    registration: Registration | None  #: Result of the registration; None if it failed.
+    frame: Literal["base", "tracker"]  #: Frame of the readings.
+    taken: Mask  #: Targets that were fitted, (m,).
+    why: str = ""  #: Why the registration failed.
 
 
 def registered(vjm: Vjm, data: Dataset, frame: Choice | Mapping[str, Frame] = "auto") -> Registered:
@@ -63,8 +67,10 @@ def registered(vjm: Vjm, data: Dataset, frame: Choice | Mapping[str, Frame] = "a
         Runs as they are, and the arm's own targets, where both agree with the arm's kinematics.
 
     Raises:
-        BenchError: When a frame or a target that must be found cannot be.
+        BenchError: When an argument has another type, or a frame or a target that must be found cannot be.
     """
+    check_type(vjm, Vjm, "vjm")
+    check_type(data, Dataset, "data")
     check_runs(vjm, data)
     series, nominal = unloaded(data), dict(zip(vjm.arm.markers, vjm.markers, strict=True))
     base = {one.frame: Frame(np.eye(3), np.zeros(3)) for one in series}
@@ -99,7 +105,7 @@ def unloaded(data: Dataset) -> tuple[Series, ...]:
 
 
 def _is_base(series: Series, frame: Frame, far: float) -> bool:
-    """Whether a frame is the base's but for the arm's errors, or cannot be told from it."""
+    """Tell whether a frame is the base's up to the arm's errors, or cannot be distinguished from it."""
     y = series.position[series.seen]
     x = (y - frame.translation) @ frame.rotation
     at_targets = np.hstack([-frame.rotation @ skew(x.mean(axis=0)), np.eye(3)])

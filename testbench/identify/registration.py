@@ -29,13 +29,18 @@ from testbench.identify.robust_loss import FRAMES
 from testbench.model.tool_motion import turned
 from testbench.model.vjm import Vjm, skew, tool_pose
 
-STILL = 1e-3  #: A joint that moves less stands still [rad, m].
-POSES = 6  #: That fix one frame and one target without a nominal position.
+STILL = 1e-3
+"""Motion of a joint below which it counts as still [rad, m]."""
+POSES = 6
+"""Fewest poses that determine one frame and one target without a nominal position."""
 ROUGH = 0.02
 """Standard deviation of a nominal target position along each axis [m]."""
-ASSUMED = 1e-3  #: Noise by geometric errors where the readings cannot tell [m].
-SPARE = 6  #: Fewer equations beyond the unknowns tell nothing of the noise.
-STEP = 1e-9  #: A Gauss-Newton step below this is the last [m, rad].
+ASSUMED = 1e-3
+"""Noise by geometric errors if the readings do not determine it [m]."""
+SPARE = 6
+"""Fewest degrees of freedom that determine the noise."""
+STEP = 1e-9
+"""Gauss-Newton step at which the fit has converged [m, rad]."""
 MOST_STEPS = 200
 NEAR, FAR_STEPS = 1e-4, 60
 """After a step below NEAR [m, rad], or so many, wild readings are dropped and the noise is estimated too.
@@ -89,15 +94,15 @@ class Frame:
 class Registration:
     """Hold the frames and targets that were fitted to readings, with their covariance."""
 
-    names: tuple[str, ...]  #: Of the frames.
+    names: tuple[str, ...]  #: Names of the frames.
     markers: tuple[str, ...]  #: Names of the targets.
-    nominal: Array  #: Where they were expected, (m, 3) [m]; NaN for a target that nobody expected.
+    nominal: Array  #: Nominal target positions, (m, 3) [m]; NaN for a target without one.
     layout: Layout  #: Frames and targets in order.
-    free: Mask  #: Which frames were not given, (frames,).
+    free: Mask  #: Frames that were not given, (frames,).
     covariance: Array  #: Of rotation and translation of every frame not given, then of all targets [rad, m].
-    distance: Array  #: Of every reading, once a pose, from where arm, frames and targets have it, (n,) [m].
+    distance: Array  #: Distance of every reading, averaged per pose, from the fitted arm, (n,) [m].
     noise: float  #: s: standard deviation along an axis beyond the tracker's [m].
-    wild: int  #: Readings that pull less or not at all, as they are more than a bend off.
+    wild: int  #: Number of outliers, with less than full robust weight.
 
     @property
     def frames(self) -> dict[str, Frame]:
@@ -205,7 +210,7 @@ def turning(vjm: Vjm, series: Sequence[Series]) -> list[str]:
 
 
 def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> str:
-    """Why no registration was found, and what would help."""
+    """Explain why the registration failed, and what would help."""
     if DIVERGED in tried:
         return f"{DIVERGED}; a wrong unit, order of joints or sign of an angle?"
     for one in series:
@@ -220,7 +225,7 @@ def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> st
 
 
 def _refined(seen: Means, start: Registration) -> Registration | str:
-    """Gauss-Newton from a start; `OPEN` when readings and nominal targets leave a direction without bound."""
+    """Take Gauss-Newton steps from a start; returns `OPEN` if a direction is undetermined."""
     at, free, noise, kept = start.layout, start.free, start.noise, None
     values, V = np.linalg.eigh(seen.covariance)
     for k in range(MOST_STEPS):
@@ -254,9 +259,9 @@ def _refined(seen: Means, start: Registration) -> Registration | str:
 
 
 def _held(off: Array, size: int) -> tuple[Array, Array]:
-    """Weights of the nominal targets and their distances, of all unknowns: none of frames and new targets.
+    """Compute weights and distances of the nominal targets, zero for frames and new targets.
 
-    Beyond the bend a nominal position pulls no harder either: it is wrong, not rough.
+    The loss is Huber's here too: a nominal position beyond the bend is wrong, not imprecise.
     """
     length = np.linalg.norm(off, axis=1, keepdims=True) / ROUGH
     weight, frames = np.where(np.isfinite(off), FRAMES.pull(length), 0) / ROUGH**2, (size - off.size, 0)

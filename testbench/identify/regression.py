@@ -1,7 +1,7 @@
-"""A dataset boiled down: the triangular factors of its weighted rows, Eq. (13).
+"""A reduced dataset: the triangular factors of its weighted rows, Eq. (13).
 
-Least squares and GCO see a dataset only through F_M, and F_M only through the triangular factor of the
-stacked weighted rows: n + 1 numbers squared, however many runs there were.
+Least squares and GCO need a dataset only through F_M, and F_M only through the triangular factor of the
+stacked weighted rows: (n + 1)^2 numbers, whatever the number of runs.
 """
 
 import math
@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import qr
 
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.unknowns import compliances
 from testbench.identify.rows import jacobian, straight
@@ -33,22 +34,31 @@ class Term:
 
     R: Array  #: Triangular factor of the rows, (n, n).
     z: Array  #: Measured deflections in its coordinates, (n,).
-    rest: float  #: What no parameter can explain: squared norm outside the columns' span.
-    equations: int  #: Scalar equations behind it.
+    rest: float  #: Squared norm of the readings outside the columns' span, which no parameter can explain.
+    equations: int  #: Number of scalar equations.
 
 
-@dataclass(frozen=True)
-class Regression:
+@dataclass(frozen=True, repr=False)
+class Regression(Displayed):
     """Hold F_M of a structure on a dataset, as triangular factors of the weighted equations (13)."""
 
     structure: Structure  #: The unknowns, n of them.
     terms: tuple[Term, ...]  #: Position term, then the rotation term where orientations are read.
     columns: Array  #: Norm of each parameter's weighted column, (n,): zero where no data touch it.
     weight: Array  #: The same of the diagonal entries of C_theta, (n_theta,) [N/m, N m/rad].
-    #: Rows [A | y] of every pose in standard deviations, (k, n + 1) each; none where nobody asks.
+    #: Rows [A | y] of every pose in standard deviations, (k, n + 1) each; empty if they were not requested.
     poses: tuple[Array, ...] = ()
     #: By how much parameters wander from pose to pose, a standard deviation a row, (links, n); None for not.
     wander: Array | None = None
+
+    def about(self) -> dict[str, object]:
+        """Summarise the reduced dataset: structure, unknowns, rank and equations."""
+        return {
+            "structure": self.structure.name,
+            "unknowns": self.structure.n,
+            "rank": self.rank,
+            "equations": self.equations,
+        }
 
     @cached_property
     def rank(self) -> int:

@@ -1,7 +1,7 @@
-"""The robust loss of pairs, frames and calibrations: how much a reading pulls, and the scatter beside it.
+"""Robust loss for pairs, frames and calibrations: weights of readings, and noise beyond the stated one.
 
-A reading is three numbers. Beyond a bend, in standard deviations, it pulls no harder, which is Huber's loss:
-rows are weighed by the root of its pull. The scatter is Huber's proposal 2.
+A reading has three components. Beyond a bend, in standard deviations, its influence is constant, which is
+Huber's loss: rows are multiplied by the root of the weight. The noise is estimated by Huber's proposal 2.
 """
 
 from dataclasses import dataclass
@@ -10,35 +10,37 @@ import numpy as np
 
 from testbench.errors import Array
 
-FINEST = 2.0**-60  #: Error of a scatter over ten times the largest residual.
+FINEST = 2.0**-60
+"""Error of the estimated noise, over ten times the largest residual [1]."""
 
 
 @dataclass(frozen=True)
 class Loss:
-    """A loss of the length of a reading's residual."""
+    """Define a robust loss of the length of a reading's residual."""
 
-    bend: float  #: Length, in standard deviations, beyond which a reading pulls less.
+    bend: float  #: Length, in standard deviations, beyond which a reading has less than full weight.
     mean_square: float  #: Mean of min(|z|, bend)^2 of normal 3-vectors z.
 
     def pull(self, length: Array) -> Array:
-        """By how much a reading pulls less than a sound one, by the length of its whitened residual [1].
+        """Compute the robust weight of a reading from the length of its whitened residual [1].
 
         Mathematics: `est-16`.
         """
         return np.asarray(np.minimum(1.0, self.bend / np.maximum(length, self.bend)))
 
     def spread(self, residual: Array, variance: Array, share: float) -> float:
-        """S such that residuals have the length that their variances promise, 0 where they are shorter.
+        """Estimate the standard deviation S that explains the residuals in addition to the stated variances.
 
         Mathematics: `est-17`.
 
         Args:
-            residual: Along axes in which the components of a reading are independent, (n, k) [m, rad].
-            variance: Of the readings themselves there, (n, k) [m^2, rad^2].
-            share: Equations less unknowns over equations [1].
+            residual: Residuals along axes in which the components of a reading are independent, (n, k) [m,
+                rad].
+            variance: Stated variances along these axes, (n, k) [m^2, rad^2].
+            share: Degrees of freedom over number of equations [1].
 
         Returns:
-            Standard deviation along an axis beside that of the readings [m, rad].
+            S along an axis [m, rad]; 0 if the stated variances explain the residuals.
         """
         from scipy.optimize import brentq  # here: it takes long to import, and few runs need it
 
@@ -55,10 +57,12 @@ class Loss:
 
 
 PAIRS = Loss(1.628, 1.928)
-"""Of pairs, while outliers are sought: means of normal 3-vectors keep 95 % of their efficiency, which for
-single numbers is a bend of 1.345."""
+"""Loss for pairs while outliers are searched: means of normal 3-vectors keep 95 % efficiency, as single
+numbers do with a bend of 1.345."""
 FRAMES = Loss(3.0, 2.936)
-"""Of a registration: 3 % of sound readings pull less. With a bend of 3.5 frame and targets err 1 to 4 % more
-where 5 % of the readings are off by 5 mm (median of 100 draws)."""
-READINGS = Loss(3.5, 2.986)  #: Of a calibration: 0.7 % of sound ones do.
-SQUARE = Loss(1e300, 3.0)  #: Least squares: none pulls less.
+"""Loss of a registration: 3 % of sound readings have less than full weight. With a bend of 3.5, errors of
+frame and targets are 1 to 4 % larger if 5 % of the readings are off by 5 mm (median of 100 draws)."""
+READINGS = Loss(3.5, 2.986)
+"""Loss of a calibration: 0.7 % of sound readings have less than full weight."""
+SQUARE = Loss(1e300, 3.0)
+"""Loss of least squares: full weight for all."""

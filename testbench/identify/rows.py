@@ -1,7 +1,7 @@
-"""The one Jacobian, Eq. (3) and (12): how every unknown moves a reading, and what is left of it.
+"""Jacobian of the readings, Eq. (3) and (12): their change with every unknown, and their residuals.
 
-A reading is a position of a target or an orientation, three numbers each in base axes. A pair is the
-difference of two readings of a pose: of its unknowns only compliances are left, Eq. (13).
+A reading is a position of a target or an orientation, three numbers in base axes. A pair is the difference of
+two readings in one pose: only its compliances remain unknown, Eq. (13).
 """
 
 import math
@@ -60,7 +60,7 @@ def jacobian(
 
 
 def _add_frame(A: Array, x: Array, m: int) -> None:
-    """Move and turn of the base frame: x + move + turn x x, (s, 3, 6, runs)."""
+    """Add the columns of translation and rotation of the base frame: x + move + turn x x, (s, 3, 6, runs)."""
     for k, axis in enumerate(np.eye(3)):
         A[:m, k, k] = 1.0
         A[:m, :, 3 + k] = cross(axis[:, None, None], x.transpose(2, 1, 0)).transpose(1, 0, 2)
@@ -68,7 +68,7 @@ def _add_frame(A: Array, x: Array, m: int) -> None:
 
 
 def _add_mount(A: Array, R: Array) -> None:
-    """Moves of every target in the tool's axes, then the turn of the one with an orientation."""
+    """Add the columns of every target's move in tool axes, and of the rotation of the oriented target."""
     for k in range(len(A)):
         A[k, :, 3 * k : 3 * k + 3] = R.transpose(1, 2, 0)
 

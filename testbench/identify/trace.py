@@ -1,18 +1,18 @@
-"""The trace weight of GCO: what it is, and how the readings teach it.
+"""Trace weight of GCO without a prior: its meaning, and how the readings determine it.
 
 GCO without a prior minimises F_M + w tr C over conservative compliances, a convex program. The trace, in
-rad/(N m), is of the links: joints cost next to nothing, also those that a structure counts in the link before
-them. So the stronger the weight, the nearer is the model to joint stiffness only; with w = 0 it is the
-paper's. No compliance is expected, the arm's kinematics are all that is used.
+rad/(N m), is that of the links: joints cost next to nothing, also those that a structure counts in the link
+before them. The larger the weight, the nearer the model to joint stiffness only; with w = 0 it is the paper's
+GCO. It needs no expected compliances, only the arm's kinematics.
 
-As chi^2 = N F_M^2 for N points, the least F_M + w tr C is the least chi^2 / 2 + l tr C with the rate
-l = w N F_M: the most probable model of normal noise, where every link has the prior density exp(-l tr C),
-of a matrix C of order m with the mean (m + 1) / (2 l) along every axis (maximum a posteriori).
+As chi^2 = N F_M^2 for N points, the minimum of F_M + w tr C is that of chi^2 / 2 + l tr C with the rate l = w
+N F_M: the most probable model for normal noise if every link has the prior density exp(-l tr C). For a matrix
+C of order m its mean is (m + 1) / (2 l) along every axis.
 
-The readings teach l: poses are held out in turn, and the strongest weight is taken whose F_M there is not
-larger than the least by more than chance: Student's paired test of the logarithms, pose by pose, at 5 %. The
-strongest of all leaves links straight, joint stiffness only. So a link may bend only where readings held out
-ask for it. One reduction serves all folds and weights.
+The readings determine l by cross-validation over poses. The strongest weight is chosen whose held-out F_M
+exceeds the least one by no more than chance (Student's paired test of the logarithms, pose by pose, at 5 %).
+The strongest weight of all leaves links rigid. So a link is elastic only if held-out readings require it. One
+reduction serves all folds and weights.
 """
 
 import math
@@ -33,16 +33,18 @@ from testbench.identify.regression import Regression
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-OF_A_JOINT = 1e-6  #: Price of a joint over that of a link: it holds what no reading shows at zero.
-RANK = 1e-12  #: Least eigenvalue of a Gram matrix, over the largest, that is no rounding.
-RATIO, WEIGHTS = 5.0, 6  #: Between neighbours of the weights that are tried; how many these are.
+OF_A_JOINT = 1e-6
+"""Cost of a joint over that of a link [1]: it keeps joints that no reading shows at zero."""
+RANK = 1e-12
+"""Least eigenvalue of a Gram matrix, over the largest, that is not rounding [1]."""
+RATIO, WEIGHTS = 5.0, 6
+"""Ratio of neighbouring weights that are tried, and their number."""
 SURE = 0.95
-"""Probability with which a weaker weight has to predict better what is held out.
-
-Beside the rule of one standard error of F_M itself, errors of MGCO56 are 11 % smaller on coupled links, 7 %
-on links 10 times stiffer, 6 % on disturbed arms, alike on cast links and on those 40 % off tubes, and 3 %
-larger on the family (geometric means). It loses more than 5 % to joints alone on 5 to 22 % of the arms of
-these kinds, that rule on 14 to 33 % (`kr500_l480`, seeds 760001 to 760060; chosen on 300000 to 300039)."""
+"""Confidence with which a weaker weight must predict held-out poses better. In comparison with the rule of
+one standard error of F_M, errors of MGCO56 are 11 % smaller on coupled links, 7 % on links 10 times stiffer
+and 6 % on disturbed arms, equal on cast links and on links 40 % off tubes, and 3 % larger on the family
+(geometric means). It loses more than 5 % to joints only on 5 to 22 % of the arms of these kinds, that rule on
+14 to 33 % (`kr500_l480`, seeds 760001 to 760060; chosen on 300000 to 300039)."""
 
 
 def weighed(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
@@ -129,7 +131,7 @@ def _roots(H: Array) -> Array:
 
 
 def _joints(s: Structure, gram: Array) -> Array:
-    """Joint stiffness only by least squares, none negative, (n,)."""
+    """Fit joint stiffness only by non-negative least squares, (n,)."""
     joints = np.flatnonzero(s.a >= 6 * s.links)
     joints = joints[np.diag(gram)[joints] > 0]
     pi, H, g = np.zeros(s.n), gram[:-1, :-1], gram[:-1, -1]
@@ -146,7 +148,7 @@ def _joints(s: Structure, gram: Array) -> Array:
 
 
 def _rate(s: Structure, gram: Array, pi: Array) -> float:
-    """Least rate l that holds all links straight beside the best joints, (n,)."""
+    """Compute the least rate l that keeps all links rigid at the best joints, (n,)."""
     H, g, units = gram[:-1, :-1], gram[:-1, -1], scaled_units(s)
     S = s.gradient(H @ pi - g) * np.outer(units, units)
     links = [block for block in s.blocks if block[0] < 6 * s.links]
@@ -154,13 +156,13 @@ def _rate(s: Structure, gram: Array, pi: Array) -> float:
 
 
 def _squares(gram: Array, pi: Array) -> Array:
-    """Squared residuals of parameters, (..., n)."""
+    """Compute the squared residuals of parameters, (..., n)."""
     every = np.concatenate([pi, -np.ones((*pi.shape[:-1], 1))], axis=-1)
     return np.asarray(np.maximum(np.vecdot(every, every @ gram), 0))
 
 
 def _strongest(errors: Array) -> int:
-    """Place of the strongest weight that errs no more than the best but by chance, (folds, weights)."""
+    """Select the strongest weight whose error exceeds the least one only by chance, (folds, weights)."""
     logs = np.log(np.where(np.isfinite(errors).all(axis=0), np.maximum(errors, TINY), np.inf))
     best, chance = int(logs.mean(axis=0).argmin()), stdtrit(max(1, len(logs) - 1), SURE)
     for k in range(best):

@@ -1,14 +1,14 @@
-"""Links whose compliance is another one in every pose: how much so, learnt from the readings.
+"""Link compliances that vary from pose to pose: the size of the variation, learnt from the readings.
 
-No linear model has it, and its prior would take it up as links that are far off. So in pose p every link k
-has (1 + rho e_pk) times its compliance, e_pk standard normal: with W the rows pi_k of a fit, a link each, the
-rows A_p of a pose scatter by
+No linear model contains it, and its prior would explain it by links that are far off. In pose p every link k
+has (1 + rho e_pk) times its compliance, e_pk standard normal. With W the rows pi_k of a fit, one per link,
+the rows A_p of a pose have the covariance
 
     S_p = 1 + rho^2 A_p W^T W A_p^T
 
-in units of the noise, and weighed by S_p^-1/2 they are those of a linear model again. rho is that of greatest
-evidence at the prior as it was learnt without; 0 where the readings do not want it. In poses that were never
-measured links scatter as much, which counts beside the noise.
+in units of the noise, and multiplied by S_p^-1/2 they are those of a linear model again. rho maximises the
+evidence under the prior that was learnt without it; it is 0 unless the evidence gains enough. In new poses
+links vary as much, which is added to the noise of predictions.
 """
 
 import math
@@ -22,22 +22,28 @@ from testbench.identify.hierarchy import MISFIT
 from testbench.identify.metric import Belief, precision_root
 from testbench.identify.regression import Regression, regression_of, some_columns, term_of, triangle
 
-SIZES = 0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.56  #: Of rho that are tried [1].
+SIZES = 0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.56
+"""Values of rho that are tried [1]."""
 WANTED = math.log(10)
-"""Logarithm of the evidence that rho has to gain. Of 19 arms of the family with all disturbances none does,
-of 13 undisturbed ones one, which then errs 5 % more (`kr500_l480`, seeds 5000 on, 8 poses)."""
+"""Log evidence that rho must gain. Of 19 arms of the family with all disturbances none gains it, of 13
+undisturbed ones one, which then errs 5 % more (`kr500_l480`, seeds 5000 on, 8 poses)."""
 BACK = 1.5
-"""By how much less likely a larger rho may be that is taken: the prior has taken up some of it already."""
-SMALL = 1e-9  #: Rows below this share of the largest are rounding.
+"""Log evidence that a larger rho may lose against the best one: the learnt prior explains some of it
+already."""
+SMALL = 1e-9
+"""Rows below this share of the largest are rounding [1]."""
 
 
 def size(r: Regression, found: Estimate, back: float = 0.0) -> float:
-    """The rho that the readings want, 0 for none [1].
+    """Find the relative change rho of link compliances between poses of greatest evidence.
 
     Args:
         r: The dataset, with its rows pose by pose.
-        found: A fit to it whose prior is learnt.
-        back: By how much less likely than the best a larger rho may be that is taken.
+        found: A fit to it with a learnt prior.
+        back: Log evidence that a larger rho may lose against the best.
+
+    Returns:
+        rho, 0 if the evidence does not gain enough [1].
     """
     fit = _uncoupled(found)
     belief = fit.belief
@@ -54,7 +60,7 @@ def size(r: Regression, found: Estimate, back: float = 0.0) -> float:
 
 
 def _uncoupled(found: Estimate) -> Estimate:
-    """Links and joints, with laws where these are likelier: what laws explain, no link has to."""
+    """Return the fit of links and joints, with laws if these are more probable: links explain the rest."""
     if found.average is None:
         return found
     lawful = found.average.lawful
@@ -68,7 +74,7 @@ def _by_link(r: Regression, pi: Array) -> Array:
 
 
 def _along(rows: Array, links: Array) -> tuple[Array, Array]:
-    """Variances of a pose's rows per rho^2, (k,), and these rows along which there are none others."""
+    """Compute variances of a pose's rows per rho^2, (k,), and the rows along uncorrelated directions."""
     R: Array = np.asarray(np.linalg.qr(rows, mode="r"))
     long = np.abs(R).max(axis=1)
     R = R[long > SMALL * long.max(initial=0)]
@@ -80,7 +86,7 @@ def _along(rows: Array, links: Array) -> tuple[Array, Array]:
 def _log_evidence(
     rho: float, belief: Belief, poses: list[tuple[Array, Array]], lost: int, left: float
 ) -> float:
-    """Logarithm of the density of the readings, but for a constant; their noise as said or as learnt."""
+    """Compute the log density of the readings, up to a constant; their noise is as stated or as learnt."""
     B, c = (own / belief.misfit for own in precision_root(belief.metric, belief.strength))
     prior, L, best = np.c_[B, c].T @ np.c_[B, c], belief.metric.L, -math.inf
     for kappa in {1.0, belief.misfit}:

@@ -1,4 +1,4 @@
-"""Readings of pairs one by one, weighted, to be left out; and what can be reduced at all."""
+"""Readings of pairs one by one, weighted, so that single ones can be left out; and limits of datasets."""
 
 from dataclasses import dataclass
 
@@ -14,9 +14,9 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
 LARGEST = 1e9
-"""Largest reading, load or coordinate that can be meant [m, N, N m]; squares of more may overflow."""
+"""Largest reading, load or coordinate [m, N, N m]: squares of larger ones may overflow."""
 MOST_READINGS = 5000
-"""Most readings that fit into one program: about ten seconds and some hundred megabytes for 153 unknowns."""
+"""Most readings in one program: about ten seconds and some hundred megabytes for 153 unknowns."""
 
 
 def check_runs(vjm: Vjm, data: Dataset) -> None:
@@ -44,11 +44,11 @@ def check_runs(vjm: Vjm, data: Dataset) -> None:
 
 @dataclass(frozen=True)
 class Readings:
-    """Rows of Eq. (13), reading by reading, in standard deviations."""
+    """Hold rows of Eq. (13), reading by reading, in standard deviations."""
 
     A: Array  #: Observation matrices, (readings, 3, n).
     y: Array  #: Measured, (readings, 3) [1].
-    unit: Array  #: Standard deviation of each, sqrt(2) sigma where all axes are alike, (readings,) [m, rad].
+    unit: Array  #: Standard deviation of each, sqrt(2) sigma if all axes are equal, (readings,) [m, rad].
     run: Ids  #: Index of its run in the dataset, (readings,).
     marker: Ids  #: Index of its marker, -1 for the orientation, (readings,).
 

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.errors import Array, BenchError, Ids, check_array
+from testbench.display import Displayed
+from testbench.errors import Array, BenchError, Ids, check_array, check_type
 from testbench.model.vjm import Chain, Vjm, plain_load, with_laws
 
 
-@dataclass(frozen=True)
-class Load:
+@dataclass(frozen=True, repr=False)
+class Load(Displayed):
     """Describe a wrench at the tool: one for all poses, or one per pose."""
 
     wrench: Array  #: Force and moment, world axes, (6,) or (poses, 6) [N, N m].
@@ -64,7 +65,12 @@ def weight(vjm: Vjm, mass: float | Array) -> Load:
 
     Returns:
         The load: wrench (6,) or (poses, 6) [N, N m], point (3,) or (poses, 3) [m].
+
+    Raises:
+        BenchError: When an argument has another type, or a mass is not finite.
     """
+    check_type(vjm, Vjm, "vjm")
+    check_array(mass, (None,) * np.ndim(mass), "mass [kg]")
     wrench = np.zeros((*np.shape(mass), 6))
     wrench[..., 2] = -GRAVITY * mass
     return Load(wrench, np.broadcast_to(vjm.load, (*np.shape(mass), 3)))

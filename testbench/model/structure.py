@@ -17,7 +17,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Ids, Mask
+from testbench.errors import Array, BenchError, Ids, Mask, check_type
 
 Pairs = tuple[tuple[int, int], ...]
 
@@ -89,9 +89,10 @@ class Structure(Displayed):
             The structure; parameters of the links come first, in the given order, then those of the joints.
 
         Raises:
-            BenchError: When the arm has no such link or joint, an entry is wrong or repeated, or nothing is
-                unknown.
+            BenchError: When arm is no Arm or has no such link or joint, an entry is wrong or repeated, or
+                nothing is unknown.
         """
+        check_type(arm, Arm, "arm")
         symmetric = all(a <= b for a, b in entries)
         mirrored = {(b, a) for a, b in entries} == set(entries)
         inside = all(min(pair) >= 0 and max(pair) < 6 for pair in entries)

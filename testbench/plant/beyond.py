@@ -1,11 +1,11 @@
-"""What the springs of a true arm do that no matrix of a folder says: they follow the pose, couple, and creep.
+"""Elasticity of true arms that constant matrices cannot describe: pose dependence, coupling, slip.
 
-- A link's compliance follows the pose: C(q) = D C D with D = diag(exp(w s(q) / 2)), s from -1 to 1 over the
-  turns of some joints, w how far each axis follows.
-- Joints are coupled: a torque on one turns others too, by entries of a symmetric matrix.
-- Friction slips bit by bit (Iwan 1966, in Prandtl's form): a joint is many plays side by side whose half
-  widths are uniform from 0 to the slip H. From where it stood, a target that moves away by d takes it along
-  by d^2 / (2 H) until d = H, then by d - H / 2: stiff at first, and a loop in the end.
+- A link's compliance depends on the pose: C(q) = D C D with D = diag(exp(w s(q) / 2)). s goes from -1 to 1
+  with the angles of some joints; w is the size of the change along each axis.
+- Joints are coupled: a torque on one joint turns others too, by entries of a symmetric matrix.
+- Friction slips gradually (Iwan 1966, in Prandtl's form): a joint has many play operators in parallel, whose
+  half widths are uniform from 0 to the slip H. A target that moves away by d takes the joint along by d^2 /
+  (2 H) until d = H, then by d - H / 2: stiff at first, and a hysteresis loop in the end.
 """
 
 from dataclasses import dataclass
@@ -17,17 +17,20 @@ from testbench.errors import Array
 
 @dataclass(frozen=True)
 class Follows:
-    """How compliances of links follow the pose: s = sin(turns q + phase), one a link."""
+    """Describe how compliances of links depend on the pose: s = sin(turns q + phase), one per link."""
 
     share: Array  #: Logarithm of the compliance along every axis of a link at s = 1, (links, 6) [1].
-    turns: Array  #: How s turns with every joint, (links, n) [1, rad/m].
-    phase: Array  #: (links,) [rad].
+    turns: Array  #: Change of the argument of s with every joint, (links, n) [1, rad/m].
+    phase: Array  #: Phase of every link, (links,) [rad].
 
     def factors(self, q: Array) -> Array:
-        """Roots of the compliances over those of the folder, (poses, 6 links) [1].
+        """Compute the factors that the pose applies to the roots of the link compliances.
 
         Args:
             q: Commanded joint angles, (poses, n) [rad, m].
+
+        Returns:
+            Factors relative to the compliances of the arm's folder, (poses, 6 links) [1].
         """
         s = np.sin((q[:, None, :] * self.turns).sum(axis=2) + self.phase)
         return np.asarray(np.exp(s[..., None] * self.share / 2).reshape(len(q), -1))
@@ -35,10 +38,10 @@ class Follows:
 
 @dataclass(frozen=True)
 class Beyond:
-    """What the springs of one arm do beyond its folder's matrices; nothing where a field is None."""
+    """Hold the elastic behaviour of one arm beyond constant matrices; a field of None has no effect."""
 
     follows: Follows | None = None
-    #: Compliance between joints beside their own, symmetric with a zero diagonal, (n, n) [rad/(N m)].
+    #: Compliance that couples joints, symmetric with a zero diagonal, (n, n) [rad/(N m)].
     between: Array | None = None
     slip: Array | None = None  #: Largest half width H of the friction of every joint, (n,) [rad, m].
 

@@ -1,8 +1,8 @@
-"""The true arm as MuJoCo models: one to look into, and some side by side to compute with.
+"""The true arm as MuJoCo models: one for inspection, and one with several copies for computation.
 
-A Newton step needs MuJoCo's kinematics and the force of the arm's own weight, 2.8 us a pose, and what leads
-from Python to them costs as much. So a second model holds several arms, without geoms and springs: one call
-serves a pose of each.
+A Newton step needs MuJoCo's kinematics and the gravity force, 2.8 us per pose; the call from Python costs as
+much. So the second model holds several copies of the arm, without geoms and springs: one call evaluates a
+pose in each.
 """
 
 import copy
@@ -24,22 +24,25 @@ from testbench.plant.gear import Gears
 
 REFUSED = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 """What MuJoCo raises of a model that it does not compile."""
-MOST_PAIRS = 50_000  #: Geoms that may collide: 316 on ten links.
-HULL_CORNERS = 1000  #: Of the hull by which a mesh collides, at most.
-ABREAST = 8  #: Arms side by side. MuJoCo compiles them in 15 ms; time grows with their square.
+MOST_PAIRS = 50_000
+"""Most geoms that may collide: 316 on ten links."""
+HULL_CORNERS = 1000
+"""Most corners of the convex hull by which a mesh collides."""
+ABREAST = 8
+"""Number of copies. MuJoCo compiles them in 15 ms; the time grows with the square of their number."""
 
 
 @dataclass(frozen=True)
 class Plant:
-    """The true arm: a MuJoCo model with sprung virtual joints.
+    """Hold the true arm: a MuJoCo model with sprung virtual joints.
 
-    All its joints are slides and hinges, so that one address serves qpos and qvel. Not the model is to be
-    changed, but the plant, `with_model`: the arms side by side must follow.
+    All its joints are slides and hinges, so that one address serves qpos and qvel. To change the MuJoCo
+    model, use `with_model`: it also updates the copies.
     """
 
-    arm: Arm  #: Its description.
+    arm: Arm  #: Description of the arm.
     model: mujoco.MjModel  #: Elastic MuJoCo model.
-    abreast: mujoco.MjModel  #: Its bodies and joints, several times.
+    abreast: mujoco.MjModel  #: Copies of its bodies and joints.
     theta: Ids  #: Address of each virtual joint, (n_theta,).
     joints: Ids  #: Address of each actuated joint, (n,).
     tool: int  #: Body id of the tool.
@@ -47,22 +50,29 @@ class Plant:
     load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
     C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
     carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
-    disturbances: Disturbances  #: What it does beyond its folder.
-    offset: Array  #: True minus commanded joint angles, the same in all poses, (n,) [rad].
-    centre: Array  #: True minus recorded hanging point, tool's axes, (3,) [m].
+    disturbances: Disturbances  #: Disturbances of the true arm.
+    offset: Array  #: True minus commanded joint angles, equal in all poses, (n,) [rad].
+    centre: Array  #: True minus recorded load point, tool's axes, (3,) [m].
     #: True minus drawn frames of the joints and the tool, (n + 1, 6) [m, rad]: shift along the axes of the
     #: link before, turn about the frame's own. The model has them.
     frames: Array
     gears: Gears | None = None  #: Joint errors that depend on the pose; None for none.
-    beyond: Beyond | None = None  #: What its springs do that no matrix says; None for nothing.
+    beyond: Beyond | None = None  #: Elastic behaviour beyond constant matrices; None for none.
 
     @property
     def hinges(self) -> Ids:
-        """Address of the sprung joint beside each actuated one, (n,)."""
+        """Return the address of the sprung joint in series with each actuated one, (n,)."""
         return self.theta[6 * len(self.arm.links) :]
 
     def compliance(self, q: Array) -> Array:
-        """True compliance as `C` in poses q (poses, n) [rad, m], (poses, nv, nv); C where it follows none."""
+        """Compute the true compliance in given poses.
+
+        Args:
+            q: Commanded joint angles, (poses, n) [rad, m].
+
+        Returns:
+            Compliance, (poses, nv, nv) [m/N, rad/(N m)]; C, (nv, nv), if it does not depend on the pose.
+        """
         if self.beyond is None:
             return self.C
         C, hinges = self.C.copy(), self.hinges
@@ -76,14 +86,17 @@ class Plant:
 
 
 def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
-    """A MuJoCo model from MJCF text whose meshes lie in the folder of `path`.
+    """Compile MJCF text to a MuJoCo model; mesh files are read from the folder of `path`.
 
     Args:
         path: The rigid MJCF that the text comes from; for messages and meshes.
         text: MJCF.
 
+    Returns:
+        The model.
+
     Raises:
-        InputError: When MuJoCo refuses it.
+        InputError: If MuJoCo refuses the text.
     """
     meshes = read_meshes(mesh_files(path, read_mjcf(path)))
     try:
@@ -95,7 +108,7 @@ def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
 
 
 def _small_hulls(text: str) -> str:
-    """MJCF whose meshes collide by hulls of few corners: those of a fine cylinder take minutes else."""
+    """Limit the corners of the hulls by which meshes collide: those of a fine cylinder take minutes."""
     root = ET.fromstring(text)
     for mesh in root.iter("mesh"):
         own = float(mesh.get("maxhullvert", -1))
@@ -127,10 +140,10 @@ def check_geoms(path: Path, model: mujoco.MjModel) -> None:
 
 
 def build_plant(arm: Arm) -> Plant:
-    """The elastic MuJoCo model of an arm.
+    """Build the elastic MuJoCo model of an arm.
 
     Raises:
-        InputError: When MuJoCo refuses the arm's MJCF.
+        InputError: If MuJoCo refuses the arm's MJCF.
     """
     return plant_of(arm, compile_mjcf(arm.rigid, elastic_mjcf(arm)))
 
@@ -188,16 +201,16 @@ def with_model(plant: Plant, model: mujoco.MjModel) -> Plant:
 
 
 def weightless(plant: Plant) -> Plant:
-    """The plant without gravity."""
+    """Copy a plant without gravity."""
     model = copy.copy(plant.model)
     model.opt.gravity[:] = 0
     return with_model(plant, model)
 
 
 def _side_by_side(model: mujoco.MjModel, arms: int) -> mujoco.MjModel:
-    """A model's bodies and joints several times, all from the world's origin.
+    """Copy a model's bodies and joints several times, all from the world's origin.
 
-    Statics asks a body's mass and its centre, not its inertia.
+    Statics needs a body's mass and its centre, not its inertia.
     """
     spec = mujoco.MjSpec()
     spec.option.gravity = model.opt.gravity
@@ -222,7 +235,7 @@ def _side_by_side(model: mujoco.MjModel, arms: int) -> mujoco.MjModel:
 
 
 def _carries(model: mujoco.MjModel) -> Array:
-    """One where a joint moves a body, else zero, (bodies, nv): a body moves with its parent."""
+    """Mark which joints move a body: one, else zero, (bodies, nv)."""
     carries = np.zeros((model.nbody, model.nv))
     for body in range(1, model.nbody):
         first = model.body_dofadr[body]

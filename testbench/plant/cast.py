@@ -1,7 +1,10 @@
-"""Links as they are cast: hollow, tapered, bowed, beside the line of their joints, closed or open on a side.
+"""Cast links as true arms: hollow, tapered, bowed, offset from their joints, closed or open on one side.
 
-A link is a chain of Timoshenko segments: its compliance at the end is that of its sections, summed along the
-line on which they stand, sum Ad(s)^T c(s) Ad(s) ds (`section.py` for c). Segments lie at Gauss's places.
+A link is a chain of Timoshenko segments. Its compliance at the end sums those of its sections along the line,
+
+    C = sum Ad(s)^T c(s) Ad(s) ds,
+
+with c from `section`. Segments are at the nodes of Gaussian quadrature.
 """
 
 from dataclasses import dataclass, replace
@@ -16,9 +19,12 @@ from testbench.plant.section import Sections, rib_thickness
 CAST_IRON = Material(1.1e11, 0.26)  #: Grey cast iron.
 SEGMENTS = 16
 ITERATIONS = 5
-"""How often the thickness is corrected: bending is inverse to it but for the torsion of a bow."""
-CLOSED = 0.5  #: Share of links without an open side.
-SLIM = 20.0  #: Diameter over wall of the tube of the same bending compliance that gives a link its size [1].
+"""Corrections of the wall thickness: bending is inversely proportional to it, except for the torsion of a
+bow."""
+CLOSED = 0.5
+"""Share of links without an open side [1]."""
+SLIM = 20.0
+"""Diameter over wall of the tube of equal bending compliance that gives a link its size [1]."""
 RANGES = {
     "size": (0.9, 1.3),  # width and height at the root, over the diameter of that tube
     "taper": (0.6, 1.0),  # width and height at the tip over those at the root
@@ -31,25 +37,28 @@ RANGES = {
     "pitch": (0.5, 1.0),  # from rib to rib on an open side over its width
     "rib": (0.3, 0.6),  # width of a rib over the pitch
 }
-"""Ranges of the dimensions, each drawn evenly [1, rad]."""
+"""Ranges of the dimensions, each drawn uniformly [1, rad]."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """Segments of a beam."""
+    """Hold the segments of a beam."""
 
-    points: Array  #: Where force and moment of a segment act, in the link's beam frame, (k, 3) [m].
-    frames: Array  #: Axes of its section, x along the line, as columns, (k, 3, 3).
-    steps: Array  #: Their lengths, (k,) [m].
+    points: Array  #: Points where force and moment of a segment act, in the link's beam frame, (k, 3) [m].
+    frames: Array  #: Axes of each section, x along the line, as columns, (k, 3, 3).
+    steps: Array  #: Lengths of the segments, (k,) [m].
 
 
 def beam_compliance(line: Line, c: Array, tip: Array) -> Array:
-    """Compliance of a clamped beam read at its tip, (6, 6) [m/N, rad/(N m)].
+    """Compute the compliance of a clamped beam at its tip, C = sum Ad^T c Ad ds.
 
     Args:
         line: The segments.
-        c: Their compliances a metre, (k, 6, 6).
-        tip: Where it is loaded and read, rigidly joined to the last segment, (3,) [m].
+        c: Compliances of the sections per metre, (k, 6, 6).
+        tip: Point where it is loaded and read, rigidly joined to the last segment, (3,) [m].
+
+    Returns:
+        C, (6, 6) [m/N, rad/(N m)].
     """
     x, y, z = (tip - line.points).T
     zero = np.zeros_like(x)
@@ -63,24 +72,24 @@ def beam_compliance(line: Line, c: Array, tip: Array) -> Array:
 
 @dataclass(frozen=True)
 class Casting:
-    """Dimensions of a cast link; `thickness` scales all walls alike."""
+    """Describe the dimensions of a cast link; `thickness` scales all walls."""
 
     length: float  #: From joint to joint [m].
     size: Array  #: Width and height at the root, (2,) [m].
-    taper: Array  #: The same at the tip over those, (2,) [1].
+    taper: Array  #: Width and height at the tip over those at the root, (2,) [1].
     trapezium: float  #: Length of the top over that of the bottom [1].
-    thickness: float  #: Of the walls at the root [m].
+    thickness: float  #: Thickness of the walls at the root [m].
     wall: Array  #: Thickness of bottom, right, top and left over that, (4,) [1].
     thinning: float  #: Thickness at the tip over that at the root [1].
     turned: float  #: Angle of the sections about the line [rad].
     beside: Array  #: Offset of the line to y and z, (2,) [m].
     bow: Array  #: Height of its arc to y and z, (2,) [m].
     open_side: int | None  #: Wall that is ribs with gaps between them; None for a closed box.
-    pitch: float  #: From rib to rib over the width of that wall [1].
+    pitch: float  #: Distance of the ribs over the width of that wall [1].
     rib: float  #: Width of a rib over the pitch [1].
 
     def sections(self, s: Array) -> Sections:
-        """At these shares of the length, (k,)."""
+        """Compute the cross sections at shares of the length, (k,)."""
         width, height = (self.size * (1 + s[:, None] * (self.taper - 1))).T / 2
         top = self.trapezium * width
         y, z = np.array([-width, width, top, -top]).T, np.array([-height, -height, height, height]).T
@@ -99,7 +108,7 @@ class Casting:
         return whole
 
     def compliance(self, segments: int = SEGMENTS) -> Array:
-        """At the link's end in the beam frame, (6, 6) [m/N, rad/(N m)]."""
+        """Compute the compliance at the link's end in the beam frame, (6, 6) [m/N, rad/(N m)]."""
         nodes, weights = np.polynomial.legendre.leggauss(segments)
         s = (1 + nodes) / 2
         sections = self.sections(s)
@@ -113,10 +122,17 @@ class Casting:
 
 
 def cast_link(link: Link, rng: np.random.Generator) -> Link:
-    """A cast link in place of a tube, its dimensions drawn from RANGES.
+    """Replace a tube by a cast link with random dimensions from RANGES.
 
-    It is as long (the length of a tube is twice c26 over c66) and its walls are as thick as it takes to be as
-    compliant under moments in the mean, c55 + c66.
+    Its length is that of the tube, twice c26 over c66. Its wall thickness is chosen so that its mean
+    compliance under moments, (c55 + c66) / 2, is that of the tube.
+
+    Args:
+        link: The tube.
+        rng: Source of the dimensions.
+
+    Returns:
+        The cast link.
     """
     C = link.compliance
     bending = float(C[4, 4] + C[5, 5]) / 2
@@ -125,7 +141,15 @@ def cast_link(link: Link, rng: np.random.Generator) -> Link:
 
 
 def as_compliant(casting: Casting, bending: float) -> Casting:
-    """The casting with walls that make the mean of c55 and c66 what is wanted [rad/(N m)]."""
+    """Scale the walls of a casting to a given mean of c55 and c66.
+
+    Args:
+        casting: The casting.
+        bending: Mean of c55 and c66 [rad/(N m)].
+
+    Returns:
+        The scaled casting.
+    """
     for _ in range(ITERATIONS):
         C = casting.compliance()
         casting = replace(casting, thickness=casting.thickness * (C[4, 4] + C[5, 5]) / (2 * bending))
@@ -133,7 +157,16 @@ def as_compliant(casting: Casting, bending: float) -> Casting:
 
 
 def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Casting:
-    """Dimensions of a casting; its size is that of a tube of this length [m] and bending [rad/(N m)]."""
+    """Draw the dimensions of a casting, of the size of a tube with given length and bending compliance.
+
+    Args:
+        length: Length of the tube [m].
+        bending: Mean of its c55 and c66 [rad/(N m)].
+        rng: Source of the dimensions.
+
+    Returns:
+        The casting.
+    """
     wide = (8 * SLIM * length / (np.pi * CAST_IRON.E * bending)) ** 0.25  # I = pi D^3 t / 8, t = D / 20
 
     def one(name: str) -> float:
@@ -160,7 +193,7 @@ def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Cas
 
 
 def _frames(tangent: Array) -> Array:
-    """Axes along a line, y level with the beam frame's, as columns, (k, 3, 3)."""
+    """Compute axes along a line, y level with the beam frame's, as columns, (k, 3, 3)."""
     x = tangent / np.linalg.norm(tangent, axis=1)[:, None]
     y = np.cross([0.0, 0.0, 1.0], x)
     y /= np.linalg.norm(y, axis=1)[:, None]

@@ -1,4 +1,4 @@
-"""MuJoCo's contacts of a rigid arm, its floor, and names for what touches."""
+"""Contacts of a rigid arm in MuJoCo, its floor, and names of the parts in contact."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -8,8 +8,9 @@ import mujoco
 from testbench.errors import InputError
 
 COLLIDES = {"contype": str(2**31 - 1), "conaffinity": str(2**31 - 1), "gap": "0", "group": "0"}
-"""Of a geom that collides with all that collides, whatever the defaults of a stranger's MJCF say."""
-MOST_CONTACTS = 5000  #: In one pose.
+"""Attributes of a geom that collides with every colliding geom, whatever the defaults of a user's MJCF."""
+MOST_CONTACTS = 5000
+"""Most contacts in one pose."""
 VISUAL_GROUPS = 3
 """Geoms of groups 0 to 2 are visible in MuJoCo's viewer; by convention 3 and above only collide."""
 

@@ -1,13 +1,13 @@
-"""A gravity compensator: a spring from link 1 to link 2 that helps joint 2 to carry the arm.
+"""A gravity compensator: a spring from link 1 to link 2 that supports joint 2.
 
-With length s, the strut pulls its ends together by F = rate (s_held - rest_length) + stiffness (s - s_held),
-where s_held is its length in the held, undeflected pose. Two slopes, since a strut is pushed in two ways:
-joint 2 turning drives its piston, and only gas or coils push back; under a payload it moves by tenths of a
-millimetre, and seal friction or a shut column of oil may hold it far stiffer. Equal slopes, the default, are
-the plain spring.
+With length s, the strut pulls its ends together by F = rate (s_held - rest_length) + stiffness (s - s_held).
+s_held is its length in the held, undeflected pose.
 
-Joint 2 sees the equivalent stiffness K_eq = stiffness s'^2 + F s'', primes being derivatives with respect to
-q_2: it vanishes nearly where the strut points at the axis and is largest where it stands square on its lever.
+There are two slopes because a strut is driven in two ways. When joint 2 turns, it moves the piston, and only
+gas or coils push back. Under a payload it moves by tenths of a millimetre, and seal friction or a closed
+column of oil may make it far stiffer. Equal slopes, the default, are the plain spring. Joint 2 sees the
+equivalent stiffness K_eq = stiffness s'^2 + F s'', with derivatives by q_2. It nearly vanishes where the
+strut points at the axis, and is largest where the strut is perpendicular to its lever.
 """
 
 from dataclasses import dataclass
@@ -22,21 +22,21 @@ from testbench.plant.state import State, generalised_force, place
 
 @dataclass(frozen=True)
 class Strut:
-    """The compensator in some poses; `some` are indices of them."""
+    """Hold the compensator in some poses; arguments `some` are indices of them."""
 
     spring: Compensator
     slope: float  #: Change of force over change of length as the arm deflects [N/m].
-    ends: tuple[int, int]  #: Ids of the bodies that it is hinged on.
-    held: Array  #: Its length in the held poses, theta = 0, (poses,) [m].
+    ends: tuple[int, int]  #: Ids of the bodies on which it is hinged.
+    held: Array  #: Length in the held poses, theta = 0, (poses,) [m].
     C_g: Array  #: C g with g = ds / dqpos in the held poses, (poses, nv).
     share: Array  #: k g / (1 + k g C_g), k the slope, (poses, nv).
 
 
 def attached(plant: Plant) -> tuple[int, int]:
-    """Body ids of link 1 and link 2.
+    """Find the bodies that the compensator connects: ids of link 1 and link 2.
 
     Raises:
-        BenchError: When the arm has fewer than two joints, or joint 2 slides.
+        BenchError: If the arm has fewer than two joints, or joint 2 is prismatic.
     """
     links = plant.arm.links
     if len(links) < 3:
@@ -109,7 +109,7 @@ def stiffen(strut: Strut, step: Array, some: Ids) -> Array:
 
 
 def _hinges(spring: Compensator, ends: tuple[int, int], state: State) -> tuple[Array, Array]:
-    """Foot and head in the world, (poses, 3) [m]."""
+    """Compute foot and head in the world, (poses, 3) [m]."""
     return place(state, ends[0], np.array(spring.foot)), place(state, ends[1], np.array(spring.head))
 
 
@@ -120,7 +120,7 @@ def _length(hinges: tuple[Array, Array]) -> Array:
 def _pull(
     plant: Plant, ends: tuple[int, int], state: State, hinges: tuple[Array, Array], force: Array
 ) -> Array:
-    """Generalised force of a pull of both ends towards each other, (poses, nv) [N, N m]."""
+    """Compute the generalised force of a pull between both ends, (poses, nv) [N, N m]."""
     along = (force / _length(hinges))[:, None] * (hinges[1] - hinges[0])
     Q = np.zeros(state.weight.shape)
     for body, point, pulled in zip(ends, hinges, (along, -along), strict=True):

@@ -1,7 +1,7 @@
-"""What a true arm does that the identified model does not know: each disturbance is one switch.
+"""Effects in a true arm that the identified model does not contain: each disturbance is one switch.
 
-All are plain numbers in SI, so that a scenario or a manifest can hold them. `testbench.plant.disturbed` puts
-them into a plant.
+All are plain numbers in SI, so that a scenario or a manifest can hold them. `testbench.plant.disturbed`
+builds them into a plant.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from testbench.plant.gear import GearErrors
 
 @dataclass(frozen=True)
 class GeometryErrors:
-    """How far every joint's frame, and the tool's, is from where it is drawn."""
+    """Describe errors of every joint's frame, and of the tool's, relative to the nominal geometry."""
 
     position: float  #: Standard deviation along each axis of the link before it [m].
     angle: float  #: Standard deviation about each of its own axes [rad].
@@ -25,26 +25,28 @@ class GeometryErrors:
 
 @dataclass(frozen=True)
 class Disturbances:
-    """What the true arm does beyond bending linearly; all off by default.
+    """Describe the effects of the true arm other than linear elasticity; all are off by default.
 
-    What is in radians at a hinge is in metres at a slide.
+    Quantities in radians at a hinge are in metres at a slide.
     """
 
-    own_weight: bool = False  #: Whether its links weigh. Off, only the payload, and a compensator, bend it.
+    #: Whether its links have weight. Otherwise only the payload, and a compensator, deflect it.
+    own_weight: bool = False
     compensator: Compensator | None = None  #: Spring from link 1 to link 2.
     geometry: GeometryErrors | None = None  #: Errors of the nominal geometry.
     #: Standard deviation of each joint's constant offset [rad]: true q = commanded q + offset.
     sensor_offset: float = 0.0
-    #: Errors of the gears, which depend on the commanded q: they add to the offset.
+    #: Errors of the gears as functions of the commanded q, in addition to the offset.
     gear: GearErrors | None = None
-    #: True weight of the payload over the recorded one, less one [1]; scales the whole wrench.
+    #: True over recorded weight of the payload, less one [1]; it scales the whole wrench.
     mass_error: float = 0.0
-    #: Standard deviation of the true hanging point about the recorded one, along each axis of the tool [m];
-    #: the same in all runs.
+    #: Standard deviation of the true load point about the recorded one, along each axis of the tool [m];
+    #: constant over all runs.
     centre_error: float = 0.0
     #: Share beta by which a joint is stiffer when its spring is turned by a milliradian [1].
     stiffening: float = 0.0
-    backlash: float = 0.0  #: Half-width of the play of every joint [rad], on the side that its torque tells.
+    #: Half-width of the backlash of every joint [rad]; the sign of the torque selects the side.
+    backlash: float = 0.0
     #: Half-width of the hysteresis loop of every joint [rad], by friction in its gear.
     hysteresis: float = 0.0
     foundation: float = 0.0  #: Compliance of the foundation over `FOUNDATION` [1].
@@ -69,26 +71,27 @@ drawn hub, on the line from axis to foot when the upper arm is upright, along wh
 [assumed]. rate and rest_length: 41 kN upright, 60 kN stretched, where it carries about the arm's own weight,
 16 kN m [assumed].
 
-stiffness: 1 / 0.144e-6 N/m. 0.144e-6 is [published] for a KR 270 beside 0.302e-6 rad/(N m) of its joint 2,
+stiffness: 1 / 0.144e-6 N/m. 0.144e-6 is [published] for a KR 270 with 0.302e-6 rad/(N m) of its joint 2,
 without its unit; that it is the strut's own compliance in m/N is our reading. K_eq is then at most 4 % of the
 stiffness of joint 2, which agrees with the 4.8 % that the paper quotes. `STIFF_COMPENSATOR` is the other
 reading.
 """
 
 STIFF_COMPENSATOR = replace(KR500_COMPENSATOR, stiffness=9.6e7)
-"""The same number read as a compliance of joint 2 in rad/(N m): K_eq at the best lever is 1 / 0.144e-6 =
-6.9e6 N m/rad, half of the stiffness of joint 2. As a plain spring it could not be: turning joint 2 by a
-radian would take 400 times the torque of the arm's own weight.
+"""The same compensator with 0.144e-6 read as a compliance of joint 2 in rad/(N m).
+
+K_eq at the best lever is then 1 / 0.144e-6 = 6.9e6 N m/rad, half of the stiffness of joint 2. A plain spring
+of that stiffness is impossible: turning joint 2 by a radian would take 400 times the torque of the arm's own
+weight.
 """
 
 FOUNDATION = (1e-9, 1e-9, 0.5e-9, 2.5e-9, 2.5e-9, 1.5e-9)
-"""Main entries of the compliance below the base, at its origin, world axes [m/N, rad/(N m)].
+"""Diagonal of the compliance below the base, at its origin, world axes [m/N, rad/(N m)]. All assumed:
+anchored in a concrete floor, 4e8 N m/rad against rocking. The base casting of models/kr500_l480 itself has
+6e-9 rad/(N m)."""
 
-All assumed: anchored into a concrete floor, 4e8 N m/rad against rocking. The base casting of
-models/kr500_l480 itself bends by 6e-9 rad/(N m).
-"""
-
-NOMINAL = Disturbances(own_weight=True)  #: An arm as its folder has it.
+NOMINAL = Disturbances(own_weight=True)
+"""An arm as its folder describes it."""
 
 TYPICAL = Disturbances(
     own_weight=True,

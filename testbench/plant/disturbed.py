@@ -1,8 +1,8 @@
 """The disturbed true arm: a plant with disturbances built in.
 
-Weight, geometry and foundation change the MuJoCo model; offsets and payload errors what it is given;
-compensator and joint laws the forces and springs of its equilibrium. The nominal plant stays as it is. The
-foundation's six coordinates come into C, not into theta.
+Own weight, geometry and foundation change the MuJoCo model. Offsets and payload errors change its inputs.
+Compensator and joint laws change the forces and springs of its equilibrium. The nominal plant stays
+unchanged. The foundation's six coordinates are part of C, not of theta.
 """
 
 import copy
@@ -20,19 +20,22 @@ from testbench.plant.gear import draw_gears
 
 
 def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) -> Plant:
-    """The plant with disturbances built in.
+    """Build disturbances into a plant.
 
-    Every disturbance takes its random numbers, on or off: switching one leaves the others as they are. Gears
-    have a stream of their own, as their number of orders varies.
+    Every disturbance draws its random numbers whether it is on or off: switching one does not change the
+    others. Gears have a random stream of their own, because their number of orders varies.
 
     Args:
-        plant: The nominal elastic arm; is not changed. With a soft foundation its model is compiled anew from
-            `plant.arm`, gravity apart.
-        disturbances: What to disturb, and how much.
+        plant: The nominal elastic arm; it stays unchanged. For a soft foundation its model is compiled anew
+            from `plant.arm`, and gravity is kept.
+        disturbances: Kinds of disturbances, with their sizes.
         rng: Source of offsets and errors.
 
+    Returns:
+        The disturbed plant.
+
     Raises:
-        BenchError: When a compensator is asked for and the arm has no link 2.
+        BenchError: If a compensator is requested and the arm has no link 2.
     """
     if disturbances.compensator is not None:
         attached(plant)
@@ -57,13 +60,13 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
 
 
 def exactly_loaded(plant: Plant) -> Plant:
-    """The same under loads exactly as recorded."""
+    """Copy a plant without errors of the recorded load: its mass and its centre are exact."""
     exact = replace(plant.disturbances, mass_error=0.0, centre_error=0.0)
     return replace(plant, disturbances=exact, centre=np.zeros(3))
 
 
 def _on_foundation(plant: Plant, scale: float) -> Plant:
-    """The plant on a foundation of `scale` times the usual compliance, 0 for a rigid one."""
+    """Put the plant on a foundation of `scale` times the usual compliance, 0 for a rigid one."""
     arm = plant.arm
     if not scale:
         return plant
@@ -77,10 +80,10 @@ def _on_foundation(plant: Plant, scale: float) -> Plant:
 
 
 def _displaced(plant: Plant, frames: Array) -> Plant:
-    """Frames of all joints and of the tool moved and turned, (n + 1, 6) [m, rad].
+    """Move and rotate the frames of all joints and of the tool, (n + 1, 6) [m, rad].
 
-    Where a frame is, is said by the body that carries the virtual joint before it; how it is turned, by the
-    frame's own body.
+    The body that carries the virtual joint before a frame defines its place; the frame's own body its
+    orientation.
     """
     arm, model = plant.arm, copy.copy(plant.model)
     for name, error in zip([*(link.name for link in arm.links[1:]), arm.tool], frames, strict=True):

@@ -1,7 +1,7 @@
-"""Rigid MJCF in, elastic MJCF out: six sprung virtual joints after every link, one beside every joint.
+"""Conversion of rigid MJCF to elastic MJCF: six sprung virtual joints after every link, one per joint.
 
-The coupled 6x6 stiffness K = inv(C) of a link becomes six fixed tendons, one per eigenvector of K, over
-the link's three slides and three hinges: the energy 1/2 sum lambda_k (v_k^T theta)^2 = 1/2 theta^T K theta.
+The coupled 6x6 stiffness K = inv(C) of a link becomes six fixed tendons, one per eigenvector of K, over the
+link's three slides and three hinges. Their energy is 1/2 sum lambda_k (v_k^T theta)^2 = 1/2 theta^T K theta.
 The result is plain MJCF that MuJoCo's own viewer opens.
 """
 
@@ -24,13 +24,14 @@ that a float of the arm's weight could see.
 """
 
 BRAKE = 1e15
-"""Armature of an actuated joint [kg m^2, kg]: its brake is on, so that the arm holds its pose when stepped.
+"""Armature of an actuated joint [kg m^2, kg]: its brake is on, so that a simulated arm holds its pose.
 
-Statics does not see it. Without it the two joints on one axis make the mass matrix singular.
+Statics does not depend on it. Without it the two joints on one axis make the mass matrix singular.
 """
 
 DAMPING = 0.02
-"""Damping of every spring over its stiffness [s]: stepped in time the arm comes to rest. Not in statics."""
+"""Damping of every spring over its stiffness [s]: in a time simulation the arm comes to rest. Statics ignores
+it."""
 
 
 def virtual_joint(link: str, axis: str) -> str:
@@ -47,24 +48,24 @@ def virtual_joint(link: str, axis: str) -> str:
 
 
 def sprung_joint(joint: str) -> str:
-    """Name of the sprung hinge or slide beside an actuated joint in the elastic MJCF."""
+    """Return the name of the sprung hinge or slide on the axis of an actuated joint in the elastic MJCF."""
     return f"{joint}_theta"
 
 
 def theta_names(arm: Arm) -> list[str]:
-    """Names of the virtual joints in the order of theta, n_theta."""
+    """List the names of the virtual joints in the order of theta, n_theta."""
     links = [virtual_joint(link.name, axis) for link in arm.links for axis in AXES]
     return links + [sprung_joint(j.name) for j in arm.joints]
 
 
 def elastic_mjcf(arm: Arm, foundation: Array | None = None) -> str:
-    """The arm's rigid MJCF with its true compliances built in as joints and springs.
+    """Convert the arm's rigid MJCF to an elastic one with its true compliances as joints and springs.
 
-    Contacts are off: an equilibrium has none, and a feasible pose is judged on the rigid arm.
+    Contacts are off: an equilibrium has none, and feasibility of a pose is checked on the rigid arm.
 
     Args:
         arm: The arm.
-        foundation: Main entries of the compliance of a sprung body below its base, at its origin, world axes,
+        foundation: Diagonal of the compliance of a sprung foundation, at the base's origin in world axes,
             (6,) [m/N, rad/(N m)]; None for a rigid one.
 
     Returns:
@@ -75,19 +76,23 @@ def elastic_mjcf(arm: Arm, foundation: Array | None = None) -> str:
     option = root.find("option")
     if option is None:
         option = ET.SubElement(root, "option")
+    # Contacts are off; stiff springs need these options.
     option.set("jacobian", "dense")  # MuJoCo 4.0.0's sparse constraint solver is wrong
     option.set("integrator", "implicitfast")  # damping in proportion to stiffness is stiff
     option.set("timestep", "0.001")
     flag = option.find("flag")
     ET.SubElement(option, "flag", contact="disable") if flag is None else flag.set("contact", "disable")
+    # A virtual joint at the end of every link, with six springs.
     tendons = ET.SubElement(root, "tendon")
     ends = [*(link.name for link in arm.links[1:]), arm.tool]
     for link, end in zip(arm.links, ends, strict=True):
         _insert_virtual_joint(arm.rigid, root, link, end)
         _add_springs(tendons, link)
+    # A spring in series with every actuated joint.
     for joint in arm.joints:
         _insert_spring(root, joint.name, 1 / joint.compliance)
     if foundation is not None:
+        # A sprung body below the base.
         base = find_body(arm.rigid, root, arm.links[0].name)
         parent = next(element for element in root.iter() if base in list(element))
         carrier = _insert_carrier(parent, base, "foundation", np.eye(3), "foundation")
@@ -106,7 +111,7 @@ def _insert_virtual_joint(rigid: Path, root: ET.Element, link: Link, end: str) -
 
 
 def _insert_carrier(parent: ET.Element, child: ET.Element, name: str, frame: Array, joint: str) -> ET.Element:
-    """A body between two others, with slides and hinges JOINT_x to JOINT_phi_z along a frame's columns."""
+    """Insert a body between two others, with slides and hinges JOINT_x to JOINT_phi_z along a frame."""
     carrier = ET.Element("body", name=name, pos=child.attrib.pop("pos", "0 0 0"))
     parent.insert(list(parent).index(child), carrier)
     parent.remove(child)
@@ -118,7 +123,7 @@ def _insert_carrier(parent: ET.Element, child: ET.Element, name: str, frame: Arr
 
 
 def _add_springs(tendons: ET.Element, link: Link) -> None:
-    """Six fixed tendons whose springs make up the link's stiffness."""
+    """Add six fixed tendons whose springs have the link's stiffness together."""
     for k, (stiffness, v) in enumerate(zip(*springs(link.compliance), strict=True)):
         tendon = ET.SubElement(
             tendons,
@@ -134,10 +139,10 @@ def _add_springs(tendons: ET.Element, link: Link) -> None:
 
 
 def springs(C: Array) -> tuple[Array, Array]:
-    """Stiffnesses and directions of six springs that make up inv(C).
+    """Decompose K = C^-1 into six springs, K = sum_k k v_k v_k^T.
 
-    The eigenvectors are those of the unit-diagonal matrix D^-1/2 C D^-1/2, not of C: C mixes m/N with
-    rad/(N m), and its raw eigenvectors lose digits of the small entries. inv(C) = sum k v v^T all the same.
+    The eigenvectors are those of the unit-diagonal matrix D^-1/2 C D^-1/2, not of C: C mixes m/N with rad/(N
+    m), and its raw eigenvectors lose digits of the small entries.
 
     Mathematics: `loaded-8`.
 
@@ -145,17 +150,19 @@ def springs(C: Array) -> tuple[Array, Array]:
         C: Positive definite compliance, (6, 6) [m/N, rad/(N m)].
 
     Returns:
-        Stiffness of each spring, (6,), and its tendon's coefficients as rows, (6, 6).
+        Stiffness k of each spring, (6,), and the coefficients v of its tendon as rows, (6, 6).
     """
+    # Unit-diagonal matrix and its eigenvectors.
     d = np.sqrt(np.diag(C))
     eigenvalues, Q = np.linalg.eigh(C / np.outer(d, d))
+    # Back to C's units: each spring's direction, normalised to length one.
     v = Q.T / d
     norm = np.linalg.norm(v, axis=1)
     return norm**2 / eigenvalues, v / norm[:, None]
 
 
 def _insert_spring(root: ET.Element, joint: str, stiffness: float) -> None:
-    """A sprung joint of the same type on the axis of an actuated one."""
+    """Insert a sprung joint of the same type on the axis of an actuated one."""
     body = next(b for b in root.iter("body") if any(j.get("name") == joint for j in b.findall("joint")))
     actuated = next(j for j in body.findall("joint") if j.get("name") == joint)
     spring = ET.Element(

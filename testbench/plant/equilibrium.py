@@ -1,12 +1,17 @@
-"""Static equilibrium of the elastic arm, many poses at once, by Newton on MuJoCo's generalised forces.
+"""Static equilibrium of the elastic arm in many poses, by Newton's method on MuJoCo's generalised forces.
 
-With the actuated joints held, theta is at rest where K_theta theta = Q(theta), Q the generalised force of
-the arm's own weight and of what acts on it. Newton's matrix is K_theta - K_w (Eq. 7). K_w is small for
-an arm that can carry its load, so K_theta alone serves until it does not: theta <- C_theta Q(theta) gains two
-digits a step. Where it gains less than a factor four, the pose's tangent is taken by finite differences.
+With the actuated joints held, theta is in equilibrium if
 
-What a pose comes to does not depend on those beside it: it takes its own steps and stops by itself, and
-matrices meet its vectors alone, since how BLAS rounds a product of two matrices depends on their sizes.
+    K_theta theta = Q(theta),
+
+Q the generalised force of own weight and loads. Newton's matrix is K_theta - K_w, Eq. (7). K_w is small for
+an arm that can carry its load, so the constant K_theta suffices at first: theta <- C_theta Q(theta) gains two
+digits per step. If a step of a pose gains less than a factor of four, its tangent is computed by finite
+differences.
+
+The result of a pose does not depend on the other poses of a batch. Each pose takes its own steps and stops by
+itself, and matrices multiply its vectors one by one, because BLAS rounds a product of two matrices by their
+sizes.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,15 +28,17 @@ from testbench.plant.joint_law import JointLaw, slope, turn
 from testbench.plant.state import Row, State, evaluate, generalised_force, moved, open_row, place
 from testbench.progress import stepwise
 
-TOGETHER = 512  #: Poses that take their Newton steps together: enough for numpy, few for memory.
+TOGETHER = 512
+"""Poses per batch: enough for numpy, few for memory."""
 STEP_TOLERANCE = 1e-9  #: A pose is in equilibrium when the last Newton step is below this [m, rad].
 MAX_ITERATIONS = 50
-MAX_SAG = 0.5  #: A virtual joint beyond this [m, rad] is no longer an elastic deflection.
+MAX_SAG = 0.5
+"""Virtual joint coordinate beyond which a deflection is no longer elastic [m, rad]."""
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Poses of the arm at rest under a load."""
+    """Hold poses of the arm at rest under a load."""
 
     theta: Array  #: Virtual joint coordinates, (runs, n_theta) [m, rad].
     markers: Array  #: Marker positions in the world, (runs, m, 3) [m].
@@ -41,24 +48,31 @@ class Equilibrium:
 
 @dataclass(frozen=True)
 class Poses:
-    """Poses that take their Newton steps together; `some` are indices, repeated where a pose is varied."""
+    """Hold poses of one batch; arguments `some` are indices of poses, repeated where a pose is varied."""
 
     plant: Plant
-    held: Array  #: Configuration with the actuated joints where they are held and theta = 0, (poses, nv).
+    held: Array  #: Configuration with the actuated joints at their angles and theta = 0, (poses, nv).
     wrench: Array  #: Force and moment, world axes, (poses, 6) [N, N m].
-    point: Array  #: Where it acts, in the tool's frame, (poses, 3) [m].
-    C: Array  #: Compliance, in every pose or the same in all, (poses, nv, nv) or (nv, nv).
-    law: JointLaw | None = None  #: How the joints give way; None for MuJoCo's linear springs.
+    point: Array  #: Point where the force acts, in the tool's frame, (poses, 3) [m].
+    C: Array  #: Compliance, one per pose or the same in all, (poses, nv, nv) or (nv, nv).
+    law: JointLaw | None = None  #: Nonlinear joint laws; None for MuJoCo's linear springs.
     strut: Strut | None = None  #: A gravity compensator.
 
     @property
     def bodies(self) -> tuple[int, ...]:
-        """Ids of the bodies that forces act on, their own weight apart."""
+        """Return ids of the bodies on which loads act, own weight excluded."""
         tool = (self.plant.tool,) if self.wrench.any() else ()
         return tool if self.strut is None else (*tool, *self.strut.ends)
 
     def compliance(self, some: Ids) -> Array:
-        """Of some poses, (some, nv, nv), or of all, (nv, nv)."""
+        """Return the compliance in some poses.
+
+        Args:
+            some: Indices of the poses, (some,).
+
+        Returns:
+            (some, nv, nv), or (nv, nv) if all poses share one.
+        """
         return self.C if self.C.ndim == 2 else self.C[some]
 
 
@@ -95,6 +109,7 @@ def settle(
     runs, changes = len(q), plant.disturbances
     wrench = np.zeros((runs, 6)) if wrench is None else check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = np.zeros((runs, 3)) if point is None else check_array(point, (runs, 3), "point [m]")
+    # The true load and joint angles, as far as the disturbances change them.
     wrench, point, law = wrench * (1 + changes.mass_error), point + plant.centre, _law(plant, runs, before)
     true_q = q + plant.offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
@@ -110,7 +125,7 @@ def settle(
 
 
 def _law(plant: Plant, runs: int, before: Equilibrium | None) -> JointLaw | None:
-    """How the joints give way, by run; None for MuJoCo's linear springs."""
+    """Make the joint laws of all runs; None for MuJoCo's linear springs."""
     if before is not None:
         check_array(before.theta, (runs, plant.arm.n_theta), "theta before [m, rad]")
     changes, slip = plant.disturbances, None if plant.beyond is None else plant.beyond.slip
@@ -192,7 +207,7 @@ def unloaded(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, 
 
 
 def _settle(poses: Poses, row: Row) -> Equilibrium:
-    """Equilibrium of poses that take their Newton steps together."""
+    """Solve for the equilibrium of one batch of poses."""
     plant, markers = poses.plant, poses.plant.markers.tolist()
     qpos = _newton(poses, row)
     state = evaluate(row, qpos, {plant.tool, *markers})
@@ -205,7 +220,7 @@ def _settle(poses: Poses, row: Row) -> Equilibrium:
 
 
 def _force(poses: Poses, state: State, some: Ids) -> Array:
-    """Generalised force Q where MuJoCo finds the arm, springs apart, (some, nv) [N, N m]."""
+    """Compute the generalised force Q without springs, (some, nv) [N, N m]."""
     plant, Q = poses.plant, state.weight
     if poses.wrench.any():
         at = place(state, plant.tool, poses.point[some])
@@ -214,7 +229,7 @@ def _force(poses: Poses, state: State, some: Ids) -> Array:
 
 
 def _deflect(poses: Poses, Q: Array, some: Ids) -> Array:
-    """Deflection under a generalised force, zero at the actuated joints, (some, nv) [m, rad]."""
+    """Compute the deflection under a generalised force, zero at the actuated joints, (some, nv) [m, rad]."""
     deflection, hinges = np.matvec(poses.compliance(some), Q), poses.plant.hinges
     if poses.law:
         law = poses.law.of(some)
@@ -223,7 +238,7 @@ def _deflect(poses: Poses, Q: Array, some: Ids) -> Array:
 
 
 def _torques(poses: Poses, law: JointLaw, torque: Array) -> Array:
-    """Torques that would turn joints alone as these turn coupled ones, (..., n) [N m]."""
+    """Compute torques by which uncoupled joints would turn as these coupled joints do, (..., n) [N m]."""
     beyond = poses.plant.beyond
     if beyond is None or beyond.between is None:
         return torque
@@ -231,12 +246,12 @@ def _torques(poses: Poses, law: JointLaw, torque: Array) -> Array:
 
 
 def _newton(poses: Poses, row: Row) -> Array:
-    """Configurations with the virtual joints moved from `held` to rest, (poses, nv) [m, rad].
+    """Iterate the virtual joints from `held` to equilibrium; return the configurations, (poses, nv) [m, rad].
 
-    A pose at rest, or lost, takes no further steps.
+    A pose in equilibrium, or without one, takes no further steps.
 
     Raises:
-        NoEquilibrium: When a pose has none; names the first.
+        NoEquilibrium: If a pose has none; names the first.
     """
     held, active = poses.held, np.arange(len(poses.held))
     qpos = held.copy()
@@ -245,15 +260,19 @@ def _newton(poses: Poses, row: Row) -> Array:
     lost: dict[int, str] = {}
     for k in range(1, MAX_ITERATIONS + 1):
         at, last = qpos[active], size[active]
+        # Step of all active poses: theta <- C_theta Q(theta), or by a pose's own tangent.
         Q = _force(poses, evaluate(row, at, poses.bodies), active)
         step = _corrected(poses, inverses, held[active] + _deflect(poses, Q, active) - at, active)
         now = np.sqrt(np.vecdot(step, step))
         qpos[active], size[active] = at + step, now
+        # A pose ends if its step is small, or fails if it leaves the elastic range.
         done, going = now < STEP_TOLERANCE, (now >= STEP_TOLERANCE) & (now < MAX_SAG)
         for i in active[~done & ~going].tolist():
             lost[i] = _not_found(k, size[i])
+        # A slow pose gets its own tangent.
         for i in active[going & (now > last / 4)].tolist():
             inverses[i] = np.asarray(np.linalg.inv(tangent(poses, row, qpos[i], i)), dtype=float)
+        # An equilibrium that needed its tangent may be unstable.
         for i in inverses.keys() & set(active[done].tolist()):
             if _unstable(tangent(poses, row, qpos[i], i)):
                 lost[i] = f"only an unstable equilibrium after {k} Newton steps, it buckles"
@@ -269,7 +288,7 @@ def _newton(poses: Poses, row: Row) -> Array:
 
 
 def _corrected(poses: Poses, inverses: dict[int, Array], step: Array, some: Ids) -> Array:
-    """Newton's steps from those of the springs alone: by a pose's own tangent, or the strut's first guess."""
+    """Convert steps of the constant springs to Newton steps: by a pose's own tangent, or by the strut."""
     corrected = step if poses.strut is None else stiffen(poses.strut, step, some)
     for i in inverses.keys() & set(some.tolist()):
         (j,) = np.flatnonzero(some == i)
@@ -290,11 +309,13 @@ def tangent(poses: Poses, row: Row, qpos: Array, pose: int) -> Array:
         The tangent, (nv, nv).
     """
     h, unit, hinges = 1e-6, np.eye(len(qpos)), poses.plant.hinges
+    # Central differences of Q over every coordinate.
     around = np.concatenate([qpos[None], qpos + h * unit, qpos - h * unit])
     Q = _force(poses, evaluate(row, around, poses.bodies), np.full(len(around), pose))
     ahead, behind = Q[1 : len(unit) + 1], Q[len(unit) + 1 :]
     C = poses.compliance(np.array([pose])).reshape(unit.shape).copy()
     if poses.law:
+        # With joint laws the slope of each joint replaces its compliance.
         law = poses.law.of(slice(pose, pose + 1))
         steep = slope(law, _torques(poses, law, Q[:1, hinges]))[0]
         C[np.ix_(hinges, hinges)] *= (steep / law.compliance)[:, None]
@@ -303,10 +324,10 @@ def tangent(poses: Poses, row: Row, qpos: Array, pose: int) -> Array:
 
 
 def _unstable(C_K: Array) -> bool:
-    """Whether K_theta - K_w has an eigenvalue not above zero: those of C (K_theta - K_w) share the signs.
+    """Tell whether K_theta - K_w has an eigenvalue not above zero: C (K_theta - K_w) has the same signs.
 
-    Asked only where Newton needed the tangent: theta <- C Q(theta) moves away from an unstable point, unless
-    the arm is so symmetric that nothing pushes it.
+    It is checked only if Newton needed the tangent: theta <- C Q(theta) moves away from an unstable point,
+    unless the arm is so symmetric that nothing pushes it.
     """
     return bool(np.linalg.eigvals(C_K).real.min() <= 0)
 

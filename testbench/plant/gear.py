@@ -1,8 +1,8 @@
-"""Gear errors of a joint: its true angle is a function of the commanded one, whatever it carries.
+"""Gear errors of a joint: its true angle as a function of the commanded one, whatever the load.
 
 true q = commanded q + ratio q + sum over k = 1 ... K of sine_k sin(k q) + cosine_k cos(k q)
 
-Teeth, bearings and encoders repeat with a turn of the joint. A slide has metres for radians.
+Errors of teeth, bearings and encoders are periodic in the joint's angle. A slide has metres for radians.
 """
 
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ HIGHEST = 1000  #: Highest order of a periodic error [1].
 
 @dataclass(frozen=True)
 class GearErrors:
-    """How far the joints turn from what they are commanded to.
+    """Describe the random errors of the gears.
 
-    The defaults are of the size that tracker readings of a UR10 show: about flat up to order 30.
+    The defaults have the size that tracker readings of a UR10 show: roughly constant up to order 30.
     """
 
     sigma: float = 30e-6  #: Standard deviation of every coefficient of the flat spectrum [rad].
@@ -34,7 +34,7 @@ class GearErrors:
 
 @dataclass(frozen=True)
 class Gears:
-    """The gear errors of one arm, drawn."""
+    """Hold the gear errors of one arm, drawn from `GearErrors`."""
 
     ratio: Array  #: Relative error of the gear ratio, (n,) [1].
     sine: Array  #: Coefficients of sin(k q), k from 1, (orders, n) [rad].

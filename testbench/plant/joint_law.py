@@ -1,15 +1,15 @@
-"""Joints that are no linear springs: they stiffen, have play, and stick.
+"""Joints that are not linear springs: they stiffen, have backlash, and stick.
 
 With x = tau / k_0 the turn of a linear joint under the torque tau, three effects add up:
 
 - stiffening: the spring turns by phi with k_0 phi (1 + beta (phi / phi_ref)^2) = tau;
-- backlash of half-width b, on the flank that the torque's sign tells: the turn is phi + b tanh(x / b). Taken
-  up where the spring would turn by b, about the 3 % of the rated torque at which makers measure lost motion;
-- hysteresis of half-width h: friction holds the joint until what it should turn to, y, is more than h away,
+- backlash of half-width b, on the side that the torque's sign selects: the turn is phi + b tanh(x / b). It is
+  taken up where the spring would turn by b, at about the 3 % of the rated torque at which makers measure lost
+  motion;
+- hysteresis of half-width h: friction holds the joint until the turn y without friction is more than h away,
   then lets it follow: theta = min(max(theta_before, y - h), y + h). This is the play operator (Krasnosel'skii
-  and Pokrovskii, Systems with Hysteresis, 1989): a loop 2 h wide, whatever the load.
-
-Where friction slips bit by bit, what is left of the way beyond h counts as `testbench.plant.beyond` says.
+  and Pokrovskii, Systems with Hysteresis, 1989): a loop 2 h wide, whatever the load. Where friction slips
+  gradually, the rest of the way beyond h counts as in `testbench.plant.beyond`.
 
 A slide has forces for torques and metres for radians.
 """
@@ -21,23 +21,25 @@ import numpy as np
 from testbench.errors import Array, Ids
 from testbench.plant.beyond import slipped, slipping
 
-STIFFENING_ANGLE = 1e-3  #: Turn phi_ref at which a joint's stiffness has grown by the share beta [rad].
+STIFFENING_ANGLE = 1e-3
+"""Turn phi_ref at which a joint's stiffness has grown by the share beta [rad]."""
 
 
 @dataclass(frozen=True)
 class JointLaw:
-    """Turn of every joint's spring over its torque."""
+    """Define the turn of every joint's spring as a function of its torque."""
 
-    compliance: Array  #: Of the joints at no torque, 1 / k_0, (n,) [rad/(N m)].
+    compliance: Array  #: Compliance of the joints at no torque, 1 / k_0, (n,) [rad/(N m)].
     stiffening: float  #: beta [1].
-    backlash: float  #: Half-width of the play b [rad].
-    hysteresis: float  #: Half-width of the loop h [rad].
-    #: Turns that the joints come from, (..., n) [rad]; None where friction has been shaken off.
+    backlash: float  #: Half-width b of the backlash [rad].
+    hysteresis: float  #: Half-width h of the hysteresis loop [rad].
+    #: Turns from which the joints come, (..., n) [rad]; None for joints without friction history.
     before: Array | None = None
-    slip: Array | None = None  #: Largest half-width of friction that slips bit by bit, (n,) [rad].
+    #: Largest half-width H of friction that slips gradually, (n,) [rad]; None for none.
+    slip: Array | None = None
 
     def of(self, some: Ids | slice) -> "JointLaw":
-        """That of some runs."""
+        """Select the law of some runs."""
         return self if self.before is None else replace(self, before=self.before[some])
 
 
@@ -84,13 +86,13 @@ def slope(law: JointLaw, torque: Array) -> Array:
 
 
 def _target(law: JointLaw, torque: Array) -> Array:
-    """Turn without friction, (..., n) [rad]."""
+    """Compute the turn without friction, (..., n) [rad]."""
     x = law.compliance * torque
     return _spring_turn(law, x) + _play(law, x)
 
 
 def _spring_turn(law: JointLaw, x: Array) -> Array:
-    """The real root phi of phi + beta phi^3 / phi_ref^2 = x, in closed form, (..., n) [rad]."""
+    """Solve phi + beta phi^3 / phi_ref^2 = x for its real root phi in closed form, (..., n) [rad]."""
     if not law.stiffening:
         return x
     a = np.sqrt(3 * law.stiffening) / STIFFENING_ANGLE

@@ -1,4 +1,4 @@
-"""What the arm looks like: geoms of its rigid MJCF, their surfaces, and where every body is, bent or not."""
+"""Appearance of the arm: geoms of its rigid MJCF, their surfaces, and poses of all bodies."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -30,16 +30,16 @@ STICK = 0.02  #: Radius of the sticks of an arm without visual geoms, over the l
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh."""
+    """Hold a triangle mesh."""
 
-    vertices: Array  #: One a different corner, (v, 3) [m].
+    vertices: Array  #: Corners, each once, (v, 3) [m].
     normals: Array  #: Unit normal of every corner, (v, 3) [1].
-    faces: Ids  #: Three corners a triangle, (f, 3).
+    faces: Ids  #: Corner indices of every triangle, (f, 3).
 
 
 @dataclass(frozen=True)
 class Shape:
-    """One visual geom, fixed in a body."""
+    """Describe one visual geom, fixed in a body."""
 
     kind: Kind  #: MuJoCo's geom type.
     body: int  #: Index of its body.
@@ -54,7 +54,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Frames:
-    """Where the bodies of the rigid MJCF are, the world first, as in `Site.names`."""
+    """Hold the poses of the bodies of the rigid MJCF, the world first, as in `Site.names`."""
 
     positions: Array  #: Origins, (runs, bodies, 3) [m].
     rotations: Array  #: World from body, (runs, bodies, 3, 3) [1].
@@ -75,22 +75,22 @@ def origins(site: Site, names: Sequence[str], frames: Frames) -> Array:
 
 
 def drawn_shapes(site: Site) -> list[Shape]:
-    """The visual geoms of an arm; none where it has none."""
+    """List the visual geoms of an arm; empty if it has none."""
     return _shapes(site.model, site.model.geom_group < VISUAL_GROUPS)
 
 
 def visual_shapes(site: Site) -> list[Shape]:
-    """The same; sticks from body to body where it has none."""
+    """List the visual geoms of an arm; sticks from body to body if it has none."""
     return drawn_shapes(site) or _sticks(site.model)
 
 
 def solid_shapes(site: Site) -> list[Shape]:
-    """The geoms of an arm that collide."""
+    """List the colliding geoms of an arm."""
     return _shapes(site.model, site.model.geom_contype != 0)
 
 
 def _shapes(model: mujoco.MjModel, some: Mask) -> list[Shape]:
-    """The geoms under a mask, (geoms,), that can be drawn."""
+    """List the drawable geoms under a mask, (geoms,)."""
     return [_shape(model, g) for g in np.flatnonzero(some & np.isin(model.geom_type, list(KINDS))).tolist()]
 
 
@@ -137,7 +137,7 @@ def geom_rgba(model: mujoco.MjModel, g: int) -> Array:
 
 
 def _mesh(model: mujoco.MjModel, k: int) -> Mesh:
-    """A mesh with one normal a corner: corners that share vertex and normal are one.
+    """Convert a mesh to one normal per corner: corners that share vertex and normal are merged.
 
     MuJoCo has separate indices for vertices and normals.
     """
@@ -152,7 +152,7 @@ def _mesh(model: mujoco.MjModel, k: int) -> Mesh:
 
 
 def join_meshes(shapes: Sequence[Shape]) -> tuple[Mesh, list[int]]:
-    """Meshes of one body as one mesh in the body's axes, and the number of vertices of each."""
+    """Join meshes of one body to one mesh in the body's axes, with the number of vertices of each."""
     pairs = [(shape, shape.mesh) for shape in shapes if shape.mesh is not None]
     counts = [len(mesh.vertices) for _, mesh in pairs]
     first = np.cumsum([0, *counts])
@@ -165,7 +165,7 @@ def join_meshes(shapes: Sequence[Shape]) -> tuple[Mesh, list[int]]:
 
 
 def _sticks(model: mujoco.MjModel) -> list[Shape]:
-    """A capsule in every body, from its origin to the origin of each of its children."""
+    """Make a capsule in every body, from its origin to the origin of each of its children."""
     length = np.linalg.norm(model.body_pos, axis=1)
     radius = STICK * length[model.body_parentid > 0].sum()  # wherever the base is
     children = [i for i in range(1, model.nbody) if model.body_parentid[i] and length[i] > 0]
@@ -187,14 +187,14 @@ def _sticks(model: mujoco.MjModel) -> list[Shape]:
 
 
 def rotation_of(quaternion: Array) -> Array:
-    """The rotation, (3, 3), of MuJoCo's quaternion w, x, y, z, (4,)."""
+    """Convert MuJoCo's quaternion w, x, y, z, (4,), to a rotation matrix, (3, 3)."""
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, np.asarray(quaternion, dtype=float))
     return rotation.reshape(3, 3)
 
 
 def quaternions(R: Array) -> Array:
-    """Rotations (..., 3, 3) as quaternions x, y, z, w, (..., 4)."""
+    """Convert rotation matrices, (..., 3, 3), to quaternions x, y, z, w, (..., 4)."""
     return np.asarray(Rotation.from_matrix(R).as_quat())
 
 
@@ -256,7 +256,7 @@ CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-
 
 
 def _rod(size: Array, cap: Array) -> Array:
-    """Two caps of the shape's radius at the ends of its half length."""
+    """Compute points of two caps of the shape's radius at the ends of its half length."""
     return np.concatenate([size[0] * cap + [0, 0, end * size[2]] for end in (-1, 1)])
 
 
@@ -271,6 +271,6 @@ POINTS: dict[Kind, Callable[[Array], Array]] = {
 
 
 def corners(shape: Shape) -> Array:
-    """Points of a shape whose hull is that of the shape, in its body, (points, 3) [m]."""
+    """Compute points whose convex hull is that of a shape, in its body, (points, 3) [m]."""
     own = POINTS[shape.kind](shape.size) if shape.mesh is None else shape.mesh.vertices
     return np.asarray(shape.position + own @ shape.rotation.T)

@@ -1,8 +1,8 @@
-"""The rigid arm at work: a payload may hang from it, a tracker stand beside it; what touches, what hides.
+"""The rigid cell: the arm with its payload and its tracker, their contacts, and the lines of sight.
 
-Which shapes count: what collides in the arm's MJCF may not touch. A ray of light is stopped by what is drawn
-instead: shapes that only collide are padded, and may well enclose a marker. Of a body where nothing is drawn,
-and of the world, whose shapes nobody pads, every shape stops it.
+Colliding geoms of the arm's MJCF must not touch. A line of sight is stopped by drawn geoms instead: geoms
+that only collide are padded, and may enclose a marker. In a body without drawn geoms, and in the world, whose
+geoms are not padded, every geom stops it.
 """
 
 import copy
@@ -25,19 +25,20 @@ from testbench.plant.collide import COLLIDES, VISUAL_GROUPS, body_name, collide,
 Kind = Literal["itself", "room", "tracker", "payload"]
 
 KINDS: tuple[Kind, ...] = ("itself", "room", "tracker", "payload")
-"""What is touched: the arm itself, the floor and walls, the tracker; and the payload, whatever it touches.
-
-Every geom belongs to arm, room, tracker or payload in this order, and a contact to the later of its two.
-"""
+"""Kinds of contact: with the arm itself, with floor and walls, with the tracker; and of the payload with
+anything. Every geom belongs to arm, room, tracker or payload in this order, and a contact to the later of its
+two."""
 
 SHACKLE = 0.1
-"""Length below the load point that belongs to the tool that holds the sling [m], whatever its clearance."""
+"""Length below the load point that counts as part of the tool [m], where the payload's clearance does not
+apply."""
 SLING_RADIUS = 0.01  #: Radius of the sling [m].
 HEAD_RADIUS = 0.2
-"""Radius of the sphere that stands for the tracker's head, its swing and the top of its stand [m]."""
-FARTHEST = 1000.0  #: Largest coordinate of a station [m]; beyond it a unit is a slip.
+"""Radius of the sphere that contains the tracker's head, its motion and the top of its stand [m]."""
+FARTHEST = 1000.0
+"""Largest coordinate of a station [m]; beyond it a unit is wrong."""
 TARGET_RADIUS = 0.06
-"""What is hit this near to a marker [m] is the target itself, its nest or the end of its holder."""
+"""Distance from a marker within which an obstacle counts as the target itself or its holder [m]."""
 SOLID = " ".join(f'{key}="{value}"' for key, value in COLLIDES.items())
 OPAQUE = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
 """Geom groups that stop a ray: `_opaque` puts such geoms into group 0, all others into group 5."""
@@ -45,12 +46,12 @@ OPAQUE = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
 
 @dataclass(frozen=True)
 class Payload:
-    """A weight that hangs from the load point: an upright steel cylinder, as high as it is wide."""
+    """Describe a weight that hangs from the load point: an upright steel cylinder, as high as wide."""
 
     mass: float  #: Of the weight [kg].
     sling: float = 0.5  #: From the load point to the top of the weight [m].
     density: float = 7850.0  #: Of the weight [kg/m^3]; 7850 is steel.
-    clearance: float = 0.05  #: Least distance to anything [m], as weights swing.
+    clearance: float = 0.05  #: Least distance to anything [m], since weights swing.
 
     def __post_init__(self) -> None:
         for name in ("mass", "density"):
@@ -67,45 +68,46 @@ class Payload:
 
     @property
     def diameter(self) -> float:
-        """Diameter and height of the weight [m]."""
+        """Compute diameter and height of the weight [m]."""
         return float(np.cbrt(4 * self.mass / (np.pi * self.density)))
 
     @property
     def upper_end(self) -> float:
-        """Where the sling begins, below the load point [m]: what holds it there is no obstacle to it."""
+        """Return the start of the sling below the load point [m]: the tool around it is no obstacle."""
         return SHACKLE + self.clearance
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Two bodies that touch, or come nearer than the payload's clearance."""
+    """Describe two bodies that touch, or come closer than the payload's clearance."""
 
-    kind: Kind  #: What is touched.
+    kind: Kind  #: Kind of contact.
     #: Their names, in the order of `KINDS`: the arm's before the world's, the payload's last.
     bodies: tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Site:
-    """The rigid arm, its room, and what may stand or hang there while it is measured."""
+    """Hold the rigid arm, its room, and the payload and tracker of a measurement."""
 
-    arm: Arm  #: Its description.
-    payload: Payload | None  #: What hangs from it; None for nothing.
-    station: Array | None  #: Where the tracker's beam leaves, (3,) [m]; None for no tracker.
-    model: mujoco.MjModel  #: Rigid MuJoCo model of all of it.
-    sight: mujoco.MjModel  #: The same as a ray sees it.
-    data: mujoco.MjData  #: Its state, overwritten by every question: making one takes longer than an answer.
-    names: tuple[str, ...]  #: Of the bodies.
+    arm: Arm  #: Description of the arm.
+    payload: Payload | None  #: Payload on the tool; None for none.
+    station: Array | None  #: Origin of the tracker's beam, (3,) [m]; None for no tracker.
+    model: mujoco.MjModel  #: Rigid MuJoCo model of the whole cell.
+    sight: mujoco.MjModel  #: The model for rays, in which only opaque geoms count.
+    #: State of the model, overwritten by every call: creating one takes longer than using it.
+    data: mujoco.MjData
+    names: tuple[str, ...]  #: Names of the bodies.
     joints: Ids  #: Address of each actuated joint in qpos, (n,).
     slides: Ids  #: Address of the payload's coordinates x, y, z in qpos, (3,); (0,) without.
     load: int  #: Body id of the load point.
     markers: Ids  #: Body ids of the markers, (m,).
     facing: Array  #: Z axes of the markers' bodies in the tool's frame, (m, 3) [1].
-    part: Ids  #: Index in `KINDS` of what each geom belongs to, (geoms,).
+    part: Ids  #: Index in `KINDS` of the owner of each geom, (geoms,).
 
 
 def check_position(position: object) -> Array:
-    """The position of a station, (3,) [m]; BenchError for what is no place near any arm."""
+    """Check the position of a station, (3,) [m]; BenchError if it is not finite or far from any arm."""
     where = check_array(position, (3,), "position of the station [m]")
     if np.abs(where).max() > FARTHEST:
         raise BenchError(
@@ -120,17 +122,20 @@ def build_site(
     station: tuple[float, float, float] | None = None,
     floor: float | None = None,
 ) -> Site:
-    """The rigid MuJoCo model of an arm, alone or with its payload and its tracker.
+    """Build the rigid MuJoCo model of an arm, alone or with its payload and its tracker.
 
     Args:
         arm: The arm.
-        payload: What hangs from it; None for nothing.
-        station: Where the tracker's beam leaves [m]; None for no tracker.
+        payload: The payload on the tool; None for none.
+        station: Origin of the tracker's beam [m]; None for no tracker.
         floor: Height of a floor that the arm's MJCF does not have [m]; None for none.
 
+    Returns:
+        The rigid cell.
+
     Raises:
-        InputError: When MuJoCo refuses the arm's MJCF.
-        BenchError: When the station is no place, or inside something that does not move.
+        InputError: If MuJoCo refuses the arm's MJCF.
+        BenchError: If the station is invalid, or inside something that does not move.
     """
     where = None if station is None else check_position(station)
     root = read_mjcf(arm.rigid)
@@ -166,8 +171,8 @@ def build_site(
 def _hang(root: ET.Element, name: str, payload: Payload) -> None:
     """Add the weight and its sling, hanging from the origin of their body.
 
-    The body has slides, though it is placed by hand: MuJoCo lets no two bodies without joints collide, not
-    even if one is a mocap body; and base and floor have none.
+    The body has slides, though it is placed explicitly: in MuJoCo two bodies without joints never collide,
+    not even if one is a mocap body; and base and floor have none.
     """
     half, rope, top = payload.diameter / 2, (payload.sling - payload.upper_end) / 2, payload.upper_end
     slides = "".join(f'<joint type="slide" axis="{x}" limited="false"/>' for x in ("1 0 0", "0 1 0", "0 0 1"))
@@ -201,7 +206,7 @@ def _body(model: mujoco.MjModel, name: str) -> int:
 
 
 def _parts(model: mujoco.MjModel, arm: Arm, weight: str, head: str) -> Ids:
-    """Index in `KINDS` of what each geom belongs to; the arm is all that hangs on what carries its base."""
+    """Find the owner of each geom as an index in `KINDS`; the arm is everything on the base's carrier."""
     root = model.body_rootid[model.geom_bodyid]
     part = np.full(model.ngeom, KINDS.index("room"))
     part[root == model.body_rootid[_body(model, arm.links[0].name)]] = KINDS.index("itself")
@@ -211,7 +216,7 @@ def _parts(model: mujoco.MjModel, arm: Arm, weight: str, head: str) -> Ids:
 
 
 def _check_head(model: mujoco.MjModel, part: Ids, where: Array | None) -> None:
-    """Refuse a tracker inside what does not move, seen or not; MuJoCo's collisions leave such pairs out."""
+    """Refuse a tracker inside something that does not move; MuJoCo's collisions exclude such pairs."""
     if where is None:
         return
     data = mujoco.MjData(model)
@@ -228,7 +233,7 @@ def _check_head(model: mujoco.MjModel, part: Ids, where: Array | None) -> None:
 
 
 def _opaque(model: mujoco.MjModel, part: Ids) -> mujoco.MjModel:
-    """The model with the geoms that stop a ray in group 0, and all others in group 5."""
+    """Put the geoms that stop a ray into group 0, and all others into group 5."""
     model = copy.copy(model)
     body, drawn = model.geom_bodyid, model.geom_group < VISUAL_GROUPS
     bare = ~np.isin(body, body[drawn])
@@ -246,7 +251,7 @@ def _facing(model: mujoco.MjModel, tool: int, markers: Ids) -> Array:
 
 
 def _poses(site: Site, q: Array) -> Iterator[mujoco.MjData]:
-    """The site in every pose, the payload straight below the load point; the data are the same object."""
+    """Set the cell to every pose, with the payload straight below the load point; the data are one object."""
     q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
     model, data = site.model, site.data
     qpos, load = data.qpos, data.xpos[site.load]
@@ -286,10 +291,10 @@ def contacts(site: Site, q: Array) -> list[Contact | None]:
 
 
 def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:
-    """The first of every pose's contacts in the order of `KINDS`, of those that are near enough."""
+    """Select the first contact of every pose in the order of `KINDS`, of those that are close enough."""
     clearance = 0.0 if site.payload is None else site.payload.clearance
     kind = site.part[pairs].max(axis=1)
-    near = np.where(kind == KINDS.index("payload"), clearance, 0.0)  # a stranger's geoms may have margins
+    near = np.where(kind == KINDS.index("payload"), clearance, 0.0)  # geoms of a user's MJCF may have margins
     touching = np.flatnonzero(distance < near)
     touching = touching[np.lexsort((kind[touching], pose[touching]))]
     return np.asarray(touching[np.unique(pose[touching], return_index=True)[1]])
@@ -330,7 +335,7 @@ def check_poses(site: Site, q: Array) -> None:
 
 
 def has_surroundings(site: Site) -> bool:
-    """Whether anything of the world collides, such as a floor or a wall."""
+    """Tell whether anything of the world collides, such as a floor or a wall."""
     model = site.model
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     return bool((collides & (model.geom_bodyid == 0)).any())

@@ -1,4 +1,4 @@
-"""Poses as MuJoCo finds them, many at once, and what a force on a body is to the joints."""
+"""Poses evaluated by MuJoCo, many at once, and generalised forces of loads on bodies."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ from testbench.plant.build import Plant
 
 @dataclass(frozen=True)
 class State:
-    """What the joints feel in some poses, and where the bodies are that were asked for, by their ids."""
+    """Hold gravity forces and Jacobians of some poses, and the poses of requested bodies, by their ids."""
 
     weight: Array  #: Generalised force of the arm's own weight, (poses, nv) [N, N m].
-    #: What a unit of every coordinate turns and, at `centre`, moves: MuJoCo's cdof, (poses, nv, 6) [1, m].
+    #: Rotation, and motion at `centre`, per unit of every coordinate: MuJoCo's cdof, (poses, nv, 6) [1, m].
     motion: Array
     centre: Array  #: Its point of reference in the world, (poses, 3) [m].
     position: dict[int, Array]  #: Of the bodies in the world, (poses, 3) each [m].
@@ -24,7 +24,7 @@ class State:
 
 @dataclass(frozen=True)
 class Row:
-    """The arms side by side in one MuJoCo state, to compute with; every call of `settle` has its own."""
+    """Hold the copies of the arm in one MuJoCo state for computation; every call of `settle` has its own."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
@@ -36,7 +36,7 @@ class Row:
 
 
 def open_row(plant: Plant) -> Row:
-    """The plant's arms side by side, to compute with."""
+    """Make the MuJoCo model with copies of the plant's arm in a row, which are evaluated together."""
     model, data = plant.abreast, mujoco.MjData(plant.abreast)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
     return Row(
@@ -51,14 +51,17 @@ def open_row(plant: Plant) -> Row:
 
 
 def evaluate(row: Row, qpos: Array, bodies: Collection[int] = ()) -> State:
-    """What MuJoCo says of configurations, as many at a time as there are arms in the row.
+    """Evaluate configurations in MuJoCo, as many at a time as there are arms in the row.
 
     Velocities are zero, so of MuJoCo's forward pass only kinematics and the bias force are needed.
 
     Args:
         row: The arms.
         qpos: Configurations, (poses, nv) [m, rad].
-        bodies: Ids of the bodies whose places are wanted; without any there are no `motion` and `centre`.
+        bodies: Ids of the bodies whose places are wanted; without any, `motion` and `centre` are left out.
+
+    Returns:
+        Places of the bodies, and the generalised force of the arm's own weight.
     """
     model, data, (arms, nv) = row.model, row.data, row.qpos.shape
     poses, room = len(qpos), -(-len(qpos) // arms) * arms
@@ -100,14 +103,17 @@ def place(state: State, body: int, point: Array) -> Array:
 
 
 def generalised_force(plant: Plant, state: State, body: int, wrench: Array, point: Array) -> Array:
-    """Generalised force J^T w of force and moment on a body at a world point, (poses, nv) [N, N m].
+    """Compute the generalised force J^T w of a wrench on a body at a world point.
 
     Args:
         plant: The arm.
         state: Its poses.
         body: The body's id.
         wrench: Force and moment, world axes, (poses, 6) [N, N m].
-        point: Where it acts, (poses, 3) [m].
+        point: Point where the force acts, world axes, (poses, 3) [m].
+
+    Returns:
+        (poses, nv) [N, N m].
     """
     force, moment = wrench[:, :3], wrench[:, 3:]
     about_centre = moment + _cross(point - state.centre, force)
@@ -116,7 +122,7 @@ def generalised_force(plant: Plant, state: State, body: int, wrench: Array, poin
 
 
 def moved(plant: Plant, state: State, body: int, theta: Array) -> tuple[Array, Array]:
-    """How far a body's origin moves, and how it turns, under small deflections, J theta.
+    """Compute how a body's origin moves and how the body rotates under small deflections, J theta.
 
     Args:
         plant: The arm.
@@ -133,6 +139,6 @@ def moved(plant: Plant, state: State, body: int, theta: Array) -> tuple[Array, A
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Vector products a x b, (poses, 3): np.cross takes five times as long."""
+    """Compute vector products a x b, (poses, 3): np.cross takes five times as long."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)

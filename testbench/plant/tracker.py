@@ -1,9 +1,8 @@
-"""The measuring instrument: targets read with noise, unloaded and loaded, and which it sees from where.
+"""Measuring instruments: noise of readings, and the targets that a tracker can see.
 
-A flat instrument has the same noise along every axis, as in the paper. A laser tracker stands somewhere: its
-range is good to microns, its two angles cost microns a metre, so that every reading has a covariance of its
-own. It sees targets by distance, elevation and incidence; whether something stands in the way is a question
-of shapes: testbench/plant/site.py.
+A flat instrument has equal noise along every axis, as in the paper. A laser tracker has a station: its range
+is accurate to microns, its two angles to microns per metre, so that every reading has a covariance of its
+own. Targets are visible by distance, elevation and incidence; obstacles are tested in `testbench.plant.site`.
 """
 
 import math
@@ -20,10 +19,10 @@ LONGEST = 1e-2
 
 @dataclass(frozen=True)
 class Tracker:
-    """A flat instrument: its noise is white, normal and equal along every axis."""
+    """Describe a flat instrument: its noise is white, normal and equal along every axis."""
 
     sigma: float  #: Standard deviation of ONE position reading along one axis [m].
-    #: The same of one orientation reading [rad]; None if it reads positions only.
+    #: Standard deviation of one orientation reading [rad]; None if it reads positions only.
     sigma_rotation: float | None = None
 
     def __post_init__(self) -> None:
@@ -33,7 +32,15 @@ class Tracker:
             check_least(0.0 if value is None else value, name)
 
     def noise(self, positions: Array, rng: np.random.Generator) -> Array:
-        """Of sigma along every axis, (..., 3) [m]."""
+        """Draw the noise of position readings, of sigma along every axis.
+
+        Args:
+            positions: True positions, (..., 3) [m]; their shape counts.
+            rng: Source of the noise.
+
+        Returns:
+            Noise, (..., 3) [m].
+        """
         return self.sigma * rng.standard_normal(positions.shape)
 
 
@@ -47,23 +54,30 @@ TYPICAL = 0.5  #: Standard deviation over the maximum permissible error: typical
 
 @dataclass(frozen=True)
 class LaserTracker:
-    """A spherical instrument: one distance and two angles, independent and normal."""
+    """Describe a spherical instrument: one distance and two angles with independent normal noise."""
 
-    station: tuple[float, float, float]  #: Where the beam leaves, world, (3,) [m].
+    station: tuple[float, float, float]  #: Origin of the beam, world, (3,) [m].
     share: float = TYPICAL  #: Standard deviation over the maximum permissible error [1].
 
     def covariance(self, positions: Array) -> Array:
-        """transverse^2 (I - u u^T) + radial^2 u u^T along the beam u, (..., 3, 3) [m^2]."""
+        """Compute transverse^2 (I - u u^T) + radial^2 u u^T for the beam directions u, (..., 3, 3) [m^2]."""
         u, radial, transverse = self._beam(positions)
         along = u[..., :, None] * u[..., None, :]
         radial, transverse = radial[..., None], transverse[..., None]
         return np.asarray(transverse**2 * (np.eye(3) - along) + radial**2 * along)
 
     def noise(self, positions: Array, rng: np.random.Generator) -> Array:
-        """(transverse (I - u u^T) + radial u u^T) times normal numbers, (..., 3) [m].
+        """Draw the noise (transverse (I - u u^T) + radial u u^T) z with z standard normal.
 
-        The symmetric root of the covariance is unique and smooth in the position. One from a decomposition is
-        not: where eigenvalues are equal, the last digit of a position turns the axes.
+        The symmetric root of the covariance is unique and smooth in the position. A root by decomposition is
+        not: if eigenvalues are equal, the last digit of a position rotates the axes.
+
+        Args:
+            positions: True positions, world, (..., 3) [m].
+            rng: Source of z.
+
+        Returns:
+            Noise, (..., 3) [m].
         """
         u, radial, transverse = self._beam(positions)
         normal = rng.standard_normal(positions.shape)
@@ -79,20 +93,46 @@ class LaserTracker:
 
 
 def read_positions(tracker: Tracker | LaserTracker, positions: Array, rng: np.random.Generator) -> Array:
-    """One reading of every target, of its true position, (..., 3) [m]."""
+    """Read every target once, with noise.
+
+    Args:
+        tracker: The instrument.
+        positions: True positions, (..., 3) [m].
+        rng: Source of the noise.
+
+    Returns:
+        Readings, (..., 3) [m].
+    """
     return positions + tracker.noise(positions, rng)
 
 
 def precision(tracker: LaserTracker, before: Array, after: Array) -> Array:
-    """Inverse covariance, (..., 3, 3) [1/m^2], of deflections between two readings, (..., 3) [m]."""
+    """Compute the inverse covariance of deflections between two readings.
+
+    Args:
+        tracker: The instrument.
+        before: First readings, (..., 3) [m].
+        after: Second readings, (..., 3) [m].
+
+    Returns:
+        Inverse covariance, (..., 3, 3) [1/m^2].
+    """
     return np.asarray(np.linalg.inv(tracker.covariance(before) + tracker.covariance(after)))
 
 
 def read_orientations(tracker: Tracker, rotations: Array, rng: np.random.Generator) -> Array:
-    """Orientations, (runs, 3, 3), read as rotation vectors in world axes, (runs, 3) [rad].
+    """Read orientations as rotation vectors, with noise.
+
+    Args:
+        tracker: The instrument.
+        rotations: True orientations, world axes, (runs, 3, 3).
+        rng: Source of the noise.
+
+    Returns:
+        Rotation vectors, world axes, (runs, 3) [rad].
 
     Raises:
-        BenchError: When the tracker reads positions only.
+        BenchError: If the instrument reads positions only.
     """
     if tracker.sigma_rotation is None:
         raise BenchError("tracker: expected a sigma_rotation to read orientations, got None")
@@ -119,15 +159,16 @@ worst, and a stand is never quite upright.
 
 @dataclass(frozen=True)
 class Station:
-    """A laser tracker standing upright."""
+    """Describe a laser tracker that stands upright."""
 
-    position: tuple[float, float, float]  #: Where the beam leaves, in the world, (3,) [m].
+    position: tuple[float, float, float]  #: Origin of the beam, world, (3,) [m].
     #: Half angle of the cone in which a fixed target returns the beam [rad]; such a target faces along the z
-    #: axis of its marker's body in rigid.xml. None for targets that are turned to the tracker by hand, as
-    #: spherically mounted reflectors in magnetic nests are: any incidence is fine.
+    #: axis of its marker's body in rigid.xml. None for targets that are turned to the tracker by hand, such
+    #: as spherically mounted reflectors in magnetic nests: any incidence is accepted.
     acceptance: float | None = None
 
     def __post_init__(self) -> None:
+        """Refuse an invalid position or acceptance, by BenchError."""
         check_position(self.position)
         most = math.pi / 2
         if self.acceptance is not None and not 0 < self.acceptance <= most:  # false for NaN
@@ -138,10 +179,16 @@ class Station:
 
 
 def out_of_view(station: Station, targets: Array, facing: Array | None = None) -> dict[str, Mask]:
-    """Which poses, (poses,), hold a target that the tracker cannot see, by reason in a fixed order.
+    """Find poses with a target that the tracker cannot see, by reason.
 
-    Targets, (poses, m, 3) [m], face along unit vectors, (poses, m, 3) [1], which count with an acceptance
-    only; all in world axes.
+    Args:
+        station: The tracker.
+        targets: Positions of the targets, world, (poses, m, 3) [m].
+        facing: Unit vectors along which the targets face, world, (poses, m, 3) [1]; needed with an
+            acceptance.
+
+    Returns:
+        Reasons in a fixed order, each with the poses that have it, (poses,).
     """
     beam = targets - np.array(station.position)
     distance = np.linalg.norm(beam, axis=2)
@@ -159,5 +206,13 @@ def out_of_view(station: Station, targets: Array, facing: Array | None = None) -
 
 
 def stream(seed: int, trial: int = 0) -> np.random.Generator:
-    """Random numbers of one trial, independent of order, workers and restarts."""
+    """Make the random numbers of one trial, independent of order, workers and restarts.
+
+    Args:
+        seed: Root of all randomness.
+        trial: Number of the trial.
+
+    Returns:
+        The generator.
+    """
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(trial,))))

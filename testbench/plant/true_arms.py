@@ -1,6 +1,6 @@
-"""True arms that the model's templates do not contain: one model, and a family of truths to judge it by.
+"""True arms outside the model's templates: one model, and families of truths to judge it by.
 
-The model, and the prior from CAD, stay those of the arm's folder; only what MuJoCo settles is another arm.
+The model and the prior from CAD remain those of the arm's folder; only the simulated arm differs.
 """
 
 from collections.abc import Callable, Mapping
@@ -22,24 +22,29 @@ if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does
 
 TrueArm = Callable[[Arm, np.random.Generator], Arm]
 Springs = Callable[[Arm, np.random.Generator], "Beyond"]
-"""What the springs of an arm do that no matrix says."""
+"""Function that draws the elasticity of an arm beyond constant matrices."""
 
 UNEQUAL = 0.5  #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
-FAR = 0.3, 3.0  #: Range of a joint's compliance over the folder's, where all are far off [1].
-STIFFER = 3, 10, 30, 100, 300  #: How many times stiffer links are where joints give way most.
+FAR = 0.3, 3.0
+"""Range of a joint's compliance over the folder's, if all joints are far off [1]."""
+STIFFER = 3, 10, 30, 100, 300
+"""Factors by which links are stiffer, so that the joints dominate."""
 RADIUS, TILTS = 0.15, (0.1, 1.0)
-"""Of a bearing [m], and range of its tilt under a moment over the turn of the folder's joint [1]."""
-SOFTER = 5.0  #: How many times softer one link is than the others of its arm [1].
+"""Radius of a bearing [m], and range of its tilt under a moment over the turn of the folder's joint [1]."""
+SOFTER = 5.0
+"""Factor by which one link is softer than the others [1]."""
 TUBE_ENTRIES = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4))
 """Entries of a tube's compliance that are not zero, one of each pair."""
-DRAWS = 7  #: Vectors of a random correlation matrix.
+DRAWS = 7
+"""Vectors that define a random correlation matrix."""
 FOLLOWING = 20, 50
-"""By how many percent a link is softer at most, and as many times stiffer, as the joint beside it turns."""
-ALONG = 0.5  #: How far axes of links follow all joints, in the logarithm of their compliance [1].
+"""Largest change of a link's compliance with the angle of the next joint, softer or stiffer [%]."""
+ALONG = 0.5
+"""Change of the log compliance of a link's axes with all joints, standard deviation [1]."""
 TIED = 0.2, 0.5
-"""Range of the compliance between neighbouring joints over the root of the product of theirs [1]."""
+"""Range of the compliance between neighbouring joints over the geometric mean of theirs [1]."""
 SLIP = 5e-5, 4e-4
-"""Range of the largest half width of friction that slips bit by bit [rad]; hysteresis has one of 3e-5."""
+"""Range of the largest half width of friction that slips gradually [rad]; hysteresis has one of 3e-5."""
 FamilyName = Literal["family", "tubes", "off_10", "off_20", "off_40", "cast", "joints"]
 HeldOutName = Literal[
     "stiffer_3",
@@ -59,17 +64,25 @@ HeldOutName = Literal[
     "slipping",
 ]
 TrueArmName = Literal[FamilyName, HeldOutName]
-FAMILY: TrueArmName = "family"  #: All of TRUTHS, a seed each in turn.
-HALVINGS = 24  #: Of the interval in which the size of a link's deformation is sought.
+FAMILY: TrueArmName = "family"
+"""All of TRUTHS, one per seed in turn."""
+HALVINGS = 24
+"""Bisections for the size of a link's deformation."""
 
 
 def distance_from_tubes(C: Array) -> float:
-    """How far C (6, 6) [m/N, rad/(N m)], in beam axes, is from any tube, in the metric of the nearest [1].
+    """Compute the distance of a compliance from the nearest tube, in the metric of that tube [1].
 
-    The least |T^-1/2 C T^-1/2 - 1|_F / sqrt(6) over the beam templates T, hence a lower bound for tubes: the
-    root mean square relative error of the six compliances along the common axes of C and T. T^-1 has the
-    entries of T, and with C = L L^T the norm is that of L^T T^-1 L - 1: a linear least squares problem. Above
-    0.4 a beam template that is not positive definite, and so no tube, may be nearest.
+    It is the least |T^-1/2 C T^-1/2 - 1|_F / sqrt(6) over the beam templates T, hence a lower bound for
+    tubes: the RMS relative error of the six compliances along the common axes of C and T. T^-1 has the
+    pattern of T, and with C = L L^T the norm is that of L^T T^-1 L - 1: a linear least squares problem. Above
+    0.4 the nearest template may not be positive definite, hence not a tube.
+
+    Args:
+        C: Compliance in beam axes, (6, 6) [m/N, rad/(N m)].
+
+    Returns:
+        The distance [1].
     """
     L = np.linalg.cholesky(C)
     columns = []
@@ -82,7 +95,16 @@ def distance_from_tubes(C: Array) -> float:
 
 
 def deformed(C: Array, S: Array, distance: float) -> Array:
-    """A tube's C^1/2 exp(t S) C^1/2, S symmetric (6, 6) [1], with t such that it is so far from any tube."""
+    """Deform a tube to C^1/2 exp(t S) C^1/2, with t for a given distance from the nearest tube.
+
+    Args:
+        C: Compliance of the tube, (6, 6) [m/N, rad/(N m)].
+        S: Symmetric direction of the deformation, (6, 6) [1].
+        distance: Distance by `distance_from_tubes` [1].
+
+    Returns:
+        The deformed compliance, (6, 6).
+    """
     d = np.sqrt(np.diag(C))
     values, Q = np.linalg.eigh(C / np.outer(d, d))
     half = d[:, None] * Q * np.sqrt(values)
@@ -102,7 +124,7 @@ def deformed(C: Array, S: Array, distance: float) -> Array:
 
 
 def _off_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
-    """Every link this far from any tube along its axes, and these turned by as many radians."""
+    """Deform every link by a distance from tubes, and rotate its axes by as many radians."""
 
     def off(link: Link) -> Link:
         S = rng.standard_normal((6, 6))
@@ -117,13 +139,13 @@ def _cast(arm: Arm, rng: np.random.Generator) -> Arm:
 
 
 def _scaled_joints(arm: Arm, factors: Array) -> Arm:
-    """Compliances of all joints times these, (n,) [1]."""
+    """Scale the compliances of all joints, factors (n,) [1]."""
     pairs = zip(arm.joints, factors, strict=True)
     return replace(arm, joints=tuple(replace(j, compliance=float(f * j.compliance)) for j, f in pairs))
 
 
 def _scaled_links(arm: Arm, factors: Array) -> Arm:
-    """Compliances of all links times these, (n + 1,) [1]."""
+    """Scale the compliances of all links, factors (n + 1,) [1]."""
     pairs = zip(arm.links, factors, strict=True)
     return replace(arm, links=tuple(replace(link, compliance=f * link.compliance) for link, f in pairs))
 
@@ -144,7 +166,7 @@ TRUTHS: Mapping[str, TrueArm] = {
 
 
 def _of_family(arm: Arm, rng: np.random.Generator) -> Arm:
-    """Any of TRUTHS."""
+    """Draw one kind of TRUTHS."""
     return TRUTHS[str(rng.choice(list(TRUTHS)))](arm, rng)
 
 
@@ -160,10 +182,17 @@ def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
 
 
 def coupled(C: Array, rng: np.random.Generator) -> Array:
-    """The diagonal of C, (6, 6) [m/N, rad/(N m)], with couplings as any correlation matrix has them.
+    """Replace the couplings of a compliance by those of a random correlation matrix.
 
-    The correlations of 7 vectors of six normal numbers are uniform over all correlation matrices of order
-    six: Wishart's density with n + 1 degrees of freedom over the scales.
+    Correlations of 7 vectors of six normal numbers are uniform over all correlation matrices of order six:
+    Wishart's density with n + 1 degrees of freedom, divided by the scales.
+
+    Args:
+        C: Compliance, whose diagonal is kept, (6, 6) [m/N, rad/(N m)].
+        rng: Source of the correlations.
+
+    Returns:
+        The coupled compliance, (6, 6).
     """
     A = rng.standard_normal((6, DRAWS))
     W = A @ A.T
@@ -180,7 +209,7 @@ def _coupled(arm: Arm, rng: np.random.Generator) -> Arm:
 
 
 def _soft_bearings(arm: Arm, rng: np.random.Generator) -> Arm:
-    """A bearing at the end of every link before a hinge, alike in all directions."""
+    """Add a bearing, equal in all directions, to the end of every link before a hinge."""
     own, unit = _of_family(arm, rng), np.diag([RADIUS**2] * 3 + [1.0] * 3)
     shares = np.exp(rng.uniform(np.log(TILTS[0]), np.log(TILTS[1]), arm.n_joints))
     tilts = [0.0 if j.prismatic else s * j.compliance for j, s in zip(arm.joints, shares, strict=True)]
@@ -195,7 +224,7 @@ def _far_joints(arm: Arm, rng: np.random.Generator) -> Arm:
 
 
 def _following(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
-    """Every link as a whole by the sine of the joint behind it, the last one by that of the last joint."""
+    """Vary every link as a whole with the sine of the next joint's angle; the last with the last joint's."""
     from testbench.plant.beyond import Beyond, Follows
 
     links, n = len(arm.links), arm.n_joints
@@ -206,7 +235,7 @@ def _following(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
 
 
 def _following_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
-    """Every axis of a link by itself, by a sum of turns of all joints."""
+    """Vary every axis of a link by itself, with a sum of the angles of all joints."""
     from testbench.plant.beyond import Beyond, Follows
 
     links, n = len(arm.links), arm.n_joints
@@ -215,7 +244,7 @@ def _following_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
 
 
 def _tied(arm: Arm, correlation: Array) -> "Beyond":
-    """Joints that are coupled so, (n, n) [1]."""
+    """Couple joints by a correlation matrix, (n, n) [1]."""
     from testbench.plant.beyond import Beyond
 
     root = np.sqrt([joint.compliance for joint in arm.joints])
@@ -223,14 +252,14 @@ def _tied(arm: Arm, correlation: Array) -> "Beyond":
 
 
 def _tied_joints(arm: Arm, rng: np.random.Generator) -> "Beyond":
-    """Every joint with the next one: below 1/2 that is positive definite."""
+    """Couple every joint with the next one: below 1/2 the matrix is positive definite."""
     n = arm.n_joints - 1
     own = np.diag(rng.uniform(*TIED, n) * rng.choice([-1.0, 1.0], n), 1)
     return _tied(arm, own + own.T)
 
 
 def _tied_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
-    """Every joint with every other one, as normal vectors of four numbers a joint correlate."""
+    """Couple every joint with every other one, by correlations of normal vectors with 4 n numbers."""
     n = arm.n_joints
     A = rng.standard_normal((n, 4 * n))
     d = np.linalg.norm(A, axis=1)
@@ -251,7 +280,7 @@ SPRINGS: Mapping[str, Springs] = {
     "tied_all": _tied_all,
     "slipping": _slipping,
 }
-"""By the name of a true arm what its springs do that no matrix says: of any arm of the family."""
+"""Elasticity beyond constant matrices by name of the true arm; the arm itself is any of the family."""
 HELD_OUT: Mapping[str, TrueArm] = {
     **{f"stiffer_{n}": partial(_stiffer, n) for n in STIFFER},
     "soft_link": _soft_link,
@@ -260,7 +289,8 @@ HELD_OUT: Mapping[str, TrueArm] = {
     "bearings": _soft_bearings,
     **dict.fromkeys(SPRINGS, _of_family),
 }
-"""True arms of kinds that nothing here was made with: a study judges by them, the family is without them."""
+"""True arms of further kinds, for judging only: nothing was developed on them, and the family excludes
+them."""
 CALLED = {
     "tubes": "links of tubes",
     **{f"off_{percent}": f"links {percent} % off tubes" for percent in (10, 20, 40)},
@@ -277,7 +307,7 @@ CALLED = {
     "tied_all": "all joints coupled",
     "slipping": "friction slips bit by bit",
 }
-"""The same for readers."""
+"""Names of the true arms in reports."""
 TRUTH_WORDS = {
     "tubes": "the folder's: every link a straight tube, which the template contains",
     **{
@@ -289,11 +319,19 @@ TRUTH_WORDS = {
     "long as the tube and in the mean as compliant under moments",
     "joints": f"joints other than the folder's, standard deviation of the logarithm {UNEQUAL:g}",
 }
-"""What they are."""
+"""Descriptions of TRUTHS."""
 
 
 def member(family: str, seed: int) -> str:
-    """The truth of a seed: the next of TRUTHS in turn for "family", else the one that is named."""
+    """Return the true arm of a seed.
+
+    Args:
+        family: "family" for the kinds of TRUTHS in turn, or the name of one kind.
+        seed: The seed.
+
+    Returns:
+        Name of the kind.
+    """
     return list(TRUTHS)[seed % len(TRUTHS)] if family == FAMILY else family
 
 

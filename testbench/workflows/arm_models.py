@@ -18,7 +18,7 @@ from testbench.arm.document import Strict
 from testbench.arm.folder import Arm, find_arm, load_arm
 from testbench.data.dataset import Dataset
 from testbench.data.series import Series
-from testbench.errors import Array, BenchError, InputError, check_array, read_bytes, read_text
+from testbench.errors import Array, BenchError, InputError, check_array, check_type, read_bytes, read_text
 from testbench.files.model_folder import ARM, DOCUMENT, FITS, MAX_BYTES, MAX_ROOT, POSTERIOR, copy_arm
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.noise import KINDS, Noise
@@ -333,8 +333,10 @@ def save_model(model: ArmModel, folder: str | Path) -> None:
         folder: Where to. An earlier model there is replaced once the new one is whole.
 
     Raises:
+        BenchError: When model is no ArmModel.
         InputError: When the folder cannot be written.
     """
+    check_type(model, ArmModel, "model")
     with whole_folder(Path(folder)) as made:
         write_files(model, made, name=model.about.method, fit={})
 

@@ -1,4 +1,4 @@
-"""Where the beam of a link lies, from its joint to the next one, and how thick its drawn surface is there."""
+"""Equivalent beam of a link: its line from joint to joint, and the diameter of its drawn surface."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,49 +10,73 @@ from scipy.spatial import ConvexHull, QhullError
 from testbench.errors import Array
 from testbench.files.robot.robot import Chain, Shape, seen
 
-COINCIDE = 0.02  #: Joints closer than this share of the reach coincide [1].
-PARALLEL = 0.1  #: Sine of the angle below which two directions are one [1].
-CUTS = 17  #: Cuts across a link.
-INNER = 0.1, 0.9  #: They stand at this share of its length, clear of the flanges [1].
-FEWEST = 6  #: Cuts that must meet the surface: a third of the link is drawn at least.
+COINCIDE = 0.02
+"""Distance of joints below which they coincide, as a share of the reach [1]."""
+PARALLEL = 0.1
+"""Sine of the angle below which two directions count as parallel [1]."""
+CUTS = 17
+"""Cross sections of a link."""
+INNER = 0.1, 0.9
+"""First and last cross section, as shares of the length, clear of the flanges [1]."""
+FEWEST = 6
+"""Fewest cross sections that must meet the surface: at least a third of the link is drawn."""
 
 
 Runs = Literal["to the next joint", "to the tool", "along the next joint", "along the flange"]
-"""Where the beam of a link runs; along an axis where joints, or joint and tool, are in one point."""
+"""Direction of a link's beam; it follows an axis if joints, or joint and tool, coincide."""
 
 
 @dataclass(frozen=True, eq=False)
 class Beam:
-    """The line of a link in its part's frame."""
+    """Describe the line of a link in its part's frame."""
 
     frame: Array  #: Axes x (along), y, z as columns, (3, 3) [1].
-    distance: float  #: From the link's joint to the next one, or to the tool [m].
-    runs: Runs  #: Where to.
+    distance: float  #: Distance from the link's joint to the next one, or to the tool [m].
+    runs: Runs  #: Direction of the beam.
 
 
 def ends(chain: Chain, tool: Array) -> list[Array]:
-    """Pose of the next joint, of the tool for the last link, in every part's frame, (4, 4) each."""
-    return [*(part.pose for part in chain.parts[1:]), tool]
-
-
-def reach(chain: Chain, tool: Array) -> float:
-    """Stretched length from the first joint to the tool [m]."""
-    return float(sum(np.linalg.norm(end[:3, 3]) for end in ends(chain, tool)[1:]))
-
-
-def beams(chain: Chain, tool: Array) -> list[Beam]:
-    """The line of every link.
+    """List the pose of the next joint, or of the tool, in every part's frame, (4, 4) each.
 
     Args:
         chain: The arm.
         tool: Pose of the tool in the last part, (4, 4) [m].
+
+    Returns:
+        The poses, n + 1.
+    """
+    return [*(part.pose for part in chain.parts[1:]), tool]
+
+
+def reach(chain: Chain, tool: Array) -> float:
+    """Compute the stretched length from the first joint to the tool.
+
+    Args:
+        chain: The arm.
+        tool: Pose of the tool in the last part, (4, 4) [m].
+
+    Returns:
+        Length [m].
+    """
+    return float(sum(np.linalg.norm(end[:3, 3]) for end in ends(chain, tool)[1:]))
+
+
+def beams(chain: Chain, tool: Array) -> list[Beam]:
+    """Find the line of every link.
+
+    Args:
+        chain: The arm.
+        tool: Pose of the tool in the last part, (4, 4) [m].
+
+    Returns:
+        The lines, from base to flange.
     """
     long, every = reach(chain, tool), ends(chain, tool)
     return [_beam(chain, k, end, long) for k, end in enumerate(every)]
 
 
 def _beam(chain: Chain, k: int, end: Array, long: float) -> Beam:
-    """Of link k."""
+    """Find the line of link k."""
     offset, last = end[:3, 3], k == chain.n_joints
     distance = float(np.linalg.norm(offset))
     own, after = chain.parts[k].joint, None if last else chain.parts[k + 1].joint
@@ -72,17 +96,20 @@ def _beam(chain: Chain, k: int, end: Array, long: float) -> Beam:
 
 
 def flange_axis(axis: Array, pose: Array, tool: Array, com: Array, least: float) -> Array:
-    """Where the flange faces, (3,) [1]: along the last joint's axis, away from the joint before.
+    """Find the direction of the flange: along the last joint's axis, away from the joint before.
 
-    Where the joints meet in one point, to the tool; where that lies there too, as an axis of its frame points
-    along the joint's, else where the part lies.
+    If the joints coincide, it points to the tool; if the tool coincides too, along the axis of its frame that
+    is parallel to the joint's; else to the part's mass.
 
     Args:
-        axis: Of the last joint, in its part, (3,) [1].
-        pose: Of the part in the one before, (4, 4) [m].
+        axis: Axis of the last joint, in its part, (3,) [1].
+        pose: Pose of the part in the one before, (4, 4) [m].
         tool: Pose of the tool in the part, (4, 4) [m].
         com: Centre of mass of the part, (3,) [m].
-        least: Distances below it are none [m].
+        least: Distance below which points coincide [m].
+
+    Returns:
+        Unit vector, (3,) [1].
     """
     way, distance = tool[:3, 3], float(np.linalg.norm(tool[:3, 3]))
     sides = [float(axis @ pose[:3, :3].T @ pose[:3, 3]), float(axis @ way)]
@@ -97,7 +124,7 @@ def flange_axis(axis: Array, pose: Array, tool: Array, com: Array, least: float)
 
 
 def _frame(x: Array, along: list[Array]) -> Array:
-    """Beam axes whose y follows the first direction that is not x, else an axis of the part."""
+    """Make beam axes whose y follows the first direction not parallel to x, else an axis of the part."""
     for y in [*along, *np.eye(3)]:
         across = y - (x @ y) * x
         size = float(np.linalg.norm(across))
@@ -108,27 +135,35 @@ def _frame(x: Array, along: list[Array]) -> Array:
 
 
 def triangles(shapes: Sequence[Shape]) -> Array:
-    """Triangles of a part's drawn shapes, of those that collide where none is drawn, (f, 3, 3) [m]."""
+    """List triangles of a part's drawn shapes, or of colliding ones if none is drawn, (f, 3, 3) [m]."""
     bearing = seen([s for s in shapes if s.bears])
     return np.concatenate([np.empty((0, 3, 3)), *(s.surface[0][s.surface[1]] for s in bearing)])
 
 
 def extent(surface: Array, axis: Array) -> tuple[float, float]:
-    """Where a surface begins and ends along an axis [m]."""
+    """Compute the extent of a surface along an axis.
+
+    Args:
+        surface: Triangles, (f, 3, 3) [m].
+        axis: Unit vector, (3,) [1].
+
+    Returns:
+        Least and largest coordinate [m].
+    """
     along = surface @ axis
     return float(along.min()), float(along.max())
 
 
 def outer_diameter(surface: Array, frame: Array, span: tuple[float, float]) -> float | None:
-    """Diameter of the circle of the same area as the hull of a cut, the median of the cuts [m].
+    """Compute the diameter of a circle with the area of a cross section's hull, median over the sections.
 
     Args:
         surface: Triangles in the part's frame, (f, 3, 3) [m].
         frame: Beam axes as columns, (3, 3).
-        span: From where to where along the beam axis [m].
+        span: First and last coordinate along the beam axis [m].
 
     Returns:
-        None where too few cuts meet the surface.
+        Diameter [m]; None if too few sections meet the surface.
     """
     low, high = (span[0] + share * (span[1] - span[0]) for share in INNER)
     turned = surface @ frame
@@ -139,7 +174,7 @@ def outer_diameter(surface: Array, frame: Array, span: tuple[float, float]) -> f
 
 
 def _diameter(surface: Array, x: float) -> float | None:
-    """Of the cut at x of triangles in beam axes, (f, 3, 3)."""
+    """Compute the diameter of the section at x of triangles in beam axes, (f, 3, 3)."""
     ends = []
     for a, b in ((0, 1), (1, 2), (2, 0)):
         p, q = surface[:, a], surface[:, b]

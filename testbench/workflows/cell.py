@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from types import NoneType
 from typing import TYPE_CHECKING, Literal, Self, TypeVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, in_order, split
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Ids, InputError, Mask
+from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_type
 from testbench.model.kinematics import build_vjm
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import labels_of
@@ -38,12 +39,13 @@ AGREEMENT, POSES = 1e-9, 8
 
 
 class Setup(BaseModel):
-    """What every campaign needs, as data: a manifest must hold it to run the campaign again."""
+    """Describe a campaign as data: a manifest holds it to run the campaign again."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
     arm: str  #: The arm's folder.
-    #: "nonlinear" settles the arm with MuJoCo; "linear" takes its first-order deflection, weightless.
+    #: "nonlinear" solves the arm's equilibrium in MuJoCo; "linear" takes its first-order deflection,
+    #: weightless.
     truth: Truth
     noise: bool = True  #: Whether readings are noisy.
     #: Standard deviation of one position reading along one axis [m]; also the weight of the fit.
@@ -61,7 +63,7 @@ class Setup(BaseModel):
 
     @property
     def sigmas(self) -> tuple[float, float | None]:
-        """Of a position [m] and of an orientation [rad], None where none is read."""
+        """Return the standard deviation of a position [m] and of an orientation [rad], None if not read."""
         return self.sigma, None
 
 
@@ -76,7 +78,7 @@ def _as_in_section_6(value: T) -> Callable[[dict[str, object]], T | None]:
 
 
 class Scenario(Setup):
-    """A gravity calibration as in section 6, of any arm."""
+    """Describe a simulated gravity calibration as in section 6, of any arm."""
 
     #: Hung mass [kg]; None for the payload that the arm states.
     payload: float | None = Field(default_factory=_as_in_section_6(460.3), ge=0.001, le=10_000)
@@ -101,43 +103,51 @@ class Scenario(Setup):
 
     @property
     def mass(self) -> float:
-        """Hung mass [kg]; BenchError where neither scenario nor arm states one."""
+        """Return the mass of the payload [kg]; BenchError if neither scenario nor arm states one."""
         if self.payload is None:
             raise BenchError(f"payload [kg]: expected one, {self.arm} states none")
         return self.payload
 
 
 def of_arm(arm: Arm, scenario: Scenario) -> Scenario:
-    """The scenario with the payload that the arm states, where it names none."""
+    """Fill in the payload of the arm if the scenario states none.
+
+    Args:
+        arm: The arm.
+        scenario: The scenario.
+
+    Returns:
+        The scenario with a payload, if the arm has one.
+    """
     return scenario if scenario.payload else scenario.model_copy(update={"payload": arm.payload})
 
 
 @dataclass(frozen=True, repr=False)
 class Cell(Displayed):
-    """An arm with its model, its truth and its room, built once for many campaigns.
+    """Hold an arm with its model, its truth and its surroundings, built once for many campaigns.
 
-    Truth and room are built when they are first asked for.
+    Truth and surroundings are built when they are first needed.
     """
 
     arm: Arm
     vjm: Vjm
-    truth: "Plant | None" = None  #: A truth other than that of the arm's folder.
+    truth: "Plant | None" = None  #: Simulated arm if it is not that of the arm's folder; None for that one.
     floor: float | None = None  #: Height of a floor that rigid.xml does not have [m]; None for none.
 
     def about(self) -> dict[str, object]:
-        """The arm."""
+        """Summarise the arm."""
         return self.arm.about()
 
     @cached_property
     def plant(self) -> "Plant":
-        """The truth."""
+        """Return the simulated true arm."""
         from testbench.plant.build import build_plant
 
         return self.truth or build_plant(self.arm)
 
     @cached_property
     def room(self) -> "Site":
-        """Where it stands, for collisions."""
+        """Return the arm's surroundings, for collisions."""
         from testbench.plant.site import build_site
 
         return build_site(self.arm, floor=self.floor)
@@ -173,19 +183,22 @@ class Cell(Displayed):
 
 @dataclass(frozen=True, repr=False)
 class Campaign(Displayed):
-    """What was measured, and the truth to judge by: of section 6, or of section 5 (`full_pose.simulate`)."""
+    """Hold a simulated campaign: its readings, and the truth to judge a model by.
 
-    scenario: Setup  #: What was asked for.
+    It is of section 6 (`simulate`) or of section 5 (`pose_campaign.simulate`).
+    """
+
+    scenario: Setup  #: Settings of the campaign.
     seed: int  #: Root of all randomness.
     measured: Dataset  #: All measured runs, in the order of the dataset file.
-    identification: Dataset  #: Those to identify from.
-    check: Dataset  #: Those of poses never identified from.
-    check_true: Dataset  #: The same runs without noise.
-    truth: Dataset  #: Without noise: all over the workspace in section 6, the check runs in section 5.
+    identification: Dataset  #: Runs to identify from.
+    check: Dataset  #: Runs in poses that are never used for identification.
+    check_true: Dataset  #: The check runs without noise.
+    truth: Dataset  #: Runs without noise: over the whole workspace in section 6, the check runs in section 5.
     drawn: int = 0  #: In section 5 check runs drawn until enough had a deflection in range.
 
     def about(self) -> dict[str, object]:
-        """Arm, seed, and the runs to identify from, to check with and to judge by."""
+        """Summarise arm, seed, and the runs to identify from, to check with and to judge by."""
         own: dict[str, object] = {"arm": self.scenario.arm, "seed": self.seed}
         for name in ("identification", "check", "truth"):
             data = getattr(self, name)
@@ -197,13 +210,13 @@ def build_cell(folder: str | Path) -> Cell:
     """Load an arm and build its model.
 
     Args:
-        folder: The arm's; the name of an arm that comes with testbench does as well.
+        folder: Folder of the arm, or name of an arm that comes with testbench.
 
     Returns:
-        What campaigns, plans and studies work on.
+        The cell on which simulations, plans and predictions work.
 
     Raises:
-        InputError: When the arm's folder is wrong, or MuJoCo and the model read two arms in it.
+        InputError: If the arm's folder is wrong, or MuJoCo and the model disagree on the arm.
     """
     arm = load_arm(folder)
     cell = Cell(arm, build_vjm(arm))
@@ -212,9 +225,19 @@ def build_cell(folder: str | Path) -> Cell:
 
 
 def check_agreement(vjm: Vjm, plant: "Plant") -> float:
-    """Largest distance between where truth and model place bodies; axes count at a metre [m].
+    """Compute the largest distance between bodies as truth and model place them; axes count at one metre.
 
-    MuJoCo and Pinocchio read an arm each for itself: InputError names a body that rounding does not explain.
+    MuJoCo and Pinocchio read the arm independently.
+
+    Args:
+        vjm: The model of the arm.
+        plant: The true arm.
+
+    Returns:
+        Distance [m].
+
+    Raises:
+        InputError: If it exceeds rounding; names the body.
     """
     from testbench.plant.equilibrium import unloaded
 
@@ -236,22 +259,24 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
 
 
 def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Campaign:
-    """Choose poses, load the true arm in each, and read the markers.
+    """Simulate a campaign: choose poses, load the true arm in each, and read the markers.
 
     Args:
         cell: The arm.
-        scenario: What to measure; None for the campaign of section 6 under the payload that the arm states.
+        scenario: Settings of the campaign; None for that of section 6 under the payload of the arm.
         seed: Root of all randomness.
 
     Returns:
-        The runs to identify from, those to check with, and true deflections over the workspace.
+        Runs to identify from, runs to check with, and true deflections over the workspace.
 
     Raises:
-        BenchError: When neither scenario nor arm states a payload, the scenario is of another arm, or the
-            seed is no integer from 0 on.
+        BenchError: When an argument has another type, neither scenario nor arm states a payload, the scenario
+            is of another arm, or the seed is no integer from 0 on.
         PoseError: When too few feasible poses exist.
         NoEquilibrium: When the arm cannot carry the payload.
     """
+    check_type(cell, Cell, "cell")
+    check_type(scenario, (Scenario, NoneType), "scenario")
     scenario = of_arm(cell.arm, Scenario(arm=cell.arm.name) if scenario is None else scenario)
     if Path(scenario.arm).name != cell.arm.name:
         raise BenchError(f"scenario: expected one of {cell.arm.name}, got one of {scenario.arm}")
@@ -262,14 +287,26 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
 
 @dataclass(frozen=True)
 class Poses:
-    """Where a campaign loads the arm; neither truth nor payload decides it."""
+    """Hold the poses of a campaign; they depend neither on truth nor on payload."""
 
     station: Array  #: Poses to identify from, then those of the check runs, (poses, n) [rad, m].
     anywhere: Array  #: Poses of the second check, (workspace_poses, n) [rad, m].
 
 
 def draw_poses(cell: Cell, scenario: Scenario, seed: int) -> Poses:
-    """The poses of a campaign: `PoseError` when too few are feasible."""
+    """Draw the poses of a campaign.
+
+    Args:
+        cell: The arm.
+        scenario: Numbers of poses, and their areas.
+        seed: Root of all randomness.
+
+    Returns:
+        The poses.
+
+    Raises:
+        PoseError: If too few are feasible.
+    """
     rng = stream(seed, 0)
     count = scenario.identification_poses + scenario.check_poses
     station = clear_poses(cell, scenario.station, count, rng)
@@ -277,7 +314,17 @@ def draw_poses(cell: Cell, scenario: Scenario, seed: int) -> Poses:
 
 
 def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Campaign:
-    """A campaign in these poses, of as many as the scenario asks for; the seed is of its noise."""
+    """Simulate a campaign in given poses.
+
+    Args:
+        cell: The arm.
+        scenario: Settings; its numbers of poses are those given.
+        seed: Seed of the noise.
+        poses: The poses.
+
+    Returns:
+        The campaign.
+    """
     pose = np.concatenate(
         [
             spread(scenario.identification_poses, scenario.identification_runs),
@@ -294,7 +341,17 @@ def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Camp
 
 
 def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Generator) -> Array:
-    """Random poses with the tool in an area, None for anywhere, free of collision, (count, n) [rad, m]."""
+    """Draw random poses without collision.
+
+    Args:
+        cell: The arm.
+        area: Work area of the tool; None for anywhere.
+        count: Number of poses.
+        rng: Source of the poses.
+
+    Returns:
+        Actuated joints, (count, n) [rad, m].
+    """
     from testbench.plant.site import collisions
 
     def clear(q: Array) -> Mask:
@@ -304,31 +361,56 @@ def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Ge
 
 
 def spread(poses: int, runs: int) -> Ids:
-    """Pose of every run: as many runs in each pose as in any other, or one more, in order of pose."""
+    """Distribute runs evenly over poses.
+
+    Args:
+        poses: Number of poses.
+        runs: Number of runs.
+
+    Returns:
+        Pose of every run, sorted, (runs,); poses differ by one run at most.
+    """
     return np.sort(np.arange(runs) % poses)
 
 
 @dataclass(frozen=True)
 class LoadedPoses:
-    """What is to be measured: a pose and a load a run."""
+    """Describe what is measured: one pose and one load per run."""
 
     q: Array  #: Actuated joints, (runs, n) [rad, m].
     pose: Ids  #: Identifier of the pose, (runs,).
     wrench: Array  #: Force and moment, world axes, (runs, 6) [N, N m].
-    point: Array  #: Where it acts, in the tool's frame, (runs, 3) [m].
+    point: Array  #: Point where the load acts, in the tool's frame, (runs, 3) [m].
 
 
 def hanging(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> LoadedPoses:
-    """Poses with a weight at the arm's load point, one mass for all runs or one each, (runs,) [kg]."""
+    """Load poses with a weight at the arm's load point.
+
+    Args:
+        cell: The arm.
+        q: Actuated joints, (runs, n) [rad, m].
+        pose: Identifier of every pose, (runs,).
+        mass: One mass for all runs, or one each, (runs,) [kg].
+
+    Returns:
+        The loaded poses.
+    """
     wrench = np.zeros((len(q), 6))
     wrench[:, 2] = -GRAVITY * mass
     return LoadedPoses(q, pose, wrench, np.tile(cell.plant.load, (len(q), 1)))
 
 
 def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator | None = None) -> Dataset:
-    """Read every marker before and after loading, and the tool's orientation where the setup reads it.
+    """Read every marker before and after loading, and the tool's orientation if the setup reads it.
 
-    Readings have the noise of `rng`, none without it.
+    Args:
+        cell: The arm.
+        setup: Kind of truth, and noise.
+        loaded: Poses and loads.
+        rng: Source of the noise; None for readings without noise.
+
+    Returns:
+        The runs.
     """
     settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
     return read_markers(cell, setup, loaded, settled, rng)
@@ -337,7 +419,17 @@ def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Genera
 def measure_both(
     cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator
 ) -> tuple[Dataset, Dataset]:
-    """The same runs with noise and without, of one pair of equilibria."""
+    """Read runs with noise and without, from one pair of equilibria.
+
+    Args:
+        cell: The arm.
+        setup: Kind of truth, and noise.
+        loaded: Poses and loads.
+        rng: Source of the noise.
+
+    Returns:
+        The runs with noise, and without.
+    """
     settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
     return read_markers(cell, setup, loaded, settled, rng), read_markers(cell, setup, loaded, settled)
 
@@ -345,7 +437,18 @@ def measure_both(
 def read_markers(
     cell: Cell, setup: Setup, loaded: LoadedPoses, settled: "Pair", rng: np.random.Generator | None = None
 ) -> Dataset:
-    """The readings of the arm at rest, unloaded and loaded."""
+    """Read the arm at rest, unloaded and loaded.
+
+    Args:
+        cell: The arm.
+        setup: Noise of the readings.
+        loaded: Poses and loads.
+        settled: Unloaded and loaded equilibria.
+        rng: Source of the noise; None for readings without noise.
+
+    Returns:
+        The runs.
+    """
     sigma, sigma_rotation = setup.sigmas
     tracker = Tracker(sigma, sigma_rotation) if setup.noise and rng else Tracker(0.0, 0.0)
     rng, runs = rng or stream(0), np.arange(len(loaded.q)) + 1  # of no effect: the tracker has no noise
@@ -358,7 +461,20 @@ def read_markers(
 
 
 def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array) -> "Pair":
-    """The true arm unloaded and loaded, all in one call: a call of its own costs what 20 poses cost."""
+    """Find the equilibria of the true arm, unloaded and loaded, in one call.
+
+    A second call costs as much as 20 poses.
+
+    Args:
+        plant: The true arm.
+        truth: "nonlinear" or "linear".
+        q: Actuated joints, (runs, n) [rad, m].
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Point where the force acts, in the tool's frame, (runs, 3) [m].
+
+    Returns:
+        The unloaded and the loaded equilibria.
+    """
     from testbench.plant.equilibrium import settle, settle_linear, settle_pair
 
     if truth == "nonlinear" and plant.beyond is not None and plant.beyond.slip is not None:

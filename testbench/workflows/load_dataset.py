@@ -1,4 +1,4 @@
-"""The public dataset read back: campaigns with their priors, as they were simulated."""
+"""Reader of the public dataset: campaigns with their priors, as they were simulated."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ KNOWN = ("campaign", "arm", "split", "seed", "prior_links", "prior_joints")
 
 @dataclass(frozen=True)
 class PublicCampaign:
-    """One campaign of the public dataset."""
+    """Hold one campaign of the public dataset."""
 
-    number: int  #: From 0.
+    number: int  #: Number of the campaign, from 0.
     arm: int  #: Number of the true arm: campaigns of one arm are in one split.
     split: str  #: "train", "dev" or "test".
-    prior: Prior  #: What an estimator is given beside the readings.
-    campaign: Campaign  #: The readings, and the truth to judge by.
+    prior: Prior  #: Prior that an estimator may use together with the readings.
+    campaign: Campaign  #: Its readings, and the truth to judge by.
 
 
 def load_dataset(
@@ -37,14 +37,15 @@ def load_dataset(
     """Read the public dataset.
 
     Args:
-        folder: Of `tools/build_dataset.py`; `build_cell(folder / "arms" / "kr500_l480")` is the cell.
-        split: Which part; None for all.
+        folder: Folder that `tools/build_dataset.py` wrote; `build_cell(folder / "arms" / "kr500_l480")` is
+            the cell.
+        split: Part of the dataset; None for all.
 
     Returns:
         Its campaigns, in order.
 
     Raises:
-        BenchError: When there is no such split, or a file is missing or wrong.
+        BenchError: If there is no such split, or a file is missing or wrong.
     """
     if split not in (None, *TURNS):
         raise BenchError(f"split: expected {', '.join(dict.fromkeys(TURNS))}, got {split!r}")

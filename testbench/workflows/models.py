@@ -32,19 +32,19 @@ EQUAL_FIT = "MLS56, PSD of equal fit"
 
 @dataclass(frozen=True, repr=False)
 class Model(Displayed):
-    """A named structure with the method that identifies it."""
+    """Hold a named structure with the method that identifies it."""
 
-    name: str  #: As in the paper, such as MGCO68.
+    name: str  #: Name as in the paper, such as MGCO68.
     structure: Structure  #: The unknowns.
     estimator: Estimator  #: A `Method`, or a function of your own.
 
     @property
     def filled(self) -> bool:
-        """Whether its method, or an estimator of one's own, is given a prior."""
+        """Tell whether its method, or a user's estimator, has a prior."""
         return getattr(self.estimator, "prior", None) is not None
 
     def about(self) -> dict[str, object]:
-        """Name and number of unknowns."""
+        """Summarise name and number of unknowns."""
         return {"name": self.name, "unknowns": self.structure.n}
 
 
@@ -61,6 +61,9 @@ class _Named(dict[str, Callable[[Cell], Model]]):
 
     def __missing__(self, name: str) -> Callable[[Cell], Model]:
         raise BenchError(f"expected a model of {', '.join(self)}, got {name!r}")
+
+    def __repr__(self) -> str:
+        return f"models {', '.join(self)}"
 
 
 MODELS = _Named(
@@ -94,7 +97,7 @@ EVERY = "ALL"  #: Of any arm the model of all links and joints, whatever its cou
 
 
 def own_names(arm: Arm) -> dict[str, str]:
-    """Names of the models of an arm, and their kinds, keys of `MODELS`."""
+    """Map the names of an arm's models to their kinds, keys of `MODELS`."""
     if arm.n_joints == PAPERS_JOINTS:
         return {name: name for name in MODELS}
     full, single = len(FULL) * len(arm.links), len(TEMPLATE) * len(arm.links)
@@ -105,16 +108,23 @@ def own_names(arm: Arm) -> dict[str, str]:
 
 
 def own_name(cell: Cell, kind: str) -> str | None:
-    """What an arm calls its model of a kind, a key of `MODELS`; None where it has none.
+    """Return the name of an arm's model of a kind.
 
-    MGCO68 leaves out joint 1 as gravity does not load it. Where it does, MGCO69 stands in.
+    MGCO68 leaves out joint 1 because gravity does not load it. If gravity does, MGCO69 replaces it.
+
+    Args:
+        cell: The arm.
+        kind: Key of `MODELS`.
+
+    Returns:
+        The name; None if the arm has no such model.
     """
     kind = "MGCO69" if kind == "MGCO68" and _first_is_loaded(cell.vjm) else kind
     return next((name for name, own in own_names(cell.arm).items() if own == kind), None)
 
 
 def plain_name(cell: Cell) -> str:
-    """The model that is asked for where none is named and no prior fills it."""
+    """Return the default model for a fit without a prior."""
     found = own_name(cell, "MGCO68") or own_name(cell, "MGCO56")
     assert found  # of any arm
     return found
@@ -129,12 +139,34 @@ def _first_is_loaded(vjm: Vjm) -> bool:
 
 
 def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
-    """Models by the names that the arm gives them, in any case; "ALL" for all links and joints."""
+    """Build models by the names that the arm gives them.
+
+    Args:
+        cell: The arm.
+        names: Names in any case; "ALL" for all links and joints.
+
+    Returns:
+        The models.
+
+    Raises:
+        BenchError: If the arm has no such model.
+    """
     return [MODELS[own_names(cell.arm)[right_name(cell.arm, name)]](cell) for name in names]
 
 
 def right_name(arm: Arm, name: str) -> str:
-    """The name of an arm's model as it is written, from one in any case; BenchError for no such model."""
+    """Find the exact name of an arm's model.
+
+    Args:
+        arm: The arm.
+        name: The name in any case.
+
+    Returns:
+        The name.
+
+    Raises:
+        BenchError: If the arm has no such model.
+    """
     names = own_names(arm)
     every = {known.casefold(): known for known in names}
     every |= {EVERY.casefold(): next(known for known, kind in names.items() if kind == "ALL153")}
@@ -150,5 +182,14 @@ def equal_fit(cell: Cell) -> Model:
 
 
 def is_least_squares(structure: str, constraint: Constraint, *, prior: bool) -> bool:
-    """Whether it is least squares of links without a prior, what GCO is compared with."""
+    """Tell whether a method is least squares of links without a prior, the reference for GCO.
+
+    Args:
+        structure: Name of the structure.
+        constraint: Constraint of the method.
+        prior: Whether it has a prior.
+
+    Returns:
+        True if it is.
+    """
     return structure != JOINTS and constraint == "none" and not prior

@@ -22,7 +22,8 @@ from testbench.design.planning import choose as search_best
 from testbench.design.refine import Reach, Search
 from testbench.design.rows import Experiment, Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.design.whole_arm import promise_on
-from testbench.errors import Array, BenchError, check_array
+from testbench.display import Displayed
+from testbench.errors import Array, BenchError, check_array, check_type
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.state import Mount, nominal
@@ -53,44 +54,57 @@ MORE, FEW = 50, 120  #: Further poses of which a calibration tells what they bri
 FRAME, MOUNT = "tracker", "target"  #: Names of what is unknown of the set-up of absolute readings.
 
 
-@dataclass(frozen=True)
-class Planned:
-    """A plan and what it promises."""
+@dataclass(frozen=True, repr=False)
+class Planned(Displayed):
+    """Hold a plan and the errors to expect from it."""
 
     cell: Cell  #: The arm.
-    settings: PlanSettings  #: What was asked for.
-    found: Candidates  #: Feasible poses, and what it took to find them.
-    plan: Chosen  #: The poses, in the order of measuring; `Plan` where they are for tasks.
-    poses: Forecast  #: Errors to expect in them [m].
-    forecast: Forecast  #: At the tasks; of absolute readings over the workspace [m].
-    workspace: Forecast  #: Over the workspace, under the first load [m].
+    settings: PlanSettings  #: Settings of the plan.
+    found: Candidates  #: Feasible poses, and how many were rejected.
+    plan: Chosen  #: Poses in the order of measuring; a `Plan` if they are for tasks.
+    poses: Forecast  #: Errors to expect in these poses [m].
+    forecast: Forecast  #: Errors to expect at the tasks; for absolute readings over the workspace [m].
+    workspace: Forecast  #: Errors to expect over the workspace, under the first load [m].
+
+    def about(self) -> dict[str, object]:
+        """Summarise the plan: arm, poses, criterion, and the error to expect at the tasks."""
+        return {
+            "arm": self.cell.arm.name,
+            "poses": len(self.plan.q),
+            "criterion": self.settings.criterion,
+            "model": self.settings.model,
+            "expected_rms_mm": f"{1e3 * self.forecast.overall:.3g}",
+        }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AbsolutePlanned(Planned):
-    """A plan of absolute readings and what it promises."""
+    """Hold a plan of absolute readings and the errors to expect from it."""
 
-    union: Union  #: What is unknown.
-    q: Array  #: Poses over which it is judged, (poses, n) [rad, m].
+    union: Union  #: The unknowns.
+    q: Array  #: Poses in which the plan is judged, (poses, n) [rad, m].
     wanted: Array  #: Predictions there, `absolute.position_rows`.
-    given: Calibrated | None  #: What was known before.
+    given: Calibrated | None  #: Earlier calibration; None without one.
 
 
 def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
-    """Plan a calibration: the poses that tell most about the tasks, and what they promise.
+    """Plan a calibration: the poses whose readings reduce the error at the tasks most.
 
     Args:
         cell: The arm.
         q: Poses in which the robot works under the first of the loads, (tasks, n) [rad, m].
-        settings: What is asked for, such as PlanSettings(loads_kg=(460.3,), poses=12).
+        settings: Settings of the plan, such as PlanSettings(loads_kg=(460.3,), poses=12).
 
     Returns:
         The poses in the order of measuring, `.plan.q`, and the errors to expect at the tasks, `.forecast`.
 
     Raises:
-        BenchError: When a number is out of range, or too little is measured without a prior.
+        BenchError: When an argument has another type, a number is out of range, or too little is measured
+            without a prior.
         PoseError: When there are fewer feasible poses than the plan needs.
     """
+    check_type(cell, Cell, "cell")
+    check_type(settings, PlanSettings, "settings")
     if settings.absolute:
         raise BenchError("absolute: expected a plan for tasks")
     q = check_array(q, (None, cell.arm.n_joints), "tasks q [rad, m]")
@@ -98,7 +112,20 @@ def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
 
 
 def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
-    """The same of tasks with loads of their own."""
+    """Plan a calibration for tasks with loads of their own.
+
+    Args:
+        cell: The arm.
+        settings: Settings of the plan.
+        tasks: Poses and loads of the robot's work.
+
+    Returns:
+        The plan.
+
+    Raises:
+        BenchError: When a number is out of range, or too little is measured without a prior.
+        PoseError: When there are fewer feasible poses than the plan needs.
+    """
     found = search(cell, settings)
     best = choose(cell, settings, tasks, found)
     spec = best.specification
@@ -106,7 +133,7 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
     if spec.uncertainty is None and indices.seen < indices.of:
         raise BenchError(
             f"poses: {settings.poses} poses see {indices.seen} of the {indices.of} directions that these "
-            "loads can show; give more --poses, or leave out --no-prior"
+            "loads can show; give more poses, or plan with a prior"
         )
     fit = fitted(spec, cad_prior(cell.arm), best.q, best.load)
     poses, forecast, around = (
@@ -186,17 +213,14 @@ def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array]
 
 def _check_without_prior(spec: Specification, q: Array) -> None:
     """Refuse what only a prior could fill, before the search begins."""
-    try:
-        problem = candidate_set(spec, q).problem
-    except BenchError as err:
-        raise BenchError(f"{err}: leave out --no-prior") from err
+    problem = candidate_set(spec, q).problem
     rows = task_rows(spec)
     if numbers := (np.flatnonzero(open_to(problem, rows)) + 1).tolist():
         named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if len(numbers) > NAMED else "")
         raise BenchError(
             f"tasks {named} ({len(numbers)} of {len(rows)}): their loads move the arm in directions that "
-            "these loads cannot show, so that the error has no bound; needed is a prior (leave out "
-            "--no-prior) or a load in another direction (--pull)"
+            "these loads cannot show, so that the error has no bound; needed is a prior, or a load or "
+            "pull in another direction"
         )
 
 

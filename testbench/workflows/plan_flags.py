@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from testbench.design.criteria import check_criterion
-from testbench.errors import BenchError, of_flag
+from testbench.errors import BenchError, in_flags, of_flag
 from testbench.identify.absolute.fit import Options as Fit
 from testbench.plant.site import Payload
 from testbench.workflows.absolute import Calibrated, File, calibrated, read_all
@@ -16,6 +16,19 @@ from testbench.workflows.cell import Cell
 from testbench.workflows.models import EVERY, plain_name, right_name
 from testbench.workflows.plan_input import box, payload_of, place
 from testbench.workflows.plan_settings import USUAL, PlanSettings
+
+SAME = ("poses", "orders", "seed", "sigma_um", "sling_m", "geometry_mm", "gear_urad", "uncertainty_percent")
+FLAGS = {
+    **{name: f"--{name.replace('_', '-')}" for name in (*SAME, "acceptance_deg")},
+    "candidates_wanted": "--candidates",
+    "floor_z_m": "--floor-z [m]",
+    "box_m": "--box [m]",
+    "loads_kg": "--load [kg]",
+    "pulls_n": "--pull",
+    "pulls_n, its size": "--pull [N], its size",
+    "loads_kg and pulls_n, times candidates_wanted": "--load and --pull, times --candidates",
+}
+"""The flag of every field of `PlanSettings`, as errors name it."""
 
 
 @dataclass(frozen=True)
@@ -91,20 +104,21 @@ def settings_of(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:
     with of_flag("--model"):
         model = right_name(cell.arm, asked.model or (plain_name(cell) if asked.no_prior else EVERY))
     percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
-    settings = PlanSettings(
-        **{**vars(flags), "given": tuple(path.name for path in flags.given or ()), **chosen},
-        model=model,
-        loads_kg=tuple(loads),
-        pulls_n=tuple(place(text, "--pull fx,fy,fz [N]") for text in asked.pull or []),
-        sigma_um=asked.sigma_um,
-        uncertainty_percent=None if asked.no_prior else percent,
-        tracker_m=None if asked.tracker is None else place(asked.tracker),
-        acceptance_deg=asked.acceptance_deg,
-        box_m=None if asked.box is None else box(asked.box),
-        sling_m=asked.sling_m,
-        floor_z_m=asked.floor_z,
-        seed=asked.seed,
-    )
+    with in_flags(FLAGS):
+        settings = PlanSettings(
+            **{**vars(flags), "given": tuple(path.name for path in flags.given or ()), **chosen},
+            model=model,
+            loads_kg=tuple(loads),
+            pulls_n=tuple(place(text, "--pull fx,fy,fz [N]") for text in asked.pull or []),
+            sigma_um=asked.sigma_um,
+            uncertainty_percent=None if asked.no_prior else percent,
+            tracker_m=None if asked.tracker is None else place(asked.tracker),
+            acceptance_deg=asked.acceptance_deg,
+            box_m=None if asked.box is None else box(asked.box),
+            sling_m=asked.sling_m,
+            floor_z_m=asked.floor_z,
+            seed=asked.seed,
+        )
     if loads:
         with of_flag("--sling-m"):
             Payload(max(loads), settings.sling_m)

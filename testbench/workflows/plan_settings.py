@@ -1,8 +1,9 @@
-"""What an engineer asks of a plan: plain data, the units in the names, as flags and plan.json have them."""
+"""Settings of a plan: plain data with units in the names, as in plan.json."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 
 from testbench.design.criteria import check_criterion
 from testbench.errors import BenchError
@@ -27,31 +28,34 @@ MOST_ORDERS = 12  #: Of those that are unknowns of a plan.
 
 @dataclass(frozen=True, kw_only=True)
 class PlanSettings:
-    """What is asked for."""
+    """Describe the settings of a calibration plan, with units in the names."""
 
-    #: Whether the tracker's frame, targets, geometry and joint errors are unknown too: no tasks then.
+    #: Whether tracker frame, targets, geometry and joint errors are unknown too; a plan then has no tasks.
     absolute: bool = False
-    given: tuple[str, ...] = ()  #: Names of files of readings that were taken before.
-    #: Name of the model whose structure is to be identified; "ALL" for all links and joints.
+    given: tuple[str, ...] = ()  #: Names of files of earlier readings.
+    #: Name of the model whose structure will be identified; "ALL" for all links and joints.
     model: str = EVERY
-    criterion: str = "test"  #: One of criteria.CRITERIA; of absolute readings not "test".
-    poses: int = 12  #: How many are to be measured.
-    #: Masses that may be hung; after an absolute reading without a weight each of them is, one by one.
+    criterion: str = "test"  #: One of `design.criteria.CRITERIA`; for absolute readings not "test".
+    poses: int = 12  #: Number of poses to measure.
+    #: Masses that may be hung. For absolute readings each of them is hung in turn, after a reading without a
+    #: weight.
     loads_kg: tuple[float, ...] = ()
     #: Forces that may pull at the load point instead, world axes; a plan chooses a load for every pose.
     pulls_n: tuple[Place, ...] = ()
-    orientations: bool = False  #: Whether one target is read, and how it is turned.
-    sigma_um: float = 50.0  #: Standard deviation of one reading along one axis; in urad about one.
-    uncertainty_percent: float | None = 30.0  #: Of the CAD prior; None for an identification without a prior.
-    geometry_mm: float = 1.0  #: Expected error of geometry along an axis, and in mrad about one.
+    orientations: bool = False  #: Whether the orientation of one target is read.
+    #: Standard deviation of one reading along one axis [um]; of an orientation about one axis [urad].
+    sigma_um: float = 50.0
+    #: Relative uncertainty of the CAD prior [%]; None for an identification without a prior.
+    uncertainty_percent: float | None = 30.0
+    geometry_mm: float = 1.0  #: Expected error of geometry along an axis [mm], and about an axis [mrad].
     gear_urad: float = 30.0  #: Expected coefficient of a joint's periodic error, up to order 30.
-    orders: int = 3  #: Orders of those that are identified; the others are noise of a pose.
-    tracker_m: Place | None = None  #: Where it stands; None leaves visibility unchecked.
+    orders: int = 3  #: Number of orders that are identified; the others count as noise of a pose.
+    tracker_m: Place | None = None  #: Position of the tracker, world [m]; None leaves visibility unchecked.
     #: Half angle in which fixed targets return the beam; None for targets turned by hand.
     acceptance_deg: float | None = None
-    #: Lower and upper corner of where the tool may be; None for anywhere.
+    #: Lower and upper corner of the tool's area [m]; None for anywhere.
     box_m: tuple[Place, Place] | None = None
-    sling_m: float = 0.5  #: From the load point to the weight.
+    sling_m: float = 0.5  #: Distance from the load point to the weight [m].
     candidates_wanted: int = 5000  #: Feasible poses to choose from.
     floor_z_m: float | None = None  #: Height of a floor that the arm's folder does not have.
     seed: int = 1  #: Root of all randomness.
@@ -61,42 +65,45 @@ class PlanSettings:
         self._check_loads()
         doubled = 1 if self.absolute else 2  # of deflections it is doubled for doubters
         ranges: tuple[tuple[str, float | None, float, float], ...] = (
-            ("--poses", self.poses, 1, MOST_POSES),
-            ("--candidates", self.candidates_wanted, self.poses, MOST_CANDIDATES),
-            ("--sigma-um", self.sigma_um, UM * SIGMA_RANGE[0], UM * SIGMA_RANGE[1]),
-            ("--uncertainty-percent", self.uncertainty_percent, 100 * RANGE[0], 100 / doubled * RANGE[1]),
-            ("--geometry-mm", self.geometry_mm, 1e-6, 100),
-            ("--gear-urad", self.gear_urad, 1e-6, 1e5),
-            ("--orders", self.orders, 0, MOST_ORDERS),
-            ("--floor-z [m]", self.floor_z_m, -HIGHEST, HIGHEST),
-            ("--acceptance-deg", self.acceptance_deg, 0.1, 90),
-            ("--sling-m", self.sling_m, 0, 100),
-            ("--seed", self.seed, 0, 2**63 - 1),
+            ("poses", self.poses, 1, MOST_POSES),
+            ("candidates_wanted", self.candidates_wanted, self.poses, MOST_CANDIDATES),
+            ("sigma_um", self.sigma_um, UM * SIGMA_RANGE[0], UM * SIGMA_RANGE[1]),
+            ("uncertainty_percent", self.uncertainty_percent, 100 * RANGE[0], 100 / doubled * RANGE[1]),
+            ("geometry_mm", self.geometry_mm, 1e-6, 100),
+            ("gear_urad", self.gear_urad, 1e-6, 1e5),
+            ("orders", self.orders, 0, MOST_ORDERS),
+            ("floor_z_m", self.floor_z_m, -HIGHEST, HIGHEST),
+            ("acceptance_deg", self.acceptance_deg, 0.1, 90),
+            ("sling_m", self.sling_m, 0, 100),
+            ("seed", self.seed, 0, 2**63 - 1),
         )
         for own in ranges:
             _check_range(*own)
         if self.acceptance_deg is not None and self.tracker_m is None:
-            raise BenchError("--acceptance-deg: expected --tracker with it")
+            raise BenchError("acceptance_deg: expected the place of a tracker with it")
         if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):
-            raise BenchError(f"--box [m]: expected the lower corner first, got {self.box_m}")
+            raise BenchError(f"box_m: expected the lower corner first, got {self.box_m}")
 
     def _check_loads(self) -> None:
         loads, pulls = self.loads_kg, self.pulls_n
+        for name, values in (("loads_kg", loads), ("pulls_n", pulls)):
+            if not isinstance(values, list | tuple):
+                raise BenchError(f"{name}: expected a tuple, got {type(values).__name__}")
         if len(set(loads)) < len(loads) or not (loads or self.absolute):
             least = "" if self.absolute else "at least one, "
-            raise BenchError(f"--load: expected {least}each once, got {list(loads)}")
+            raise BenchError(f"loads_kg: expected {least}each once, got {list(loads)}")
         if len(set(pulls)) < len(pulls):
-            raise BenchError(f"--pull: expected each once, got {list(pulls)}")
+            raise BenchError(f"pulls_n: expected each once, got {list(pulls)}")
         for load in loads:
-            _check_range("--load [kg]", load, *LOAD_RANGE)
+            _check_range("loads_kg", load, *LOAD_RANGE)
         for pull in pulls:
-            _check_range("--pull [N], its size", math.hypot(*pull), *PULL_RANGE)
+            _check_range("pulls_n, its size", math.hypot(*pull), *PULL_RANGE)
         every = self.candidates_wanted * (1 if self.absolute else len(loads) + len(pulls))
-        _check_range("--load and --pull, times --candidates", every, 1, MOST_CANDIDATES)
+        _check_range("loads_kg and pulls_n, times candidates_wanted", every, 1, MOST_CANDIDATES)
 
     @property
     def station(self) -> Station | None:
-        """The tracker."""
+        """Return the tracker; None if its place is not stated."""
         if self.tracker_m is None:
             return None
         half = None if self.acceptance_deg is None else math.radians(self.acceptance_deg)
@@ -104,12 +111,12 @@ class PlanSettings:
 
     @property
     def area(self) -> WorkArea | None:
-        """Where the tool may be."""
+        """Return the tool's area; None for anywhere."""
         return None if self.box_m is None else WorkArea(*self.box_m)
 
     @property
     def conditions(self) -> Conditions:
-        """What a pose must satisfy; under the largest load, as the others hang inside its outline."""
+        """Return the conditions of a pose, under the largest load: all others hang inside its outline."""
         payload = Payload(max(self.loads_kg), self.sling_m) if self.loads_kg else None
         return Conditions(self.area, self.station, payload)
 
@@ -128,12 +135,25 @@ def pull_words(pull: Sequence[float]) -> str:
 
 
 def _check_range(what: str, value: float | None, low: float, high: float) -> None:
+    if not isinstance(value, Real | None):
+        raise BenchError(f"{what}: expected a number, got {type(value).__name__}")
     if value is not None and not low <= value <= high:  # false for NaN
         raise BenchError(f"{what}: expected {low:g} to {high:g}, got {value:g}")
 
 
 def structure(cell: Cell, name: str) -> Structure:
-    """Unknowns of a model of an arm; BenchError where it has no such model or no prior fits it."""
+    """Return the structure of an arm's model.
+
+    Args:
+        cell: The arm.
+        name: Name of the model.
+
+    Returns:
+        The structure.
+
+    Raises:
+        BenchError: If the arm has no such model, or the model depends on a dataset.
+    """
     [model] = named_models(cell, [name])
     if not model.structure.whole:
         others = ", ".join(other for other in own_names(cell.arm) if other != name)

@@ -359,7 +359,7 @@ def test_a_wrong_mjcf_is_one_line(tmp_path, change, said):
     ("tip", "said"),
     {
         "a": "no link, body or site 'a'",
-        "carriage": "got 1: track; --tip names another end",
+        "carriage": "got 1: track; state another tip",
         "tcp": "",
     }.items(),
 )

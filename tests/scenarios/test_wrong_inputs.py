@@ -53,7 +53,7 @@ WRONG = [
     (f"{ABSOLUTE} --absolute --tracker 1,2", "--tracker x,y,z [m]: expected 3 numbers with commas"),
     (f"{TASKED} --box 10,10,10,11,11,11", "most were refused by 'tool outside the work area'"),
     (f"{TASKED} --tracker 0,0,0.5", "inside link_0"),
-    (f"{TASKED} --acceptance-deg 30", "expected --tracker with it"),
+    (f"{TASKED} --acceptance-deg 30", "expected the place of a tracker with it"),
     (f"{TASKED} --poses 201", "poses: expected 1 to 200, got 201"),
     (f"{TASKED} --candidates 5", "--candidates: expected 12 to 50000, got 5"),
     (f"{TASKED} --load nan", "--load: expected a mass such as 240, 240kg or 530lb"),
@@ -64,7 +64,7 @@ WRONG = [
     (f"{TASKED} --uncertainty-percent 30 --no-prior", "expected no --no-prior with it"),
     (
         f"{TASKED} --poses 5 --no-prior",
-        "expected at least 9 poses, or a prior that fills the rest: leave",
+        "expected at least 9 poses, or a prior that fills the rest",
     ),
     (f"{TASKED} --model MLS32", "no plan for MLS32"),
     (f"{TASKED} --criterion X", "no criterion 'X'"),

@@ -134,5 +134,5 @@ def test_places_in_flags_become_a_station_and_an_area():
 
 def test_pulls_that_are_none_are_named():
     for pulls in (((0.0, 0.0, 0.0),), ((0.0, 5.0, 0.0),) * 2, ((0.0, 1e6, 0.0),)):
-        with pytest.raises(BenchError, match=r"^--pull"):
+        with pytest.raises(BenchError, match=r"^pulls_n"):
             PlanSettings(loads_kg=(460.0,), pulls_n=pulls)

@@ -59,6 +59,13 @@ def cell():
         (lambda _: tb.with_prior(tb.gco, None), "prior: expected one, such as cad_prior"),
         (lambda cell: tb.plan(cell, np.zeros(6), tb.PlanSettings(loads_kg=(460.3,))), "tasks q"),
         (lambda cell: tb.calibrate(cell.vjm, [], tb.cad_prior(cell.arm)), "series: expected one or more"),
+        (lambda cell: tb.gco(cell, None, None), r"vjm: expected Vjm, got Cell; it has one as \.vjm"),
+        (lambda cell: tb.gco(cell.vjm, "MGCO56", None), "structure: expected Structure, got str"),
+        (lambda cell: tb.predict(cell, np.zeros((1, 6)), []), "model: expected ArmModel, got Cell"),
+        (lambda cell: tb.cad_prior(cell), r"arm: expected Arm, got Cell; it has one as \.arm"),
+        (lambda cell: tb.simulate(cell, "kr500_l480"), "scenario: expected Scenario or None, got str"),
+        (lambda _: tb.PlanSettings(loads_kg=(460.3,), poses=0), "^poses: expected 1 to 200, got 0"),
+        (lambda _: tb.PlanSettings(loads_kg=(460.3,), poses="12"), "^poses: expected a number, got str"),
     ],
 )
 def test_a_mistake_is_told_in_one_line(cell, mistake, said):
@@ -70,9 +77,16 @@ def test_what_is_public_shows_itself_in_a_line_and_in_a_small_table(cell):
     runs = tb.simulate(cell, seed=1)
     model = tb.MODELS["MGCO56"](cell)
     estimate = tb.gco(cell.vjm, model.structure, runs.identification)
-    for own in (cell, cell.vjm, runs, runs.check, model, model.structure, tb.cad_prior(cell.arm), estimate):
+    load, score = tb.weight(cell.vjm, 460.3), tb.score(runs.check.deflection, runs.check_true.deflection)
+    arm_model = cell.model(estimate)
+    there = [give(arm_model, runs.check.q, [load]) for give in (tb.predict, tb.compensate, tb.stiffness)]
+    there += [score, load, tb.weight(cell.vjm, np.full(9, 460.3)), estimate.regression, estimate.certificate]
+    there += [cell, cell.vjm, runs, runs.check, model, model.structure, tb.cad_prior(cell.arm), estimate]
+    for own in there:
         assert len(repr(own)) < 200
         assert own._repr_html_().count("<tr>") == len(own.about())
+    assert re.fullmatch(r"ArmModel\(arm=kr500_l480, method=GCO[^\n]*\)", repr(arm_model))
+    assert repr(load) == "Load(wrench=[0, 0, -4515.54, 0, 0, 0], point=[0.35, 0.14, -0.08])"
     assert repr(runs.check).startswith("Dataset(runs=6, poses=3, markers=P1 P2 P3, deflection_mm=")
     assert "<th>unknowns</th><td>56</td>" in estimate._repr_html_()
 

@@ -1,1 +1,1 @@
-"""A stranger's URDF or MJCF as an arm of ours: read, reduced to one serial chain, written as rigid.xml."""
+"""Import of a robot from URDF or MJCF: read, reduced to one serial chain, written as rigid.xml."""

@@ -1,6 +1,6 @@
-"""A stranger's robot file, URDF or MJCF, as one serial chain: what is fixed goes with its carrier.
+"""A robot file, URDF or MJCF, as one serial chain: fixed bodies are merged into their carrier.
 
-MuJoCo's compiler fuses fixed bodies too, but those below the base into the world, and tells no names.
+MuJoCo's compiler merges fixed bodies too, but those below the base into the world, and it drops their names.
 """
 
 import re
@@ -22,19 +22,25 @@ from testbench.files.robot.tip import Tip, named_tips, path_to, usual_tip
 from testbench.files.robot.urdf import read_urdf
 from testbench.files.robot.weigh import weigh
 
-FEWEST, MOST = 3, 9  #: Moving joints of an arm.
-LONGEST = 50.0  #: Farthest of a body from the body before [m].
-HEAVIEST = 1e5  #: Of a body [kg].
-LISTED = 200  #: Characters of names in a message.
-LONGEST_NAME = 40  #: Characters of a name: room for what is put behind it.
+FEWEST, MOST = 3, 9
+"""Fewest and most moving joints of an arm."""
+LONGEST = 50.0
+"""Largest distance between two neighbouring bodies [m]."""
+HEAVIEST = 1e5
+"""Largest mass of a body [kg]."""
+LISTED = 200
+"""Most characters of names in a message."""
+LONGEST_NAME = 40
+"""Most characters of a name: suffixes are added."""
 RESERVED = ("world",)
 LEFT = "left out"  #: Kind of a note.
-SPECK = 1e-6  #: Mass of a part of which the file says nothing [kg].
+SPECK = 1e-6
+"""Mass of a part for which the file states none [kg]."""
 READERS = {"robot": read_urdf, "mujoco": read_mjcf}
 
 
 def read_robot(file: Path) -> Robot:
-    """All bodies of a URDF, or of an MJCF with the files that it names.
+    """Read all bodies of a URDF, or of an MJCF with the files that it names.
 
     Raises:
         InputError: Names the file, the place and what was expected.
@@ -46,11 +52,14 @@ def read_robot(file: Path) -> Robot:
 
 
 def read_chain(file: Path, tip: str | None = None) -> Chain:
-    """The arm that a robot's file describes, from its first body to the tip.
+    """Read the arm that a robot's file describes, from its first body to the tip.
 
     Args:
         file: URDF or MJCF.
         tip: The link, body or site that carries the tool; None for the end of the longest chain.
+
+    Returns:
+        The arm.
 
     Raises:
         InputError: Names the file, the place and what was expected.
@@ -76,7 +85,7 @@ def read_chain(file: Path, tip: str | None = None) -> Chain:
 
 
 def _left_out(note: Note, couplings: Sequence[Coupling], spare: Collection[Coupling]) -> Note:
-    """A note of what is left out, without equalities and tendons if they say how the arm's joints move."""
+    """Note elements that are left out; equalities and tendons only if they do not move the arm's joints."""
     if note.kind != LEFT:
         return note
     used = [own.label for own in couplings if own not in spare]
@@ -95,7 +104,7 @@ def _named(file: Path, robot: Robot, name: str) -> Tip:
 
 
 def _check_joints(file: Path, robot: Robot, path: list[int]) -> None:
-    """Three to nine joints that turn or slide."""
+    """Check that there are three to nine joints that turn or slide."""
     moving = [k for k in path if robot.bodies[k].moves]
     for body in (robot.bodies[k] for k in moving):
         if body.odd:
@@ -105,7 +114,7 @@ def _check_joints(file: Path, robot: Robot, path: list[int]) -> None:
     if not FEWEST <= len(names) <= MOST:
         there, end = cut(", ".join(names), LISTED) or "none", robot.bodies[path[-1]].name
         wanted = f"expected {FEWEST} to {MOST} moving joints up to {end!r}"
-        raise InputError(file, "", f"{wanted}, got {len(names)}: {there}; --tip names another end")
+        raise InputError(file, "", f"{wanted}, got {len(names)}: {there}; state another tip")
 
 
 def _check_sizes(file: Path, robot: Robot) -> None:
@@ -122,14 +131,14 @@ def _check_sizes(file: Path, robot: Robot) -> None:
 
 
 class Placed(NamedTuple):
-    """Where a body has gone."""
+    """Hold the part to which a body belongs, and its pose there."""
 
     part: int  #: Index of its part.
     pose: Array  #: In the part's frame, (4, 4) [m].
 
 
 def _place(bodies: Sequence[Body], path: list[int], carriers: list[int]) -> dict[int, Placed]:
-    """The part of every body of the arm, and its pose there; branches stand at zero."""
+    """Find the part of every body of the arm, and its pose there; branches stand at zero."""
     placed: dict[int, Placed] = {}
     backwards = np.eye(4)
     for k in reversed(path[: path.index(carriers[1])]):
@@ -145,7 +154,7 @@ def _place(bodies: Sequence[Body], path: list[int], carriers: list[int]) -> dict
 
 
 def _in_world(bodies: Sequence[Body], k: int) -> Array:
-    """Pose of a body in the world at q = 0, (4, 4) [m]."""
+    """Compute the pose of a body in the world at q = 0, (4, 4) [m]."""
     pose = bodies[k].pose
     while (k := bodies[k].parent) >= 0:
         pose = bodies[k].pose @ pose
@@ -155,7 +164,7 @@ def _in_world(bodies: Sequence[Body], k: int) -> Array:
 def _rods(
     bodies: Sequence[Body], path: list[int], carriers: list[int], placed: dict[int, Placed]
 ) -> set[int]:
-    """Bodies behind joints off the arm, but for those on its last part: rods drawn where they are not."""
+    """Find bodies behind joints off the arm, except on its last part: rods, drawn at their zero pose."""
     found: set[int] = set()
     last = len(carriers) - 1
     for k, body in enumerate(bodies):  # parents first
@@ -167,7 +176,7 @@ def _rods(
 def _part(
     bodies: Sequence[Body], placed: dict[int, Placed], part: int, carrier: int, rods: Collection[int]
 ) -> Body:
-    """All bodies of a part as one; rods neither touch nor bear."""
+    """Combine all bodies of a part to one; rods neither collide nor carry."""
     body, own = bodies[carrier], [k for k in placed if placed[k].part == part]
     pose = np.eye(4)
     if part:
@@ -189,13 +198,13 @@ def _part(
 
 
 def _weighed(body: Body, pose: Array) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia about it of a body in the frame of its part."""
+    """Return mass, centre of mass and inertia about it of a body in the frame of its part."""
     R = pose[:3, :3]
     return body.mass, moved(body.com, pose), R @ body.inertia @ R.T
 
 
 def _shape(shape: Shape, pose: Array, *, rod: bool) -> Shape:
-    """A shape of a body in the frame of its part."""
+    """Move a shape of a body to the frame of its part."""
     shape = replace(shape, pose=pose @ shape.pose)
     return replace(shape, collides=False, bears=False) if rod else shape
 
@@ -207,7 +216,7 @@ def _became(
     parts: Sequence[Body],
     rods: Collection[int],
 ) -> list[Note]:
-    """What was merged, frozen, left out or stood in for."""
+    """Note what was merged, fixed, left out or replaced."""
     notes = []
     for index, part in enumerate(parts):
         own = [bodies[k] for k in placed if placed[k].part == index and bodies[k].name != part.name]
@@ -229,7 +238,7 @@ def _became(
 
 
 def _coupled(file: Path, chain: Chain, rows: Rows) -> Chain:
-    """The chain with the map of its joints, and a note of those that follow others."""
+    """Add the joint map to the chain, with a note on dependent joints."""
     found = chain_map(file, chain.joints, rows)
     if found is None:
         return chain
@@ -239,9 +248,9 @@ def _coupled(file: Path, chain: Chain, rows: Rows) -> Chain:
 
 
 def _fit(chain: Chain, rows: Rows) -> tuple[Chain, Rows]:
-    """The chain with names of letters, digits, `_` and `-` that differ in more than upper and lower case.
+    """Rename the chain with names of letters, digits, `_` and `-` that differ in more than case.
 
-    Joints that others follow have such names too.
+    Joints that others follow get such names too.
     """
     links, joints = fit_names(p.name for p in chain.parts), fit_names(joint.name for joint in chain.joints)
     renamed = []
@@ -267,7 +276,7 @@ def _fit(chain: Chain, rows: Rows) -> tuple[Chain, Rows]:
 
 
 def fit_names(names: Iterable[str]) -> list[str]:
-    """Names of letters, digits, `_` and `-`, each different from all others."""
+    """Make names of letters, digits, `_` and `-`, each different from all others."""
     found: list[str] = []
     for name in names:
         fit = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:LONGEST_NAME] or "x"

@@ -1,7 +1,7 @@
 """Joints of a robot's file that move together: URDF's mimic, MJCF's equalities of joints and fixed tendons.
 
-All are linear equations between joints. Solved for the joints of the arm they are its `JointMap`; what closes
-a loop or is not linear is refused, but for what only concerns branches off the arm.
+All are linear equations between joints. Solved for the joints of the arm they are its `JointMap`. Closed
+loops and nonlinear equations are refused, unless they concern only branches off the arm.
 """
 
 from collections import Counter
@@ -15,11 +15,13 @@ from testbench.errors import Array, BenchError, InputError
 from testbench.files.robot.equalities import Coupling
 from testbench.files.robot.robot import Body, Joint
 
-ROUNDING = 1e-9  #: Of a coefficient of an equation [1].
-DIGITS = 12  #: Decimals of a coefficient.
+ROUNDING = 1e-9
+"""Coefficient of an equation below which it counts as zero [1]."""
+DIGITS = 12
+"""Decimals of a coefficient."""
 STATE = "leave it out and state how joints depend in [joints] of elastic.toml"
 Rows = Mapping[str, tuple[Mapping[str, float], float]]
-"""Of joints that follow others, by name: coefficients of these [1], and an offset [rad, m]."""
+"""Dependent joints by name: coefficients of the joints that they follow [1], and an offset [rad, m]."""
 
 
 def map_of(
@@ -29,21 +31,21 @@ def map_of(
     couplings: Sequence[Coupling],
     driven: Collection[str],
 ) -> tuple[Rows, list[Coupling]]:
-    """How joints of an arm follow others.
+    """Determine how joints of an arm follow others.
 
     Args:
-        file: For messages.
-        bodies: All of the robot.
+        file: The robot's file, for messages.
+        bodies: All bodies of the robot.
         path: Bodies from the first to the tip.
-        couplings: What the file says of joints.
-        driven: Joints that a motor drives: where it is open, others follow these.
+        couplings: Linear equations between joints that the file states.
+        driven: Joints with a motor; if there is a choice, the others follow these.
 
     Returns:
-        The joints that follow others; and the couplings that do not concern the arm.
+        The joints that follow others, and the couplings that do not concern the arm.
 
     Raises:
-        InputError: When a loop is closed over a joint of the arm, an equation is not linear, a joint is not
-            there, or equations contradict.
+        InputError: If a loop is closed over a joint of the arm, an equation is not linear, a joint does not
+            exist, or equations contradict each other.
     """
     chain = [joint.name for k in path if (joint := bodies[k].joint)]
     _check_loops(file, bodies, chain, couplings)
@@ -66,7 +68,7 @@ def map_of(
 
 
 def _needed(left: list[Coupling], chain: set[str], driven: set[str]) -> list[Coupling]:
-    """Couplings without those that a joint off the arm, in no other, takes: a rod that follows the arm."""
+    """Drop couplings that only position a joint off the arm: a rod that follows the arm."""
 
     def is_spare(own: Coupling, count: Counter[str]) -> bool:
         takes = {name for name in own.terms if count[name] == 1} - chain
@@ -85,7 +87,7 @@ def _needed(left: list[Coupling], chain: set[str], driven: set[str]) -> list[Cou
 def _check_loops(
     file: Path, bodies: Sequence[Body], chain: Collection[str], couplings: Sequence[Coupling]
 ) -> None:
-    """Refuse what ties bodies together over a joint of the arm; not what a free body is tied to once."""
+    """Refuse bodies tied together over a joint of the arm; a free body tied once is allowed."""
     ties = [
         (own, _above(bodies, own.bodies[0]) ^ _above(bodies, own.bodies[1]))
         for own in couplings
@@ -103,7 +105,7 @@ def _check_loops(
 
 
 def _above(bodies: Sequence[Body], k: int) -> set[int]:
-    """A body and those before it; -1 is the world."""
+    """List a body and those before it; -1 is the world."""
     found = set()
     while k >= 0:
         found.add(k)
@@ -112,7 +114,7 @@ def _above(bodies: Sequence[Body], k: int) -> set[int]:
 
 
 def _solved(file: Path, order: Sequence[str], equations: Sequence[Coupling]) -> Rows:
-    """Gauss-Jordan elimination: of every equation the first joint in the order follows the others."""
+    """Solve by Gauss-Jordan elimination: in each equation the first joint in the order is dependent."""
     A = np.array([[*(own.terms.get(name, 0.0) for name in order), own.constant] for own in equations])
     A = A.reshape(len(equations), len(order) + 1)
     pivots: list[int] = []
@@ -134,17 +136,25 @@ def _solved(file: Path, order: Sequence[str], equations: Sequence[Coupling]) -> 
 
 
 def _row(order: Sequence[str], row: Array, column: int) -> tuple[dict[str, float], float]:
-    """What an equation, solved for a joint, says of it."""
+    """Convert an equation, solved for a joint, to its coefficients and offset."""
     terms = {name: -round(float(c), DIGITS) + 0.0 for name, c in zip(order, row[:-1], strict=True)}
     del terms[order[column]]
     return {name: c for name, c in terms.items() if c}, round(float(row[-1]), DIGITS) + 0.0
 
 
 def chain_map(file: Path, joints: Sequence[Joint], rows: Rows) -> JointMap | None:
-    """The joint map of an arm's chain; None where no joint follows others.
+    """Build the joint map of an arm's chain: its joints as a linear function of those that the motors drive.
+
+    Args:
+        file: The robot's file, for messages.
+        joints: Joints of the chain, from base to tool.
+        rows: Joints that follow others, as `map_of` returns them.
+
+    Returns:
+        The map; None if no joint of the chain follows others.
 
     Raises:
-        InputError: When the equations leave no map of an arm.
+        InputError: If no map of an arm satisfies the equations.
     """
     own = {joint.name: rows[joint.name] for joint in joints if joint.name in rows}
     try:

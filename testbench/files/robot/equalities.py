@@ -1,4 +1,4 @@
-"""What MuJoCo says of joints that move together: equalities of joints, of fixed tendons, closed loops."""
+"""Joints that MuJoCo couples: equalities of joints, of fixed tendons, and closed loops."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,23 +15,27 @@ ENDS = SITE, int(mujoco.mjtWrap.mjWRAP_SPHERE), int(mujoco.mjtWrap.mjWRAP_CYLIND
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """What joints of a file must satisfy: sum of terms times joints = constant, or a closed loop."""
+    """Describe an equation of joints, sum of terms times joints = constant, or a closed loop."""
 
-    label: str  #: For messages.
+    label: str  #: Name in messages.
     terms: Mapping[str, float] = field(default_factory=dict)  #: Coefficients by the joints' names [1].
-    constant: float = 0.0  #: [rad, m]
-    follower: str = ""  #: The joint that the file makes follow the others; "" where it says none.
-    bent: bool = False  #: It is not linear.
-    bodies: tuple[int, int] | None = None  #: Which two bodies a loop ties together, -1 for the world.
+    constant: float = 0.0  #: Right-hand side [rad, m].
+    follower: str = ""  #: The dependent joint that the file names; "" for none.
+    bent: bool = False  #: Whether it is nonlinear.
+    #: The two bodies that a loop ties together, -1 for the world; None for an equation.
+    bodies: tuple[int, int] | None = None
 
 
 def couplings_of(model: mujoco.MjModel, names: Mapping[int, str], index: Mapping[int, int]) -> list[Coupling]:
-    """What MuJoCo's equalities say.
+    """Read the couplings that MuJoCo's equalities and tendons state.
 
     Args:
         model: The robot, as MuJoCo compiles it.
-        names: Ours of its joints.
-        index: Of its bodies the place of ours.
+        names: Our names of its joints, by MuJoCo's id.
+        index: Our places of its bodies, by MuJoCo's id.
+
+    Returns:
+        The couplings.
     """
     found: list[Coupling] = []
     for e in np.flatnonzero(model.eq_active0).tolist():
@@ -61,12 +65,12 @@ def _wraps(model: mujoco.MjModel, tendon: int) -> range:
 
 
 def _is_fixed(model: mujoco.MjModel, tendon: int) -> bool:
-    """Whether a tendon's length is a sum of joints; that of one in space is not linear."""
+    """Tell whether a tendon's length is a sum of joints; that of a spatial tendon is nonlinear."""
     return all(int(model.wrap_type[k]) == JOINT for k in _wraps(model, tendon))
 
 
 def _tendon(model: mujoco.MjModel, tendon: int) -> dict[int, float]:
-    """Coefficients of a tendon's joints; 1 of all that move the ends of one in space against each other."""
+    """Return coefficients of a tendon's joints; for a spatial one 1 for all joints that move its ends."""
     own = [(int(model.wrap_type[k]), int(model.wrap_objid[k]), k) for k in _wraps(model, tendon)]
     if _is_fixed(model, tendon):
         return {j: sum(float(model.wrap_prm[k]) for _, i, k in own if i == j) for _, j, _ in own}
@@ -79,7 +83,7 @@ def _tendon(model: mujoco.MjModel, tendon: int) -> dict[int, float]:
 
 
 def _joints_above(model: mujoco.MjModel, body: int) -> set[int]:
-    """Joints between the world and a body of MuJoCo."""
+    """List joints between the world and a body of MuJoCo."""
     found = set[int]()
     while body:
         first = int(model.body_jntadr[body])
@@ -91,7 +95,7 @@ def _joints_above(model: mujoco.MjModel, body: int) -> set[int]:
 def _equation(
     model: mujoco.MjModel, names: Mapping[int, str], e: int, both: Sequence[dict[int, float]]
 ) -> Coupling:
-    """X - x_0 = a_0 + a_1 (y - y_0) + ..., x and y sums of joints, as an equation of the joints."""
+    """Convert X - x_0 = a_0 + a_1 (y - y_0) + ..., x and y sums of joints, to an equation of the joints."""
     a = model.eq_data[e, :5].tolist()
     terms: dict[str, float] = {}
     constant = a[0]

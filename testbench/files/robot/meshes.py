@@ -1,4 +1,4 @@
-"""A stranger's mesh files: STL, OBJ, PLY and COLLADA as triangles of one colour; made small, and written."""
+"""Mesh files of a robot, STL, OBJ, PLY and COLLADA: read as triangles of one colour, reduced, and written."""
 
 import io
 import logging
@@ -15,32 +15,38 @@ from testbench.files.robot.robot import Faces, Mesh, Note, Surface
 from testbench.files.robot.solids import outermost
 
 KINDS = ("stl", "obj", "ply", "dae")
-MAX_BYTES = 64_000_000  #: Of one mesh file.
-MAX_TOTAL = 100_000_000  #: Of all mesh files of a robot.
-MAX_FACES = 500_000  #: Triangles of a mesh.
-MAX_ALL_FACES = 1_000_000  #: Triangles of a robot, those of a mesh as often as it is shown.
-LARGEST = 30.0  #: Of a mesh; more is a slip of units [m].
-CELLS = 2**20 - 1  #: Corners are in one place where they are on a grid of so many cells from the origin.
+MAX_BYTES = 64_000_000
+"""Largest mesh file [byte]."""
+MAX_TOTAL = 100_000_000
+"""Largest size of all mesh files of a robot [byte]."""
+MAX_FACES = 500_000
+"""Most triangles of a mesh."""
+MAX_ALL_FACES = 1_000_000
+"""Most triangles of a robot, counted as often as a mesh is used."""
+LARGEST = 30.0
+"""Largest size of a mesh [m]; beyond it the unit is wrong."""
+CELLS = 2**20 - 1
+"""Cells of the grid from the origin on which corners of one place are merged."""
 
 
 class MeshError(Exception):
-    """A mesh that cannot be read; the reader of a stranger's robot goes on without it and says so."""
+    """Report a mesh that cannot be read; the import continues without it and notes it."""
 
 
 @dataclass(eq=False)
 class Meshes:
-    """The mesh files that were read, each once; those that could not be, and why."""
+    """Hold the mesh files that were read, each once, and those that could not be read, with the reasons."""
 
     read: dict[Path, Mesh] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
-    size: int = 0  #: Of all that was read [byte].
-    faces: int = 0  #: Of all that was asked for.
+    size: int = 0  #: Size of all that was read [byte].
+    faces: int = 0  #: Triangles of all that was requested.
 
     def load(self, file: Path) -> Mesh:
-        """The triangles of a file.
+        """Read the triangles of a file; every file is read once.
 
         Raises:
-            MeshError: When it cannot be read.
+            MeshError: If the file cannot be read.
         """
         if file not in self.read:
             kind = file.suffix[1:].lower()
@@ -60,25 +66,25 @@ class Meshes:
         return self.read[file]
 
     def notes(self) -> list[Note]:
-        """Which meshes the arm goes without, and why."""
+        """List the meshes that the arm lacks, with the reasons."""
         names = tuple(f"{name} ({why})" for name, why in self.failed.items())
         return [Note("meshes", names)] if names else []
 
 
 def _check(what: str, count: int, most: int) -> None:
-    """Refuse too much of something: once it is too much, no further mesh is read."""
+    """Refuse too much of something: beyond the limit, no further mesh is read."""
     if count > most:
         raise MeshError(f"expected at most {most} {what}, got {count}; simplify the mesh")
 
 
 def _parsed(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
-    """Corners, each place once, triangles and colour; what goes wrong inside of a parser is a MeshError."""
+    """Parse corners, each place once, triangles and colour; any failure of a parser is a MeshError."""
     try:
         with warnings.catch_warnings(action="ignore"):  # of numbers too large, which are refused below
             vertices, faces, rgba = _triangles(data, kind)
     except MeshError:
         raise
-    except Exception as err:  # parsers of strangers' files fail in every way
+    except Exception as err:  # parsers fail in every way on untrusted files
         why = " ".join(str(err).split())[:120] or type(err).__name__
         raise MeshError(f"not read as {kind}: {why}") from err
     if not np.isfinite(vertices).all():
@@ -91,7 +97,7 @@ def _parsed(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
 
 
 def _triangles(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
-    """Corners, triangles and colour, whatever they are worth."""
+    """Parse corners, triangles and colour, without checks."""
     import trimesh
 
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it says of textures is not for the user
@@ -106,7 +112,7 @@ def _triangles(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
 
 
 def _main_colour(parts: Sequence[object]) -> Array | None:
-    """The colour of the most area of a COLLADA or OBJ file."""
+    """Find the colour with the most area in a COLLADA or OBJ file."""
     areas: dict[tuple[float, ...], float] = {}
     for part in parts:
         colour = _colour(part)
@@ -116,7 +122,7 @@ def _main_colour(parts: Sequence[object]) -> Array | None:
 
 
 def _colour(part: object) -> tuple[float, ...] | None:
-    """The colour of one part; None where the file states none."""
+    """Return the colour of one part; None if the file states none."""
     material = getattr(getattr(part, "visual", None), "material", None)
     colour = getattr(material, "main_color", None)
     if colour is None or getattr(material, "name", "") == "material_0":  # trimesh's own grey
@@ -125,17 +131,17 @@ def _colour(part: object) -> tuple[float, ...] | None:
 
 
 def _welded(vertices: Array, faces: Faces) -> Surface:
-    """Corners in one place as one; triangles without area go."""
+    """Merge corners in one place; drop triangles without area."""
     unit = float(np.abs(vertices).max()) / CELLS or 1.0
     first, inverse = distinct(vertices / unit + CELLS)
     return vertices[first], with_area(inverse[faces])
 
 
 def distinct(cells: npt.NDArray[np.number]) -> tuple[Faces, Faces]:
-    """Rows of three numbers from 0 to 2 CELLS that differ once rounded.
+    """Group rows of three numbers from 0 to 2 CELLS that are equal after rounding.
 
     Returns:
-        The first of each kind, in rising order of the kinds, and the kind of every row.
+        The first row of each group, in rising order of the groups, and the group of every row.
     """
     number = np.round(cells).astype(np.int64) @ np.array([1 << 42, 1 << 21, 1])
     _, first, kind = np.unique(number, return_index=True, return_inverse=True)
@@ -143,7 +149,7 @@ def distinct(cells: npt.NDArray[np.number]) -> tuple[Faces, Faces]:
 
 
 def joined(surfaces: Sequence[Surface]) -> Surface:
-    """Several surfaces as one."""
+    """Join several surfaces to one."""
     import trimesh
 
     vertices, faces = trimesh.util.append_faces([v for v, _ in surfaces], [f for _, f in surfaces])
@@ -151,7 +157,7 @@ def joined(surfaces: Sequence[Surface]) -> Surface:
 
 
 def with_area(faces: Faces) -> Faces:
-    """The triangles whose corners differ."""
+    """Keep the triangles whose corners differ."""
     a, b, c = faces.T
     return np.asarray(faces[(a != b) & (b != c) & (c != a)])
 
@@ -164,7 +170,18 @@ def check_size(vertices: Array) -> None:
 
 
 def decimated(vertices: Array, faces: Faces, most: int) -> Surface:
-    """A surface of at most about so many triangles: trimesh's own way of thinning is this package too."""
+    """Reduce a surface to at most about a given number of triangles.
+
+    Uses fast_simplification, which trimesh uses too.
+
+    Args:
+        vertices: Corners, (v, 3) [m].
+        faces: Corner indices of every triangle, (f, 3).
+        most: Number of triangles to keep.
+
+    Returns:
+        Corners and triangles; the surface itself if it is small enough.
+    """
     if len(faces) <= most:
         return vertices, faces
     import fast_simplification
@@ -178,7 +195,15 @@ def decimated(vertices: Array, faces: Faces, most: int) -> Surface:
 
 
 def stl_bytes(vertices: Array, faces: Faces) -> bytes:
-    """A surface as a binary STL file."""
+    """Write a surface as a binary STL file.
+
+    Args:
+        vertices: Corners, (v, 3) [m].
+        faces: Corner indices of every triangle, (f, 3).
+
+    Returns:
+        The content of the file.
+    """
     import trimesh
 
     return bytes(trimesh.exchange.stl.export_stl(trimesh.Trimesh(vertices, faces, process=False)))

@@ -1,7 +1,7 @@
-"""MJCF as MuJoCo compiles it, so that defaults, frames, classes and trees are as MuJoCo means them.
+"""MJCF compiled by MuJoCo, so that defaults, frames, classes and trees have MuJoCo's meaning.
 
-MuJoCo opens none of its files: includes and meshes are read here, up to a size, and only what an arm's
-statics needs is compiled.
+MuJoCo opens none of the files itself: includes and meshes are read here, up to a size, and only elements that
+an arm's statics needs are compiled.
 """
 
 import math
@@ -32,27 +32,34 @@ KEPT = frozenset(
     + "asset mesh material equality connect weld tendon fixed spatial pulley".split()
 )
 """Elements that are compiled."""
-COUPLED = {"equality", "tendon"}  #: Read for what they say of the arm's joints, and left out else.
+COUPLED = {"equality", "tendon"}
+"""Elements read for the couplings of the arm's joints, and otherwise left out."""
 SILENT = frozenset("option visual statistic size light camera texture layer custom extension".split())
-"""Elements that go without a word: nobody expects them in an arm."""
+"""Elements that are dropped without a note, because an arm needs none of them."""
 REFUSED_TAGS = frozenset("replicate attach model".split())
-MAX_FILES = 50  #: Included, each once.
-MOST_FACES = 200_000  #: Of a mesh; MuJoCo reads no more.
+MAX_FILES = 50
+"""Most included files, each counted once."""
+MOST_FACES = 200_000
+"""Most faces of a mesh that MuJoCo reads."""
 ODD = {int(mujoco.mjtJoint.mjJNT_FREE): "is free", int(mujoco.mjtJoint.mjJNT_BALL): "is a ball"}
 NO_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
 SLIDES = int(mujoco.mjtJoint.mjJNT_SLIDE)
-NOTHING = 1e-14  #: Less than this is the mass of no body [kg].
+NOTHING = 1e-14
+"""Mass below which a body counts as massless [kg]."""
 
 
 def read_mjcf(file: Path, root: ET.Element) -> Robot:
     """Read all bodies of a robot.
 
     Args:
-        file: The MJCF, for messages and for the files beside it.
+        file: The MJCF, for messages and as the place from which its files are found.
         root: Its root element; it is changed.
 
+    Returns:
+        The robot.
+
     Raises:
-        InputError: When it includes what lies elsewhere, or holds what cannot be an arm.
+        InputError: If the MJCF includes files from outside its folder, or elements that no arm can have.
     """
     _include(file, root)
     driven = {e.get("joint", "") for actuators in root.findall("actuator") for e in actuators} - {""}
@@ -77,7 +84,7 @@ def read_mjcf(file: Path, root: ET.Element) -> Robot:
 
 
 def _include(file: Path, root: ET.Element) -> None:
-    """Every <include> becomes the children of the file that it names; each file once, as in MuJoCo."""
+    """Replace every <include> by the children of the file that it names; each file once, as in MuJoCo."""
     seen = {os.path.realpath(file)}
     while pair := next(((p, c) for p in root.iter() for c in p if c.tag == "include"), None):
         parent, e = pair
@@ -97,7 +104,7 @@ def _include(file: Path, root: ET.Element) -> None:
 
 
 def _keep(root: ET.Element) -> set[str]:
-    """Take out what is not compiled; tells what of it somebody might miss."""
+    """Remove elements that are not compiled; return those of them that a user might miss."""
     left_out, within = set(), [root]
     while within:
         parent = within.pop()
@@ -115,7 +122,7 @@ def _keep(root: ET.Element) -> set[str]:
 
 
 def _compile(file: Path, root: ET.Element, meshes: Meshes) -> tuple[mujoco.MjModel, list[bool]]:
-    """MuJoCo's model, and of every body whether the file states its mass."""
+    """Compile MuJoCo's model; also tell for every body whether the file states its mass."""
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
         spec.compiler.balanceinertia, spec.compiler.fusestatic = True, False
@@ -133,7 +140,7 @@ def _compile(file: Path, root: ET.Element, meshes: Meshes) -> tuple[mujoco.MjMod
 
 
 def _assets(file: Path, spec: mujoco.MjSpec, meshes: Meshes) -> dict[str, bytes]:
-    """The meshes, read by us; one that cannot be read goes, with the geoms that show it."""
+    """Read the meshes; one that cannot be read is dropped, with the geoms that use it."""
     folder, found = file.parent / spec.meshdir, dict[str, bytes]()
     spec.meshdir = ""
     for mesh in list(spec.meshes):
@@ -152,7 +159,7 @@ def _assets(file: Path, spec: mujoco.MjSpec, meshes: Meshes) -> dict[str, bytes]
                 spec.delete(geom)
             spec.delete(mesh)
             continue
-        if hull_of(own.outer) is None:  # MuJoCo is told where it is flat
+        if hull_of(own.outer) is None:  # MuJoCo needs to know that it is flat
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         mesh.file, mesh.content_type = f"{len(found)}.stl", ""
         found[mesh.file] = stl_bytes(*decimated(own.vertices, own.faces, MOST_FACES))
@@ -160,7 +167,7 @@ def _assets(file: Path, spec: mujoco.MjSpec, meshes: Meshes) -> dict[str, bytes]
 
 
 def _surfaces(file: Path, model: mujoco.MjModel) -> list[Mesh]:
-    """Of every mesh its triangles in MuJoCo's mesh [m]."""
+    """Return the triangles of every mesh in MuJoCo's mesh frame [m]."""
     shown = model.geom_dataid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
     faces = int(model.mesh_facenum[shown].astype(int).sum())
     if faces > MAX_ALL_FACES:
@@ -175,7 +182,7 @@ def _surfaces(file: Path, model: mujoco.MjModel) -> list[Mesh]:
 
 
 def _by_depth(model: mujoco.MjModel) -> list[int]:
-    """Ids of the bodies, those next to the world first."""
+    """List ids of the bodies, those next to the world first."""
     depth = [0]
     for b in range(1, model.nbody):
         depth.append(depth[model.body_parentid[b]] + 1)
@@ -183,14 +190,14 @@ def _by_depth(model: mujoco.MjModel) -> list[int]:
 
 
 def _split(model: mujoco.MjModel, b: int, parent: int, before: Array, count: int) -> tuple[list[Body], Array]:
-    """A body of MuJoCo as bodies of one joint each, their origins on the joints.
+    """Split a body of MuJoCo into bodies of one joint each, with their origins on the joints.
 
     Args:
-        model: MuJoCo's.
+        model: MuJoCo's model.
         b: MuJoCo's body.
-        parent: Ours before it; -1 for the world.
+        parent: Our body before it; -1 for the world.
         before: Pose of MuJoCo's body in the parent, (4, 4) [m].
-        count: How many bodies of ours there are.
+        count: Number of our bodies so far.
 
     Returns:
         The bodies, and the origin of the last one in MuJoCo's body, (3,) [m].
@@ -215,7 +222,7 @@ def _split(model: mujoco.MjModel, b: int, parent: int, before: Array, count: int
 
 
 def _at_zero(model: mujoco.MjModel, j: int) -> Array:
-    """How a joint at q = 0 moves its body from where the file draws it, at q = ref, (4, 4)."""
+    """Compute how a joint at q = 0 moves its body from the drawn pose at q = ref, (4, 4)."""
     axis, back = model.jnt_axis[j], -float(model.qpos0[model.jnt_qposadr[j]])
     if int(model.jnt_type[j]) == SLIDES:
         return pose_of(np.eye(3), axis * back)
@@ -234,7 +241,7 @@ def _joint(model: mujoco.MjModel, j: int) -> Joint:
 
 
 def _filled(model: mujoco.MjModel, b: int, body: Body, origin: Array, surfaces: Sequence[Mesh]) -> Body:
-    """A body with its mass, shapes and sites, as seen from an origin in MuJoCo's body."""
+    """Add mass, shapes and sites to a body, relative to an origin in MuJoCo's body."""
     mass = float(model.body_mass[b])
     mass = mass if mass > NOTHING else 0.0
     axes = rotation_of(model.body_iquat[b])
@@ -253,7 +260,7 @@ def _filled(model: mujoco.MjModel, b: int, body: Body, origin: Array, surfaces: 
 
 
 def _shape(model: mujoco.MjModel, surfaces: Sequence[Mesh], g: int, origin: Array) -> Shape | None:
-    """A geom as a surface; None for a plane."""
+    """Convert a geom to a surface; None for a plane."""
     kind, size = KINDS.get(int(model.geom_type[g])), model.geom_size[g].copy()
     if kind is None:
         return None

@@ -1,4 +1,4 @@
-"""A robot as a list of bodies in SI, whatever its file's format, and the serial chain in it."""
+"""A robot as a list of bodies in SI units, whatever the format of its file, and the serial chain in it."""
 
 import math
 from collections.abc import Sequence
@@ -17,152 +17,170 @@ Surface = tuple[Array, Faces]
 """Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
 
 
-UNLIMITED = 2 * math.pi  #: Of a turning joint without limits, each way [rad].
-SLIDE = 1.0  #: Of a sliding joint without limits, each way [m].
+UNLIMITED = 2 * math.pi
+"""Limit, each way, of a hinge without stated limits [rad]."""
+SLIDE = 1.0
+"""Limit, each way, of a slide without stated limits [m]."""
 Point = tuple[str, Array]
 """Name and position in the tool's frame, (3,) [m]."""
 
 
 class Note(NamedTuple):
-    """What became of something in the file; `testbench.workflows.new_arm` has the words."""
+    """Note how an element of the file was treated; `testbench.workflows.new_arm` puts it into words."""
 
     kind: str
-    names: tuple[str, ...] = ()  #: Of links, bodies, joints or files.
+    names: tuple[str, ...] = ()  #: Names of links, bodies, joints or files.
     numbers: tuple[float, ...] = ()  #: In SI, (1, kg, m, rad) as the kind has them.
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles of a file in its own unit, or of a primitive [m]."""
+    """Hold triangles of a file in its own unit, or of a primitive [m]."""
 
-    vertices: Array  #: (v, 3)
-    faces: Faces  #: (f, 3)
-    outer: Array  #: The corners that its hull needs, (h, 3)
-    rgba: Array | None = None  #: Its colour where the file has one, (4,) [1].
+    vertices: Array  #: Corners, (v, 3).
+    faces: Faces  #: Corner indices of every triangle, (f, 3).
+    outer: Array  #: Corners that span the convex hull, (h, 3).
+    rgba: Array | None = None  #: Colour if the file states one, (4,) [1].
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A triangle surface fixed in a body; a primitive of the file is one too."""
+    """Describe a triangle surface fixed in a body; primitives of the file are converted to one."""
 
     kind: Kind  #: As MuJoCo names it.
     size: Array  #: Of a primitive, as MuJoCo counts it, (3,) [m].
     pose: Array  #: In the body's frame, (4, 4) [m].
     mesh: Mesh  #: Its surface in its own axes.
     rgba: Array  #: Colour, (4,) [1].
-    visual: bool  #: It is drawn.
-    collides: bool  #: It keeps others out.
-    bears: bool = True  #: It is of the link, not of a rod beside it.
+    visual: bool  #: Whether it is drawn.
+    collides: bool  #: Whether it collides.
+    bears: bool = True  #: Whether it belongs to the link, not to a rod of the arm.
 
     @property
     def surface(self) -> Surface:
-        """In the body's frame."""
+        """Return the surface in the body's frame."""
         return moved(self.mesh.vertices, self.pose), self.mesh.faces
 
     @property
     def cloud(self) -> Array:
-        """Corners whose hull is that of the shape, (h, 3) [m]."""
+        """Return corners whose hull is that of the shape, (h, 3) [m]."""
         return moved(self.mesh.outer, self.pose)
 
 
 def seen(shapes: Sequence[Shape]) -> list[Shape]:
-    """Those that are drawn; where none is, those that collide."""
+    """Select the shapes that are drawn; if there are none, those that collide."""
     return [s for s in shapes if s.visual] or [s for s in shapes if s.collides]
 
 
 class Site(NamedTuple):
-    """A frame that the file names on a body: a flange, a tool's centre point, a site, the body itself."""
+    """Describe a named frame on a body: a flange, a tool's centre point, a site, the body itself."""
 
-    name: str  #: As the file says it.
+    name: str  #: Name in the file.
     pose: Array  #: In the body's frame, (4, 4) [m].
 
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """The joint that moves a body; its axis leads through the body's origin."""
+    """Describe the joint that moves a body; its axis passes through the body's origin."""
 
-    name: str  #: As the file says it.
+    name: str  #: Name in the file.
     axis: Array  #: Unit axis in the body's frame, (3,) [1].
-    prismatic: bool  #: It slides along the axis; else it turns about it.
+    prismatic: bool  #: Whether it slides along the axis; otherwise it turns about it.
     lower: float  #: Lower limit [rad or m].
     upper: float  #: Upper limit [rad or m].
-    limited: bool  #: The file states the limits; else ours stand in for them.
+    limited: bool  #: Whether the file states the limits; otherwise they are defaults.
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A link or body; parents come before their children."""
+    """Describe a link or body; parents come before their children."""
 
-    name: str  #: As the file says it.
+    name: str  #: Name in the file.
     parent: int  #: Index of the body before; -1 for the first of a tree.
     pose: Array  #: In the parent at q = 0, (4, 4) [m]; in the world for the first.
-    joint: Joint | None = None  #: What moves it.
-    odd: str = ""  #: Why its joint cannot be one of the arm: "is a free joint".
+    joint: Joint | None = None  #: Joint that moves it; None for a fixed body.
+    odd: str = ""  #: Why its joint cannot be one of the arm, such as "is a free joint"; "" if it can.
     follows: str = ""  #: Name of the joint that its joint mimics.
     mass: float = 0.0  #: [kg]
     com: Array = field(default_factory=lambda: np.zeros(3))  #: Centre of mass in the body's frame, (3,) [m].
-    #: About the centre of mass in the body's axes, (3, 3) [kg m^2].
+    #: Inertia about the centre of mass in the body's axes, (3, 3) [kg m^2].
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    weighed: bool = True  #: The file states its mass, or most of it.
+    weighed: bool = True  #: Whether the file states its mass, or most of it.
     shapes: tuple[Shape, ...] = ()
     sites: tuple[Site, ...] = ()
 
     @property
     def moves(self) -> bool:
-        """Whether anything moves it against its parent."""
+        """Tell whether the body moves against its parent."""
         return self.joint is not None or bool(self.odd)
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """All bodies of a file."""
+    """Hold all bodies of a file."""
 
     name: str
     bodies: tuple[Body, ...]
-    notes: tuple[Note, ...] = ()  #: What the reader left out or stood in for.
-    couplings: tuple[Coupling, ...] = ()  #: What its joints must satisfy.
-    driven: frozenset[str] = frozenset()  #: Joints that motors drive, as far as the file says.
+    notes: tuple[Note, ...] = ()  #: What the reader left out or replaced.
+    couplings: tuple[Coupling, ...] = ()  #: Equations between its joints.
+    driven: frozenset[str] = frozenset()  #: Joints with motors, as far as the file states them.
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """A serial arm as a stranger's file describes it."""
+    """Describe a serial arm that was read from a user's file."""
 
     name: str  #: The robot's name in the file.
     #: From the base to the last link, n + 1, each with all that is fixed to it; the base in the world.
     parts: tuple[Body, ...]
-    tip: Site  #: The link, body or site that the tool is, in the last part.
+    tip: Site  #: The link, body or site that carries the tool, in the last part.
     notes: tuple[Note, ...]  #: What was merged, frozen, renamed or estimated.
-    joint_map: JointMap | None = None  #: How its joints follow others; None where none does.
+    joint_map: JointMap | None = None  #: Map of dependent joints; None if there are none.
 
     @property
     def joints(self) -> list[Joint]:
-        """Those that move its parts, n."""
+        """Return the joints that move its parts, n."""
         return [part.joint for part in self.parts if part.joint]
 
     @property
     def n_joints(self) -> int:
-        """Number of moving joints, n."""
+        """Count the moving joints, n."""
         return len(self.parts) - 1
 
     @property
     def mass(self) -> float:
-        """Of the whole arm, the base with it [kg]."""
+        """Return the mass of the whole arm with its base [kg]."""
         return sum(part.mass for part in self.parts)
 
 
 def endless(*, prismatic: bool) -> tuple[float, float]:
-    """Limits that stand in for those that a file does not state [rad, m]."""
+    """Return limits for a joint whose file states none [rad, m]."""
     return (-SLIDE, SLIDE) if prismatic else (-UNLIMITED, UNLIMITED)
 
 
 def pose_of(rotation: Array, position: Array) -> Array:
-    """A pose, (4, 4), from its rotation, (3, 3), and its position, (3,)."""
+    """Combine a rotation and a position to a homogeneous pose.
+
+    Args:
+        rotation: Rotation matrix, (3, 3).
+        position: Origin, (3,) [m].
+
+    Returns:
+        The pose, (4, 4).
+    """
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, position
     return pose
 
 
 def moved(points: Array, pose: Array) -> Array:
-    """Points of a body, (n, 3) [m], in the frame that its pose is in."""
+    """Transform points from the frame of a body to the frame that its pose refers to.
+
+    Args:
+        points: Points in the body's frame, (n, 3) [m].
+        pose: Pose of the body, (4, 4) [m].
+
+    Returns:
+        The points, (n, 3) [m].
+    """
     return np.asarray(points @ pose[:3, :3].T + pose[:3, 3])

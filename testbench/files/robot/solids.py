@@ -1,6 +1,6 @@
-"""Primitives as triangles, hulls, and what a closed surface weighs.
+"""Primitives as triangles, convex hulls, and masses of closed surfaces.
 
-Hulls are Qhull's and not trimesh's, which shakes what is flat until it has one.
+Hulls are computed by Qhull, not by trimesh, which perturbs flat points until they have a hull.
 """
 
 from collections.abc import Sequence
@@ -12,23 +12,36 @@ from testbench.errors import Array
 from testbench.files.robot.robot import Faces, Mesh, Surface
 from testbench.plant.shapes import POINTS, Kind, half_sizes
 
-SLACK = 5e-4  #: By which points may stand out of a hull over the extent of all of them [1].
-LEAST_INERTIA = 1e-9  #: Of a body about any axis [kg m^2].
-SHRINKS = 0.9  #: As long as fewer than this share of points are left, there are more hulls to make [1].
-AT_ONCE = 20_000  #: Points of a hull that is made at once.
+SLACK = 5e-4
+"""Distance by which points may be outside a hull, over the extent of all points [1]."""
+LEAST_INERTIA = 1e-9
+"""Least moment of inertia of a body about any axis [kg m^2]."""
+SHRINKS = 0.9
+"""Share of points below which the next hull is computed of the points that are left [1]."""
+AT_ONCE = 20_000
+"""Most points of a hull that is computed in one step."""
 Weighed = tuple[float, Array, Array]
 """Mass [kg] or volume [m^3], its centre, (3,) [m], and inertia about that, (3, 3) [kg m^2] or [m^5]."""
-VISIBLE = np.array([0.6, 0.6, 0.6, 1.0])  #: Colour where the file has none.
+VISIBLE = np.array([0.6, 0.6, 0.6, 1.0])
+"""Colour if the file states none."""
 
 
 def primitive(kind: Kind, size: Array) -> Mesh:
-    """The surface of a primitive in its own axes, its size, (3,), as MuJoCo counts it [m]."""
+    """Make the surface of a primitive in its own axes.
+
+    Args:
+        kind: Name of the primitive in MuJoCo, such as "capsule".
+        size: Its half sizes or radius in MuJoCo's convention, (3,) [m].
+
+    Returns:
+        The triangles of its convex hull.
+    """
     corners = POINTS[kind](half_sizes(kind, size))
     return Mesh(corners, _outward(corners, ConvexHull(corners).simplices.astype(int)), corners)
 
 
 def hull_of(vertices: Array) -> Surface | None:
-    """Corners and faces of the convex hull of points, to within SLACK; None where they are flat."""
+    """Compute corners and faces of the convex hull of points, to within SLACK; None if they are flat."""
     hull = _hull(vertices, _slack(vertices))
     if hull is None:
         return None
@@ -38,15 +51,16 @@ def hull_of(vertices: Array) -> Surface | None:
 
 
 def hull_volume(vertices: Array) -> float:
-    """Volume of the convex hull of points [m^3]; 0 where they are flat."""
+    """Compute the volume of the convex hull of points [m^3]; 0 if they are flat."""
     hull = _hull(vertices, _slack(vertices))
     return 0.0 if hull is None else float(hull.volume)
 
 
 def outermost(vertices: Array) -> Array:
-    """The corners that have the hull of all, (h, 3); all where they are flat.
+    """Select the corners that span the convex hull of all, (h, 3); all if they are flat.
 
-    Of many, hulls of every tenth, say, are made first: the time for one grows faster than their number.
+    For many corners, hulls of subsets are computed first: the time of one hull grows faster than their
+    number.
     """
     slack = _slack(vertices)
     while (groups := -(-len(vertices) // AT_ONCE)) > 1:
@@ -67,7 +81,7 @@ def _slack(vertices: Array) -> float:
 
 
 def _hull(vertices: Array, slack: float) -> ConvexHull | None:
-    """Without points that stand out by less than the slack: those of a fine cylinder take minutes else."""
+    """Compute the hull without points outside by less than the slack: a fine cylinder would take minutes."""
     if len(vertices) < 4:
         return None
     try:
@@ -77,14 +91,14 @@ def _hull(vertices: Array, slack: float) -> ConvexHull | None:
 
 
 def _outward(corners: Array, faces: Faces) -> Faces:
-    """Faces of a convex body with their corners counterclockwise as seen from outside."""
+    """Orient the faces of a convex body counterclockwise as seen from outside."""
     a, b, c = corners[faces].transpose(1, 0, 2)
     inward = np.einsum("fx,fx->f", np.cross(b - a, c - a), a - corners.mean(axis=0)) < 0
     return np.where(inward[:, None], faces[:, ::-1], faces).astype(int)
 
 
 def integrals(surface: Surface) -> Weighed:
-    """Volume [m^3] of a closed surface, centroid [m] and inertia about it for unit density [m^5]."""
+    """Compute volume [m^3], centroid [m] and inertia about it at unit density [m^5] of a closed surface."""
     import trimesh  # takes as long to import as MuJoCo
 
     found = trimesh.triangles.mass_properties(surface[0][surface[1]])
@@ -92,7 +106,7 @@ def integrals(surface: Surface) -> Weighed:
 
 
 def combined(parts: Sequence[Weighed]) -> Weighed:
-    """Mass, centre of mass and inertia about it of bodies together, by parallel axes; zero without mass."""
+    """Combine bodies to one mass, centre of mass and inertia about it (parallel axes); zero without mass."""
     mass = sum(own for own, _, _ in parts)
     if mass == 0:
         return 0.0, np.zeros(3), np.zeros((3, 3))
@@ -105,7 +119,7 @@ def combined(parts: Sequence[Weighed]) -> Weighed:
 
 
 def plausible(inertia: Array) -> Array:
-    """The nearest inertia that a body can have: no moment exceeds the sum of the others."""
+    """Compute the nearest inertia that a body can have: no principal moment exceeds the sum of the others."""
     moments, axes = np.linalg.eigh((inertia + inertia.T) / 2)
     least = max(LEAST_INERTIA, 1e-6 * float(np.abs(moments).max()))
     second = np.maximum(moments.sum() / 2 - moments, least / 2)  # integrals of x^2, y^2, z^2

@@ -1,4 +1,4 @@
-"""A stranger's XML, as far as any format goes: a file that is small, well-formed and of numbers."""
+"""XML of a robot's file, whatever its format: limited in size, well-formed, with finite numbers."""
 
 import os
 import re
@@ -12,17 +12,20 @@ MAX_BYTES = 16_000_000
 MAX_ELEMENTS = 20_000
 MAX_DEPTH = 150
 MOST_OF = {"geometry": 2000, "geom": 2000, "joint": 500, "body": 500}
-"""Elements of a kind: the time that MuJoCo takes grows with the cube of bodies in a row."""
-MAX_PACKAGE = 1_000_000  #: Of a package.xml.
-UP = 8  #: Folders above the URDF in which a package is looked for.
-FIND = re.compile(r"\$\(find ([\w-]+)\)")  #: How xacro names a package.
+"""Most elements of a kind: MuJoCo's time grows with the cube of bodies in a row."""
+MAX_PACKAGE = 1_000_000
+"""Largest package.xml [byte]."""
+UP = 8
+"""Folders above the URDF in which a package is searched."""
+FIND = re.compile(r"\$\(find ([\w-]+)\)")
+"""Reference to a package in xacro."""
 
 
 def read_xml(file: Path) -> ET.Element:
-    """The root element of a file.
+    """Read the root element of a file.
 
     Raises:
-        InputError: When it is missing, too large, not well-formed, or says more than a robot can have.
+        InputError: If the file is missing, too large, not well-formed, or has more elements than a robot can.
     """
     text = read_text(file, MAX_BYTES)
     if (start := text.strip("\ufeff \t\r\n")) and not start.startswith("<"):
@@ -44,7 +47,7 @@ def read_xml(file: Path) -> ET.Element:
 
 
 def _expand(file: Path, text: str) -> str:
-    """The command that does it without ROS, with the folders of the packages that the file names."""
+    """Write the command that expands xacro without ROS, with the folders of the packages in the file."""
     target = file.with_name(f"{file.name.split('.')[0]}_expanded.urdf")
     found = [packages(Path(os.path.realpath(file)).parent, name) for name in FIND.findall(text)]
     where = dict.fromkeys(f" -d {word(roots[0].parent)}" for roots in found if roots)
@@ -53,7 +56,17 @@ def _expand(file: Path, text: str) -> str:
 
 
 def packages(folder: Path, name: str) -> list[Path]:
-    """Folders of a package: of that name, or with a package.xml that says so, from the URDF upwards."""
+    """Find the folders of a ROS package, searching from the URDF's folder upwards.
+
+    A folder counts if it has the package's name, or if its package.xml states that name.
+
+    Args:
+        folder: Folder of the URDF.
+        name: Name of the package.
+
+    Returns:
+        The folders, nearest first; empty if there are none.
+    """
     if name in ("", ".", ".."):
         return []
     found = []

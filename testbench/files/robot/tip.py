@@ -1,4 +1,4 @@
-"""Where the arm of a robot's tree ends."""
+"""End of the arm in a robot's tree: the place of the tool."""
 
 import re
 from typing import NamedTuple
@@ -13,21 +13,32 @@ TIPS = (
 )
 """How files call the place of the tool, the best first; `panda_` or the like may stand before, `_link` or
 `_frame` behind."""
-FLANGES = "tool0", "flange"  #: Those that no finger of a gripper is called.
-FINGER_JOINTS = 4  #: A branch of so few joints behind an arm is a finger.
+FLANGES = "tool0", "flange"
+"""Names that no finger of a gripper has."""
+FINGER_JOINTS = 4
+"""Most joints of a branch behind an arm that counts as a finger."""
 ARM_JOINTS = 3  #: Fewest joints of an arm.
-GRIPS = re.compile("gripper|finger|jaw", re.IGNORECASE)  #: In the name of a joint that closes a gripper.
+GRIPS = re.compile("gripper|finger|jaw", re.IGNORECASE)
+"""Words in the name of a joint that closes a gripper."""
 
 
 class Tip(NamedTuple):
-    """Where a tool may stand."""
+    """Describe a place where a tool may be mounted."""
 
     body: int  #: Index of its body.
     site: Site  #: In the body's frame.
 
 
 def path_to(robot: Robot, body: int) -> list[int]:
-    """Bodies from the first of the tree to this one."""
+    """List the bodies from the root of the tree to a body.
+
+    Args:
+        robot: The robot.
+        body: Index of the last body.
+
+    Returns:
+        Indices of the bodies, root first.
+    """
     path = [body]
     while (before := robot.bodies[path[0]].parent) >= 0:
         path.insert(0, before)
@@ -35,7 +46,7 @@ def path_to(robot: Robot, body: int) -> list[int]:
 
 
 def named_tips(robot: Robot) -> list[Tip]:
-    """Every body and site that a tool may stand on."""
+    """List every body and site that may carry the tool."""
     return [
         Tip(k, site)
         for k, body in enumerate(robot.bodies)
@@ -44,11 +55,11 @@ def named_tips(robot: Robot) -> list[Tip]:
 
 
 def usual_tip(robot: Robot) -> Tip:
-    """Where a tool is mounted if nobody says it: at the end of the longest chain of moving joints.
+    """Find the place of the tool if none is given: the end of the longest chain of moving joints.
 
-    A gripper and rods that follow other joints do not count; a flange by its name wins over a longer chain.
-    At the last moving body, or on what is fixed to it, a usual name decides; else a bare frame that is fixed
-    to it; else the body itself.
+    A gripper and rods that follow other joints do not count; a link with the name of a flange has priority
+    over a longer chain. On the last moving body, or fixed to it, a usual name decides; else a bare frame
+    fixed to it; else the body itself.
     """
     bodies, tips = robot.bodies, named_tips(robot)
     carriers = [_carrier(robot, k) for k in range(len(bodies))]
@@ -63,34 +74,37 @@ def usual_tip(robot: Robot) -> Tip:
 
 
 def _is_flange(robot: Robot, rank: int, tip: Tip) -> bool:
-    """Whether a place is called what only flanges are, behind the joints of an arm."""
+    """Tell whether a place has the name of a flange and is behind the joints of an arm."""
     joints = sum(robot.bodies[k].joint is not None for k in path_to(robot, tip.body))
     return TIPS[rank] in FLANGES and joints >= ARM_JOINTS
 
 
 def _rank(name: str) -> int | None:
-    """How good a name is for a tool's place, 0 the best; None if it is none."""
+    """Rank a name as that of a tool's place, 0 the best; None if it is none."""
     words = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
     words = re.sub("_(link|frame)$", "", words)
     return next((k for k, tip in enumerate(TIPS) if f"_{words}".endswith(f"_{tip}")), None)
 
 
 def _carrier(robot: Robot, body: int) -> int:
-    """The moving body, or the first of the tree, that a body is fixed to."""
+    """Find the moving body, or the first of the tree, to which a body is fixed."""
     while not robot.bodies[body].moves and robot.bodies[body].parent >= 0:
         body = robot.bodies[body].parent
     return body
 
 
 def _is_rod(robot: Robot, k: int) -> bool:
-    """Whether a body follows a joint that leads to it: a rod beside the arm, no finger of a gripper."""
+    """Tell whether a body follows a joint before it: a rod of the arm, not a finger of a gripper."""
     name = robot.bodies[k].follows
     before = [robot.bodies[b].joint for b in path_to(robot, k)[:-1]]
     return bool(name) and name in [joint.name for joint in before if joint]
 
 
 def _last_moving(robot: Robot, carriers: list[int]) -> int:
-    """The last moving body of the arm: the deepest, before a gripper: branches, or a joint of such a name."""
+    """Find the last moving body of the arm: the deepest one before a gripper.
+
+    A gripper shows by branches, or by the name of a joint.
+    """
     bodies = robot.bodies
     branches: dict[int, list[int]] = {k: [] for k in range(len(bodies))}
     height = [0] * len(bodies)  # moving joints behind a body, the longest way

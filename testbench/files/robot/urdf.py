@@ -1,7 +1,7 @@
-"""URDF by Pinocchio, which checks it, and places and weighs its links; shapes are read from its elements.
+"""URDF read by Pinocchio, which checks it and places and weighs its links; shapes are read from its elements.
 
-Pinocchio's reader of shapes in Python gives up the whole robot for one mesh that is not there, and it keeps
-neither mimicry nor which joints state limits, so these are read here.
+Pinocchio's reader of shapes in Python rejects the whole robot for one missing mesh, and drops mimic joints
+and which joints state limits. So these are read here.
 """
 
 import contextlib
@@ -32,7 +32,8 @@ from testbench.plant.shapes import Kind
 
 MOVING = ("revolute", "continuous", "prismatic")
 ODD = {"floating": "floats free", "planar": "is planar", "spherical": "is a ball joint"}
-PLACED = ("origin", "parent", "child", "axis")  #: What Pinocchio reads of a joint.
+PLACED = ("origin", "parent", "child", "axis")
+"""Elements of a joint that Pinocchio needs."""
 INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 FORMS: dict[Kind, dict[str, int]] = {
     "box": {"size": 3},
@@ -41,21 +42,28 @@ FORMS: dict[Kind, dict[str, int]] = {
     "capsule": {"radius": 1, "length": 1},
 }
 """Primitives, and how many numbers their attributes have."""
-THINNEST = 1e-6  #: What is thinner has no extent [m].
-ENDLESS = 1000.0  #: Limits beyond it mean none [rad, m].
-MOST = 1e9  #: Of any number that is read; what an arm can have is checked on the whole tree.
-SAID = re.compile(rb"Error:\s+(.*)")  #: How Pinocchio's parser begins its complaints.
+THINNEST = 1e-6
+"""Size below which a shape has no extent [m]."""
+ENDLESS = 1000.0
+"""Limit beyond which a joint counts as unlimited [rad, m]."""
+MOST = 1e9
+"""Largest number that is read; limits of an arm are checked on the whole tree."""
+SAID = re.compile(rb"Error:\s+(.*)")
+"""Beginning of an error message of Pinocchio's parser."""
 
 
 def read_urdf(file: Path, root: ET.Element) -> Robot:
-    """Read all links of a robot with their shapes.
+    """Read all links and joints of a robot, with the shapes of the links.
 
     Args:
-        file: The URDF, for messages and meshes.
+        file: The URDF, for messages and as the place from which mesh files are found.
         root: Its root element.
 
+    Returns:
+        The robot; its notes name the meshes that could not be read.
+
     Raises:
-        InputError: When links, joints or shapes are wrong.
+        InputError: If links, joints or shapes are wrong.
     """
     robot, meshes = read_tree(file, root), Meshes()
     colours = {m.get("name", ""): m.find("color") for m in root.findall("material")}
@@ -65,7 +73,18 @@ def read_urdf(file: Path, root: ET.Element) -> Robot:
 
 
 def read_tree(file: Path, root: ET.Element) -> Robot:
-    """Read all links of a robot without their shapes; Raises as `read_urdf`."""
+    """Read all links and joints of a robot, without the shapes of the links.
+
+    Args:
+        file: The URDF, for messages.
+        root: Its root element.
+
+    Returns:
+        The robot; its bodies are ordered with parents first.
+
+    Raises:
+        InputError: If links or joints are wrong, or the joints form no tree.
+    """
     joints = {e.get("name", ""): e for e in root.findall("joint")}
     limits = {name: _limits(file, e) for name, e in joints.items()}
     locked = _locked(joints, limits)
@@ -102,10 +121,10 @@ def read_tree(file: Path, root: ET.Element) -> Robot:
 
 
 def _by_pinocchio(file: Path, root: ET.Element) -> pin.Model:
-    """All links, each behind a joint that moves, the first behind one that floats: so each keeps its inertia.
+    """Parse the tree with movable joints and a floating first link, so that each link keeps its inertia.
 
     Raises:
-        InputError: With the words of Pinocchio's parser, or when the joints are no tree.
+        InputError: With the words of Pinocchio's parser, or if the joints form no tree.
     """
     bare = ET.Element("robot", name="bare")
     for link in root.findall("link"):
@@ -141,7 +160,7 @@ def _by_pinocchio(file: Path, root: ET.Element) -> pin.Model:
 
 @contextlib.contextmanager
 def _standard_error() -> Iterator[BinaryIO]:
-    """Keep what libraries in C++ say on standard error meanwhile."""
+    """Capture what libraries in C++ write to standard error."""
     with tempfile.TemporaryFile() as said:
         real = os.dup(2)
         os.dup2(said.fileno(), 2)
@@ -153,14 +172,14 @@ def _standard_error() -> Iterator[BinaryIO]:
 
 
 def _numbers(file: Path, e: ET.Element | None, key: str, default: Sequence[float]) -> Array:
-    """An attribute as so many numbers as the default has, which stands in for one that is not there."""
+    """Read an attribute as numbers, as many as the default has, which replaces a missing attribute."""
     if e is None or key not in e.attrib:
         return np.array(default, dtype=float)
     return np.array(numbers(file, e, key, len(default), MOST))
 
 
 def _inertial(file: Path, link: ET.Element) -> list[ET.Element]:
-    """The <inertial> of a link of a mass above zero, else nothing."""
+    """Return the <inertial> of a link with mass, else nothing."""
     inertial = link.find("inertial")
     if inertial is None:
         return []
@@ -175,7 +194,7 @@ def _inertial(file: Path, link: ET.Element) -> list[ET.Element]:
 
 
 def _limits(file: Path, e: ET.Element) -> tuple[float, float] | None:
-    """The limits that a joint states [rad, m]; None where it states none that bounds."""
+    """Read the limits of a joint [rad, m]; None if it states none or unlimited ones."""
     limit = e.find("limit")
     if limit is None or not {"lower", "upper"} & limit.attrib.keys() or e.get("type") == "continuous":
         return None
@@ -188,14 +207,14 @@ def _limits(file: Path, e: ET.Element) -> tuple[float, float] | None:
 
 
 def _locked(joints: Mapping[str, ET.Element], limits: Mapping[str, tuple[float, float] | None]) -> list[str]:
-    """Joints that limits of 0 to 0 lock; none where no arm would be left: their exporter knew no limits."""
+    """List joints locked by limits of 0 to 0; none if no arm is left, as some exporters omit limits."""
     moving = [name for name, e in joints.items() if e.get("type") in MOVING]
     locked = [name for name in moving if limits[name] == (0, 0)]
     return locked if len(moving) - len(locked) >= ARM_JOINTS else []
 
 
 def _joint(file: Path, e: ET.Element, axis: Array, limits: tuple[float, float] | None) -> Joint:
-    """A joint that moves, its motion in the link's frame Pinocchio's (6,) [1]."""
+    """Make a moving joint; its motion in the link's frame is Pinocchio's, (6,) [1]."""
     slides = e.get("type") == "prismatic"
     axis = np.ravel(axis)[:3] if slides else np.ravel(axis)[3:]
     if not abs(np.linalg.norm(axis) - 1) < THINNEST:
@@ -206,7 +225,7 @@ def _joint(file: Path, e: ET.Element, axis: Array, limits: tuple[float, float] |
 
 
 def _couplings(file: Path, joints: Mapping[str, ET.Element], locked: Sequence[str]) -> list[Coupling]:
-    """What joints mimic: q = multiplier q_other + offset; one that is held stands at zero."""
+    """Read mimic joints, q = multiplier q_other + offset; a locked joint stands at zero."""
     moving = {name for name, e in joints.items() if e.get("type") in MOVING} - set(locked)
     found = []
     for name, e in joints.items():
@@ -226,7 +245,7 @@ def _couplings(file: Path, joints: Mapping[str, ET.Element], locked: Sequence[st
 def _shapes(
     file: Path, link: ET.Element, colours: Mapping[str, ET.Element | None], meshes: Meshes
 ) -> tuple[Shape, ...]:
-    """Shapes of a link that have an extent; what collides is drawn where nothing that is can be read."""
+    """Read the shapes of a link; collision shapes are drawn if no visual shape can be read."""
     visual, collision = (
         [s for e in link.findall(tag) if (s := _shape(file, e, colours, meshes))]
         for tag in ("visual", "collision")
@@ -240,7 +259,7 @@ def _shapes(
 def _shape(
     file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], meshes: Meshes
 ) -> Shape | None:
-    """A shape as it is drawn; None where it has no extent or its mesh cannot be read, which is noted."""
+    """Read a shape; None if it has no extent or its mesh cannot be read, which is noted."""
     form, origin = next(iter(e.findall("geometry/*")), None), e.find("origin")
     if form is None:
         return None
@@ -255,7 +274,7 @@ def _shape(
 
 
 def _size(file: Path, form: ET.Element, kind: Kind) -> Array:
-    """Size of a primitive as MuJoCo counts it, (3,) [m], lengths halved; zero where it has no extent."""
+    """Read the size of a primitive in MuJoCo's convention, (3,) [m], lengths halved; zero without extent."""
     size = np.zeros(3)
     if form.tag not in (*FORMS, "mesh"):
         raise InputError(file, place_of(form), f"expected {', '.join(FORMS)} or mesh as a <geometry>")
@@ -272,7 +291,7 @@ def _size(file: Path, form: ET.Element, kind: Kind) -> Array:
 
 
 def _mesh(file: Path, form: ET.Element, meshes: Meshes) -> Mesh | None:
-    """A mesh in metres; None where it cannot be read, which is noted."""
+    """Read a mesh in metres; None if it cannot be read, which is noted."""
     name = form.get("filename", "")
     scale = _numbers(file, form, "scale", [1.0] * 3)
     try:
@@ -286,7 +305,7 @@ def _mesh(file: Path, form: ET.Element, meshes: Meshes) -> Mesh | None:
 
 
 def _colour(file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], mesh: Mesh) -> Array:
-    """Of the element's own material, of the robot's of that name, of its mesh, or ours, (4,) [1]."""
+    """Find the colour of an element: its own material, the robot's, the mesh's, or ours, (4,) [1]."""
     colour, material = e.find("material/color"), e.find("material")
     if colour is None and material is not None:
         colour = colours.get(material.get("name", ""))
@@ -296,14 +315,17 @@ def _colour(file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None],
 
 
 def find_mesh(urdf: Path, name: str) -> Path:
-    """The file of a mesh.
+    """Find the file of a mesh.
 
     Args:
-        urdf: The URDF that names it.
-        name: As it stands there.
+        urdf: The URDF that refers to it.
+        name: Path or URI of the mesh in the URDF.
+
+    Returns:
+        The file.
 
     Raises:
-        MeshError: When there is none.
+        MeshError: If there is none.
     """
     scheme, _, rest = name.strip().replace("\\", "/").partition("://")
     folder = Path(os.path.realpath(urdf)).parent

@@ -1,4 +1,4 @@
-"""Masses that a file does not state, from the volume of its shapes."""
+"""Estimates of masses that a file does not state, from the volume of its shapes."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -9,27 +9,27 @@ from testbench.files.robot.robot import Body, Note, Shape
 from testbench.files.robot.solids import Weighed, combined, hull_of, integrals
 
 DENSITY = 1200.0
-"""Mass of an arm over the volume of the convex hulls of what collides [kg/m^3].
-
-Twelve arms of known mass, 11 to 1310 kg, lie between 910 and 1610.
-"""
-PLAUSIBLE = 300.0, 4000.0  #: The same of a file that states masses; beyond it they are doubtful [kg/m^3].
-PLACEHOLDERS = 4  #: So many links of one and the same mass were never weighed.
+"""Mass of an arm over the volume of the convex hulls of its colliding shapes [kg/m^3]. Twelve arms of known
+mass, 11 to 1310 kg, are between 910 and 1610."""
+PLAUSIBLE = 300.0, 4000.0
+"""Range of that density for stated masses [kg/m^3]; beyond it they are doubtful."""
+PLACEHOLDERS = 4
+"""Number of links with one and the same mass from which masses count as placeholders."""
 
 
 def weigh(file: Path, bodies: Sequence[Body], of_arm: Iterable[int]) -> tuple[list[Body], list[Note]]:
-    """The bodies, those without a mass weighed by their geometry.
+    """Estimate the masses of bodies without a stated mass from their geometry.
 
     Args:
-        file: For messages.
+        file: The robot's file, for messages.
         bodies: All bodies.
         of_arm: Places of those that belong to the arm.
 
     Returns:
-        The bodies, and what is to be said of them.
+        The bodies, and notes on the estimated masses.
 
     Raises:
-        InputError: When the file has neither masses nor shapes.
+        InputError: If the file has neither masses nor shapes.
     """
     own, weighed, notes = sorted(of_arm), list(bodies), []
     masses = [bodies[k].mass for k in own if bodies[k].weighed and bodies[k].mass > 0]
@@ -55,10 +55,10 @@ def weigh(file: Path, bodies: Sequence[Body], of_arm: Iterable[int]) -> tuple[li
 
 
 def _is_missing(body: Body, some: bool, seen: bool) -> bool:
-    """Whether a mass must be estimated.
+    """Tell whether a mass must be estimated.
 
-    A fixed link without one is a mere frame where others have some, and a hull that keeps others away where
-    others are drawn and it is not.
+    A fixed link without mass is a mere frame if other links have mass, and a mere safety hull if others are
+    drawn.
     """
     fixed = not body.moves and body.parent >= 0
     frame = some or (seen and not any(shape.visual for shape in body.shapes))
@@ -66,7 +66,7 @@ def _is_missing(body: Body, some: bool, seen: bool) -> bool:
 
 
 def _doubt(bodies: Sequence[Body]) -> list[Note]:
-    """Stated masses that do not fit the shapes."""
+    """Note stated masses that do not fit the shapes."""
     known = [b for b in bodies if b.mass > 0 and b.shapes]
     volume, mass = sum(_integrals(b.shapes)[0] for b in known), sum(b.mass for b in known)
     low, high = PLAUSIBLE
@@ -76,6 +76,6 @@ def _doubt(bodies: Sequence[Body]) -> list[Note]:
 
 
 def _integrals(shapes: Sequence[Shape]) -> Weighed:
-    """Volume, centroid and inertia of unit density of the hulls of what collides, else of what is drawn."""
+    """Compute volume, centroid and inertia at unit density of the hulls of colliding or drawn shapes."""
     chosen = [s for s in shapes if s.collides] or shapes
     return combined([integrals(hull) for s in chosen if (hull := hull_of(s.cloud))])

@@ -1,6 +1,6 @@
-"""The rigid.xml of a stranger's robot in the strict dialect, and its meshes.
+"""Writer of an imported robot's rigid.xml in the strict dialect, and of its meshes.
 
-The shapes of a part are few small files: one mesh that is drawn, hulls and primitives that collide.
+Each part has few small files: one mesh that is drawn, and hulls and primitives that collide.
 """
 
 import xml.etree.ElementTree as ET
@@ -19,18 +19,26 @@ from testbench.files.robot.solids import hull_of, outermost, plausible
 from testbench.plant.build import REFUSED, check_geoms
 from testbench.plant.collide import collide
 
-DRAWN_FACES = 1500  #: Of the mesh that shows a part.
-HULL_FACES = 200  #: Of a hull.
-GRID = 64, 48, 32, 24, 16, 12  #: Cells along the longest side of a surface that cannot be thinned as it is.
-LOOSE = 5000  #: Faces that need not make a surface; the time to thin more of them has no bound.
-OPEN = 0.25  #: Of a surface, sides that belong to one triangle alone over all, at most [1].
-A_CORNER, AROUND = 4.0, 1000  #: Triangles of a surface over its corners, and around one corner, at most [1].
-ENOUGH = 1.2  #: A surface of so many times the faces asked for is thin enough [1].
-MOST_HULLS = 8  #: Of a part; more are one.
+DRAWN_FACES = 1500
+"""Most faces of the drawn mesh of a part."""
+HULL_FACES = 200
+"""Most faces of a hull."""
+GRID = 64, 48, 32, 24, 16, 12
+"""Cells along the longest side of a surface that cannot be thinned directly."""
+LOOSE = 5000
+"""Most faces that need not form a surface: the time to thin more has no bound."""
+OPEN = 0.25
+"""Largest share of edges of a surface that belong to one triangle only [1]."""
+A_CORNER, AROUND = 4.0, 1000
+"""Most triangles of a surface per corner, and around one corner [1]."""
+ENOUGH = 1.2
+"""Ratio of faces to the requested number at which a surface is thin enough [1]."""
+MOST_HULLS = 8
+"""Most hulls of a part; more are joined to one."""
 
 
 def drawn_mesh(part: Body) -> tuple[Surface, Array] | None:
-    """One mesh for all that are drawn of a part, and its colour, (4,) [1], that of its largest piece."""
+    """Join the drawn shapes of a part to one mesh, with the colour of its largest piece, (4,) [1]."""
     meshes = [s for s in seen(part.shapes) if s.kind == "mesh"]
     if not meshes:
         return None
@@ -45,7 +53,7 @@ def _area(vertices: Array, faces: Faces) -> float:
 
 
 def _small(surface: Surface, most: int) -> Surface:
-    """A surface of few faces: thinned; where screws and plates cannot be thinned, on a coarser grid first."""
+    """Reduce a surface to few faces: thinned directly, or on a coarser grid first where parts are loose."""
     if len(surface[1]) > LOOSE and not _sound(surface[1]):
         surface = hull_of(outermost(surface[0])) or surface
     thin = decimated(*surface, most)
@@ -57,7 +65,7 @@ def _small(surface: Surface, most: int) -> Surface:
 
 
 def _sound(faces: Faces) -> bool:
-    """Whether triangles make a surface: few have a rim, no corner belongs to a crowd of them."""
+    """Tell whether triangles form a surface: few open edges, and no corner with too many triangles."""
     faces = faces[distinct(np.sort(faces, axis=1))[0]]
     sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     _, shared = np.unique(sides @ np.array([1 << 32, 1]), return_counts=True)
@@ -67,7 +75,7 @@ def _sound(faces: Faces) -> bool:
 
 
 def _gridded(vertices: Array, faces: Faces, cells: int) -> Surface:
-    """A surface whose corners in one cell of a grid are one, in their middle."""
+    """Merge the corners of a surface in each cell of a grid to their mean."""
     low, size = vertices.min(axis=0), np.ptp(vertices, axis=0).max()
     _, inverse = distinct((vertices - low) * (cells / size))
     count = np.bincount(inverse)
@@ -78,7 +86,7 @@ def _gridded(vertices: Array, faces: Faces, cells: int) -> Surface:
 
 
 def _hulls(shapes: Sequence[Shape]) -> list[Surface]:
-    """Hulls of meshes, of all together where they are many; flat ones have none."""
+    """Compute hulls of meshes, of all together if there are many; flat ones have none."""
     clouds = [s.cloud for s in shapes]
     if len(clouds) > MOST_HULLS:
         clouds = [np.concatenate(clouds)]
@@ -104,29 +112,31 @@ FRAME = f"""<mujoco>
 <asset/><worldbody/><contact/></mujoco>"""
 """What is drawn does not collide and the other way round; nothing that is drawn weighs."""
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2}
-"""How many numbers MuJoCo has for the size of a primitive, where not three."""
-BALL = 0.008  #: Radius of a marker as drawn, over the arm's reach [1].
+"""Count of size numbers of a primitive in MuJoCo, if not three."""
+BALL = 0.008
+"""Radius of a drawn marker, over the arm's reach [1]."""
 MARKER, LOAD = "0.835 0.369 0 1", "0.1 0.1 0.1 1"
 POSES = 300
-MOST = 0.5  #: Share of random poses in which two parts of a sound arm touch at most [1].
+MOST = 0.5
+"""Share of random poses beyond which contact of two parts is allowed [1]."""
 
 
 def rigid_mjcf(
     chain: Chain, tool: Site, points: Sequence[Point]
 ) -> tuple[ET.Element, dict[str, bytes], list[Pair]]:
-    """The arm's rigid.xml.
+    """Write the arm's rigid.xml.
 
     Args:
         chain: The arm.
         tool: Its tool, in the last part.
-        points: Markers, and the load point last.
+        points: Markers; the load point is last.
 
     Returns:
-        Its root, binary STL by the file's name in the folder `meshes`, and pairs of parts that touch in most
-        poses and so may.
+        Its root element, binary STL by file name in the folder `meshes`, and pairs of parts whose contact is
+        allowed because they touch in most poses.
 
     Raises:
-        BenchError: When MuJoCo refuses the arm.
+        BenchError: If MuJoCo refuses the arm.
     """
     root = ET.fromstring(FRAME)
     root.set("model", chain.name)
@@ -152,7 +162,7 @@ def _body(parent: ET.Element, name: str, pose: Array) -> ET.Element:
 
 
 def _placed(pose: Array) -> dict[str, str]:
-    """Attributes pos and quat of a pose, where they are not zero."""
+    """Write attributes pos and quat of a pose, if they are not zero."""
     quat = np.empty(4)
     mujoco.mju_mat2Quat(quat, np.ascontiguousarray(pose[:3, :3]).ravel())
     quat *= np.sign(quat[np.argmax(np.abs(quat) > 1e-9)])
@@ -161,12 +171,12 @@ def _placed(pose: Array) -> dict[str, str]:
 
 
 def numbers_text(values: Array) -> str:
-    """Numbers to 1e-12, as short as that allows."""
+    """Write numbers to 1e-12, as short as that allows."""
     return " ".join(f"{round(float(x), 12) + 0.0:.12g}" for x in values)
 
 
 def _filled(body: ET.Element, part: Body) -> None:
-    """The joint and the mass of a part."""
+    """Write the joint and the mass of a part."""
     if (joint := part.joint) is not None:
         own = {"name": joint.name, "type": "slide" if joint.prismatic else "hinge"}
         ends = numbers_text(np.array([joint.lower, joint.upper]))
@@ -185,10 +195,10 @@ def _digits(values: Array) -> str:
 
 
 def _shaped(body: ET.Element, asset: ET.Element, part: Body) -> dict[str, bytes]:
-    """The geoms of a part, and its mesh files.
+    """Write the geoms of a part, and its mesh files.
 
-    Where nothing is drawn, what collides is drawn; where nothing collides, the hull of what is drawn does.
-    Rods do not: held at zero, they stand where the arm goes.
+    If nothing is drawn, colliding shapes are drawn; if nothing collides, the hull of the drawn shapes does.
+    Rods do not collide: fixed in the zero pose, they stand in the arm's way.
     """
     drawn, hard, meshes = seen(part.shapes), [s for s in part.shapes if s.collides], {}
 
@@ -220,7 +230,7 @@ def _colour(rgba: Array) -> str:
 
 
 def _tool(last: ET.Element, chain: Chain, tool: Site, points: Sequence[Point]) -> None:
-    """The tool with its markers and load point."""
+    """Write the tool with its markers and load point."""
     reach = sum(float(np.linalg.norm(part.pose[:3, 3])) for part in chain.parts[1:])
     body = _body(last, tool.name, tool.pose)
     for k, (name, position) in enumerate(points, start=1):
@@ -230,7 +240,7 @@ def _tool(last: ET.Element, chain: Chain, tool: Site, points: Sequence[Point]) -
 
 
 def _always_touching(chain: Chain, xml: str, meshes: dict[str, bytes]) -> list[Pair]:
-    """Pairs of parts that touch in more than half of all poses."""
+    """Find pairs of parts that touch in more than half of all poses."""
     try:
         model = mujoco.MjModel.from_xml_string(xml, meshes)
     except REFUSED as err:

@@ -1,8 +1,8 @@
-"""Where a series starts: its frame and mount by the nominal arm, from its positions and orientations alone.
+"""Initial frame and mount of a series from the nominal arm and the series' positions and orientations.
 
-By `identify.registration`; nothing is asked of nominal targets, so a mount may be turned by any angle. Frames
-and mounts that several series share are found once; targets go by their names, and are lost where a series
-does not have them.
+`identify.registration` finds them without nominal targets, so a mount may be rotated by any angle. Frames and
+mounts that several series share are determined once. Targets are matched by name; a series without one of
+them counts it as lost.
 """
 
 from collections.abc import Sequence
@@ -22,20 +22,24 @@ from testbench.identify.registered import FAR
 from testbench.identify.registration import POSES, Frame, reach, register, turning
 from testbench.model.vjm import Vjm, tool_pose
 
-MOST = 300  #: Rows that an alignment uses, evenly spaced.
-HALF = 12  #: Rows of half a series below which it may fit anything.
+MOST = 300
+"""Rows that an alignment uses, evenly spaced."""
+HALF = 12
+"""Fewest rows of half a series for a meaningful fit."""
 TURNING, WITH_ORIENTATIONS = 3, 2
-"""Joints that turn in a series at least, and where orientations are read: their axes are not parallel."""
+"""Fewest joints that turn in a series, without and with orientations, so that their axes are not parallel."""
 SURE = np.radians(0.2)
-"""Standard deviation of a frame's rotation from which few poses and a known mount do not tell it [rad]."""
+"""Largest standard deviation of a frame's rotation from few poses and a known mount [rad]; beyond it the
+frame counts as undetermined."""
 SOUND, FITTED = 0.9, 5e-3
-"""Share of the readings that have to fit, and how far they may be from a fitted arm over its reach [1]: heavy
-arms with gears and soft links that are still to be fitted leave a thousandth."""
-TURNED = 0.1  #: Median angle of orientations from it beyond which they are in another notation [rad].
+"""Share of the readings that must fit, and their largest distance from a fitted arm relative to its reach
+[1]. Heavy arms with gear errors and soft links, not yet fitted, are at a thousandth."""
+TURNED = 0.1
+"""Median angle between orientations and the arm beyond which their notation is wrong [rad]."""
 
 
 class Misfit(BenchError):
-    """A series that fits the arm in no frame."""
+    """Report a series that fits the arm in no frame."""
 
     def __init__(self, words: str, series: Series) -> None:
         super().__init__(words)
@@ -56,7 +60,8 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
         BenchError: When a series has too few rows, or does not fit the arm.
     """
     frames, mounts = dict(state.frames), dict(state.mounts)
-    # who tells too little alone is told by others, and who reads orientations knows the mount
+    # Start with series that determine their own frame and mount, and among these with those that have
+    # orientations: they give the mount to the others.
     waiting = sorted(series, key=lambda one: (_tells_little(state.vjm, one), not one.turned.any()))
     late: list[Series] = []
     while waiting:
@@ -70,7 +75,8 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
             shared = any(one.frame == other.frame or one.target == other.target for other in waiting)
             if one in late or not shared:
                 raise
-            late, waiting = [*late, one], [*waiting, one]  # what another tells may settle it
+            # Try again after the other series: one of them may determine the shared frame or mount.
+            late, waiting = [*late, one], [*waiting, one]
             continue
         frames.setdefault(one.frame, frame)
         mounts[one.target] = mount if known is None else _joined(known, mount)
@@ -80,7 +86,7 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
 
 
 def _tells_little(vjm: Vjm, series: Series) -> bool:
-    """Whether a series alone leaves its frame or mount open."""
+    """Tell whether a series alone leaves its frame or mount undetermined."""
     return bool(too_few(vjm, series)) or bool(held(vjm, (series,)))
 
 
@@ -100,11 +106,13 @@ def align(state: State, series: Series) -> tuple[Frame, Mount]:
     """
     if lost := [name for name in series.markers if name not in _read(series)]:
         raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
+    # By the series alone; else with the frame or mount that the state has.
     few = too_few(state.vjm, series)
     found = None if _tells_little(state.vjm, series) else _placed(state, series)
     if found is None or not found.fits:
         shared = _placed(state, series, shared=True)
         found = shared if shared is not None and shared.fits else found
+    # Else with the targets of the arm's folder, if enough joints turn.
     turns = len(turning(state.vjm, (series,)))
     if found is None and not few and turns >= TURNING:
         drawn = _placed(state, series, as_drawn=True)
@@ -113,6 +121,7 @@ def align(state: State, series: Series) -> tuple[Frame, Mount]:
         open_ = "its poses leave frame or target open; expected turning joints whose axes are not parallel"
         raise BenchError(f"{series.name}: {few or open_}")
     if found is None or not found.fits:
+        # Something may have moved in mid-series: the frame and mount of its first half.
         halves = np.array_split(np.argsort(series.row, kind="stable"), 2)
         parts = [select_rows(series, half) for half in halves if len(half) >= HALF]
         placed = [part for half in parts if (part := _placed(state, half)) and part.fits]
@@ -124,22 +133,26 @@ def align(state: State, series: Series) -> tuple[Frame, Mount]:
 
 @dataclass(frozen=True)
 class _Placed:
-    """Frame and mount of a series, and how well they fit."""
+    """Hold the frame and mount of a series, and how well they fit."""
 
     frame: Frame
     mount: Mount
-    typical: float  #: Median distance of readings from the nominal arm [m].
-    turn: float  #: Median angle of orientations from it [rad]; 0 without any.
-    near: bool  #: Whether positions fit, with targets nearer to the tool than the arm reaches.
+    typical: float  #: Median distance between readings and the nominal arm [m].
+    turn: float  #: Median angle between orientations and the nominal arm [rad]; 0 without orientations.
+    near: bool  #: Whether positions fit, with targets closer to the tool than the arm's reach.
 
     @property
     def fits(self) -> bool:
-        """Whether positions and orientations fit, with targets on the tool."""
+        """Tell whether positions and orientations fit, with targets on the tool."""
         return self.near and self.turn < TURNED
 
 
 def _placed(state: State, series: Series, *, shared: bool = False, as_drawn: bool = False) -> _Placed | None:
-    """By MOST rows; a shared frame or mount is that of the state, or as drawn. None if left open."""
+    """Register a series by MOST of its rows.
+
+    A shared frame or mount is that of the state; with `as_drawn` the targets are nominal. None if
+    undetermined.
+    """
     seen = np.flatnonzero(series.seen.any(axis=1))
     some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(MOST, len(seen))).astype(int)])
     at = _upright(state, some) if as_drawn else _registered(state, some, shared=shared)
@@ -159,7 +172,7 @@ def _placed(state: State, series: Series, *, shared: bool = False, as_drawn: boo
 
 
 def _registered(state: State, series: Series, *, shared: bool) -> Layout | None:
-    """Frame and targets, beside those that the state has where they are shared; None if left open."""
+    """Register a series, with the state's frame and mount where they are shared; None if undetermined."""
     frame, mount = state.frames.get(series.frame), state.mounts.get(series.target)
     given = {series.frame: frame} if shared and frame is not None else {}
     nominal = dict(zip(mount.markers, mount.points, strict=True)) if shared and mount is not None else {}
@@ -173,9 +186,9 @@ def _registered(state: State, series: Series, *, shared: bool) -> Layout | None:
 
 
 def _upright(state: State, series: Series) -> Layout:
-    """Targets where the state or else the arm's folder has them, the tool's origin if neither does.
+    """Fit a frame to nominal targets: those of the state, else of the arm's folder, else the tool's origin.
 
-    The frame is the one that fits best then, upright where readings leave its turn open.
+    The frame is upright as far as the readings leave its rotation undetermined.
     """
     vjm, known = state.vjm, state.mounts.get(series.target)
     places = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
@@ -188,7 +201,7 @@ def _upright(state: State, series: Series) -> Layout:
 
 
 def _turns(state: State, series: Series, rotation: Array) -> Array:
-    """The tool from the target by every orientation, (read, 3, 3), in a frame turned by a rotation."""
+    """Compute the tool from the target for every orientation, (read, 3, 3), for a rotation of the frame."""
     if series.rotation is None:
         return np.zeros((0, 3, 3))
     tool = tool_pose(state.vjm, series.q[series.turned])[1]
@@ -219,7 +232,7 @@ def too_few(vjm: Vjm, series: Series) -> str:
 
 
 def _misfit(state: State, series: Series, found: _Placed | None) -> Misfit:
-    """How far readings are from fitting."""
+    """Make the error about a series that does not fit, with its distance from the arm."""
     if found is not None and found.near:
         turn = f"{np.degrees(found.turn):.3g} degrees (median) from any mount"
         return Misfit(f"{series.name}: its positions fit this arm, its orientations do not, {turn}", series)
@@ -281,14 +294,18 @@ def far_off(state: State, series: Series) -> float:
 
 
 def _joined(known: Mount, more: Mount) -> Mount:
-    """A mount with the targets that another reading of it has beside."""
+    """Add the targets of another series to a mount."""
     new = [k for k, name in enumerate(more.markers) if name not in known.markers]
     markers = (*known.markers, *(more.markers[k] for k in new))
     return replace(known, points=np.concatenate([known.points, more.points[new]]), markers=markers)
 
 
 def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Finding]]:
-    """Series of one mount with the same targets in the same order, and those that no one read."""
+    """Give all series of a mount the same targets in the same order, without those that were never read.
+
+    Returns:
+        The series, and a finding for each series with a target that was never read.
+    """
     found, notes = [], []
     for one in series:
         mount = [other for other in series if other.target == one.target]
@@ -302,12 +319,12 @@ def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Finding]]:
 
 
 def read_only(series: Series) -> Series:
-    """A series without the targets that it never read; as it is where it read none."""
+    """Drop the targets that a series never read; a series that read none stays as it is."""
     return with_targets(series, _read(series) or series.markers)
 
 
 def _read(series: Series) -> tuple[str, ...]:
-    """Targets that were ever read."""
+    """List the targets that were read at least once."""
     return tuple(name for name, seen in zip(series.markers, series.seen.T, strict=True) if seen.any())
 
 

@@ -1,7 +1,7 @@
-"""Which errors an arm has: those that foretell readings that were held out, blocks of joint space and series.
+"""Selection of errors: those that predict held-out readings better, in blocks of joint space and series.
 
-A kind of error is tried after the others, and kept where it pays: where blocks that were held out, or whole
-series, are foretold better by a share that is worth its unknowns, and neither is foretold worse.
+Kinds of errors are tried one after the other. A kind is kept if held-out blocks, or whole series, are
+predicted better by a share that justifies its unknowns, and neither is predicted worse.
 """
 
 import math
@@ -23,62 +23,71 @@ from testbench.identify.prior import Strength
 from testbench.progress import stepwise
 
 GEOMETRY = frozenset({"geometry shift", "geometry turn"})
-BLOCKS = 16  #: Blocks of joint space over all series.
-LEAST = 6  #: Poses below which a block would be too small, or tell too little of a frame.
-PAYS = 0.1  #: Share of the mean square by which an error must foretell better to be kept: 5 % of the error.
-HURTS = 0.01  #: The same by which it may foretell the others worse.
+BLOCKS = 16
+"""Blocks of joint space over all series."""
+LEAST = 6
+"""Fewest poses of a block: fewer determine a frame too poorly."""
+PAYS = 0.1
+"""Least gain of a kind of error, as a share of the mean square [1]: 5 % of the RMS error."""
+HURTS = 0.01
+"""Largest loss in the other comparison, as a share of the mean square [1]."""
 OPENED = 100.0
-"""Times the variance of a frame or mount by all readings beyond which those left tell it no more: a fold that
-opens it so far is fitted to it anew."""
-OWN = 0.2  #: Share of the variance of waves that is taken as each joint's own while a pattern is sought.
-LEFT = 0.2  #: Share of all equations below which what is left of them is too little to foretell a series.
+"""Factor on the variance of a frame or mount without the held-out readings beyond which these readings fit it
+anew [1]."""
+OWN = 0.2
+"""Share of the variance of waves that is individual to a joint while a pattern is sought [1]."""
+LEFT = 0.2
+"""Least share of all equations that must remain to predict a held-out series [1]."""
 LOAD = 2.0
-"""Distance of the largest load from none, where sine and cosine of a joint are at most 2 apart: loads that
-differ much are blocks of their own."""
+"""Distance of the largest load from none, in the space of sine and cosine of the joints: loads that differ
+much are in different blocks."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One kind of error that was tried."""
+    """Report the trial of one kind of error."""
 
-    name: str  #: What was tried, beside all that was kept before.
-    kept: bool
+    name: str  #: Kind of error that was added to all those kept before.
+    kept: bool  #: Whether it is kept.
     before: float  #: RMS error of held-out positions along an axis without it [m].
-    after: float  #: With it [m].
-    deviation: float  #: Standard error of the difference of their mean squares, over that before [1].
-    series_before: float  #: RMS error of series that were held out, realigned [m]; NaN of a single one.
-    series_after: float  #: [m]
+    after: float  #: The RMS error with it [m].
+    deviation: float  #: Standard error of the difference of the two mean squares, over the first [1].
+    #: RMS error of held-out series after realignment, without it [m]; NaN for a single series.
+    series_before: float
+    series_after: float  #: The RMS error of held-out series with it [m].
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """What was kept, and what is known of its size."""
+    """Hold the result of the selection."""
 
-    own: Choice
-    learnt: Learnt
-    reduced: Reduced  #: The readings, in the basis of its unknowns.
-    kinds: frozenset[str]  #: Kinds of errors that are on.
-    steps: tuple[Step, ...]  #: What was tried, in order.
-    plain: str = ""  #: What stands beside all that was kept: geometry, with joint springs if more was kept.
-    #: Held-out positions of every block by that and by all that was kept, root mean square along an axis [m].
+    own: Choice  #: The selected unknowns.
+    learnt: Learnt  #: Sizes of their errors, and noise factors.
+    reduced: Reduced  #: The reduced equations, in the basis of its unknowns.
+    kinds: frozenset[str]  #: Kinds of errors that are selected.
+    steps: tuple[Step, ...]  #: Trials, in order.
+    plain: str = ""  #: Simpler model for comparison: geometry, with joint springs if more was kept.
+    #: RMS error of held-out positions along an axis, for every block, by the simpler and by the selected
+    #: model [m].
     held_out: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One kind of error that may be added."""
+    """Describe one kind of error that may be added."""
 
-    name: str  #: For people, and for `--without`.
-    kinds: frozenset[str] = frozenset()  #: Groups of columns that it puts on.
-    elastic: Metric | None = None  #: Compliances that it puts on, in place of those before.
-    sure: bool = False  #: Whether it is kept whatever it foretells: every arm has it.
-    pattern: bool = False  #: Whether it looks for a `pattern` in what was kept, and is kept unless it harms.
+    name: str  #: Name in reports, and in `Options.without`.
+    kinds: frozenset[str] = frozenset()  #: Groups of columns that it adds.
+    elastic: Metric | None = None  #: Compliances that it selects, in place of the earlier ones.
+    sure: bool = False  #: Whether it is kept whatever the trial shows: every arm has it.
+    #: Whether it searches for a shared `pattern` in the kept errors; it is kept unless it harms.
+    pattern: bool = False
 
 
 def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
     """Divide rows into blocks of joint space by k-means on sine and cosine; rows of a pose share a block.
 
-    If a block leaves too few poses beside it, there are two halves.
+    If a block leaves fewer than `LEAST` poses outside it, the series is divided into two halves.
 
     Args:
         series: The readings.
@@ -108,26 +117,30 @@ def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
 
 @dataclass(frozen=True)
 class Rules:
-    """By what candidates are judged."""
+    """Hold the criteria of the selection."""
 
     unit: Array  #: Standard deviation of a whitened equation of every kind, (kinds,) [m, rad].
-    constraint: Constraint = "psd"  #: That of the arm that is delivered.
-    strength: Strength = LOOSE  #: How firmly expected compliances are believed.
+    constraint: Constraint = "psd"  #: Constraint of the final arm.
+    strength: Strength = LOOSE  #: Relative uncertainty of the expected compliances.
 
 
 def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate], rules: Rules) -> Chosen:
-    """Try candidates one after the other.
+    """Select the kinds of errors that predict held-out readings better, tried one after the other.
 
     Mathematics: `abs-10`.
 
     Args:
-        unknowns: All that there might be.
-        reduced: The readings, in blocks.
-        candidates: What to try, in order; geometry is always on.
-        rules: By what they are judged.
+        unknowns: All unknowns that may be used.
+        reduced: The reduced equations, in blocks.
+        candidates: Kinds of errors to try, in order; geometry is always used.
+        rules: Criteria of the selection.
+
+    Returns:
+        The selected unknowns, the sizes of their errors, and the steps of the selection.
     """
     kinds, elastic = GEOMETRY, None
     tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)), rules)
+    # Forward selection: add each candidate to the kept ones, and keep it if held-out readings improve.
     steps: dict[str, Step] = {}
     beside = {"geometry": tried}
     for one in stepwise(candidates, "trying errors"):
@@ -142,6 +155,7 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
             tried, (kinds, elastic), unknowns, reduced = other, more, own.unknowns, equations
         if one.sure:
             beside[f"geometry and {one.name}"] = tried
+    # Backward pass: drop a kind that a later one has made unnecessary.
     kept = [one for one in candidates if one.name in steps and steps[one.name].kept]
     for one in kept[:-1]:  # the next one that was kept may explain the same
         if one.kinds and not one.sure and not ("pattern" in kinds and one.kinds & {"harmonics", "pattern"}):
@@ -150,6 +164,7 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
             again = _step(one, other, tried)
             if not again.kept:
                 tried, kinds, steps[one.name] = other, kinds - one.kinds, again
+    # Held-out errors of the simpler model, for comparison.
     plain, other = [(name, one) for name, one in beside.items() if one is not tried or len(beside) == 1][-1]
     held = _by_block(other.blocks), _by_block(tried.blocks)
     return Chosen(tried.own, tried.learnt, reduced, kinds, tuple(steps.values()), plain, held)
@@ -158,13 +173,25 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
 def patterned(
     own: Choice, kinds: frozenset[str], learnt: Learnt, reduced: Reduced
 ) -> tuple[Choice, Reduced] | None:
-    """The unknowns of some kinds, and the pattern that joints share; None where no two share one."""
+    """Add the error pattern that several joints share to the unknowns.
+
+    Args:
+        own: The unknowns so far.
+        kinds: Kinds of errors among them.
+        learnt: Sizes of errors, and noise factors.
+        reduced: The reduced equations.
+
+    Returns:
+        The unknowns with the pattern, and the equations in their basis; None if no two joints share a
+        pattern.
+    """
     unknowns, errors, joints = own.unknowns, own.unknowns.errors, own.unknowns.vjm.arm.joints
     some = waves(errors)
     if "harmonics" not in kinds or not len(some):
         return None
     at = unknowns.starts["errors"] + errors.size * np.arange(len(joints))[:, None] + some
     whole, orders = learnt.deviation[at[0]] ** 2, np.array(errors.orders)[some[: len(some) // 2]]
+    # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
     solved, told = solve(own, squares(own, reduced.gram), learnt, LOOSE), []
     V = solved.covariance
     for joint, j in zip(joints, np.searchsorted(own.columns, at), strict=True):
@@ -181,9 +208,10 @@ def patterned(
 class _Tried:
     own: Choice
     learnt: Learnt
-    #: Of every held-out block its positions and their sums of squares, whitened and in m^2, (blocks, 3).
+    #: Number, whitened sum of squares and sum of squares [m^2] of the positions in every held-out block,
+    #: (blocks, 3).
     blocks: Array
-    series: Array  #: The same of every series, (series, 3).
+    series: Array  #: The three numbers for every held-out series, (series, 3).
 
 
 def _tried(own: Choice, reduced: Reduced, start: Learnt, rules: Rules) -> _Tried:
@@ -203,14 +231,14 @@ def _by_series(reduced: Reduced) -> list[list[Part]]:
 
 
 def _blocks(reduced: Reduced) -> list[list[Part]]:
-    """List the blocks that can be held out: nothing tells the frame of a series without its only one."""
+    """List the blocks that can be held out: the only block of a series has no others to fix its frame."""
     return [[part] for one in _by_series(reduced) if len(one) > 1 for part in one]
 
 
 def _left(
     own: Choice, reduced: Reduced, learnt: Learnt, rules: Rules, held: Sequence[Sequence[Part]]
 ) -> Array:
-    """Hold out some blocks, or all of a series, in turn: their positions and sums of squares, (held, 3)."""
+    """Hold out parts of the readings in turn: number and sums of squares of their positions, (held, 3)."""
     S, some, found = squares(own, reduced.gram), reduced.positions, []
     first = np.searchsorted(own.columns, own.unknowns.starts["geometry"])
     whole = solve(own, S, learnt, rules.strength).variances(np.arange(first))
@@ -222,12 +250,15 @@ def _left(
 
 
 def with_belief(chosen: Chosen, rules: Rules, belief: Belief | None) -> Chosen:
-    """Hold out the blocks once more, by the prior of the arm that is delivered, where there are any.
+    """Repeat the hold-out test with the prior of the final arm, if blocks can be held out.
 
     Args:
-        chosen: What was kept, and held-out errors by the prior that candidates are compared with.
-        rules: By what candidates are judged.
-        belief: What the delivered arm believes of compliances; None of a rigid arm.
+        chosen: The selection, with held-out errors for the prior under which candidates were compared.
+        rules: Criteria of the selection.
+        belief: Prior of the final arm's compliances; None for a rigid arm.
+
+    Returns:
+        The selection, with its held-out errors updated.
     """
     plain, every = chosen.held_out
     if belief is None or not len(every):
@@ -238,18 +269,22 @@ def with_belief(chosen: Chosen, rules: Rules, belief: Belief | None) -> Chosen:
 
 
 def _held_out(own: Choice, S: Array, parts: Sequence[Part], how: tuple[Learnt, Rules], whole: Array) -> Array:
-    """Sums of squares of some parts by the others; frames and mounts that these hardly tell are fitted anew.
+    """Compute the sums of squares of held-out parts, predicted by the other readings.
+
+    Frames and mounts that the others hardly determine are fitted to the held-out parts.
 
     Args:
         own: The unknowns.
-        S: Squares of all readings.
-        parts: What is held out: a block, or a series.
-        how: Sizes of errors, and by what candidates are judged.
+        S: Gram matrices of all readings.
+        parts: Held-out parts: a block, or all blocks of a series.
+        how: Sizes of errors with noise factors, and criteria of the selection.
         whole: Variances of frames and mounts by all readings, (k,).
     """
     (learnt, rules), k = how, len(whole)
+    # Gram matrices of the other readings: the difference of two sums.
     T, every = squares(own, total(parts)), np.arange(len(own.columns))
     others = S - T
+    # Frames and mounts that occur in the held-out parts alone are no unknowns of the others.
     alone = np.flatnonzero(np.abs(others[:, : own.rigid, :k]).sum(axis=(0, 1)) == 0)
     rest, at = np.delete(every, alone), np.delete(np.arange(len(every) + 1), alone)
     if len(alone):
@@ -257,6 +292,7 @@ def _held_out(own: Choice, S: Array, parts: Sequence[Part], how: tuple[Learnt, R
     found = solve(
         Choice(own.unknowns, own.columns[rest], own.elastic), others, learnt, rules.strength, rules.constraint
     )
+    # Fit these, and those with a much larger variance, to the held-out parts, all else fixed.
     told = rest[rest < k]
     opened = told[found.variances(np.arange(len(told))) > OPENED * whole[told]]
     v, open_ = np.zeros(len(every) + 1), np.r_[alone, opened]
@@ -282,5 +318,5 @@ def _step(tried: Candidate, before: _Tried, after: _Tried) -> Step:
 
 
 def _by_block(sums: Array) -> Array:
-    """Along an axis, of every block, (blocks,) [m]."""
+    """Compute the RMS error along an axis in every block, (blocks,) [m]."""
     return np.asarray(np.sqrt(sums[:, 2] / np.maximum(sums[:, 0], 1.0)))

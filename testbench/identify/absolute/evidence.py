@@ -1,9 +1,9 @@
-"""How large errors of every kind are, learnt from the readings: type-II maximum likelihood.
+"""Sizes of all kinds of errors, learnt from the readings by type-II maximum likelihood.
 
-Every group of unknowns, such as a band of the joints' harmonics, has a Gaussian prior of one standard
-deviation. It is the one of greatest `evidence`, held by a few imagined unknowns, and bands of harmonics are
-mostly as large as their neighbours; so is the scatter of every kind of equations. A kind of error that is not
-there is drawn to nothing.
+Every group of unknowns, such as a band of the joints' harmonics, has a Gaussian prior with one standard
+deviation. The deviations maximise the `evidence` together with a hyperprior: a few pseudo-observations of
+usual size in every group, and neighbouring bands of similar size. The noise of every kind of equations is
+learnt in the same way. The size of an error that the arm does not have goes to zero.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,37 +31,42 @@ USUAL: Mapping[str, float] = {
     "play": 3e-5,
     "stiffening": 3e-5,
 }
-"""Standard deviations before any reading [m, rad; rad a rad]."""
-WAVES = ("harmonics", "pattern")  #: Kinds that have bands: each joint's own, and what joints share.
-MOST = 10.0  #: Times the usual size beyond which no error is: it stands for one that was left out.
+"""Usual standard deviations of the errors [m, rad; rad per rad for the ratio]."""
+WAVES = ("harmonics", "pattern")
+"""Kinds with bands of orders: individual waves of each joint, and those of a shared pattern."""
+MOST = 10.0
+"""Largest size over the usual one [1]: a larger one would stand for an error that the model lacks."""
 LEAST_TOLD = 2.0
-"""The same where readings leave a frame or mount open: larger errors of geometry would be far from linear,
-and from any arm."""
-HELD = 2.0  #: Imagined unknowns of the usual size in every small group.
+"""Largest size over the usual one if readings leave a frame or mount undetermined [1]: larger errors of
+geometry would leave the linear range."""
+HELD = 2.0
+"""Pseudo-observations of usual size in every small group."""
 LARGE, SHARE = 40, 1 / 6
-"""Unknowns above which a group is large, and the size of its one imagined unknown over the usual one: a
-large group tells its size, and orders that the joints lack are drawn to nothing however many are tried."""
+"""Number of unknowns above which a group is large, and the size of its one pseudo-observation over the usual
+size [1]. A large group determines its size well, and orders that the joints lack go to zero however many are
+tried."""
 SPARE = 2.0
-"""Imagined equations of every kind, scattered as expected: unknowns may spend all there are."""
+"""Pseudo-equations of every kind with noise as stated: unknowns may use up all real ones."""
 LOOSE = Strength(3.0)
-"""What is believed of compliances while the sizes of all other errors are learnt."""
+"""Uncertainty of the expected compliances while the sizes of all other errors are learnt."""
 
 
 ROUNDS, SETTLED = 8, 0.01
-"""Times that scatters and compliances in their cone are found in turn, and change that ends it."""
+"""Most alternations between noise factors and constrained compliances, and the relative change at which they
+stop."""
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Some of the unknowns: what else there might be is zero."""
+    """Select some of the unknowns; all others are zero."""
 
-    unknowns: Unknowns  #: All that there might be.
-    columns: Ids  #: Columns that are on, compliances last, (c,).
-    elastic: Metric | None  #: Prior of the compliances that are on; None where the arm is rigid.
+    unknowns: Unknowns  #: All unknowns that may be used.
+    columns: Ids  #: Selected columns, compliances last, (c,).
+    elastic: Metric | None  #: Prior of the selected compliances; None for a rigid arm.
 
     @property
     def rigid(self) -> int:
-        """Columns that are no compliances."""
+        """Count the selected columns that are not compliances."""
         return len(self.columns) - (0 if self.elastic is None else len(self.elastic.expected))
 
 
@@ -94,14 +99,23 @@ def choice(unknowns: Unknowns, kinds: frozenset[str], elastic: Metric | None) ->
 
 @dataclass(frozen=True)
 class Learnt:
-    """Sizes of errors and scatters of greatest evidence."""
+    """Hold the sizes of errors and the noise factors of greatest evidence."""
 
-    deviation: Array  #: Prior standard deviation of every unknown, (size,); infinite of those that have none.
-    factor: Array  #: Scatter of every kind of equations that there is over what was expected, (kinds,) [1].
+    #: Prior standard deviation of every unknown, (size,); infinite for unknowns without a prior.
+    deviation: Array
+    factor: Array  #: Noise over stated noise of every kind of equations, (kinds,) [1].
 
 
 def usual(unknowns: Unknowns, kinds: int) -> Learnt:
-    """The usual sizes, and scatters as expected of some kinds of equations."""
+    """Make the usual sizes of all errors, with noise as stated for the readings.
+
+    Args:
+        unknowns: All unknowns.
+        kinds: Number of kinds of equations.
+
+    Returns:
+        Prior deviations from `USUAL`, and noise factors of 1.
+    """
     deviation = np.full(unknowns.size, np.inf)
     for name in unknowns.held:
         kind, _, of = name.partition(" ")
@@ -158,20 +172,20 @@ def prior(own: Choice, learnt: Learnt, strength: Strength) -> tuple[Array, Array
 def solve(
     own: Choice, S: Array, learnt: Learnt, strength: Strength, constraint: Constraint = "none"
 ) -> Normal:
-    """Most likely unknowns by `squares` S of the readings, compliances in the metric.
+    """Solve for the most probable unknowns: minimise |A x - y|^2 / factor^2 plus the prior's squares.
 
     Args:
         own: The unknowns, c of them.
-        S: Sums of squares of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
-        learnt: Sizes of errors, and scatters.
-        strength: How firmly expected compliances are believed.
+        S: Gram matrices of [A | y] for every kind of equations, from `squares`, (kinds, c + 1, c + 1).
+        learnt: Sizes of errors, and noise factors.
+        strength: Relative uncertainty of the expected compliances.
         constraint: "psd" keeps every block of compliances positive semi-definite.
 
     Returns:
-        The unknowns; the precision does not know of the constraint.
+        The unknowns and their precision; the precision ignores the constraint.
 
     Raises:
-        BenchError: When the readings leave a frame or target open.
+        BenchError: If the readings leave a frame or a target undetermined.
     """
     H, (P, b) = np.tensordot(learnt.factor**-2.0, S, 1), prior(own, learnt, strength)
     H[:-1, :-1] += P
@@ -183,41 +197,47 @@ def solve(
 
 
 def _in_cone(found: Normal, rigid: int, elastic: Metric) -> Array:
-    """The most likely unknowns with every block in its cone, (c,); as they are where none leaves it.
+    """Constrain the most probable unknowns to positive semi-definite blocks, (c,).
 
-    With the root U of the precision and x_0 without the cone the cost is |U (x - x_0)|^2. The others follow
-    the compliances e: their rows are zero, and |U_e (e - e_0)|^2 is left.
+    With the root U of the precision and the unconstrained optimum x_0 the cost is |U (x - x_0)|^2. The other
+    unknowns follow the compliances e: their rows vanish, and |U_e (e - e_0)|^2 remains. Returns x_0 itself if
+    it is in the cone.
     """
     if all(np.linalg.eigvalsh(X)[0] >= 0 for X in elastic.matrices(found.x[rigid:])):
         return found.x
+    # Cost of the compliances alone.
     U = np.triu(found.root[0]) * found.size
     M = U[rigid:, rigid:]
     r = M @ found.x[rigid:]
     e = proven(M, r, elastic.sizes)
     if e is None:
         e = elastic.project(by_clarabel(M, r, elastic.sizes).x[1:])
+    # The other unknowns follow.
     step = U[:rigid, rigid:] @ (e - found.x[rigid:])
     others: Array = found.x[:rigid] - solve_triangular(U[:rigid, :rigid], step)
     return np.concatenate([others, e])
 
 
 def learn(own: Choice, S: Array, counts: Array, start: Learnt, constraint: Constraint = "none") -> Learnt:
-    """Sizes and scatters of greatest evidence.
+    """Find the sizes of errors and the noise factors of greatest evidence.
 
-    Where compliances lie on the border of their cone, scatters are those of the readings about the arm with
-    the cone: without it they would be those of another arm, which nobody gets.
+    If compliances lie on the boundary of their cone, the noise factors are those of the residuals of the
+    constrained arm; without this they would refer to an arm that is never returned.
 
     Mathematics: `abs-9`.
 
     Args:
-        own: The unknowns.
-        S: Their `squares`.
-        counts: Equations of every kind, (kinds,).
-        start: Where to begin.
+        own: The unknowns, c of them.
+        S: Gram matrices of [A | y] for every kind of equations, from `squares`, (kinds, c + 1, c + 1).
+        counts: Number of equations of every kind, (kinds,).
+        start: Start of the search.
         constraint: "psd" keeps every block of compliances positive semi-definite.
 
+    Returns:
+        The sizes and the factors.
+
     Raises:
-        BenchError: When the readings leave a frame or target open.
+        BenchError: If the readings leave a frame or a target undetermined.
     """
     found = _greatest(own, S, counts, start)
     if own.elastic is None or constraint == "none":
@@ -239,14 +259,16 @@ def learn(own: Choice, S: Array, counts: Array, start: Learnt, constraint: Const
 
 
 def _greatest(own: Choice, S: Array, counts: Array, start: Learnt) -> Learnt:
-    """Sizes and scatters of greatest evidence without a cone."""
+    """Find the sizes and noise factors of greatest evidence without the cone."""
     place = np.full(own.unknowns.size, -1)
     place[own.columns] = np.arange(len(own.columns))
+    # Hyperparameters: log deviation of every selected group, then log noise factor of every kind.
     groups = [(kind, of) for kind, of in own.unknowns.groups if (place[of] >= 0).all()]
     m, c = len(groups) + len(counts), len(own.columns)
     drawn, known = np.zeros((c, m)), np.zeros((c + 1, c + 1))
     for k, (_, of) in enumerate(groups):
         drawn[place[of], k] = 1
+    # Fixed priors: those of the compliances, of frames and of mounts.
     if own.elastic is not None:
         B = np.column_stack(precision_root(own.elastic, LOOSE))
         known[own.rigid :, own.rigid :] = B.T @ B
@@ -272,14 +294,14 @@ def _greatest(own: Choice, S: Array, counts: Array, start: Learnt) -> Learnt:
 
 
 def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]:
-    """Densities of the sizes of groups, and of the scatter of the other kinds of equations."""
+    """Make the hyperpriors of group sizes and of noise factors."""
     large = np.array([len(of) > LARGE for _, of in groups], dtype=bool)
     count, usual_ = np.full(m, SPARE), np.ones(m)
     count[: len(groups)] = np.where(large, 1.0, HELD)
     usual_[: len(groups)] = np.where(large, SHARE, 1.0) * [USUAL[kind] for kind, _ in groups]
 
     def imagined(z: Array) -> tuple[Array, Array, Array]:
-        """So many numbers of the usual size, beside one of e^z times it."""
+        """Compute -log density of `count` pseudo-observations under a size e^z, and its derivatives."""
         over = np.exp(-2 * z)
         return count * (z + over / 2), count * (1 - over), 2 * count * over
 

@@ -1,9 +1,9 @@
-"""Calibration by absolute readings: Gauss-Newton outside, the cone inside.
+"""Calibration from absolute readings: Gauss-Newton for geometry, and a conic program for the compliances.
 
-Geometry and joint springs first, which tells wild readings; then all errors that there might be, which tells
-the scatter; then again, where cross-validation chooses among them. Compliances are absolute in each: what is
-left of the equations when all other unknowns are eliminated is a `Regression`, which least squares and GCO
-solve as any other.
+First geometry and joint springs are fitted, which reveals outliers; then all errors that may be present,
+which reveals the noise; then again with the errors that cross-validation selects. In each step the other
+unknowns are eliminated from the equations. A `Regression` of the compliances remains, as in all other
+identification, for least squares or GCO.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array, BenchError
+from testbench.display import Displayed
+from testbench.errors import Array, BenchError, check_items, check_type
 from testbench.identify.absolute.align import aligned, alike, check_fits
 from testbench.identify.absolute.choose import (
     GEOMETRY,
@@ -42,71 +43,84 @@ from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights, read_weights
 
-ORDERS = 80  #: Periodic errors that are tried, times a turn.
+ORDERS = 80
+"""Highest order of periodic joint errors that is tried, per turn."""
 ON_THE_WAY, LEAST_OF_ONE = 4000, 100
-"""Rows, over all series and of each, that a step which is not the last needs."""
+"""Rows over all series, and fewest rows of each series, for an intermediate step."""
 MANY = 3.0
-"""Unknowns of periodic errors over readings at most. More than one: their learnt sizes hold them, and orders
-that are left out harm. 50 poses of a UR10 leave 0.17 mm in all others, 0.38 mm with 0.6 of them."""
+"""Most unknowns of periodic errors per reading [1]. It is above one: their learnt sizes regularise them, and
+missing orders harm. 50 poses of a UR10 give 0.17 mm in all other poses, with a limit of 0.6 only 0.38 mm."""
 
 PATTERN = "common pattern"
 NAMES = ("joint springs", "joint errors", PATTERN, "links", *KINDS[1:])
-"""Errors beside those of geometry, in the order in which they are tried."""
+"""Errors other than geometry, in the order in which they are tried."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What a calibration tries, and how."""
+    """Select the errors that a calibration tries, and its method."""
 
     constraint: Constraint = "psd"  #: "psd" for GCO, "none" for least squares.
     orders: int = ORDERS  #: Highest order of periodic errors.
     without: frozenset[str] = frozenset()  #: Names of errors that are not tried.
-    only: frozenset[str] | None = None  #: Names of errors that are on, untried; None to choose.
-    #: How firmly expected compliances are believed; None to learn it from the readings.
+    #: Names of errors that are used without a trial; None to select them by trial.
+    only: frozenset[str] | None = None
+    #: Relative uncertainty of the expected compliances; None to learn it from the readings.
     strength: Strength | None = None
 
     def __post_init__(self) -> None:
-        """Refuse names that no errors have, by BenchError."""
+        """Refuse unknown names of errors, by BenchError."""
         unknown = (self.without | (self.only or frozenset())) - set(NAMES)
         if unknown:
             raise BenchError(f"no errors called {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
 
     @property
     def may(self) -> frozenset[str]:
-        """Names of errors that may be on."""
+        """Return the names of errors that may be used."""
         return frozenset(NAMES if self.only is None else self.only) - self.without
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """A calibrated arm, and what there is to say of it."""
+@dataclass(frozen=True, repr=False)
+class Calibration(Displayed):
+    """Hold a calibrated arm: its state with posterior and noise, and how it was found."""
 
-    state: State  #: The arm.
+    state: State  #: The calibrated arm.
     own: Choice  #: Its unknowns.
-    information: Array  #: What the readings tell of all that there might be, no prior, (size, size).
+    #: Information of the readings about all candidate unknowns, prior excluded, (size, size).
+    information: Array
     #: Upper triangular root of the posterior's precision, R^T R, compliances in the metric, (c, c).
     root: Array
-    noise: Noise  #: How far readings scatter about it.
-    chosen: Chosen  #: What was tried and kept.
-    estimate: Estimate | None  #: Compliances, with a certificate; None of a rigid arm.
-    pressed: float  #: Chi squared that compliances below zero would take away [1].
-    pulls: tuple[Array, ...]  #: Of every series, how much each reading counts, (s, rows) [1].
-    step: float  #: How far the last linearisation moved targets, root mean square [m].
-    series: tuple[Series, ...]  #: The readings, in parts where a target or a tracker moved.
-    found: tuple[Finding, ...]  #: Targets that were left out, and what moved in mid-series.
+    noise: Noise  #: Noise of readings about the model.
+    chosen: Chosen  #: Selection of the errors.
+    estimate: Estimate | None  #: Compliances with their certificate; None for a rigid arm.
+    pressed: float  #: Increase of chi squared by the constraint to positive semi-definite compliances [1].
+    pulls: tuple[Array, ...]  #: Robust weight of each reading, for every series (s, rows) [1].
+    step: float  #: RMS move of the targets in the last linearisation [m].
+    series: tuple[Series, ...]  #: The readings, divided where a target or the tracker moved.
+    found: tuple[Finding, ...]  #: Targets that were left out, and moves in mid-series.
+
+    def about(self) -> dict[str, object]:
+        """Summarise the calibration: arm, readings, unknowns, errors that were kept, model error."""
+        return {
+            "arm": self.state.vjm.arm.name,
+            "rows": sum(one.rows for one in self.series),
+            "unknowns": len(self.own.columns),
+            "kept": " ".join(step.name.replace(" ", "_") for step in self.chosen.steps if step.kept),
+            "model_error_um": f"{1e6 * self.noise.open_position:.3g}",
+        }
 
 
 @dataclass(frozen=True)
 class Gathered:
-    """Readings boiled down once, to be explained by any of the errors that there might be."""
+    """Hold readings that were reduced once, for any selection of errors."""
 
-    series: tuple[Series, ...]  #: What was read, in parts where something moved.
+    series: tuple[Series, ...]  #: The readings, divided where something moved.
     prior: Prior  #: Expected compliances.
-    unknowns: Unknowns  #: All that there might be.
-    state: State  #: Where the equations are linear: with joint springs and periodic errors.
-    noise: Noise  #: How far readings scatter about it.
+    unknowns: Unknowns  #: All unknowns that may be used.
+    state: State  #: Point of linearisation: with joint springs and periodic errors.
+    noise: Noise  #: Noise of readings about that state.
     reduced: Reduced  #: The equations, in blocks of joint space.
-    found: tuple[Finding, ...]  #: Targets that were left out, and what moved in mid-series.
+    found: tuple[Finding, ...]  #: Targets that were left out, and moves in mid-series.
 
 
 def calibrate(
@@ -133,9 +147,12 @@ def calibrate(
         The calibrated state with its posterior, its noise, and the errors that were kept.
 
     Raises:
-        BenchError: When there is no series, or one does not fit the arm or leaves its frame or target
-            undetermined.
+        BenchError: When an argument has another type, there is no series, or one does not fit the arm or
+            leaves its frame or target undetermined.
     """
+    check_type(vjm, Vjm, "vjm")
+    check_items(series, Series, "series")
+    check_type(prior, Prior, "prior")
     if not series:
         raise BenchError("series: expected one or more, got none")
     options = options or Options()
@@ -157,6 +174,7 @@ def gather(
     Returns:
         The reduced equations, with frames, mounts and noise.
     """
+    # Check the readings, and start from the rigid nominal arm.
     series, lost = alike(series)
     check_order(vjm, series)
     weights = weights or read_weights(vjm.arm)
@@ -167,9 +185,11 @@ def gather(
         few = thinned(some)
         return first_fit(aligned(bare, few), few, joints, options.constraint)
 
+    # Find moves in mid-series, and fit geometry and joint springs to each part.
     check_last_joint(vjm, series, fitted)
     moves, series, (first, noise) = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
     check_fits(first, series)
+    # All errors that the readings can support, as unknowns.
     readings = sum(3 * int(one.seen.sum() + one.turned.sum()) for one in series)
     told = max(1, min(options.orders, int(MANY * readings / (2 * vjm.arm.n_joints))))
     orders = tuple(range(1, told + 1)) if "joint errors" in options.may else ()
@@ -177,9 +197,11 @@ def gather(
     most = all153 if "links" in options.may else joints_only
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
     state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
+    # One step with periodic errors, for the noise and the point of linearisation.
     own, few = choice(unknowns, GEOMETRY | {"harmonics"}, joints), thinned(series)
     state, share = _stepped(own, few, (state, noise), options.constraint)
     noise = scatter(state, series, share)
+    # Reduce all equations once, by blocks of joint space if errors are selected.
     blocks = blocks_of(series) if options.only is None else None
     reduced = reduce_series(Point(unknowns, state, noise), series, blocks)
     return Gathered(series, prior, unknowns, state, noise, reduced, (*lost, *moves))
@@ -202,10 +224,12 @@ def explain(found: Gathered, options: Options) -> Calibration:
     series, reduced = found.series, found.reduced
     expected = expected_of(series)
     rules = Rules(units(expected, found.noise)[list(reduced.kinds)], options.constraint)
+    # Select the errors, then solve for the selected unknowns.
     chosen = _choose(found, options, rules)
     solved = eliminate(chosen.own, chosen.reduced, chosen.learnt, options.constraint, options.strength)
     chosen = with_belief(chosen, rules, solved.belief)
     after = moved(found.state, chosen.own, solved.x)
+    # Noise of single readings about the result.
     factor = found.noise.factor.copy()
     factor[list(reduced.kinds)] = chosen.learnt.factor
     noise = single(replace(found.noise, factor=factor), expected)
@@ -250,7 +274,7 @@ def first_fit(
 
 
 def _choose(found: Gathered, options: Options, rules: Rules) -> Chosen:
-    """What is tried, in order, or taken where it was asked for; links bring their own joints."""
+    """Select the errors by trial, or take those of the options; links include joint springs of their own."""
     unknowns, reduced, vjm = found.unknowns, found.reduced, found.state.vjm
     joints, links = (metric(found.prior, vjm, most(vjm.arm)) for most in (joints_only, all153))
     every = {
@@ -277,7 +301,7 @@ def _choose(found: Gathered, options: Options, rules: Rules) -> Chosen:
 
 
 def thinned(series: Sequence[Series]) -> tuple[Series, ...]:
-    """As many rows, all of a pose, as a step on the way needs."""
+    """Thin series to the rows that an intermediate step needs; a pose keeps all of its rows or none."""
     every, found = sum(one.rows for one in series), []
     for one in series:
         stride = min(-(-every // ON_THE_WAY), max(1, one.rows // LEAST_OF_ONE))
@@ -289,7 +313,7 @@ def thinned(series: Sequence[Series]) -> tuple[Series, ...]:
 def _stepped(
     own: Choice, series: tuple[Series, ...], now: tuple[State, Noise], constraint: Constraint
 ) -> tuple[State, float]:
-    """One Gauss-Newton step, and the share of equations that no unknown spends."""
+    """Take one Gauss-Newton step; return the state, and degrees of freedom over number of equations."""
     state, noise = now
     reduced = reduce_series(Point(own.unknowns, state, noise), series)
     S, counts = squares(own, reduced.gram), reduced.counts

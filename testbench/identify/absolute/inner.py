@@ -1,6 +1,6 @@
-"""The linear problem of one step: compliances in their cone, when all other unknowns are eliminated.
+"""Linear problem of one Gauss-Newton step: all unknowns but the compliances are eliminated.
 
-What is left of the equations is a `Regression`, which least squares and GCO solve as any other.
+The remaining equations are a `Regression` of the compliances, for least squares or GCO.
 """
 
 from dataclasses import dataclass, replace
@@ -21,19 +21,20 @@ from testbench.identify.regression import Regression, regression_of, term_of
 from testbench.identify.solve import solve
 from testbench.model.tool_motion import turned
 
-OPEN = 1e-10  #: Share of a column that no other has, below which it is not seen at all.
+OPEN = 1e-10
+"""Share of a column that is independent of all others below which it counts as undetermined [1]."""
 
 
 @dataclass(frozen=True)
 class Solved:
-    """The most likely unknowns."""
+    """Hold the most probable unknowns."""
 
-    x: Array  #: Of the choice, compliances in m/N and so on, (c,).
-    root: Array  #: Of the posterior's precision, compliances in the metric, (c, c).
-    estimate: Estimate | None  #: Compliances; None of a rigid arm.
-    spent: float  #: Equations that the unknowns spend.
-    pressed: float  #: Chi squared that compliances without the cone would take away [1]; 0 of a rigid arm.
-    belief: Belief | None  #: What is believed of compliances; None of a rigid arm.
+    x: Array  #: Values of the selected unknowns in SI units, (c,).
+    root: Array  #: Root of the posterior's precision, compliances in the metric, (c, c).
+    estimate: Estimate | None  #: Compliances; None for a rigid arm.
+    spent: float  #: Degrees of freedom that the unknowns use.
+    pressed: float  #: Increase of chi squared by the cone [1]; 0 for a rigid arm.
+    belief: Belief | None  #: Prior of the compliances; None for a rigid arm.
 
 
 def eliminate(
@@ -43,20 +44,27 @@ def eliminate(
     constraint: Constraint = "psd",
     strength: Strength | None = None,
 ) -> Solved:
-    """The most likely unknowns by QR: the others are eliminated, compliances solved for, then the others.
+    """Solve for the most probable unknowns by QR.
+
+    The other unknowns are eliminated, least squares or GCO solves for the compliances, and the other unknowns
+    follow by back substitution.
 
     Mathematics: `abs-8`.
 
     Args:
         own: The unknowns.
         reduced: The equations, in the basis of the unknowns.
-        learnt: Sizes of errors, and scatters.
+        learnt: Sizes of errors, and noise factors.
         constraint: "psd" for GCO, "none" for least squares.
-        strength: How firmly expected compliances are believed; None to learn it from the readings.
+        strength: Relative uncertainty of the expected compliances; None to learn it from the readings.
+
+    Returns:
+        The unknowns, the root of their precision, and the estimate of the compliances.
 
     Raises:
-        BenchError: When the readings leave a frame or target open.
+        BenchError: If the readings leave a frame or a target undetermined.
     """
+    # Triangular factor of all equations: the r other unknowns first, compliances last.
     T = factor_of(own, reduced, learnt)
     r, c = own.rigid, len(own.columns)
     R = T[:r, :r]
@@ -64,29 +72,34 @@ def eliminate(
         x, root, estimate, pressed = solve_triangular(R, T[:r, c]), R, None, 0.0
         belief = None
     else:
+        # Its lower rows are the equations of the compliances alone.
         regression = of_compliances(T, own.elastic, int(reduced.counts.sum()))
         belief = Belief(own.elastic, strength) if strength else _believed(regression, own.elastic)
         estimate = solve(regression, constraint, belief)
         pressed = _pressed(regression, belief, estimate)
+        # The other unknowns by back substitution.
         x = with_others(T, estimate.pi)
+        # Posterior precision: likelihood and prior of the compliances, in the metric.
         L, B = own.elastic.L, precision_root(belief.metric, belief.strength)[0]
         B = B @ np.linalg.solve(belief.metric.L, L)
         below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
         if belief.moves is not None:
             below = _widened(below, np.asarray(np.linalg.solve(L, belief.moves.T)))
         root = np.block([[R, T[:r, r:c] @ L], [np.zeros((c - r, r)), below]])
+    # Degrees of freedom: the share of each prior variance that the readings remove.
     inverse, deviation = solve_triangular(root[:r, :r], np.eye(r)), learnt.deviation[own.columns[:r]]
     held = np.isfinite(deviation)
     known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
     spent = float(np.maximum(known, 0).sum() + (~held).sum() + c - r)
     if (basis := own.unknowns.basis) is not None:
+        # From the basis of a shared pattern back to the joints.
         B = basis[own.columns][:, own.columns].toarray()  # its columns are orthogonal
         x, root = B @ x, np.asarray(np.linalg.qr(root / (B**2).sum(axis=0) @ B.T, mode="r"))
     return Solved(x, root, estimate, spent, pressed, belief)
 
 
 def _pressed(regression: Regression, belief: Belief, estimate: Estimate) -> float:
-    """Chi squared and penalty of an estimate, less those of least squares with the same prior [1]."""
+    """Compute how far the cone raises chi squared with penalty above that of least squares with a prior."""
     if estimate.constraint == "none":
         return 0.0
     M, r = with_prior_rows(regression, belief.metric, belief.strength)
@@ -127,7 +140,7 @@ def with_others(T: Array, pi: Array) -> Array:
 
 
 def _widened(root: Array, moves: Array) -> Array:
-    """Triangular root of a precision, (e, e), when moves, one a column, add to the covariance."""
+    """Update the triangular root of a precision, (e, e), for further covariance, the columns of moves."""
     deviations = np.hstack([solve_triangular(root, np.eye(len(root))), moves])
     R = np.linalg.qr(deviations.T, mode="r")
     return np.asarray(np.linalg.qr(solve_triangular(R, np.eye(len(R)), trans="T"), mode="r"))
@@ -145,10 +158,12 @@ def factor_of(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
         The factor.
     """
     some = np.r_[own.columns, own.unknowns.size]
+    # Rows of the priors.
     deviation = learnt.deviation[own.columns[: own.rigid]]
     held = np.flatnonzero(np.isfinite(deviation))
     rows = np.zeros((len(held), len(some)))
     rows[np.arange(len(held)), held] = 1 / deviation[held]
+    # Rows of the readings, by their noise.
     factors = zip(reduced.factors.values(), learnt.factor, strict=True)
     lines = [R[:, some] / factor for R, factor in factors]
     T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(some), len(some)))]), mode="r"))
@@ -159,7 +174,7 @@ def factor_of(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
 
 
 def _believed(regression: Regression, elastic: Metric) -> Belief:
-    """The prior in the scale of the readings; in its own where they want none above zero."""
+    """Learn the prior from the readings; if these require a negative scale, use the prior as it is."""
     try:
         rescaled(elastic, regression)
     except BenchError:
@@ -215,7 +230,15 @@ def moved_frame(frame: Frame, step: Array) -> Frame:
 
 
 def moved_mount(mount: Mount, step: Array) -> Mount:
-    """A mount whose targets moved, tool axes, and whose target with an orientation turned."""
+    """Return a mount after a step: its targets moved in tool axes, and its oriented target rotated.
+
+    Args:
+        mount: The mount, m targets.
+        step: Moves of the targets [m], then a rotation vector [rad], (3 m,) or (3 m + 3,).
+
+    Returns:
+        The new mount.
+    """
     m = len(mount.points)
     points = mount.points + step[: 3 * m].reshape(m, 3)
     [turn] = turned(step[None, 3 * m :]) if len(step) > 3 * m else np.eye(3)[None]

@@ -1,9 +1,10 @@
-"""Frames and mounts that readings cannot tell apart, and what holds them then.
+"""Frames and mounts that readings cannot separate, and the prior that then determines them.
 
-A target m on the tool is read at R_s (R_r m + p_r) + t_s. Where the tool keeps one orientation R_r, along a
-line or a surface, m and t_s are one sum: three directions of a frame and a mount move no reading. On a
-straight line a turn of the frame about it moves none either. A prior holds what is left open; another series
-of the same mount, or of the same frame, whose tool turns, leaves nothing open.
+A target m on the tool is read at R_s (R_r m + p_r) + t_s. If the tool keeps one orientation R_r, along a line
+or a surface, only the sum of R_s R_r m and t_s matters: three directions of frame and mount change no
+reading. If the line is straight, neither does a rotation of the frame about it. A prior determines what is
+undetermined. Another series of the same mount or frame, in which the tool rotates, makes the prior
+unnecessary.
 """
 
 from collections.abc import Sequence
@@ -16,39 +17,46 @@ from testbench.identify.closed_form import kabsch
 from testbench.identify.registration import ASSUMED, ROUGH, Frame
 from testbench.model.vjm import Vjm, tool_pose
 
-MOST = 300  #: Rows of a series that are looked at, evenly spaced.
+MOST = 300
+"""Rows of a series that are evaluated, evenly spaced."""
 FAR = 10.0, 1.0, 100.0
-"""Standard deviations, before any reading, of a target, of turns, and of a frame's place [m, rad, m]."""
+"""Prior standard deviations of a target, of rotations, and of a frame's origin [m, rad, m]."""
 LEVEL = 0.05
-"""How far from upright a tracker stands, and how far a turn of its frame that no reading tells may be from
-where it starts, standard deviation [rad]."""
+"""Standard deviation of a tracker from upright, and the largest one of a frame's rotation that counts as
+determined [rad]."""
 
 
 def held(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
-    """Names, "frame NAME" and "mount NAME", of what the readings leave open, by the arm as drawn.
+    """Find the frames and mounts that the readings leave undetermined, for the nominal geometry.
 
-    A mount where a target is left open by more than `ROUGH`, a frame where its turn is by more than `LEVEL`.
+    A mount is undetermined if a target's standard deviation exceeds `ROUGH`, a frame if that of its rotation
+    exceeds `LEVEL`.
 
     Mathematics: `abs-7`.
 
     Args:
         vjm: The arm.
-        series: All readings, which may share frames and mounts.
+        series: All readings; they may share frames and mounts.
+
+    Returns:
+        Names, "frame NAME" and "mount NAME".
     """
     frames = tuple(dict.fromkeys(one.frame for one in series))
     mounts: dict[str, int] = {}
-    read: dict[str, set[int]] = {}  # targets of every mount that were ever read: no prior tells others
+    read: dict[str, set[int]] = {}  # targets of every mount that were ever read: others have no information
     for one in series:
         mounts[one.target] = max(len(one.markers), mounts.get(one.target, 0))
         read.setdefault(one.target, set()).update(np.flatnonzero(one.seen.any(axis=0)).tolist())
     starts = np.cumsum([6 * len(frames), *(3 * m + 3 for m in mounts.values())])
     first = dict(zip(mounts, starts.tolist(), strict=False))
+    # Information of all readings about frames, then mounts.
     M = np.zeros((starts[-1],) * 2)
     for one in series:
         f, m = 6 * frames.index(one.frame), first[one.target]
         at = np.r_[f : f + 6, m : m + 3 * len(one.markers), m + 3 * mounts[one.target] + np.arange(3)]
         J = _rows(vjm, one)
         M[np.ix_(at, at)] += J.T @ J / ASSUMED**2
+    # Posterior covariance with wide priors.
     before = np.full(len(M), FAR[0])
     for k in range(len(frames)):
         before[6 * k : 6 * k + 6] = np.repeat(FAR[1:], 3)
@@ -65,12 +73,12 @@ def held(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
 
 
 def _largest(covariance: Array) -> float:
-    """Largest standard deviation along any direction of a covariance, (3, 3)."""
+    """Compute the largest standard deviation along any direction of a covariance, (3, 3)."""
     return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
 
 
 def _rows(vjm: Vjm, series: Series) -> Array:
-    """Derivatives of readings by turn and place of the frame, targets and the turn of the mount, (e, k)."""
+    """Differentiate readings by frame (rotation, origin), targets and rotation of the mount, (e, k)."""
     seen = np.flatnonzero(series.seen.any(axis=1))
     some = seen[np.linspace(0, len(seen) - 1, min(MOST, len(seen))).astype(int)]
     position, rotation = tool_pose(vjm, series.q[some])
@@ -86,9 +94,17 @@ def _rows(vjm: Vjm, series: Series) -> Array:
 
 
 def level(points: Array, read: Array) -> Frame:
-    """The frame that takes points in base axes to readings, (n, 3) both [m]; upright where they tell no turn.
+    """Fit the frame that takes points to readings; the frame is upright as far as the points leave that open.
 
-    Upright counts as much as a direction that is known to `LEVEL`, beside readings known to `ASSUMED`.
+    Least squares (Kabsch) with two further points along the vertical: they count as much as a direction known
+    to `LEVEL` in comparison with readings known to `ASSUMED`.
+
+    Args:
+        points: Points in base axes, (n, 3) [m].
+        read: Their readings in tracker axes, (n, 3) [m].
+
+    Returns:
+        The frame: tracker from base.
     """
     up = (ASSUMED / LEVEL) * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) / np.sqrt(2)
     R, _ = kabsch(np.vstack([points - points.mean(axis=0), up]), np.vstack([read - read.mean(axis=0), up]))

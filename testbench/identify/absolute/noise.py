@@ -1,7 +1,7 @@
-"""How far readings scatter about a model: by themselves, and by what the model leaves open.
+"""Noise of readings about a model: noise of the instrument, and the model error.
 
-What it leaves open is common to the readings of one pose. k of them are taken as one mean, of variance
-sigma^2 + k s^2, and k - 1 differences, of variance sigma^2 alone (Helmert's transformation).
+The model error is common to the readings of one pose. k of them are replaced by their mean, of variance
+sigma^2 + k s^2, and by k - 1 differences, of variance sigma^2 (Helmert's transformation).
 """
 
 from collections.abc import Sequence
@@ -15,22 +15,23 @@ from testbench.errors import Array, Ids
 from testbench.identify.robust_loss import READINGS, Loss
 
 KINDS = ("position", "orientation", "position within a pose", "orientation within a pose")
-"""Kinds of equations, each with a scatter of its own."""
-POSITIONS = (0, 2)  #: Those that are positions.
+"""Kinds of equations, each with its own noise factor."""
+POSITIONS = (0, 2)
+"""Kinds that are positions."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations along an axis."""
+    """Hold standard deviations along an axis, and noise factors."""
 
-    open_position: float = 0.0  #: s of positions: what the model leaves open [m].
-    open_rotation: float = 0.0  #: s of orientations [rad].
-    #: Scatter over what is expected, of every kind [1].
+    open_position: float = 0.0  #: Model error s of positions [m].
+    open_rotation: float = 0.0  #: Model error s of orientations [rad].
+    #: Noise over expected noise, of every kind of equations, (kinds,) [1].
     factor: Array = field(default_factory=lambda: np.ones(len(KINDS)))
 
 
 def repeated(series: Series) -> tuple[Ids, ...]:
-    """Rows of a pose that read the same targets, of every number k > 1 of them, (groups, k)."""
+    """Group the rows of a pose that read the same targets: for every number k > 1 of them, (groups, k)."""
     read = np.column_stack([series.pose, series.seen, series.turned])
     code = np.unique(read, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(code, kind="stable")
@@ -40,14 +41,22 @@ def repeated(series: Series) -> tuple[Ids, ...]:
 
 
 def kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
-    """Kinds of equations that some series have."""
+    """List the kinds of equations that some series have, as places in `KINDS`."""
     turned = any(one.rotation is not None for one in series)
     again = any(repeated(one) for one in series)
     return tuple(k for k in range(len(KINDS)) if (turned or k in POSITIONS) and (again or k < 2))
 
 
 def combine(groups: Sequence[Ids], rows: Array) -> Array:
-    """Rows of readings, (..., runs), those of every group as their mean and differences."""
+    """Replace the readings of every group by their mean and differences (Helmert's transformation).
+
+    Args:
+        groups: Rows that are combined, (groups, k) for every number k of rows.
+        rows: Values of all rows, (..., runs).
+
+    Returns:
+        The combined values, (..., runs); the first row of a group holds sqrt(k) times their mean.
+    """
     if groups:
         rows = rows.copy()
     for group in groups:
@@ -56,7 +65,15 @@ def combine(groups: Sequence[Ids], rows: Array) -> Array:
 
 
 def multiplicity(groups: Sequence[Ids], runs: int) -> Ids:
-    """Readings behind the mean that a row stands for, (runs,); 0 of a difference."""
+    """Count the readings behind each combined row.
+
+    Args:
+        groups: Rows that are combined, (groups, k) for every number k of rows.
+        runs: Number of rows.
+
+    Returns:
+        k for a mean of k readings, 1 for a single reading, 0 for a difference, (runs,).
+    """
     found = np.ones(runs, dtype=int)
     for group in groups:
         found[group[:, 0]], found[group[:, 1:]] = group.shape[1], 0
@@ -64,24 +81,26 @@ def multiplicity(groups: Sequence[Ids], runs: int) -> Ids:
 
 
 def roots(series: Series, noise: Noise, rotation: Array, groups: Sequence[Ids] = ()) -> tuple[Array, Ids]:
-    """Inverse roots of the covariances of combined rows, and their kinds.
+    """Compute the whitening matrices W = (covariance)^-1/2 of combined rows, and their kinds.
 
     Mathematics: `abs-4`.
 
     Args:
-        series: The readings.
-        noise: Their scatter.
+        series: The readings, s per row.
+        noise: Their noise.
         rotation: Tracker from base, (3, 3).
-        groups: Rows that are combined; none where each stands alone.
+        groups: Rows that are combined; none if each row counts by itself.
 
     Returns:
-        W with W left of variance 1, (s, runs, 3, 3) [1/m, 1/rad], base axes; kinds, (s, runs).
+        W, in base axes, with W times the residual of variance 1, (s, runs, 3, 3) [1/m, 1/rad]; kinds, (s,
+        runs).
     """
     m, times = len(series.markers), multiplicity(groups, series.rows)
     s = m + (series.rotation is not None)
     W = np.zeros((s, series.rows, 3, 3))
     kinds = np.where(times > 0, 0, 2) * np.ones((s, 1), dtype=int)
     kinds[m:] += 1
+    # Covariance of positions: the instrument's, averaged over a group, plus the model error.
     opened = times * noise.open_position**2
     if series.precision is None:
         W[:m] = np.eye(3) / np.sqrt(series.sigma**2 + opened)[:, None, None]
@@ -101,9 +120,17 @@ def roots(series: Series, noise: Noise, rotation: Array, groups: Sequence[Ids] =
 def weights(
     series: Series, noise: Noise, rotation: Array, left: Array, loss: Loss = READINGS
 ) -> tuple[Array, Array]:
-    """`roots` of readings one by one, and how much each counts by its own residual, (s, runs) [1].
+    """Compute whitening matrices of single readings, and the robust weight of each from its own residual.
 
-    What is `left` of them is in base axes, (s, 3, runs) [m, rad].
+    Args:
+        series: The readings, s per row.
+        noise: Their noise.
+        rotation: Tracker from base, (3, 3).
+        left: Residuals in base axes, (s, 3, runs) [m, rad].
+        loss: The robust loss.
+
+    Returns:
+        W as from `roots`, (s, runs, 3, 3) [1/m, 1/rad], and the weights, (s, runs) [1].
     """
     W, _ = roots(series, noise, rotation)
     return W, loss.pull(np.linalg.norm(np.einsum("srxy,syr->sxr", W, left), axis=1))

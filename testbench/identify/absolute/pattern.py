@@ -1,9 +1,10 @@
-"""A pattern that joints share: gears or encoders of one make have the same error, turned and maybe mirrored.
+"""Error pattern of several joints: gears or encoders of one make share an error, shifted or mirrored.
 
-    error_j(q) = s_j f(s_j q + phi_j) + what is the joint's own,    s_j 1 or -1
+    error_j(q) = s_j f(s_j q + phi_j) + individual error of joint j,    s_j = 1 or -1
 
-f is periodic. Of the joints' waves, each turned back by phi_j, the mean is f's and the differences (Helmert)
-are the joints' own; both have a Gaussian prior. What one joint was not read in, others may tell.
+f is periodic. If the waves of each joint are shifted back by phi_j, their mean is the pattern, and their
+differences (Helmert) are individual errors; both have a Gaussian prior. Angles that one joint was not read in
+may be covered by the others.
 """
 
 from collections.abc import Sequence
@@ -17,33 +18,46 @@ from testbench.errors import Array, Ids
 from testbench.model.joint_errors import JointErrors
 
 FIRST = 3
-"""Lowest order that counts: an axis that is not where it is drawn looks like orders 1 and 2."""
+"""Lowest order of a pattern: errors of an axis' position look like orders 1 and 2."""
 SURE = 10.0
-"""Logarithm of the odds against any other turn, and against none, from which a joint has the pattern."""
-RIVALS = 8  #: Turns, each the best near it, that are compared.
+"""Least log odds of a joint's shift against any other shift, and against no pattern."""
+RIVALS = 8
+"""Shifts that are compared, each a local maximum."""
 SENSES = (1, -1)
-TURNS: Array = np.radians(np.arange(0, 360, 1.0))  #: Turns that are tried, then finer ones beside the best.
+TURNS: Array = np.radians(np.arange(0, 360, 1.0))
+"""Shifts that are tried [rad]."""
 FINER: Array = np.radians(np.linspace(-1, 1, 41))
+"""Finer shifts around the best one [rad]."""
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """Joints that share a pattern."""
+    """Describe joints that share a pattern."""
 
-    joints: tuple[int, ...]  #: Their places, two or more; the pattern is in the angle of the first.
-    turns: tuple[float, ...]  #: phi of each [rad].
-    senses: tuple[int, ...]  #: s of each.
+    #: Indices of the joints, two or more; the pattern is a function of the first joint's angle.
+    joints: tuple[int, ...]
+    turns: tuple[float, ...]  #: Shift phi of each joint [rad].
+    senses: tuple[int, ...]  #: Sign s of each joint.
 
 
 def waves(errors: JointErrors) -> Ids:
-    """Coefficients of a joint that a pattern may have, (2 k,): sines, then cosines."""
+    """List the Fourier coefficients of a joint that a pattern may have, (2 k,): sines, then cosines."""
     return np.flatnonzero(np.tile(errors.orders, 2) >= FIRST)
 
 
 def turned(f: Array, turn: Array | float, sense: int, orders: Ids) -> Array:
-    """Waves of s f(s q + phi), by those of f, (..., 2 k), sines first.
+    """Compute the Fourier coefficients of s f(s q + phi) from those of f.
 
     Mathematics: `abs-11`.
+
+    Args:
+        f: Coefficients of f, sines first, (..., 2 k).
+        turn: phi [rad], one number or (...).
+        sense: s, 1 or -1.
+        orders: Orders of the waves, (k,).
+
+    Returns:
+        The coefficients, (..., 2 k).
     """
     (a, b), angle = np.split(f, 2, axis=-1), np.asarray(turn, dtype=float)[..., None] * orders
     c, s = np.cos(angle), np.sin(angle)
@@ -51,21 +65,27 @@ def turned(f: Array, turn: Array | float, sense: int, orders: Ids) -> Array:
 
 
 def basis(pattern: Pattern, errors: JointErrors, first: int, size: int) -> csr_array:
-    """Unknowns by the pattern and the differences from it, (size, size).
+    """Make the basis in which joints have a shared pattern, and differences from it.
 
     Args:
-        pattern: The pattern, in place of the waves of its first joint; differences in place of the others'.
+        pattern: The pattern. It replaces the waves of its first joint; differences replace those of the
+            others.
         errors: Errors of the joints.
-        first: First column of these among all unknowns.
+        first: First column of the joint errors among all unknowns.
         size: Number of unknowns.
+
+    Returns:
+        Unknowns in SI units by those in the basis, (size, size).
     """
     n, own, k = len(pattern.joints), waves(errors), len(waves(errors)) // 2
+    # Columns: the pattern, in place of the mean, then the differences between joints.
     mix = helmert(n, full=True).T
     mix[:, 0] = 1.0
     at = first + errors.size * np.array(pattern.joints)[:, None] + own
     where = np.concatenate([np.setdiff1d(np.arange(size), at)] * 2).reshape(2, -1)
     entries, places = [np.ones(where.shape[1])], [where]
     orders = np.array(errors.orders)[own[:k]]
+    # Waves of joint i: each column, shifted and mirrored to its angle.
     for i in range(n):
         R = turned(np.eye(2 * k), pattern.turns[i], pattern.senses[i], orders).T
         row, column = np.nonzero(R)
@@ -77,27 +97,30 @@ def basis(pattern: Pattern, errors: JointErrors, first: int, size: int) -> csr_a
 
 @dataclass(frozen=True)
 class _Told:
-    """What readings tell of the pattern by one joint, its own error in the way."""
+    """Hold the information of one joint's readings about the pattern; its individual error is eliminated."""
 
-    W: Array  #: Precision, (2 k, 2 k).
-    g: Array  #: Its product with the most likely waves, (2 k,).
-    alone: float  #: Logarithm of the odds of waves that are all its own, as large, over none but its own.
+    W: Array  #: Precision of the pattern's waves, (2 k, 2 k).
+    g: Array  #: Its product with the most probable waves, (2 k,).
+    alone: float  #: Log odds of individual waves of full size against those of individual size.
 
 
 def find(told: Sequence[tuple[Array, Array]], own: Array, shared: Array, orders: Ids) -> Pattern | None:
-    """The pattern of some joints, None where no two share one.
+    """Find the pattern that some joints share.
 
-    The two that share it best begin; then whoever is surest by those before, one after the other. In the end
-    each is to be sure by all others.
+    The two joints with the best agreement start; others are added in the order of their odds. In the end the
+    odds of each joint, given all others, must exceed `SURE`.
 
     Mathematics: `abs-11`.
 
     Args:
-        told: Of every joint the precision of its waves by the readings, (2 k, 2 k), and its product with
-            the most likely ones, (2 k,); zero of a joint without.
-        own: Variance of waves that are a joint's own, (2 k,).
-        shared: Of those of the pattern, (2 k,).
-        orders: Of these, (k,).
+        told: For every joint the precision of its waves from the readings, (2 k, 2 k), and its product with
+            the most probable waves, (2 k,); zero for a joint without readings.
+        own: Variance of waves that are individual to a joint, (2 k,).
+        shared: Variance of the waves of the pattern, (2 k,).
+        orders: Orders of the waves, (k,).
+
+    Returns:
+        The pattern; None if no two joints share one.
     """
     every = [_told(*one, own, own + shared) for one in told]
 
@@ -108,14 +131,17 @@ def find(told: Sequence[tuple[Array, Array]], own: Array, shared: Array, orders:
             P, b = P + R @ every[i].W @ R.T, b + R @ every[i].g
         return (*_best(every[j], P, b, orders), j)
 
+    # Start with the joint whose odds with the others are best.
     joints = range(len(every))
     pairs = [[best(j, {i: (0.0, 1)})[2] for j in joints if j != i] for i in joints]
     found = {int(np.argmax([np.maximum(own, 0).sum() for own in pairs])): (0.0, 1)}
+    # Add the joint with the best odds, as long as they suffice.
     while len(found) < len(every):
         turn, sense, odds, j = max((best(j, found) for j in joints if j not in found), key=lambda one: one[2])
         if odds < SURE:
             break
         found[j] = turn, sense
+    # Remove joints whose odds, given all others, do not suffice.
     while len(found) > 1:
         again = [best(j, {i: at for i, at in found.items() if i != j}) for j in found]
         worst = min(again, key=lambda one: one[2])
@@ -132,13 +158,13 @@ def _told(precision: Array, pull: Array, own: Array, whole: Array) -> _Told:
 
 
 def _best(own: _Told, P: Array, b: Array, orders: Ids) -> tuple[float, int, float]:
-    """Turn and sense in which a joint has a pattern, and the logarithm of the odds against all others.
+    """Find the shift and sign in which a joint has a pattern, and the log odds against all alternatives.
 
     Args:
-        own: What the joint tells.
-        P: Precision of the pattern by others, (2 k, 2 k).
-        b: Its product with the most likely one, (2 k,).
-        orders: Of its waves, (k,).
+        own: Information of the joint's readings.
+        P: Precision of the pattern by the other joints, (2 k, 2 k).
+        b: Its product with the most probable pattern, (2 k,).
+        orders: Orders of the waves, (k,).
     """
     f = np.asarray(np.linalg.solve(P, b), dtype=float)
     before = _log_sum(P, b)
@@ -148,8 +174,10 @@ def _best(own: _Told, P: Array, b: Array, orders: Ids) -> tuple[float, int, floa
         return np.asarray(x @ own.g - ((x @ own.W) * x).sum(axis=1) / 2)
 
     every = np.stack([likely(TURNS, sense) for sense in SENSES])
+    # Local maxima of the likelihood over the shift.
     peaks = (every > np.roll(every, 1, axis=1)) & (every >= np.roll(every, -1, axis=1))
     rivals, odds = np.argwhere(peaks)[np.argsort(-every[peaks], kind="stable")[:RIVALS]], [own.alone]
+    # Evidence of each, the pattern integrated out.
     for way, k in rivals:
         R = turned(np.eye(len(f)), TURNS[k], SENSES[way], orders)
         odds.append(_log_sum(P + R @ own.W @ R.T, b + R @ own.g) - before)
@@ -162,12 +190,12 @@ def _best(own: _Told, P: Array, b: Array, orders: Ids) -> tuple[float, int, floa
 
 
 def _log_sum(P: Array, b: Array) -> float:
-    """Logarithm of the integral of exp(b x - x P x / 2), but for a constant."""
+    """Compute the logarithm of the integral of exp(b x - x P x / 2), up to a constant."""
     return float(b @ np.linalg.solve(P, b) - np.linalg.slogdet(P)[1]) / 2
 
 
 def _of_first(found: dict[int, tuple[float, int]]) -> Pattern:
-    """The pattern in the angle of the first joint that has it."""
+    """Express the pattern in the angle of the first joint that has it."""
     joints = tuple(sorted(found))
     start, way = found[joints[0]]
     turns = tuple(float((way * (found[j][0] - start) + np.pi) % (2 * np.pi) - np.pi) for j in joints)

@@ -1,7 +1,7 @@
-"""How sure a calibrated arm is, and where it has its targets in a series, whatever that was learnt from.
+"""Uncertainty of a calibrated arm, and prediction of targets in any series.
 
-The frame and mount of a new series are fitted to a few of its rows, all else held. What the arm is unsure of
-shows in these rows too; so much of it as a frame can take up does no harm elsewhere.
+Frame and mount of a new series are fitted to a few of its rows; the arm is held fixed. Errors of the arm show
+in these rows too; the part that a frame can absorb does not matter in the other rows.
 """
 
 from dataclasses import dataclass, replace
@@ -27,32 +27,36 @@ from testbench.model.structure import joints_only
 if TYPE_CHECKING:
     from testbench.identify.absolute.fit import Calibration
 
-STEP, MOST_STEPS = 1e-9, 20  #: A step of a frame below this is the last [m, rad].
+STEP, MOST_STEPS = 1e-9, 20
+"""Step of a frame below which the fit has converged [m, rad], and most steps."""
 
 
 @dataclass(frozen=True, eq=False)
 class RegisteredSeries:
-    """A series whose frame and mount are known."""
+    """Hold a series whose frame and mount are known."""
 
-    state: State  #: With the frame and the mount.
-    rows: Ids  #: Places of the rows that told them; none where the calibration had.
-    #: Of frame and mount, which are steps, and of the arm's unknowns, in this order, (f + a,).
+    state: State  #: The arm with the frame and the mount.
+    rows: Ids  #: Rows that determined frame and mount; empty if the calibration did.
+    #: Posterior of frame and mount, which are steps, and of the arm's unknowns, in this order, (f + a,).
     posterior: Posterior
 
 
 def deviations_root(precision: Array, L: Array) -> Array:
-    """Rows W with W^T W the covariance of unknowns in SI units, (c, c).
+    """Compute a root W of the covariance W^T W of the unknowns in SI units.
 
     Args:
         precision: Upper triangular root of the posterior's precision, compliances in the metric, (c, c).
-        L: The last unknowns, compliances, per unit of the metric, (e, e).
+        L: SI units of the compliances, the last unknowns, per unit of the metric, (e, e).
+
+    Returns:
+        W, (c, c).
     """
     back = block_diag(np.eye(len(precision) - len(L)), L)
     return np.asarray(solve_triangular(precision, back.T, trans="T"))
 
 
 def posterior_of(calibration: "Calibration") -> Posterior:
-    """Of all unknowns that a calibration has on, (c,); frames and mounts are steps from where they are.
+    """Return the posterior of all selected unknowns of a calibration, (c,); frames and mounts are steps.
 
     Mathematics: `abs-13`.
     """
@@ -63,7 +67,7 @@ def posterior_of(calibration: "Calibration") -> Posterior:
 
 
 def model_of(calibration: "Calibration") -> ArmModel:
-    """What a calibration knows of the arm, whatever series it was learnt from."""
+    """Convert a calibration to a model of the arm that does not depend on its series."""
     own, state, known = calibration.own, calibration.state, posterior_of(calibration)
     first = own.unknowns.starts["geometry"]
     f = int((own.columns < first).sum())
@@ -75,15 +79,24 @@ def model_of(calibration: "Calibration") -> ArmModel:
 
 
 def place(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
-    """Frame and mount of a series by some of its rows, by Gauss-Newton; all else is held.
+    """Fit frame and mount of a series to some of its rows by Gauss-Newton; the arm is held fixed.
 
     Mathematics: `abs-13`.
 
+    Args:
+        model: The calibrated arm.
+        series: The series.
+        rows: Rows to which they are fitted.
+
+    Returns:
+        The series' frame and mount, with their joint covariance with the arm's unknowns.
+
     Raises:
-        BenchError: When these rows do not tell them.
+        BenchError: If these rows do not determine frame and mount.
     """
     some = select_rows(series, rows)
     state = aligned(without(model.state, some), (some,))
+    # Gauss-Newton on frame and mount: normal equations by the triangular factor.
     for _ in range(MOST_STEPS):
         F, M, y = _whitened(model, state, some)
         root = _root(model, F, some)
@@ -99,7 +112,15 @@ def place(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
 
 
 def known(model: ArmModel, series: Series) -> RegisteredSeries:
-    """A series whose frame and mount the calibration found, by rows such as it has."""
+    """Register a series whose frame and mount the calibration has determined.
+
+    Args:
+        model: The calibrated arm.
+        series: The series; up to `BATCH` of its rows weigh frame and mount against the arm.
+
+    Returns:
+        The series' frame and mount, with their joint covariance with the arm's unknowns.
+    """
     seen = np.flatnonzero(series.seen.any(axis=1))
     some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(BATCH, len(seen))).astype(int)])
     F, M, _ = _whitened(model, model.state, some)
@@ -149,13 +170,28 @@ def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[
 
 
 def inside(left: Array, covariance: Array, quantile: float = 7.8147) -> Array:
-    """Which positions lie in their 95 % ellipsoid, by chi squared of three, (rows, m)."""
+    """Tell which positions lie in their confidence ellipsoid: r^T C^-1 r at most the quantile.
+
+    Args:
+        left: Residuals r, (rows, m, 3) [m].
+        covariance: Their covariances C, (rows, m, 3, 3) [m^2].
+        quantile: Quantile of chi squared with 3 degrees of freedom; that of 95 % by default.
+
+    Returns:
+        (rows, m).
+    """
     solved = np.linalg.solve(covariance, left[..., None])[..., 0]
     return np.asarray((left * solved).sum(axis=-1) <= quantile)
 
 
 def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
-    """Of frame, mount and arm: the former by rows of root^T root, which go with the arm's, (f, a)."""
+    """Combine the posterior of frame and mount, of precision root^T root, with that of the arm.
+
+    Args:
+        model: The calibrated arm, a unknowns.
+        root: Triangular factor of the columns of frame and mount, (f, f).
+        with_arm: Products of these columns with those of the arm, (f, a).
+    """
     f, own = len(root), model.posterior
     inverse: Array = solve_triangular(root, np.eye(f))
     taken = inverse @ (inverse.T @ with_arm)
@@ -164,14 +200,14 @@ def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
 
 
 def _columns(model: ArmModel, state: State, series: Series) -> tuple[Array, Array]:
-    """Columns of frame, mount and the arm's unknowns, (s, 3, f + a, rows), and what is left, (s, 3, rows)."""
+    """Compute columns of frame, mount and arm, (s, 3, f + a, rows), and residuals, (s, 3, rows)."""
     unknowns = unknowns_of(model.vjm, (series,), state.errors, model.structure)
     rows, f = rows_of(unknowns, state, series), unknowns.starts["geometry"]
     return rows[:, :, np.r_[:f, f + model.columns]], rows[:, :, -1]
 
 
 def _whitened(model: ArmModel, state: State, series: Series) -> tuple[Array, Array, Array]:
-    """Whitened equations: columns of frame and mount, (e, f), of the arm, (e, a), and what is left, (e,)."""
+    """Whiten the equations: columns of frame and mount, (e, f), of the arm, (e, a), and residuals, (e,)."""
     A, left = _columns(model, state, series)
     W, pull = weights(series, _noise(model), state.frame(series).rotation, left)
     W *= np.sqrt(pull)[..., None, None]
@@ -182,7 +218,7 @@ def _whitened(model: ArmModel, state: State, series: Series) -> tuple[Array, Arr
 
 
 def _root(model: ArmModel, F: Array, series: Series) -> Array:
-    """Triangular factor of the columns of frame and mount, and of the prior of what these rows leave open."""
+    """Factorise the columns of frame and mount, with the prior of what these rows leave undetermined."""
     unknowns = unknowns_of(model.vjm, (series,), model.state.errors, model.structure)
     B = np.diag(1 / usual(unknowns, len(KINDS)).deviation[: unknowns.starts["geometry"]])
     B = B[B.any(axis=1) & (not too_few(model.vjm, series))]

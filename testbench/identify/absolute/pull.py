@@ -1,6 +1,6 @@
-"""What poses that were not read would tell: each joint turned by itself, and all of them anywhere.
+"""Information of poses that were not read: each joint turned by itself, and poses in the whole joint space.
 
-Directions that no pose tells apart are structural: what changes along them moves no target.
+Directions that no pose determines are structural: a change along them moves no target.
 """
 
 from collections.abc import Callable
@@ -14,21 +14,27 @@ from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.rows import rows_of
 
-POSES = 40  #: Further rows in which a joint is turned.
-AMPLE = 2  #: Equations of poses anywhere, over the number of unknowns.
-NEVER = 1e-3  #: Information of more poses than unknowns, over the prior's, that tells nothing [1].
-ROUNDING = 1e-10  #: Eigenvalue of information of unit diagonal below which there is none at all [1].
-OFF = 1.0  #: Information of what is taken to be zero: it is not structural.
-SAME = 0.1  #: Singular value below which two sets of directions have one in common.
+POSES = 40
+"""Further rows in which a joint is turned."""
+AMPLE = 2
+"""Equations of poses in the whole joint space, over the number of unknowns [1]."""
+NEVER = 1e-3
+"""Information of these poses over the prior's below which a direction is structural [1]."""
+ROUNDING = 1e-10
+"""Eigenvalue of information with unit diagonal below which it counts as zero [1]."""
+OFF = 1.0
+"""Information of unknowns that are fixed at zero: they are not structural."""
+SAME = 0.1
+"""Singular value below which two sets of directions share one [1]."""
 
 
 @dataclass(frozen=True)
 class Pull:
-    """Information that further readings would add."""
+    """Hold the information that further readings would add."""
 
-    turned: Array  #: Of rows as those read, but one joint turned through its range, (n, size, size).
-    everywhere: Array  #: Of poses all over the joints' ranges, more than there are unknowns, (size, size).
-    rigid: Array  #: The same were the arm as drawn and rigid, which says what is structural in geometry.
+    turned: Array  #: Rows as in the series, with one joint turned through its range, (n, size, size).
+    everywhere: Array  #: Poses in the whole joint space, more than there are unknowns, (size, size).
+    rigid: Array  #: These poses of the rigid nominal arm, for what is structural in geometry, (size, size).
 
 
 def pull_of(
@@ -37,13 +43,17 @@ def pull_of(
     series: tuple[Series, ...],
     tells: Callable[[Series], Array] | None = None,
 ) -> Pull:
-    """What would be added to some series, under their loads.
+    """Compute the information that further readings would add, under the loads of some series.
 
     Args:
-        unknowns: What is unknown.
-        state: Where it is expected.
-        series: What was read, or is to be.
-        tells: Information of any series, no prior, (size, size); None for `information` at the state.
+        unknowns: The unknowns.
+        state: Where the equations are linearised.
+        series: Series that were read, or are planned.
+        tells: Function that computes the information of a series, without a prior, (size, size); None for
+            `information` at the state.
+
+    Returns:
+        The information, by the joint that is turned and for poses in the whole joint space.
     """
     arm = unknowns.vjm.arm
     lower, upper = arm.limits
@@ -73,7 +83,16 @@ def pull_of(
 
 
 def information(unknowns: Unknowns, state: State, series: Series) -> Array:
-    """What a series tells of the unknowns by its positions and orientations, no prior, (size, size)."""
+    """Compute the information of a series about the unknowns, A^T W A, without a prior.
+
+    Args:
+        unknowns: The unknowns.
+        state: Where the equations are linearised.
+        series: The readings: their positions and orientations count, with their stated noise.
+
+    Returns:
+        Information, (size, size).
+    """
     m = len(series.markers)
     A = rows_of(unknowns, state, series)[:, :, :-1]
     A[:m] /= series.sigma
@@ -84,31 +103,43 @@ def information(unknowns: Unknowns, state: State, series: Series) -> Array:
 
 
 def _moved(series: Series, rows: Ids, q: Array) -> Series:
-    """Rows of a series in other poses, every target read; (count,) places and (count, n) [rad, m]."""
+    """Put rows of a series into other poses, (count, n) [rad, m], with every target read."""
     rotation = None if series.rotation is None else np.tile(np.eye(3), (series.rows, 1, 1))
     return replace(select_rows(replace(series, precision=None, rotation=rotation), rows), q=q)
 
 
 @dataclass(frozen=True)
 class Structural:
-    """What no pose shows under the loads there are."""
+    """Hold the directions that no pose determines under the given loads."""
 
-    directions: Array  #: Orthonormal, in units of the prior, (size, k).
-    geometry: int  #: How many of geometry, frames and mounts move no target.
-    shared: tuple[int, ...]  #: Of these, how many lie between the links before and behind every joint.
-    idle: tuple[int, ...]  #: Joints whose errors move nothing, such as the last with a target on its axis.
-    elastic: int  #: Directions of compliance that no load there is brings out.
+    directions: Array  #: Orthonormal directions in units of the prior, (size, k).
+    geometry: int  #: Number of those in geometry, frames and mounts.
+    shared: tuple[int, ...]  #: Of these, the number between the two links of every joint.
+    idle: tuple[int, ...]  #: Joints whose errors move no target, such as the last with a target on its axis.
+    elastic: int  #: Number of compliance directions that the given loads do not show.
 
 
 def structural(unknowns: Unknowns, L: Array, pull: Pull) -> Structural:
-    """Structural directions; L is a root of the prior's covariance, (size, size)."""
+    """Find the structural directions: changes of the unknowns that move no target in any pose.
+
+    Args:
+        unknowns: The unknowns.
+        L: Root of the prior's covariance, (size, size).
+        pull: Information of further readings.
+
+    Returns:
+        The directions in units of the prior, and how many concern geometry, joints and compliances.
+    """
+    # Directions with hardly any information, in units of the prior.
     M, drawn = L.T @ pull.everywhere @ L, L.T @ pull.rigid @ L
     M, drawn = (part + np.diag(np.where(np.diag(L) > 0, 0.0, OFF)) for part in (M, drawn))
     values, V = np.linalg.eigh(M)
     geometry = np.arange(unknowns.starts["errors"])
+    # Structural directions of geometry, exactly, by the rigid nominal arm.
     never = np.zeros((len(M), _dimension(drawn, geometry)))
     never[geometry] = np.linalg.eigh(drawn[np.ix_(geometry, geometry)])[1][:, : never.shape[1]]
     U, s, _ = np.linalg.svd(np.hstack([V[:, values < NEVER], never]), full_matrices=False)
+    # How these directions divide over joints.
     joints, first = range(unknowns.vjm.arm.n_joints), unknowns.starts["elastic"]
     around = [_around(unknowns, k) for k in range(len(joints) + 1)]
     own = [_dimension(drawn, columns) for columns in around]
@@ -126,7 +157,7 @@ def structural(unknowns: Unknowns, L: Array, pull: Pull) -> Structural:
 
 
 def _dimension(M: Array, columns: Ids) -> int:
-    """Directions of some columns in which there is no information."""
+    """Count the directions of some columns without information."""
     block = M[np.ix_(columns, columns)]
     size = np.sqrt(np.diag(block))
     told = size > ROUNDING * size.max(initial=0.0)
@@ -135,7 +166,7 @@ def _dimension(M: Array, columns: Ids) -> int:
 
 
 def _around(unknowns: Unknowns, k: int) -> Ids:
-    """Columns of a link: of the first the frames, of the last the mounts."""
+    """List the columns of a link; the first link includes the frames, the last the mounts."""
     mounts = unknowns.columns(f"frame {unknowns.frames[-1]}").stop
     first = unknowns.starts["geometry"]
     if k == 0:

@@ -1,4 +1,4 @@
-"""How far readings are from a state, how they scatter about it, and which of them pull less."""
+"""Residuals of readings, their noise about a state, and outliers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -43,12 +43,15 @@ def pulls_of(state: State, series: Series, noise: Noise) -> Array:
 
 
 def scatter(state: State, series: Sequence[Series], share: float) -> Noise:
-    """What a state leaves open beside the scatter of the readings.
+    """Estimate the model error: the deviation that the noise of the readings does not explain.
 
     Args:
         state: The arm.
         series: The readings.
-        share: Equations less what unknowns spend, over all equations [1].
+        share: Degrees of freedom over number of equations [1].
+
+    Returns:
+        The model error of positions and of orientations.
     """
     none = np.zeros(0)
     position, rotation = [(none, none)], [(none, none)]  # lengths of what is left, variances of readings
@@ -69,10 +72,17 @@ def scatter(state: State, series: Sequence[Series], share: float) -> Noise:
 
 
 def single(noise: Noise, expected: tuple[Array, float]) -> Noise:
-    """The same scatter, as a reading alone in its pose has it.
+    """Convert the noise of combined readings to that of a reading that is alone in its pose.
 
-    A factor below 1 was learnt from means of k readings, of variance factor^2 (sigma^2 + k s^2): what is left
-    open is less than s. Readings are better than they are said to be only if s = 0 is still too much.
+    A factor below 1 was estimated from means of k readings, whose variance is factor^2 (sigma^2 + k s^2). It
+    first lowers the model error s; only if s = 0 is still too much does it lower the noise of the readings.
+
+    Args:
+        noise: Noise of the combined readings.
+        expected: Mean variances sigma^2 and number k of readings behind a mean, from `expected_of`.
+
+    Returns:
+        The noise of single readings.
     """
     own, k = expected
     factor, opened = noise.factor.copy(), [noise.open_position, noise.open_rotation]
@@ -84,7 +94,11 @@ def single(noise: Noise, expected: tuple[Array, float]) -> Noise:
 
 
 def expected_of(series: Sequence[Series]) -> tuple[Array, float]:
-    """Mean variance of positions and orientations, (2,) [m^2, rad^2], and readings behind a mean [1]."""
+    """Average the stated variances of positions and orientations, and the number of combined readings.
+
+    Returns:
+        Variances, (2,) [m^2, rad^2], and the number of readings behind a mean [1].
+    """
     behind = [multiplicity(repeated(one), one.rows) for one in series]
     position = np.mean([one.sigma**2 for one in series])
     turns = [one.sigma_rotation**2 for one in series if one.sigma_rotation is not None]
@@ -93,7 +107,15 @@ def expected_of(series: Sequence[Series]) -> tuple[Array, float]:
 
 
 def units(expected: tuple[Array, float], noise: Noise) -> Array:
-    """Standard deviations of whitened equations of every kind, (kinds,) [m, rad], by `expected_of`."""
+    """Compute the standard deviations of whitened equations, sqrt(sigma^2 + k s^2) or sigma, of every kind.
+
+    Args:
+        expected: Mean variances sigma^2 and number k of readings behind a mean, from `expected_of`.
+        noise: The model error s.
+
+    Returns:
+        (kinds,) [m, rad].
+    """
     own, k = expected
     opened = np.array([noise.open_position, noise.open_rotation])
     return np.asarray(np.sqrt(np.r_[own + k * opened**2, own]))
@@ -118,27 +140,31 @@ def distance(before: State, after: State, series: Sequence[Series]) -> float:
     return float(np.sqrt(total / max(count, 1)))
 
 
-WILD = 0.5  #: How much a reading counts below which it is an outlier.
+WILD = 0.5
+"""Robust weight below which a reading is an outlier [1]."""
 
 
 @dataclass(frozen=True)
 class Outliers:
-    """Positions that count less than half, and the worst of them."""
+    """Summarise positions whose robust weight is below `WILD`, and the worst of them."""
 
-    count: int  #: Positions that count less than half.
-    of: int  #: Positions that were read.
-    series: str  #: Name of the series of the worst.
-    row: int  #: Its identifier.
-    distance: float  #: How far it is from the model [m].
+    count: int  #: Number of outliers.
+    of: int  #: Number of positions that were read.
+    series: str  #: Series of the worst outlier.
+    row: int  #: Its row's identifier.
+    distance: float  #: Its distance from the model [m].
 
 
 def outliers(state: State, series: Sequence[Series], pulls: Sequence[Array]) -> Outliers | None:
-    """Positions that count less than half; None where all count more.
+    """Find positions whose robust weight is below one half.
 
     Args:
         state: The calibrated arm.
         series: The readings.
-        pulls: How much each reading counts, of every series (s, rows) [1].
+        pulls: Robust weight of each reading, for every series (s, rows) [1].
+
+    Returns:
+        Their number and the worst of them; None if there are none.
     """
     found, count = [], 0
     for one, counts in zip(series, pulls, strict=True):

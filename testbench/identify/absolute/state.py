@@ -1,9 +1,10 @@
-"""What a calibration knows of an arm: geometry, springs, joint errors, frames and mounts; and where it rests.
+"""State of a calibrated arm (geometry, springs, joint errors, frames, mounts), and its static equilibrium.
 
     theta = theta_0 + C_theta u(q, theta, loads) + Phi(q) n
 
-Everything is a virtual joint. Constants of the inner links' are the errors of geometry; those of the first
-and of the last link are the base in the tracker's frame and the targets in the tool's, each series' own.
+Everything is a virtual joint. Constants theta_0 of the inner links are errors of geometry; those of the first
+and of the last link are the frame (base in the tracker's frame) and the mount (targets in the tool's frame)
+of each series.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from testbench.data.series import Series
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError, NoEquilibrium
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors, basis
@@ -19,44 +21,47 @@ from testbench.model.load import Load, on_joints
 from testbench.model.vjm import Chain, Vjm, chain
 from testbench.model.weights import Weights, own_weight
 
-BATCH = 500  #: Rows whose Jacobian is in memory at a time.
-TOLERANCE = 1e-11  #: A step below this [m, rad] is the last.
-MOST = 100  #: Steps: what has not come to rest by then has no rest.
+BATCH = 500
+"""Rows whose Jacobian is in memory at a time."""
+TOLERANCE = 1e-11
+"""Step at which the equilibrium has converged [m, rad]."""
+MOST = 100
+"""Most steps to the equilibrium."""
 LOAD_STEPS = 2
-"""Times the loads are taken again where they bend the arm to; each leaves a hundredth of an error or less."""
+"""Updates of the loads for the deflected arm; each reduces the error by a factor of a hundred or more."""
 
 
 @dataclass(frozen=True)
 class Mount:
-    """Targets on the tool."""
+    """Describe targets on the tool."""
 
-    points: Array  #: In the tool's frame, (m, 3) [m].
-    rotation: Array  #: Tool from the target that has an orientation, (3, 3); the unit matrix without one.
+    points: Array  #: Positions in the tool's frame, (m, 3) [m].
+    rotation: Array  #: Tool from the target with an orientation, (3, 3); identity without one.
     markers: tuple[str, ...]  #: Names of the targets, in the order of the points.
 
 
-@dataclass(frozen=True)
-class State:
-    """A calibrated arm."""
+@dataclass(frozen=True, repr=False)
+class State(Displayed):
+    """Describe a calibrated arm."""
 
-    vjm: Vjm  #: Its nominal kinematics.
-    weights: Weights  #: What its links weigh.
+    vjm: Vjm  #: Nominal kinematics.
+    weights: Weights  #: Masses of the links.
     theta_0: Array  #: Constants of the virtual joints, (n_theta,) [m, rad]: errors of geometry.
     C_theta: Array  #: Compliances, (n_theta, n_theta) [m/N, rad/(N m)].
-    errors: JointErrors  #: Which errors the joints have.
-    n: Array  #: Their coefficients, (n joints, k) [rad, m].
+    errors: JointErrors  #: Kinds of joint errors.
+    n: Array  #: Coefficients of the joint errors, (n joints, k) [rad, m].
     torque_scale: Array  #: Typical torque of every joint, (n,) [N m, N].
-    frames: Mapping[str, Frame] = field(default_factory=dict)  #: Of every tracker frame, by name.
-    mounts: Mapping[str, Mount] = field(default_factory=dict)  #: Of every mount, by name.
+    frames: Mapping[str, Frame] = field(default_factory=dict)  #: Tracker frames by name.
+    mounts: Mapping[str, Mount] = field(default_factory=dict)  #: Mounts by name.
 
     def frame(self, series: Series) -> Frame:
-        """The frame of a series, BenchError where it is not known."""
+        """Return the frame of a series; BenchError if it is not known."""
         if series.frame not in self.frames:
             raise BenchError(f"{series.name}: its frame {series.frame!r} is not known")
         return self.frames[series.frame]
 
     def mount(self, series: Series) -> Mount:
-        """The mount of a series, its targets in their order there; BenchError where one is not known."""
+        """Return the mount of a series, targets in the order of the series; BenchError if one is unknown."""
         if series.target not in self.mounts:
             raise BenchError(f"{series.name}: its target {series.target!r} is not known")
         found = self.mounts[series.target]
@@ -86,33 +91,37 @@ def nominal(vjm: Vjm, weights: Weights, torque_scale: Array) -> State:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Where the virtual joints rest under some loads, and what that follows from."""
+    """Hold the virtual joints at rest under some loads."""
 
     theta: Array  #: Virtual joints, (runs, n_theta) [m, rad].
-    where: Chain  #: The tool there, and how virtual joints move it.
-    u: Array  #: Load of every virtual joint that bends it there, (n_theta, runs) [N, N m].
+    where: Chain  #: Tool pose and Jacobian at rest.
+    u: Array  #: Generalised load of every virtual joint at rest, (n_theta, runs) [N, N m].
     phi: Array  #: Functions of the joint errors, (n joints, k, runs).
 
 
 def equilibrium(state: State, q: Array, loads: Sequence[Load] = (), steps: int | None = None) -> Equilibrium:
-    """The equilibrium of every pose under own weight and all loads, by fixed-point steps.
+    """Solve for the equilibrium of every pose under own weight and all loads, by fixed-point steps.
 
-    Each takes the loads where the last one bent the arm to. They converge only where the loaded springs
-    K_theta - K_w of Eq. (7) are stable: an arm that buckles is found by that.
+    Each step applies the loads to the arm as the last step deflected it. Steps converge only if the loaded
+    springs K_theta - K_w of Eq. (7) are stable, so an arm that buckles is detected.
 
     Mathematics: `loaded-1`.
 
     Args:
         state: The arm.
-        q: Joints as commanded, (runs, n) [rad, m].
-        loads: What acts, each with a row a run.
-        steps: So many steps; None for as many as it takes to come to rest.
+        q: Commanded joints, (runs, n) [rad, m].
+        loads: Loads that act at once, each with one row per run.
+        steps: Number of steps; None to iterate to convergence.
+
+    Returns:
+        The arm at rest in every pose.
 
     Raises:
-        NoEquilibrium: When it does not come to rest; names the pose.
+        NoEquilibrium: If the steps do not converge; names the pose.
     """
     start, u, phi = _start(state, q, loads)
     theta, step = start + (state.C_theta @ u).T, np.zeros(len(q))
+    # theta <- theta_0 + Phi(q) n + C_theta u(q, theta), until the step is at rounding.
     for _ in range(MOST if steps is None else steps):
         where = chain(state.vjm, q, theta)
         u = loads_at(state, where, loads)
@@ -128,7 +137,7 @@ def equilibrium(state: State, q: Array, loads: Sequence[Load] = (), steps: int |
 
 
 def _start(state: State, q: Array, loads: Sequence[Load]) -> tuple[Array, Array, Array]:
-    """Virtual joints but for the springs, (runs, n_theta), the load of the straight arm, and phi."""
+    """Compute virtual joints without springs, (runs, n_theta), the load of the undeflected arm, and phi."""
     arm, theta = state.vjm.arm, np.tile(state.theta_0, (len(q), 1))
     u, joints = loads_at(state, chain(state.vjm, q, theta), loads), slice(6 * len(arm.links), arm.n_theta)
     phi = basis(state.errors, arm, q, u[joints], state.torque_scale)

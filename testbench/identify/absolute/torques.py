@@ -2,9 +2,9 @@
 
     sign torque_j = sum over bodies of (load of joint j per unit of p) p + load of the wrench + offset_j
 
-p has mass and first moments of every body. Torques of poses at rest do not tell all of them apart: the
-masses of rigid.xml are their prior. Friction of unknown direction counts as noise; a wild torque pulls no
-harder than a large one (Huber). The arm is taken as straight, which costs a thousandth of a torque.
+p holds mass and first moments of every body. Torques in static poses do not determine all of them: the masses
+of rigid.xml are their prior. Friction of unknown direction counts as noise, and outliers are bounded by
+Huber's loss. The arm is taken as undeflected, which costs a thousandth of a torque.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,45 +19,49 @@ from testbench.model.weights import Weights, weight_columns
 
 MASS = 0.3  #: Prior standard deviation of a mass, relative to rigid.xml's [1].
 CENTRE = 0.1  #: Of a first moment, over the mass: how far a centre may be off [m].
-LIMIT = 3.0  #: Prior standard deviations that nothing goes beyond: no mass falls below a tenth.
-EXPLAINED = 0.3  #: Torques whose rest stays above this share of their spread are not those of the weight [1].
-HUBER = 1.345  #: Standard deviations beyond which a torque pulls no harder: 95 % efficiency of normal ones.
-EXACT = 1e-4  #: Least scatter of a joint's torques, relative to their spread [1].
+LIMIT = 3.0
+"""Bound on each parameter in prior standard deviations: no mass falls below a tenth."""
+EXPLAINED = 0.3
+"""Largest share of the torques' standard deviation that gravity may leave unexplained [1]."""
+HUBER = 1.345
+"""Bend of Huber's loss in standard deviations: 95 % efficiency for normal errors."""
+EXACT = 1e-4
+"""Least noise of a joint's torques, relative to their standard deviation [1]."""
 REWEIGHTINGS = 10
 BATCH = 1000  #: Poses whose columns of all virtual joints are in memory at a time.
 
 
 @dataclass(frozen=True)
 class MassFit:
-    """Masses by joint torques, and how well these are explained."""
+    """Hold masses from joint torques, and how well they explain the torques."""
 
-    weights: Weights  #: Fitted; those that were given where weight does not explain the torques.
-    poses: int  #: Poses whose torques were read.
-    before: float  #: Scatter that the given masses leave, root mean square over joints [N m, N].
-    rest: float  #: Scatter that is left [N m, N].
-    spread: float  #: Scatter of the torques without the wrenches' [N m, N].
-    limited: tuple[str, ...]  #: Links and tool of which a number is as far from the given one as it may be.
+    weights: Weights  #: Fitted masses; the given ones if gravity does not explain the torques.
+    poses: int  #: Poses with measured torques.
+    before: float  #: RMS residual of the given masses over all joints [N m, N].
+    rest: float  #: RMS residual of the fitted masses [N m, N].
+    spread: float  #: RMS deviation of the torques without those of the wrenches [N m, N].
+    limited: tuple[str, ...]  #: Links and tool with a parameter at its bound.
     #: Whether torques are the motors' against the weight, or the weight's on the joints.
     motors: bool = False
 
     @property
     def explained(self) -> bool:
-        """Whether the torques are those of the weight."""
+        """Tell whether gravity explains the torques."""
         return self.rest <= EXPLAINED * self.spread
 
 
 def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassFit | None:
-    """Masses that explain the torques of all series that have some.
+    """Fit the masses of the links to the joint torques of all series that have some.
 
     Mathematics: `abs-12`.
 
     Args:
         vjm: The arm.
-        weights: What rigid.xml says; bodies without mass there stay without.
-        series: Readings; torques may have either sign, and a constant offset a joint.
+        weights: Masses of rigid.xml; bodies without mass there stay massless.
+        series: Readings; torques may have either sign, and each joint a constant offset.
 
     Returns:
-        The masses, and what they are from; None without torques.
+        The masses, and how well they fit; None if no series has torques.
     """
     parts = list(_rows(vjm, series))
     if not parts:
@@ -70,7 +74,7 @@ def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassF
 
 
 def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, Array]]:
-    """Of some poses columns, (n, runs, 4 (bodies - 1)), the wrenches' load and the torques, (n, runs)."""
+    """Compute columns, (n, runs, 4 (bodies - 1)), wrench loads and torques, (n, runs), of some poses."""
     n = vjm.arm.n_joints
     for one, torque in ((one, one.torque) for one in series if one.torque is not None):
         for start in range(0, one.rows, BATCH):
@@ -82,13 +86,13 @@ def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, 
 
 
 def _fit(weights: Weights, names: Sequence[str], A: Array, y: Array) -> MassFit:
-    """Masses by least squares with a prior, reweighted; offsets are taken out as weighted means.
+    """Fit masses by least squares with a prior, reweighted; offsets are removed as weighted means.
 
     Args:
         weights: The prior.
-        names: Of all bodies but the base.
+        names: Names of all bodies but the base.
         A: Load of every joint per unit of each parameter, (n, runs, 4 (bodies - 1)).
-        y: Load of every joint under the weight, with an offset, (n, runs) [N m, N].
+        y: Load of every joint by gravity, with an offset, (n, runs) [N m, N].
     """
     prior = weights.parameters[1:].ravel()
     sd = (weights.mass[1:, None] * np.array([MASS, CENTRE, CENTRE, CENTRE])).ravel()
@@ -115,7 +119,7 @@ def _fit(weights: Weights, names: Sequence[str], A: Array, y: Array) -> MassFit:
 
 
 def _step(A: Array, y: Array, w: Array) -> Array:
-    """Least sum of w (A x - y)^2 and x^2 inside the limits, (4 (bodies - 1),) [1]."""
+    """Minimise the sum of w (A x - y)^2 and x^2 within the bounds, (4 (bodies - 1),) [1]."""
     from scipy.optimize import lsq_linear  # here: it takes long to import, and few runs have torques
 
     size = A.shape[2]
@@ -125,13 +129,13 @@ def _step(A: Array, y: Array, w: Array) -> Array:
 
 
 def _off_mean(x: Array, w: Array) -> Array:
-    """Values of every joint, (n, runs, ...), less their mean by weights, (n, runs)."""
+    """Subtract the weighted mean of every joint from its values, (n, runs, ...)."""
     share = w / w.sum(axis=1, keepdims=True)
     return np.asarray(x - np.einsum("jr...,jr->j...", x, share)[:, None])
 
 
 def _scatter(x: Array) -> Array:
-    """Standard deviation of values about zero, wild ones left aside, (n,)."""
+    """Estimate the standard deviation of values about zero by their median, (n,)."""
     return np.asarray(1.4826 * np.median(np.abs(x), axis=1))
 
 

@@ -1,7 +1,7 @@
-"""The unknowns of a calibration, and the columns that they have in its linear equations.
+"""Unknowns of a calibration, and their columns in the linear equations.
 
-In order: a frame a tracker, a mount a set of targets, errors of geometry, joint errors, compliances. Frames
-and mounts are steps from where they are; all else is absolute, so that a Gramian stays one in every step.
+In order: frames, mounts, errors of geometry, joint errors, compliances. Frames and mounts are steps from
+their current values; all others are absolute, so that a Gramian remains one in every step.
 """
 
 from collections.abc import Mapping
@@ -23,25 +23,28 @@ from testbench.model.vjm import Vjm
 
 @dataclass(frozen=True)
 class Unknowns:
-    """What is to be found."""
+    """List the unknowns of a calibration."""
 
     vjm: Vjm  #: The arm.
     frames: tuple[str, ...]  #: Names of the tracker frames.
-    mounts: Mapping[str, tuple[int, bool]]  #: Targets of every mount, and whether one has an orientation.
-    errors: JointErrors  #: Errors of the joints.
-    structure: Structure  #: Compliances.
-    geometry: bool = True  #: Whether geometry is unknown; it cancels in pairs.
-    held: frozenset[str] = frozenset()  #: Frames and mounts that readings leave open: a prior holds them.
-    pattern: Pattern | None = None  #: What joints share; then their waves are in its `basis`.
+    #: Number of targets of every mount, and whether one has an orientation.
+    mounts: Mapping[str, tuple[int, bool]]
+    errors: JointErrors  #: Kinds of joint errors.
+    structure: Structure  #: Structure of the compliances.
+    geometry: bool = True  #: Whether geometry is unknown; it cancels in deflections.
+    #: Frames and mounts that the readings leave undetermined: they have a prior.
+    held: frozenset[str] = frozenset()
+    #: Error pattern that joints share; their waves are then expressed in its `basis`.
+    pattern: Pattern | None = None
 
     @cached_property
     def inner(self) -> slice:
-        """Virtual joints whose constants are errors of geometry: those of all links but first and last."""
+        """Return the virtual joints whose constants are errors of geometry: all links but first and last."""
         return slice(6, 6 * max(1, self.vjm.arm.n_joints) if self.geometry else 6)
 
     @cached_property
     def starts(self) -> dict[str, int]:
-        """First column of every frame, of every mount, of geometry, errors, compliances, and the end."""
+        """Return the first column of every frame, every mount, geometry, errors, compliances, and the end."""
         sizes = {f"frame {name}": 6 for name in self.frames}
         sizes |= {f"mount {name}": 3 * m + 3 * turned for name, (m, turned) in self.mounts.items()}
         sizes |= {"geometry": self.inner.stop - self.inner.start}
@@ -51,20 +54,20 @@ class Unknowns:
 
     @property
     def size(self) -> int:
-        """Number of unknowns."""
+        """Count the unknowns."""
         return self.starts["end"]
 
     def columns(self, name: str) -> slice:
-        """Columns of "frame NAME", "mount NAME", "geometry", "errors" or "elastic"."""
+        """Return the columns of "frame NAME", "mount NAME", "geometry", "errors" or "elastic"."""
         keys = list(self.starts)
         return slice(self.starts[name], self.starts[keys[keys.index(name) + 1]])
 
     @cached_property
     def groups(self) -> tuple[tuple[str, Ids], ...]:
-        """Columns that share a prior: their kind, and which they are.
+        """Return the columns that share a prior, with their kind.
 
-        A band of orders is one of all joints: where a joint has turned through a part of its range only, the
-        others tell how far the rest may be off.
+        A band of orders is shared by all joints: if one joint has turned through a part of its range only,
+        the others determine how large its errors in the rest may be.
         """
         geometry = np.arange(self.size)[self.columns("geometry")].reshape(-1, 6)
         found = [("geometry shift", geometry[:, :3].ravel()), ("geometry turn", geometry[:, 3:].ravel())]
@@ -85,13 +88,13 @@ class Unknowns:
 
     @cached_property
     def basis(self) -> csr_array | None:
-        """Unknowns in SI units by those of the equations where joints share a pattern, (size, size)."""
+        """Return unknowns in SI units by those of the equations, (size, size); None without a pattern."""
         if self.pattern is None:
             return None
         return basis(self.pattern, self.errors, self.starts["errors"], self.size)
 
     def current(self, state: State) -> Array:
-        """What a state has for every unknown, (size,); zero for frames and mounts."""
+        """Return the values of all unknowns in a state, (size,); frames and mounts are steps, thus zero."""
         x = np.zeros(self.size)
         x[self.columns("geometry")] = state.theta_0[self.inner]
         x[self.columns("errors")] = state.n.ravel()
