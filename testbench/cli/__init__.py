@@ -5,16 +5,16 @@ import sys
 
 from testbench.runs import interrupt
 
-GARBAGE = 50_000  #: Objects between two searches for garbage: looking every 700 is a tenth of short commands.
+GARBAGE = 200_000  #: Objects between two searches for garbage: every 700 they take a tenth of a command.
 
 
 def main() -> None:
     """Entry point of the command."""
     interrupt.handle(interrupt.leave_at_once)
+    gc.set_threshold(GARBAGE)
     from testbench.runs.surroundings import undisturbed  # here: it imports numpy
 
     undisturbed()
-    gc.set_threshold(GARBAGE)
     from testbench.cli.program import program  # here: imports can be interrupted from now on
     from testbench.runs import command
 

@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 
 from testbench.data.series import Series
 from testbench.design.planning import CandidateSet
-from testbench.design.rows import SCALE_UNCERTAINTY, Problem
+from testbench.design.rows import SCALE_UNCERTAINTY, Problem, times
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State, forward
 from testbench.identify.absolute.unknowns import Unknowns
@@ -98,17 +98,22 @@ def at(union: Union, q: Array) -> Series:
     )
 
 
-def measured_rows(union: Union, q: Array) -> Array:
+def measured_rows(union: Union, q: Array, onto: Array | None = None) -> Array:
     """Compute whitened rows of poses per unit of x.
 
     Args:
         union: The unknowns and how a pose is read.
         q: Actuated joints, (poses, n) [rad, m].
+        onto: Coordinates in place of x, x = onto @ a, (size, r); None for x itself.
 
     Returns:
-        Rows in standard deviations of the readings, (poses, k, r) [1].
+        Rows in standard deviations of the readings, (poses, k, size) or (poses, k, r) [1].
     """
-    return np.concatenate([_whitened(union, some) @ union.L for some in _batches(q)])
+    rows = (_whitened(union, some) for some in _batches(q))
+    if onto is None:
+        return np.concatenate([own @ union.L for own in rows])
+    scale = union.L @ onto
+    return np.concatenate([times(own, scale) for own in rows])
 
 
 def position_rows(union: Union, q: Array) -> Array:

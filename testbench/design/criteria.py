@@ -14,7 +14,7 @@ Hollerbach (ICRA 2008).
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from testbench.errors import Array, BenchError
 
 CRITERIA = ("D", "A", "E", "G", "I", "test")  #: Names of all criteria; absolute readings have no "test".
 POWER = 24  #: Exponent of the power mean that stands in for the largest cost of G and E [1].
+GROWN = 1e3  #: Growth of M up to which gains are updated [1]: N loses the digits of its square.
 SHORTLIST = 32  #: Candidates for which G and E are computed exactly; the stand-in selects them.
 
 
@@ -121,7 +122,18 @@ class Linear:
         Returns:
             Phi(M + F^T F) of every candidate, (candidates,).
         """
-        return np.asarray(1 / (1 / self.information(M) - _gain(M, rows, self.W)))
+        return self.after_gains(gains_of(M, rows, self.W))
+
+    def after_gains(self, gains: "Gains") -> Array:
+        """Compute Phi with one more candidate from what each takes off tr(W M^-1).
+
+        Args:
+            gains: Gains of the candidates by this W.
+
+        Returns:
+            Phi(M + F^T F) of every candidate, (candidates,).
+        """
+        return np.asarray(1 / ((gains.I * self.W).sum() - gains.reductions()))
 
     def tangent(self, M: Array) -> Tangent:
         """Compute the plane Z = M^-1 W M^-1 / tr(W M^-1)^2, the gradient of Phi.
@@ -178,7 +190,7 @@ class Largest:
         found = np.zeros(len(rows))
         first = np.arange(len(rows))
         if len(rows) > SHORTLIST:
-            gain = _gain(M, rows, self._weighted(M, self.costs(M)))
+            gain = gains_of(M, rows, self._weighted(M, self.costs(M))).reductions()
             first = np.argpartition(-gain, SHORTLIST)[:SHORTLIST]
         few = rows[first]
         # exact costs of the short list; all others keep 0
@@ -309,10 +321,40 @@ def squares(rows: Array) -> Array:
     return np.asarray((rows.swapaxes(1, 2) @ rows).reshape(len(rows), -1))
 
 
-def _gain(M: Array, rows: Array, W: Array) -> Array:
-    """Compute the reduction of tr(W M^-1) by each candidate, tr((1 + F I F^T)^-1 F I W I F^T), I = M^-1.
+@dataclass(frozen=True)
+class Gains:
+    """Hold what each candidate takes off tr(W M^-1): tr(K^-1 N).
 
-    It eliminates row by row for all candidates together: LAPACK, one by one, takes three times as long.
+    K = 1 + F I F^T and N = F I W I F^T, with I = M^-1, follow an M that grows by a few rows; see `grown`.
+    """
+
+    rows: Array  #: Whitened rows F, (candidates, k, r).
+    W: Array  #: Weight of the linear criterion, (r, r).
+    M: Array  #: Information matrix, (r, r).
+    I: Array  # noqa: E741 - as in the books; the inverse of M, (r, r)
+    K: Array  #: (k, k, candidates).
+    N: Array  #: (k, k, candidates).
+    #: Factor by which M grew at most along a direction since K and N were computed from it [1].
+    growth: float = 1.0
+
+    def reductions(self) -> Array:
+        """Compute tr(K^-1 N) of every candidate, (candidates,).
+
+        It eliminates row by row for all candidates together: LAPACK, one by one, takes three times as long.
+        """
+        K, N = self.K, self.N
+        # symmetric elimination: pivot by pivot, each leaves a smaller K and N
+        found = N[0, 0] / K[0, 0]
+        while len(K) > 1:
+            factor = K[1:, 0] / K[0, 0]
+            mixed = factor[:, None] * (N[1:, 0] - factor * (N[0, 0] / 2))
+            K, N = K[1:, 1:] - factor[:, None] * K[0, 1:], N[1:, 1:] - mixed - mixed.swapaxes(0, 1)
+            found = found + N[0, 0] / K[0, 0]
+        return np.asarray(found)
+
+
+def gains_of(M: Array, rows: Array, W: Array) -> Gains:
+    """Compute what each candidate takes off tr(W M^-1), from M.
 
     Args:
         M: Information matrix, (r, r).
@@ -320,20 +362,45 @@ def _gain(M: Array, rows: Array, W: Array) -> Array:
         W: Weight of the linear criterion, (r, r).
 
     Returns:
-        Reductions, (candidates,).
+        The gains.
     """
-    r, I = len(M), np.linalg.inv(M)  # noqa: E741
-    P, columns = times(rows, np.hstack([I, I @ W @ I])), rows.swapaxes(1, 2)
-    K = np.eye(rows.shape[1])[:, :, None] + (P[:, :, :r] @ columns).transpose(1, 2, 0)
-    N = np.ascontiguousarray((P[:, :, r:] @ columns).transpose(1, 2, 0))
-    # trace of K^-1 N by symmetric elimination: pivot by pivot, each leaves a smaller K and N
-    found = N[0, 0] / K[0, 0]
-    while len(K) > 1:
-        factor = K[1:, 0] / K[0, 0]
-        mixed = factor[:, None] * (N[1:, 0] - factor * (N[0, 0] / 2))
-        K, N = K[1:, 1:] - factor[:, None] * K[0, 1:], N[1:, 1:] - mixed - mixed.swapaxes(0, 1)
-        found = found + N[0, 0] / K[0, 0]
-    return np.asarray(found)
+    (count, k, r), I = rows.shape, np.linalg.inv(M)  # noqa: E741
+    P = times(rows, np.hstack([I, I @ W @ I])).reshape(count, 2 * k, r)
+    both = np.ascontiguousarray((P @ rows.swapaxes(1, 2)).transpose(1, 2, 0))
+    return Gains(rows, W, M, I, np.eye(k)[:, :, None] + both[0::2], both[1::2])
+
+
+def grown(gains: Gains, own: Array) -> Gains:
+    """Compute the gains after some rows were read, by Woodbury's formula.
+
+    With U = I f^T, V = I W U and S = 1 + f U the new inverse is I - U S^-1 U^T. So K and N of every candidate
+    change by products of F U and F V, which are as narrow as f. Where M has grown by more than `GROWN` along
+    a direction, differences would lose too many digits, and all is computed from M.
+
+    Args:
+        gains: Gains before.
+        own: Whitened rows f that are read, (k, r).
+
+    Returns:
+        Gains at M + f^T f.
+    """
+    M, k, U = gains.M + own.T @ own, len(own), gains.I @ own.T
+    S = np.eye(k) + own @ U
+    growth = gains.growth * float(np.linalg.eigvalsh(S)[-1])
+    if not growth < GROWN:
+        return gains_of(M, gains.rows, gains.W)
+    both = times(gains.rows, np.hstack([U, gains.I @ (gains.W @ U)])).transpose(1, 2, 0)
+    T, R = np.ascontiguousarray(both[:, :k]), both[:, k:]
+    X = np.einsum("ilp,lj->ijp", T, np.linalg.inv(S))
+    half = np.einsum("ilp,jlp->ijp", X, R - np.einsum("ilp,lj->ijp", X, U.T @ gains.W @ U / 2))
+    return replace(
+        gains,
+        M=M,
+        I=np.linalg.inv(M),
+        K=gains.K - np.einsum("ilp,jlp->ijp", X, T),
+        N=gains.N - half - half.swapaxes(0, 1),
+        growth=growth,
+    )
 
 
 def _tangent(M: Array, W: Array) -> Tangent:

@@ -9,7 +9,7 @@ import itertools
 
 import numpy as np
 
-from testbench.design.criteria import Criterion, Largest
+from testbench.design.criteria import Criterion, Largest, Linear, gains_of, grown
 from testbench.design.relaxation import Relaxed, sensitivity
 from testbench.design.rows import Problem, behind, information, total
 from testbench.errors import Array, Ids
@@ -72,9 +72,14 @@ def greedy(problem: Problem, criterion: Criterion, rows: Array, poses: int) -> I
         Indices into rows in the order of choice, (poses,).
     """
     M, plan = problem.prior, np.zeros(poses, dtype=int)
+    gains = gains_of(M, rows, criterion.W) if isinstance(criterion, Linear) else None
     for k in stepwise(range(poses), "choosing poses"):
-        plan[k] = criterion.after(M, rows).argmax()
-        M = M + rows[plan[k]].T @ rows[plan[k]]
+        # of a linear criterion the gains follow M; the others are computed from it
+        worth = criterion.after_gains(gains) if gains is not None else criterion.after(M, rows)
+        plan[k] = worth.argmax()
+        own = rows[plan[k]]
+        M = M + own.T @ own
+        gains = grown(gains, own) if gains is not None and k < poses - 1 else gains
     return plan
 
 

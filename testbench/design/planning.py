@@ -23,7 +23,6 @@ from testbench.design.rows import (
     measured_rows,
     problem_of,
     task_rows,
-    times,
     workspace_rows,
 )
 from testbench.errors import Array, BenchError, Ids
@@ -149,7 +148,7 @@ def choose(search: Search, criterion: Criterion, examined: CandidateSet) -> Chos
     load = examined.load[chosen]
 
     def rows(trial: Array, places: Ids) -> Array:
-        return times(search.measured(trial, load[places]), examined.problem.lift)
+        return search.measured(trial, load[places], examined.problem.lift)
 
     q = refine(examined.q[chosen], examined.problem.prior, criterion, rows, search)
     # the order of measuring, and the bound over all poses examined, those of the plan among them
@@ -203,7 +202,7 @@ def _climb(search: Search, examined: CandidateSet, relaxed: Relaxed) -> Candidat
     load = examined.load[top]
 
     def usefulness(q: Array) -> Array:
-        rows = times(search.measured(q, np.resize(load, len(q))), examined.problem.lift)
+        rows = search.measured(q, np.resize(load, len(q)), examined.problem.lift)
         return sensitivity(rows, relaxed.dual)
 
     return _add(search, examined, ascend(examined.q[top], usefulness, search), load)
@@ -211,7 +210,7 @@ def _climb(search: Search, examined: CandidateSet, relaxed: Relaxed) -> Candidat
 
 def _add(search: Search, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
     """Add candidates; directions that only they show are left out."""
-    rows = search.measured(q, load) @ examined.problem.lift
+    rows = search.measured(q, load, None) @ examined.problem.lift
     problem = replace(examined.problem, rows=np.concatenate([examined.problem.rows, rows]))
     return CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], problem)
 

@@ -31,6 +31,11 @@ Rows = Callable[[Array, Ids], Array]
 
 Each pose is measured as the pose in its place of the plan is, such as under the same load.
 """
+Measured = Callable[[Array, Ids, Array | None], Array]
+"""Function of joints (poses, n) [rad, m], loads (poses,) and lift (n, r) to whitened rows (poses, k, r).
+
+Rows are per unit of a, where x = lift @ a, or of x itself where the lift is None.
+"""
 Feasible = Callable[[Array], Mask]
 """Function of joints (poses, n) [rad, m] to whether each pose is feasible, (poses,)."""
 
@@ -48,7 +53,7 @@ class Reach:
 class Search:
     """Describe how poses are searched for, whatever they are measured for."""
 
-    measured: Rows  #: Whitened rows of poses per unit of x, each under its own load, whose index is given.
+    measured: Measured  #: Whitened rows of poses, each under its own load, whose index is given.
     poses: int  #: Number of poses to measure.
     limits: Array  #: Lower and upper joint limits, (2, n) [rad, m].
     reach: Reach  #: Which poses near the candidates are feasible, and which ways between them are clear.

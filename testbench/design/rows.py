@@ -83,7 +83,7 @@ class Problem:
         return int(self.prior.shape[0])
 
 
-def reading_rows(experiment: Experiment, q: Array, load: Load) -> Array:
+def reading_rows(experiment: Experiment, q: Array, load: Load, onto: Array | None = None) -> Array:
     """Compute whitened rows of one loaded and one unloaded reading of all targets in every pose, Eq. (12).
 
     In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist. The
@@ -95,15 +95,16 @@ def reading_rows(experiment: Experiment, q: Array, load: Load) -> Array:
         experiment: How every pose is measured.
         q: Actuated joints, (poses, n_joints) [rad, m].
         load: Load, the same in all poses or with one row per pose.
+        onto: Coordinates in place of x, x = onto @ a, (n, r); None for x itself.
 
     Returns:
-        Rows over sqrt(2) sigma per unit of x, (poses, k, n) with k at most 6 [1].
+        Rows over sqrt(2) sigma per unit of x or a, (poses, k, n) or (poses, k, r), with k at most 6 [1].
 
     Raises:
         BenchError: When the load has rows for another number of poses.
     """
     G: Array = np.asarray(np.linalg.qr(marker_motion(experiment.targets), mode="r"))
-    return _rows(experiment, q, load, G / (math.sqrt(2) * experiment.sigma))
+    return _rows(experiment, q, load, G / (math.sqrt(2) * experiment.sigma), onto)
 
 
 def deflection_rows(experiment: Experiment, q: Array, load: Load) -> Array:
@@ -147,18 +148,19 @@ def loads_of(spec: Specification, load: Ids) -> Load:
     return Load(wrench[load], point[load])
 
 
-def measured_rows(spec: Specification, q: Array, load: Ids) -> Array:
+def measured_rows(spec: Specification, q: Array, load: Ids, onto: Array | None = None) -> Array:
     """Compute whitened rows of poses, each under its own load.
 
     Args:
         spec: Specification with its loads.
         q: Actuated joints, (poses, n_joints) [rad, m].
         load: Index into the specification's loads, (poses,).
+        onto: Coordinates in place of x, x = onto @ a, (n, r); None for x itself.
 
     Returns:
-        Rows per unit of x, (poses, k, n) [1].
+        Rows per unit of x or a, (poses, k, n) or (poses, k, r) [1].
     """
-    return reading_rows(spec.experiment, q, loads_of(spec, load))
+    return reading_rows(spec.experiment, q, loads_of(spec, load), onto)
 
 
 def problem_of(spec: Specification, q: Array, load: Ids) -> Problem:
@@ -178,13 +180,17 @@ def problem_of(spec: Specification, q: Array, load: Ids) -> Problem:
     return build_problem(spec.experiment, measured_rows(spec, q, load), spec.uncertainty)
 
 
-def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
-    """Compute motion (k, 6) times the tool's twist per unit of x, in the tool's own axes, (poses, k, n)."""
+def _rows(experiment: Experiment, q: Array, load: Load, motion: Array, onto: Array | None = None) -> Array:
+    """Compute motion (k, 6) times the tool's twist per unit of x or a, in the tool's own axes, (poses, k, n).
+
+    See `reading_rows`.
+    """
     told, metric = straight(experiment.vjm, q, [load.over(len(q))]), experiment.metric
     unknowns = compliances(experiment.vjm, metric.structure)
     A = jacobian(unknowns, told, np.zeros((1, 3)), turned=True)[:, :, :-1]
     twist = np.einsum("rxy,sxcr->rsyc", told.where.rotation, A, optimize=True)
-    return np.asarray(motion @ (twist.reshape(len(q), 6, -1) @ metric.L))
+    flat = twist.reshape(len(q), 6, -1)
+    return np.asarray(motion @ (flat @ metric.L if onto is None else times(flat, metric.L @ onto)))
 
 
 def marker_motion(points: Array) -> Array:

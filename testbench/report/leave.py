@@ -37,6 +37,7 @@ class Asked:
 
 def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
     """Write a run; InputError when its folder cannot be written."""
+    import testbench.report.figure_docs  # noqa: F401 - before any figure
     from testbench.report.figure import save  # here: matplotlib and rerun take half a second, and not
     from testbench.report.page.page import write_page  # every command leaves a folder
     from testbench.report.recording.run import write_run

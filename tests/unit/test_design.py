@@ -13,6 +13,8 @@ from testbench.design.criteria import (
     criterion_e,
     criterion_g,
     criterion_of,
+    gains_of,
+    grown,
     mean_square,
 )
 from testbench.design.exchange import exchange, greedy
@@ -90,13 +92,28 @@ def test_bounds_and_updates_exchange_what_trying_everything_does(criterion, prio
         assert found.tolist() == by_trying_everything(problem, criterion, start, 6)
 
 
-@pytest.mark.parametrize("prior", [0.1, 1e-9], ids=["prior", "next to none"])
-def test_greedy_takes_the_best_next_one(prior):
-    criterion, problem, plan = Determinant(), random_problem(50, 7, prior), []
+@pytest.mark.parametrize(
+    ("criterion", "prior"),
+    [(Determinant(), 1e-9), *itertools.product([criteria()[k] for k in (0, 1, 4)], [0.1, 1e-4])],
+)
+def test_greedy_takes_the_best_next_one(criterion, prior):
+    problem, plan = random_problem(50, 7, prior), []
     for best in greedy(problem, criterion, problem.rows, 12):
         phi = [criterion.information(information(problem, [*plan, j])) for j in range(50)]
         assert phi[best] == pytest.approx(max(phi), rel=1e-9)
         plan.append(best)
+
+
+@pytest.mark.parametrize("prior", [0.1, 1e-9], ids=["prior", "next to none"])
+def test_gains_that_follow_the_information_are_those_computed_from_it(prior):
+    problem, W, read = random_problem(30, 3, prior), criteria()[4].W, rng(1).integers(0, 30, 15)
+    gains = gains_of(problem.prior, problem.rows, W)
+    for k in read:
+        gains = grown(gains, problem.rows[k])
+    M = information(problem, read)
+    np.testing.assert_allclose(gains.M, M, rtol=1e-12)
+    left = [np.trace(W @ np.linalg.inv(M + F.T @ F)) for F in problem.rows]
+    np.testing.assert_allclose(gains.reductions(), np.trace(W @ np.linalg.inv(M)) - left, rtol=1e-9)
 
 
 def test_forecast_is_the_spread_of_least_squares():

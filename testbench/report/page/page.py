@@ -37,8 +37,13 @@ BRACKETS = re.compile(r" (?=[(\[])")
 
 def markdown(text: str) -> Markup:
     """Markdown as HTML: tags in it are shown as text, pictures are left out."""
-    found = MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
-    return Markup(found.render(text))
+    return Markup(_renderer().render(text))
+
+
+@functools.cache
+def _renderer() -> MarkdownIt:
+    """Build the renderer once: a report has dozens of texts."""
+    return MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
 
 
 def grid(table: Table) -> Json:
@@ -235,7 +240,10 @@ def frames_plain(frames: Frames) -> list[list[int | None]]:
 
 def _whole(numbers: Array) -> list[int | None]:
     """Numbers as whole parts of ten thousand, row by row; null where there is none."""
-    return [round(x) if np.isfinite(x) else None for x in (MICRO * np.ravel(numbers)).tolist()]
+    scaled = np.rint(MICRO * np.ravel(numbers))
+    if np.isfinite(scaled).all():
+        return [*map(int, scaled.tolist())]
+    return [int(x) if math.isfinite(x) else None for x in scaled.tolist()]
 
 
 def _solid(shape: Shape) -> Json:
