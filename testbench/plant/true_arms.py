@@ -342,10 +342,13 @@ def true_plant(arm: Arm, name: str, seed: int, stiffer: float = 1.0) -> "Plant":
         arm: The arm as its folder describes it.
         name: Kind of truth, one of TRUTHS or HELD_OUT.
         seed: Seed of its random numbers.
-        stiffer: How many times stiffer its links are [1].
+        stiffer: Factor by which its links are stiffer [1].
+
+    Returns:
+        The plant of the true arm.
 
     Raises:
-        BenchError: When the name is none of TRUTHS and HELD_OUT.
+        BenchError: If the name is none of TRUTHS and HELD_OUT.
     """
     from testbench.plant.build import build_plant
 
