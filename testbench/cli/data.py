@@ -8,12 +8,15 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from rich.console import Console
 
 from testbench.arm.folder import find_arm
 from testbench.cli.arguments import ShownFolder
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError, Ids, sheet_of
-from testbench.files.propose_map import map_text, propose
+from testbench.files.layouts import fitting
+from testbench.files.mapping import Map
+from testbench.files.propose_map import Proposal, map_text, propose
 from testbench.files.read_series import read_series
 from testbench.identify.registered import Registered
 from testbench.plant.shapes import rigid_frames
@@ -43,6 +46,10 @@ MAP = Kind("a map that testbench data map wrote", b"# A map of ")
 MOST = 6  #: Loads and names that are listed.
 SHARE, ARROW = 0.15, 0.2  #: Length of deflections and of the load's arrow over the reach [1].
 COLUMNS = columns("quantity file_columns unit values rows")
+LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's joints, if apart.")]
+LayoutName = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Layout of the file; default: the one that fits.")
+]
 group = typer.Typer(no_args_is_help=True)
 
 
@@ -50,6 +57,8 @@ group = typer.Typer(no_args_is_help=True)
 class Options:
     """Flags of `data check`."""
 
+    log: LogFile = None
+    layout: LayoutName = None
     out: ShownFolder = None
     force: Force = False
 
@@ -58,10 +67,14 @@ class Options:
 @takes(Readings, Options)
 def check(runs: Readings, asked: Options) -> None:
     """Say which column is which quantity, what was assumed, and show the runs on the arm."""
-    given = [find_arm(runs.arm), *files_read(runs)]
+    given = [find_arm(runs.arm), *files_read(runs), *([asked.log] if asked.log else [])]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         filed, console = build_cell(runs.arm), plain_console()
-        export = read(filed, runs)
+        mapping = _map_of_layout(console, filed, runs, asked)
+        if isinstance(mapping, Map) and not _pairs(runs.dataset, filed, mapping):
+            _show_series(console, filed, runs.dataset, mapping)
+            return
+        export = read(filed, runs, mapping)
         found = contents(export)
         found["columns"] = [Row(row, values=_written(row)) for row in found.columns]
         try:
@@ -82,13 +95,32 @@ def check(runs: Readings, asked: Options) -> None:
         print_words(console, said, lines=lines)
 
 
+def _map_of_layout(console: Console, cell: Cell, runs: Readings, asked: Options) -> Path | Map | None:
+    """The map that is given, else that of the layout that fits, which is printed; None without either."""
+    fits = runs.mapping is None and (asked.log or fitting(runs.dataset, cell.arm, asked.layout))
+    if not fits:
+        return runs.mapping
+    proposal = propose(runs.dataset, cell.arm, asked.log, runs.dataset.parent, asked.layout)
+    file = sheet_of(runs.dataset)[0]
+    hint = f"To save as {file.with_suffix('.toml').name}, for --map:"
+    console.print("\n".join([*_origin(proposal), "", hint, "", _map_file(file, proposal)]), soft_wrap=True)
+    return proposal.map()
+
+
+def _pairs(dataset: Path, cell: Cell, mapping: Map) -> bool:
+    """Whether the readings of a file are in pairs, unloaded and loaded."""
+    series = read_series(dataset, cell.arm, mapping).series
+    return any(own.wrench.any() for own in series)
+
+
 @dataclass(frozen=True)
 class MapOptions:
     """Flags of `data map`."""
 
     arm: ArmName
     dataset: Annotated[Path, typer.Argument(help="Export of an instrument: text table or FILE.xlsx#SHEET.")]
-    log: Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's joints, if apart.")] = None
+    log: LogFile = None
+    layout: LayoutName = None
     out: Annotated[Path | None, typer.Option(metavar="TOML", help="Map to write.")] = None
     force: Force = False
 
@@ -102,14 +134,29 @@ def propose_map(asked: MapOptions) -> None:
     inputs = [find_arm(asked.arm), file, *([asked.log] if asked.log else [])]
     check_file(out, MAP, inputs=inputs, force=asked.force)
     cell = build_cell(asked.arm)
-    entries = propose(asked.dataset, cell.arm, asked.log, out.parent)
-    head = f"# A map of {file.name}, proposed by testbench data map\n"
+    proposal = propose(asked.dataset, cell.arm, asked.log, out.parent, asked.layout)
     with whole_file(out) as part:
-        part.write_text(head + map_text(entries), "utf-8")
+        part.write_text(_map_file(file, proposal), "utf-8")
+    console.print("\n".join([f"map        {out}", *_origin(proposal), ""]), soft_wrap=True)
+    _show_series(console, cell, asked.dataset, out)
+
+
+def _map_file(file: Path, proposal: Proposal) -> str:
+    """The text of a proposed map."""
+    return f"# A map of {file.name}, proposed by testbench data map\n{map_text(proposal.entries)}"
+
+
+def _origin(proposal: Proposal) -> list[str]:
+    """The layouts of a proposed map, and what it guesses."""
+    entries = proposal.entries
     guesses = {why: [own.key for own in entries if own.why == why] for *_, why in entries if why}
-    said = (f"guess      {', '.join(keys)}: {why}" for why, keys in guesses.items())
-    console.print("\n".join([f"map        {out}", *said, ""]), soft_wrap=True)
-    export = read_series(asked.dataset, cell.arm, out)
+    layouts = [f"layout     {name}" for name in proposal.layouts]
+    return [*layouts, *(f"guess      {', '.join(keys)}: {why}" for why, keys in guesses.items())]
+
+
+def _show_series(console: Console, cell: Cell, dataset: Path, mapping: Path | Map) -> None:
+    """Show what a map reads of a file, and how well that fits the arm."""
+    export = read_series(dataset, cell.arm, mapping)
     rows = [Row(row, values=_written(row)) for row in column_rows(export.columns)]
     notes = [*(f"- {note}" for note in export.notes), f"{sum(one.rows for one in export.series)} readings"]
     console.print("\n".join([*column_lines(rows), "", *notes]), soft_wrap=True)

@@ -74,6 +74,7 @@ class Log(Strict):
     within_s: Annotated[float, Field(gt=0, le=3600)] | None = None
     #: Where nothing says which row belongs to which: how many readings in a row belong to one of the log.
     rows: int | None = Field(default=None, ge=1, le=1000)
+    table: Layout = Layout()  #: How that file is written.
 
     @model_validator(mode="after")
     def _keyed(self) -> "Log":
@@ -123,6 +124,7 @@ class Names:
     lost: Mapping[str, str]  #: What stands for a lost target: a blank.
     loads: Mapping[str, str]  #: Words for masses and forces, and their numbers.
     markers: tuple[str, ...]  #: Names of the targets that the file may have.
+    slides: frozenset[int]  #: Which joints slide, counted from 0.
     map: Map  #: What the map says beside names.
     load: float | None = None  #: Mass that hangs in loaded rows where nothing says one [kg].
 
@@ -138,7 +140,7 @@ class Names:
 
     def knows(self, header: str) -> bool:
         """Tell whether a column with that name is read."""
-        return self.find(header) is not None
+        return self.find(header) is not None or header in self.cells
 
     def maps(self, header: str) -> bool:
         """Tell whether the map has a column with that name."""
@@ -172,11 +174,13 @@ class Names:
         return ours if ours in known else ""
 
 
-def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, Slot]] = our_names) -> Names:
+def read_map(
+    path: Path | Map | None, arm: Arm, quantities: Callable[[Arm], dict[str, Slot]] = our_names
+) -> Names:
     """Read a map, and combine it with our names for an arm.
 
     Args:
-        path: The map; None for none.
+        path: The map, or its file; None for none.
         arm: The arm.
         quantities: Function that lists our names: those of runs, absolute readings or programs. The map may
             name other targets than the arm's, except for runs.
@@ -187,7 +191,8 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
     Raises:
         InputError: Names the key and what was expected.
     """
-    found = Map() if path is None else _read(path)
+    found = _read(path) if isinstance(path, Path) else path or Map()
+    path = path if isinstance(path, Path) else None
     if found.series.markers and quantities is not our_names:
         arm = replace(arm, markers=tuple(found.series.markers))
     ours = quantities(arm)
@@ -205,6 +210,7 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
         lost=dict.fromkeys(lost, ""),
         loads={word: key for key, own in words.items() if is_decimal(key) for word in own},
         markers=arm.markers,
+        slides=frozenset(k for k, joint in enumerate(arm.file_joints) if joint.prismatic),
         map=found,
     )
 
@@ -218,7 +224,7 @@ def _read(path: Path) -> Map:
         place = toml_place(path, first["loc"])
         if first["type"] == "extra_forbidden":
             tables: dict[str, type[Strict]] = {"series": Absolute, "log": Log}
-            inner = tables.get(str(first["loc"][0]), Layout)
+            inner = Layout if "table" in first["loc"][:-1] else tables.get(str(first["loc"][0]), Layout)
             keys = Map.model_fields if len(first["loc"]) == 1 else inner.model_fields
             raise InputError(path, place, f"unknown key; keys are {', '.join(keys)}") from err
         problem = first["msg"]

@@ -35,13 +35,14 @@ LEAST = 1e-100
 LARGEST = {"m": 1e6, "rad": 1e6, "N": 1e9, "Nm": 1e9, "kg": 1e6, "m2": 1e6}
 """Largest number of a quantity in SI that is read: beyond it a file is broken."""
 OTHERS = {
-    "m": "meter meters metre metres",
+    "m": "meter meters metre metres mètre mètres 米",
     "cm": "centimeter centimeters centimetre centimetres",
-    "mm": "millimeter millimeters millimetre millimetres",
+    "mm": "millimeter millimeters millimetre millimetres millimètre millimètres 毫米",
     "um": "μm micron microns micrometer micrometers micrometre micrometres",
     "in": "inch inches",
-    "rad": "radian radians",
-    "deg": "° degree degrees 度",
+    "rad": "radian radians 弧度",
+    "deg": "° degree degrees degré degrés grad 度",
+    "kg": "千克 公斤",
     "lb": "lbs",
     "nm": "n*m n·m",
 }

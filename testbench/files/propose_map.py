@@ -1,4 +1,4 @@
-"""A map proposed from an export's header and values: names, units, words, shots, the robot's log beside it.
+"""A map proposed for an export: by the layout that fits it, else by the names of its columns.
 
 What only values tell is a guess: the map has it as a comment, and `testbench data map` says it.
 """
@@ -6,54 +6,40 @@ What only values tell is a guess: the map has it as a comment, and `testbench da
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
-from itertools import pairwise, product
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
-from testbench.errors import Array, InputError, Mask
-from testbench.files.mapping import Layout, Log
-from testbench.files.meaning import (
-    NUMBER,
-    STATES,
-    Place,
-    joint_family,
-    joints_of,
-    looks_like,
-    meaning,
-    places,
-    plain,
+from testbench.errors import InputError, Mask
+from testbench.files.column_guesses import (
+    TARGETS,
+    Entry,
+    angle_unit,
+    columns_by_name,
+    length_unit,
+    lost_words,
+    names_by_cells,
+    unit_of,
 )
-from testbench.files.names import XYZ, squeeze
-from testbench.files.propose_cells import cell_pattern, length_said, lines_above, names_below_targets, unit_of
-from testbench.files.rearranged import clock, joined, keys_of, nearest, times_of
-from testbench.files.table import Table, read_table
+from testbench.files.layouts import Fitting, Ordered, fitting, length_said, numbered
+from testbench.files.mapping import Log, Map, Named, read_map
+from testbench.files.meaning import joints_of, looks_like, meaning, places
+from testbench.files.names import SI, series_names, squeeze
+from testbench.files.rearranged import NUMBERS, joined, keys_of, nearest, times_of
+from testbench.files.table import Table
 from testbench.files.targets import read_log
+from testbench.files.text import BLANK, read_letters
 
-WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
-SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
-POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
+LISTED = re.compile(r"[^\W\d][\w/.-]*")  #: Name of a joint in a list such as ['joint_1', 'joint_2'].
+WHOLES = {"joint": "{joints_", "reading": "{position_"}  #: Quantities that a cell may hold together.
 SOON = 30.0  #: Farthest row of a log that may be of a reading [s].
-TURNS = 7.0  #: Joint coordinates beyond are degrees [rad].
-SCATTER = {f"{what}_{x}": f"sigma_{x}" for what in ("sigma", "u95") for x in XYZ}
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
-TYPICAL = {
-    "sigma": 3e-5,
-    "": 1.0,
-}  #: What readings scatter by, and positions are, to an order of magnitude [m].
-
-
-class Entry(NamedTuple):
-    """A line of a map."""
-
-    table: str
-    key: str
-    value: object
-    why: str = ""  #: Where it is a guess.
+LONGEST = 2_000  #: Letters of a line above a table that is looked at.
 
 
 def map_text(entries: Sequence[Entry]) -> str:
@@ -68,40 +54,193 @@ def map_text(entries: Sequence[Entry]) -> str:
     return "".join("\n".join([f"[{table}]", *own.values(), ""]) for table, own in tables.items())
 
 
-def propose(path: Path, arm: Arm, log: Path | None, beside: Path) -> list[Entry]:
-    """The map of an export, in the folder `beside`, and of the robot's log that belongs to it.
+@dataclass(frozen=True)
+class Proposal:
+    """A map that is proposed, and what it is from."""
+
+    entries: tuple[Entry, ...]
+    layouts: tuple[str, ...]  #: Layouts that fit the export and its log, with their titles.
+
+    def map(self) -> Map:
+        """The map that the entries say."""
+        return Map.model_validate(tomllib.loads(map_text(self.entries)))
+
+
+def propose(path: Path, arm: Arm, log: Path | None, beside: Path, layout: str | None = None) -> Proposal:
+    """Propose the map of an export, in the folder `beside`, and of the robot's log that belongs to it.
+
+    Args:
+        path: The export.
+        arm: The arm that was measured.
+        log: The robot's log with its joints; None where the export has them.
+        beside: The folder where the map will be.
+        layout: Name of the layout that the export has; None for the one that fits.
 
     Raises:
-        InputError: When a file is no table, lacks joints or positions, or cannot be joined to the log.
+        InputError: When a file is no table, fits several layouts, lacks joints or positions, or cannot be
+            joined to the log.
     """
+    table, fits = _read(path, arm, layout)
+    entries, every = _layout_entries("file", fits), [(fits, table)]
+    above = fits.above if fits else _lines_above(table)
+    if log is None:
+        joint = joints_of(arm)
+        joints = [k for k, name in enumerate(table.names) if joint(name)]
+        blank = [table.blank(k) for k in joints] or [np.zeros(table.rows, dtype=bool)]
+        table, points = _of_the_arm(table, np.all(blank, axis=0))
+    else:
+        other, own = _read(log, arm)
+        how, alone = _join(table, other, fits, own)
+        table, points = _of_the_arm(table, alone)
+        table = joined(table, other, how)
+        said = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
+        why = "no names or times in common, but these counts agree"
+        entries += [Entry("log", key, value, why * (key == "rows")) for key, value in said.items()]
+        entries += _layout_entries("log.table", own)
+        every.append((own, other))
+    length = length_said(above) or (fits and fits.layout.length) or ""
+    stated = Stated()
+    for one, source in every:
+        if one:
+            stated.add(one, table, arm, length)
+            stated.order(one, source, arm)
+    entries += [*stated.entries, *columns_by_name(table, arm, length, stated.what), *points]
+    entries += names_by_cells(table, arm, stated.names)
+    return Proposal(tuple(entries), tuple(f"{one.name} ({one.layout.title})" for one, _ in every if one))
+
+
+def _read(path: Path, arm: Arm, layout: str | None = None) -> tuple[Table, Fitting | None]:
+    """Read a table by the layout that fits, else by the names of columns that are known."""
     place, joint = places(arm), joints_of(arm)
 
     def known(name: str) -> bool:
         return bool(meaning(name) or place(name) or joint(name) or looks_like(name, "joints"))
 
-    table, entries = read_table(path, known), list[Entry]()
-    if not any(map(known, table.names)):
-        table = _headless(path, table.names)
-        why = "no header: the first numbers are positions"
-        entries.append(Entry("file", "names", list(table.names), why))
-    above = lines_above(table)
-    if names := names_below_targets(table, above, arm):
-        skip = int(table.lines[0]) - 1
-        table = read_table(path, bool, Layout(names=names, skip=skip))
-        entries += [Entry("file", "skip", skip), Entry("file", "names", names)]
-    if log is None:
-        joints = [k for k, name in enumerate(table.names) if joint(name)]
-        blank = [table.blank(k) for k in joints] or [np.zeros(table.rows, dtype=bool)]
-        table, points = _of_the_arm(table, np.all(blank, axis=0))
-    else:
-        other = read_log(log, known)
-        how, alone = _join(table, other)
-        table, points = _of_the_arm(table, alone)
-        said = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
-        table = joined(table, other, how)
-        why = "no names or times in common, but these counts agree"
-        entries += [Entry("log", key, value, why * (key == "rows")) for key, value in said.items()]
-    return [*entries, *_columns(table, arm, length_said(above)), *points, *_names(table, arm)]
+    fits = fitting(path, arm, layout)
+    return read_log(path, bool if fits else known, fits.file if fits else None), fits
+
+
+def _layout_entries(table: str, fits: Fitting | None) -> list[Entry]:
+    """Where the table of a layout is, and how it is written."""
+    said = fits.file.model_dump(exclude_defaults=True, exclude_none=True) if fits else {}
+    return [Entry(table, key, value) for key, value in said.items() if (key, value) != ("skip", 0)]
+
+
+@dataclass
+class Stated:
+    """What layouts say of a table."""
+
+    entries: list[Entry] = field(default_factory=list)
+    what: set[str] = field(default_factory=set)  #: Quantities, such as "joint" and "reading".
+    names: dict[str, str] = field(default_factory=dict)  #: Columns, and the quantity that each says.
+
+    def add(self, fits: Fitting, table: Table, arm: Arm, length: str) -> None:
+        """Add what a layout says of the columns of a table, each with its unit.
+
+        Args:
+            fits: The layout.
+            table: The export, with what the log adds.
+            arm: The arm.
+            length: Unit of lengths that the lines above the header state; "" where they state none.
+        """
+        layout, keys = fits.layout, dict[str, str]()
+        names = read_map(layout, arm, series_names)
+        found = {k: own for k, name in enumerate(table.names) if (own := names.find(name)) and own.mapped}
+        for part, pairs in (("columns", layout.columns), ("optional", layout.optional)):
+            for key, value in pairs.items():
+                columns = [k for k, named in found.items() if named.mapped == key]
+                if columns and not {found[k].slot.what for k in columns} & self.what:
+                    unit, why = _missing_unit(table, [(k, found[k]) for k in columns], length)
+                    keys[key] = key + unit
+                    self.entries += _by_joint(Entry(part, key + unit, value, why), arm)
+        self.entries += [Entry("scale", keys[key], by) for key, by in layout.scale.items() if key in keys]
+        for part in ("cells", "words", "values"):
+            self.entries += [Entry(part, *pair) for pair in getattr(layout, part).items()]
+        said = layout.series.model_dump(exclude_defaults=True)
+        self.entries += [Entry("series", *pair) for pair in said.items()]
+        if "lost" not in layout.words:
+            readings = [k for k, own in found.items() if own.slot.what == "reading"]
+            self.entries += lost_words(table, readings)
+        self.what |= {own.slot.what for own in found.values()}
+        self.what |= {what for what, word in WHOLES.items() if word in str(layout.cells)}
+        self.names |= {table.names[k]: own.slot.what for k, own in found.items()}
+        self.names |= dict.fromkeys(layout.cells, "")
+
+    def order(self, fits: Fitting, table: Table, arm: Arm) -> None:
+        """Add the joints of a table whose order the table itself says."""
+        if fits.layout.joints:
+            self.entries += _ordered(fits.layout.joints, table, arm)
+            self.what.add("joint")
+
+
+def _by_joint(entry: Entry, arm: Arm) -> list[Entry]:
+    """A line for every joint where some slide, which are in metres; else the line itself."""
+    pattern, _, unit = entry.key.rpartition("_")
+    slides = any(joint.prismatic for joint in arm.file_joints)
+    if not slides or pattern != "{joint}" or not isinstance(entry.value, str):
+        return [entry]
+    return [
+        entry._replace(
+            key=f"{joint.name}_{'m' if joint.prismatic else unit}",
+            value=entry.value.replace(pattern, joint.name),
+        )
+        for joint in arm.file_joints
+    ]
+
+
+def _missing_unit(table: Table, columns: Sequence[tuple[int, Named]], length: str) -> tuple[str, str]:
+    """The unit of columns that neither a layout nor the file says, as "_mm", and how it was guessed."""
+    k, own = columns[0]
+    if own.unit or own.header or unit_of(table, k):
+        return "", ""
+    if own.slot.what == "joint":
+        return angle_unit(table, [k for k, _ in columns])
+    kind = {"deviation": "sigma_x", "sigma": "sigma_x", "axis": "axis", "mass": "mass"}.get(own.slot.what, "")
+    if kind or "m" in SI.get(own.slot.what, ()):
+        return length_unit(table, k, [k for k, _ in columns], kind, length)
+    return "", ""
+
+
+def _ordered(how: Ordered, table: Table, arm: Arm) -> list[Entry]:
+    """The joints of a table by the names that stand beside them.
+
+    Args:
+        how: Where names and values are: a column for each joint, or lists in one column.
+        table: The table.
+        arm: The arm; if it has other names, its joints are those of the file in their order, as a guess.
+
+    Raises:
+        InputError: When a column of names does not say the same in all rows.
+    """
+    said = list[str]()
+    for name in (name for name in numbered(how.names, len(table.names)) if name in table.names):
+        texts = {*table.texts(table.names.index(name))}
+        if len(texts) > 1:
+            raise table.error(0, name, f"expected the same joints in every row, got {len(texts)} lists")
+        said += LISTED.findall(min(texts))
+    own, why = [joint.name for joint in arm.file_joints], ""
+    if len(said) < len(own):
+        raise table.header_error(
+            f"expected {len(own)} joints in {how.names}, got {', '.join(said) or 'none'}"
+        )
+    if not {*own} <= {*said}:
+        why = f"the joints {', '.join(said)} of the file are those of the arm in this order"
+        said = [*own, *said[len(own) :]]
+    units = {joint.name: "m" if joint.prismatic else how.unit for joint in arm.file_joints}
+    if how.values not in table.names:
+        values = dict(zip(said, numbered(how.values, len(table.names)), strict=False))
+        return [Entry("columns", f"{name}_{units[name]}", values[name], why) for name in own]
+    [first, *_] = table.texts(table.names.index(how.values))
+    parts = iter(f"{{{name}_{units[name]}}}" if name in units else "*" for name in said)
+    pattern = NUMBERS[0].sub(lambda _: next(parts, "*"), first)
+    last = pattern.rfind("}") + 1  # joints beyond the arm's, as of a gripper
+    return [Entry("cells", how.values, f"{pattern[:last]}*" if len(said) > len(own) else pattern, why)]
+
+
+def _lines_above(table: Table) -> tuple[str, ...]:
+    """The lines before a table's header; none where the file has no header."""
+    lines = read_letters(table.path, None, ".")[0].splitlines()[: max(table.header - 1, 0)]
+    return tuple(line for line in lines if line.strip(BLANK) and len(line) <= LONGEST)
 
 
 def _of_the_arm(table: Table, alone: Mask) -> tuple[Table, list[Entry]]:
@@ -115,17 +254,13 @@ def _of_the_arm(table: Table, alone: Mask) -> tuple[Table, list[Entry]]:
     return table, []
 
 
-def _headless(path: Path, cells: Sequence[str]) -> Table:
-    """The table of a file without a header, by its first row."""
-    numbers = [k for k, cell in enumerate(cells) if is_decimal(cell.replace(",", "."))]
-    names = [f"column {k + 1}" if k in numbers else f"point {k + 1}" for k in range(len(cells))]
-    for axis, k in zip(XYZ, numbers, strict=False):
-        names[k] = axis
-    return read_table(path, bool, Layout(names=[name.replace("point 1", "point") for name in names]))
-
-
-def _join(table: Table, log: Table) -> tuple[Log, Mask]:
+def _join(table: Table, log: Table, *fits: Fitting | None) -> tuple[Log, Mask]:
     """How rows of a log belong to those of a table, by names that it has once each, else by time.
+
+    Args:
+        table: The table.
+        log: The log.
+        fits: The layouts of both, which may say the columns of times.
 
     Returns:
         That, and which rows of the table have none, the fewer ones, (rows,).
@@ -139,7 +274,7 @@ def _join(table: Table, log: Table) -> tuple[Log, Mask]:
             same = {meaning(ours), meaning(theirs)} == {"name"} and {*own} == texts
             if same or not all(map(is_decimal, own)):  # numbers are no names, unless both are called so
                 return Log(file=log.path.name, on=[ours], to=[theirs]), alone
-    both = [[name for name in own.names if meaning(name) == "when"] for own in (table, log)]
+    both = [_times(own, one) for own, one in zip((table, log), fits, strict=True)]
     if not all(both):
         count = table.rows // max(log.rows, 1)
         if table.rows != count * log.rows or not _in_turn(table, count):
@@ -158,6 +293,12 @@ def _join(table: Table, log: Table) -> tuple[Log, Mask]:
     return how, alone
 
 
+def _times(table: Table, fits: Fitting | None) -> list[str]:
+    """The columns that say together when a row was read: those of its layout, else by their names."""
+    own = [name for name in fits.layout.times if name in table.names] if fits else []
+    return own or [name for name in table.names if meaning(name) == "when"]
+
+
 def _in_turn(table: Table, count: int) -> bool:
     """Whether rows stand together: their names are those of the targets in each group, or one name."""
     if count <= 1:
@@ -169,211 +310,3 @@ def _in_turn(table: Table, count: int) -> bool:
         if one_each or (len(groups[0]) == count and all(group == groups[0] for group in groups)):
             return True
     return False
-
-
-def _columns(table: Table, arm: Arm, length: str) -> Iterator[Entry]:
-    """Joints, positions, scatter, mass: which column, in which unit.
-
-    Args:
-        table: The export, with what the log adds.
-        arm: The arm.
-        length: Unit of lengths that the lines above the header state; "" where they state none.
-    """
-    known = dict[str, list[int]]()
-    for k, name in enumerate(table.names):
-        known.setdefault(meaning(name), []).append(k)
-    if joints := joint_family(table.names, arm):
-        unit, why = _joint_unit(table, joints)
-        for joint, k in zip(arm.file_joints, joints, strict=True):
-            own = unit * (unit_of(table, k) is None)
-            yield Entry("columns", joint.name + own, table.names[k], why * bool(own))
-    elif arm.file_joints:
-        yield _joint_cells(table, arm)
-    readings, markers = _positions(table, arm)
-    if not readings and {"axis", "position"} <= known.keys():
-        readings = {"axis": known["axis"], "position": known["position"]}
-    yield from markers if readings else [_position_cells(table, length)]
-    others = SCATTER | {"mass": "mass", "temperature": "temperature"}
-    for our, columns, kind in (
-        *((our, columns, our if our == "axis" else "") for our, columns in readings.items()),
-        *((our, known[theirs], theirs) for theirs, our in others.items() if theirs in known),
-    ):
-        alike = [own[0] for own in readings.values()] if our in readings else columns[:1]
-        unit, why = _unit(table, columns[0], alike, kind, length)
-        left = ", ".join(repr(table.names[k]) for k in columns[1:])
-        why = "; ".join(filter(None, [why, left and f"not {left}"]))
-        yield Entry("columns", our + unit, table.names[columns[0]], why)
-        if kind.startswith("u95"):
-            yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
-    if words := {
-        text
-        for our, (k, *_) in readings.items()
-        for text in table.texts(k)
-        if our != "axis" and text and not is_decimal(text.replace(",", "."))
-    }:
-        yield Entry("words", "lost", sorted(words), "no numbers")
-
-
-def _unlike(table: Table, what: str) -> InputError:
-    hint = '[columns] of a map by hand says which it is, as x = "X", or before_x and after_x of pairs'
-    hint = f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
-    return table.header_error(f"no column looks like {what}; columns are {list(table.names)}; {hint}")
-
-
-def _positions(table: Table, arm: Arm) -> tuple[dict[str, list[int]], list[Entry]]:
-    """The columns of positions by our names for them, and what the map says of their targets.
-
-    Names that say a state come before those that do not, names of several targets before those of none.
-    """
-    place, found = places(arm), dict[Place, list[int]]()
-    for k, name in enumerate(table.names):
-        if at := place(name):
-            found.setdefault(at, []).append(k)
-    whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
-    whole = [p for p in whole if p.when] or whole
-    targets = list(dict.fromkeys(p.target for p in whole if p.target))
-    bare = any(not p.target for p in whole)
-    if bare and len(targets) < 2:
-        targets = [""]
-    elif bare:
-        whole = [p for p in whole if p.target]
-    names, said = {plain(marker): marker for marker in arm.markers} | {"": ""}, list[Entry]()
-    if not {*targets} <= {*names}:
-        own = sorted(targets, key=lambda target: int(NUMBER.findall(target)[-1]))
-        markers = [f"M{target}" if target.isdecimal() else target.upper() for target in own]
-        why = "no markers of the arm"
-        if len(own) == len(arm.markers):
-            markers, why = list(arm.markers), "targets are numbered as the markers of the arm"
-        names = dict(zip(own, markers, strict=True))
-        said = [Entry("series", "markers", markers, why)]
-    kept = [p._replace(axis=axis) for p in whole if p.target in targets for axis in XYZ]
-    return {p.ours(names): found[p] for p in kept}, said
-
-
-def _joint_cells(table: Table, arm: Arm) -> Entry:
-    """How a column holds all joints in one cell; InputError where no column does."""
-    order = sorted(range(len(table.names)), key=lambda k: not looks_like(table.names[k], "joints"))
-    for k in order:
-        found = _cells_of(table, k, len(arm.file_joints))
-        if found and not POSED.search(plain(table.names[k])):
-            said, (guessed, why) = unit_of(table, k), _angle(found[1])
-            units = [said.name if said else "m" if joint.prismatic else guessed for joint in arm.file_joints]
-            parts = [f"joint_{n}_{unit}" for n, unit in enumerate(units, start=1)]
-            return Entry("cells", table.names[k], _pattern_of(found[0], parts), "" if said else why)
-    raise _unlike(table, arm.file_joints[0].name)
-
-
-def _position_cells(table: Table, length: str) -> Entry:
-    """How a column holds x, y, z in one cell; InputError where no column does."""
-    for k in (k for k, name in enumerate(table.names) if not looks_like(name, "joints")):
-        if found := _cells_of(table, k, len(XYZ)):
-            said, (guessed, why) = unit_of(table, k), _length(found[1], "", length)
-            unit = said.name if said else guessed
-            pattern = _pattern_of(found[0], [f"{axis}_{unit}" for axis in XYZ])
-            return Entry("cells", table.names[k], pattern, "" if said else why)
-    raise _unlike(table, "a position")
-
-
-def _cells_of(table: Table, k: int, count: int) -> tuple[list[str], Array] | None:
-    """As `cell_pattern` of a column that is neither the same in all rows nor a date or time."""
-    texts = table.texts(k)
-    same = table.rows > 1 and len({*texts}) == 1
-    return None if same or clock(texts) is not None else cell_pattern(texts, count)
-
-
-def _pattern_of(pieces: Sequence[str], parts: Sequence[str]) -> str:
-    return pieces[0] + "".join(f"{{{part}}}{piece}" for part, piece in zip(parts, pieces[1:], strict=True))
-
-
-def _joint_unit(table: Table, joints: Sequence[int]) -> tuple[str, str]:
-    """The unit of joints whose names have none, by their values, and that in words."""
-    unit, why = _angle(_sizes(table, joints))
-    return f"_{unit}", why
-
-
-def _angle(values: Array) -> tuple[str, str]:
-    most = float(np.abs(values).max(initial=0.0))
-    return "deg" if most > TURNS else "rad", f"joints up to {most:.4g}"
-
-
-def _length(values: Array, kind: str, length: str) -> tuple[str, str]:
-    if length and kind not in SCATTER:
-        return length, "the lines above the table say so"
-    middle = float(np.median(np.abs(values))) if np.size(values) else 1.0
-    middle, typical = middle or 1.0, TYPICAL["sigma" if kind in SCATTER else ""]
-    unit = min(LENGTHS, key=lambda unit: abs(np.log(middle * LENGTHS[unit] / typical)))
-    return unit, f"numbers around {middle:.4g}"
-
-
-def _sizes(table: Table, columns: Sequence[int]) -> Array:
-    """The numbers of some columns, those that are none left out."""
-    texts = (text.replace(",", ".") for k in columns for text in table.texts(k))
-    return np.array([float(text) for text in texts if is_decimal(text)])
-
-
-def _unit(table: Table, k: int, alike: Sequence[int], kind: str, length: str) -> tuple[str, str]:
-    """What a key gets behind it where the header has no unit, by the values of columns alike, and why."""
-    if unit_of(table, k) or kind in ("axis", "temperature"):
-        return "", ""
-    if kind == "mass":
-        return "_kg", "no unit"
-    unit, why = _length(_sizes(table, alike), kind, length)
-    return f"_{unit}", why
-
-
-def _names(table: Table, arm: Arm) -> Iterator[Entry]:
-    """What columns of names say: poses, targets, states, loads, shots."""
-    names = [name for name in table.names if meaning(name) in ("name", "state")]
-    every = keys_of(table, [*names, *(name for name in table.names if meaning(name) in ("mass", "axis"))])
-    again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
-    shots = "names stand several times in a row: shots" if again else ""
-    for name in names:
-        texts = keys_of(table, [name])
-        distinct, changes = list(dict.fromkeys(texts)), 1 + sum(a != b for a, b in pairwise(texts))
-        if pattern := _pattern(texts, arm) if len(distinct) > 1 else "":
-            yield Entry("cells", name, pattern, f"of {texts[0]!r}")
-            shots = "the last number of a name counts shots" if "*" in pattern else shots
-            yield from _states([word for text in distinct for word in WORD.findall(text)])
-        elif {squeeze(text) for text in texts} <= {*STATES}:
-            yield Entry("columns", "state", name)
-            yield from _states(distinct)
-        elif meaning(name) == "state":
-            continue  # in words that nobody knows
-        elif 1 < len(distinct) < changes and len(distinct) <= TARGETS:
-            yield Entry("columns", "marker", name)
-            if not {*distinct} <= {*arm.markers}:
-                yield Entry("series", "markers", distinct, "no markers of the arm")
-        elif len(distinct) > 1:
-            yield Entry("columns", "pose", name)
-    if shots:
-        yield Entry("file", "average", True, shots)
-
-
-def _states(words: Sequence[str]) -> Iterator[Entry]:
-    for state in ("before", "after"):
-        if own := sorted({word for word in words if STATES.get(squeeze(word)) == state}):
-            yield Entry("words", state, own)
-
-
-def _pattern(texts: Sequence[str], arm: Arm) -> str:
-    """What names of several parts hold, as "P{pose}_{marker}_*"; "" where fewer than two parts differ."""
-    between, rows = {tuple(WORD.split(text)) for text in texts}, [WORD.findall(text) for text in texts]
-    if len(between) > 1:
-        return ""
-    columns, parts = list(zip(*rows, strict=True)), list[str]()
-    for k, words in enumerate(columns):
-        kinds, after = {*map(squeeze, words)}, squeeze(columns[k + 1][0]) if k + 1 < len(columns) else ""
-        holes = {
-            words[0]: len(kinds) == 1,
-            "{marker}": kinds <= {*map(squeeze, arm.markers)},
-            "{when}": kinds <= {*STATES},
-            f"{{mass_{after}}}": after in ("kg", "lb"),
-            "{mass_kg}kg": all(re.fullmatch(r"\d+kg", kind) for kind in kinds),
-            "{pose}": "{pose}" not in parts,
-            "*": len(kinds) <= SHOTS,
-        }
-        parts.append(next((hole for hole, fits in holes.items() if fits), ""))
-    if "" in parts or sum(part in ("*",) or "{" in part for part in parts) < 2:
-        return ""
-    [ends] = between
-    return "".join(a + b for a, b in zip(ends, [*parts, ""], strict=True))

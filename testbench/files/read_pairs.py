@@ -9,7 +9,7 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, in_order
 from testbench.errors import Array, Ids, Mask, check_type
 from testbench.files.columns import Columns, find_columns, read_columns
-from testbench.files.mapping import read_map
+from testbench.files.mapping import Map, read_map
 from testbench.files.names import ENTRIES, Slot, columns_of
 from testbench.files.pair import HELD, Paired, pair
 from testbench.files.readings import Readings, averaged, markers_only, read_readings
@@ -48,7 +48,7 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
 def read_export(
     path: Path,
     arm: Arm,
-    mapping: Path | None = None,
+    mapping: Path | Map | None = None,
     sigma: float | None = None,
     load: float | None = None,
 ) -> Export:
@@ -57,7 +57,7 @@ def read_export(
     Args:
         path: The file; docs/formats.md has an example of every form.
         arm: The arm that was measured.
-        mapping: A map of its names, TOML; None if it uses ours.
+        mapping: A map of its names, or its TOML file; None if it uses ours.
         sigma: Standard deviation of a reading along an axis [m], if neither file nor map has one.
         load: Mass of the payload in loaded rows [kg], if neither file nor map has a load.
 

@@ -13,7 +13,7 @@ from testbench.data.series import Series, select_rows, series_of
 from testbench.errors import Array, Ids, check_type, stem_of
 from testbench.files.beside import read_rotations, read_temperature, read_time, read_torques
 from testbench.files.columns import Columns, read_columns
-from testbench.files.mapping import read_map
+from testbench.files.mapping import Map, read_map
 from testbench.files.names import ROTATIONS, WHEN, Slot, What, series_names
 from testbench.files.pair import HELD, not_held
 from testbench.files.read_pairs import runs_of
@@ -47,7 +47,7 @@ class SeriesExport:
 def read_series(
     path: str | Path,
     arm: Arm,
-    mapping: str | Path | None = None,
+    mapping: str | Path | Map | None = None,
     sigma: float | None = None,
     load: float | None = None,
 ) -> SeriesExport:
@@ -56,7 +56,7 @@ def read_series(
     Args:
         path: The file; docs/formats.md says what it may hold.
         arm: The arm that was measured.
-        mapping: A map of its names, TOML; None where it uses ours.
+        mapping: A map of its names, or its TOML file; None where it uses ours.
         sigma: Standard deviation of a position along an axis [m], where neither file nor map has one.
         load: Mass that hangs in loaded rows [kg], where neither file nor map has a load.
 
@@ -69,7 +69,8 @@ def read_series(
     """
     check_type(arm, Arm, "arm")
     path = Path(path)
-    names = replace(read_map(None if mapping is None else Path(mapping), arm, series_names), load=load)
+    mapping = Path(mapping) if isinstance(mapping, str) else mapping
+    names = replace(read_map(mapping, arm, series_names), load=load)
     arm = replace(arm, markers=names.markers)
     found = _series_of_columns(read_columns(path, names, arm), arm, sigma)
     if not len(found.lost):

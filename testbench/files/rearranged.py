@@ -5,7 +5,7 @@ A robot's log is joined to a tracker's file, each reading with the row of its na
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -14,14 +14,25 @@ import numpy as np
 from testbench.arm.decimal import is_decimal
 from testbench.errors import Array, Ids
 from testbench.files.mapping import Log, Named, Names
-from testbench.files.names import WHOLE, XYZ, Slot, recognise, squeeze
+from testbench.files.names import WHOLE, XYZ, Slot, What, recognise, squeeze
 from testbench.files.table import Table
 from testbench.files.targets import read_log
 
 MOST_STARS = 2  #: Wildcards in a pattern: more take long to match.
+WHOLE_CELL = re.compile(r"\{(?P<what>joints|position)_(?P<unit>[a-z]+)(?:_(?P<slide>[a-z]+))?\}")
+"""Of several numbers in a cell: their unit, and that of joints that slide."""
+NUMBERS = [
+    re.compile(rf"(?<![\w{mark}])[-+]?(?:\d+(?:[{mark}]\d*)?|[{mark}]\d+)(?:[eE][-+]?\d+)?(?!\w)")
+    for mark in (".", ",")
+]
+"""Numbers of a cell, by decimal mark; A1 holds none."""
+LONGEST = 2_000  #: Letters of a cell whose numbers are taken apart.
+EPOCH = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
+"""Numbers from which times count nanoseconds, microseconds and milliseconds since 1970, and these in s."""
+ROS_TIME = re.compile(r"(\d{9,10}) (\d{1,9})")  #: Seconds since 1970, and nanoseconds, of two columns.
 STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d)")  #: 20200714163904.
 FRACTION = re.compile(r"(.*?:\d\d|[^.,:]*)(?:[.,](\d+))?(\s*[AP]M|Z)?", re.IGNORECASE | re.DOTALL)
-DAYS = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d.%m.%y", "")
+DAYS = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d.%m.%y", "%Y年%m月%d日", "")
 HOURS = ("%H:%M:%S", "%I:%M:%S %p", "%H:%M")
 FORMS = ("", *(f"{day} {hour}".strip() for day in DAYS for hour in HOURS))
 """Ways of writing a time, of which the first that fits a whole column counts; "" for seconds and ISO 8601."""
@@ -48,6 +59,11 @@ def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
         if header not in table.names:
             have = ", ".join(map(repr, table.names))
             raise names.error(table.path, place, f"no such column; columns are {have}")
+        if len(patterns) == 1 and (whole := WHOLE_CELL.fullmatch(patterns[0])):
+            table, parts = _numbers_apart(table, header, whole, names)
+            read_as += parts
+            read_as[table.names.index(header)] = ""
+            continue
         for pattern in patterns:
             parts = re.findall(r"\{(\w+)\}", pattern)
             known = all(recognise(part, names.ours) for part in parts)
@@ -59,11 +75,55 @@ def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
                 raise names.error(table.path, place, problem)
             wholes.append(_expression(pattern))
         parts = list(dict.fromkeys(part for whole in wholes for part in whole.groupindex))
-        table = table.with_parts(table.names.index(header), parts, wholes, " or ".join(map(repr, patterns)))
+        expected = f"{' or '.join(map(repr, patterns))} as the map says"
+        table = table.with_parts(table.names.index(header), parts, _parted_by(wholes), expected)
         read_as += parts
         if not names.maps(header):
             read_as[table.names.index(header)] = ""  # one of our names, but its parts count
     return table, read_as
+
+
+def _parted_by(wholes: Sequence[re.Pattern[str]]) -> Callable[[str], Mapping[str, str] | None]:
+    """How patterns divide a cell; None for one that none of them fits."""
+
+    def parts(text: str) -> Mapping[str, str] | None:
+        found = (match for whole in wholes if (match := whole.fullmatch(text)))
+        return next((match.groupdict() for match in found), None)
+
+    return parts
+
+
+def _numbers_apart(
+    table: Table, header: str, pattern: re.Match[str], names: Names
+) -> tuple[Table, list[str]]:
+    """Joints, or a position, whose numbers stand in one cell with anything between them."""
+    what: What = "joint" if pattern["what"] == "joints" else "reading"
+    slots = {slot.index: key for key, slot in names.ours.items() if slot == Slot(what, slot.index)}
+    keys = [slots[n] for n in sorted(slots) if n != WHOLE]
+    slides = names.slides if what == "joint" else frozenset()
+    units = [pattern["slide"] or "m" if n in slides else pattern["unit"] for n in range(len(keys))]
+    parts = [f"{key}_{unit}" for key, unit in zip(keys, units, strict=True)]
+    k = table.names.index(header)
+    texts = [text for text in dict.fromkeys(table.texts(k)) if text]
+    found = numbers_in(texts, len(parts))
+    divided = {
+        text: dict(zip(parts, own, strict=True)) for text, own in zip(texts, found or (), strict=False)
+    }
+    expected = f"{len(parts)} numbers in every cell, and further ones alike in all"
+    return table.with_parts(k, parts, divided.get, expected), parts
+
+
+def numbers_in(texts: Sequence[str], count: int) -> list[list[str]] | None:
+    """Return the first numbers of cells, (cells, count), as they are written; None unless all have so many.
+
+    Cells must hold as many numbers each; those after the first `count` must be the same in all cells.
+    """
+    for number in NUMBERS if all(len(text) <= LONGEST for text in texts) else ():
+        found = [number.findall(text) for text in texts]
+        alike = len({(len(own), *own[count:]) for own in found}) == 1
+        if alike and len(found[0]) >= count:
+            return [own[:count] for own in found]
+    return None
 
 
 def _numbered(header: tuple[str, ...], names: Names) -> list[str]:
@@ -156,6 +216,12 @@ def _check_shared(table: Table, columns: list[int]) -> None:
 
 def clock(texts: Sequence[str]) -> Array | None:
     """Convert dates and times, or times of a day, in one notation to seconds, (n,); None if they are not."""
+    if texts and all(is_decimal(text) and not STAMP.fullmatch(text) for text in texts):
+        values = np.array([float(text) for text in texts])
+        return values * next((unit for most, unit in EPOCH if values.max() > most), 1.0)
+    split = [part for text in texts if (part := ROS_TIME.fullmatch(text))]
+    if split and len(split) == len(texts):
+        return np.array([float(part[1]) + 1e-9 * float(part[2]) for part in split])
     parts = [part for text in texts if (part := FRACTION.fullmatch(text))]
     for form in FORMS if parts and len(parts) == len(texts) else ():
         found = [_seconds(form, f"{part[1]}{part[3] or ''}") for part in parts]
@@ -197,13 +263,13 @@ def with_log(table: Table, names: Names) -> Table:
     Raises:
         InputError: As `joined`, and if the log cannot be read.
     """
-    if names.map.log is None or names.path is None:
+    if names.map.log is None:
         return table
     for k, own in enumerate(map(names.find, table.names)):
         if own and own.slot == Slot("marker"):
             table = table.take(np.array([squeeze(text) not in names.ignored for text in table.texts(k)]))
-    file = names.path.parent / names.map.log.file
-    return joined(table, read_log(file, names.knows), names.map.log)
+    file = (names.path or table.path).parent / names.map.log.file
+    return joined(table, read_log(file, names.knows, names.map.log.table), names.map.log)
 
 
 def joined(table: Table, log: Table, how: Log) -> Table:

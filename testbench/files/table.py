@@ -1,6 +1,5 @@
 """Cells of a text file or workbook as their author sees them; errors name line and column."""
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -169,30 +168,29 @@ class Table:
         return replace(self, cells=cells)
 
     def with_parts(
-        self, k: int, parts: Sequence[str], wholes: Sequence[re.Pattern[str]], expected: str
+        self, k: int, parts: Sequence[str], divide: Callable[[str], Mapping[str, str] | None], expected: str
     ) -> "Table":
         """Append one column for each part of the combined cells of a column; a missing part is blank.
 
         Args:
             k: Place of the combined column.
             parts: Names of the parts.
-            wholes: Patterns of a whole cell, with the parts as groups; the first that fits counts.
-            expected: The patterns in words, for messages.
+            divide: Function that divides a cell into its parts; None for a cell that is written otherwise.
+            expected: How cells should be written, for the message.
 
         Returns:
             The extended table.
 
         Raises:
-            InputError: At the first cell that fits no pattern.
+            InputError: At the first cell that is written otherwise.
         """
         split: dict[str, dict[str, str]] = {"": {}}
         for row, text in enumerate(self.texts(k)):
             if text not in split:
-                found = next((m for whole in wholes if (m := whole.fullmatch(text))), None)
+                found = divide(text)
                 if found is None:
-                    problem = f"expected {expected} as the map says, got {text[:80]!r}"
-                    raise self.error(row, self.names[k], problem)
-                split[text] = {part: value.strip() for part, value in found.groupdict().items()}
+                    raise self.error(row, self.names[k], f"expected {expected}, got {text[:80]!r}")
+                split[text] = {part: value.strip() for part, value in found.items()}
         cells = [[split[text].get(part, "") for text in self.texts(k)] for part in parts]
         return replace(
             self,

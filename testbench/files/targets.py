@@ -1,59 +1,24 @@
-"""Robot logs: a table, or a program in RAPID, KRL or URScript whose joint targets become rows."""
+"""Robot logs: a table, or a program in a known language whose joint targets become its rows."""
 
 import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from testbench.arm.decimal import is_decimal
 from testbench.errors import InputError
+from testbench.files.layouts import Program, known_layouts
 from testbench.files.mapping import Layout
 from testbench.files.table import Table, read_table, table_of
 from testbench.files.text import read_letters
 from testbench.files.workbook import SHEET
 
-NUMBERS = r"[-+\d.eE,\s]*"
-"""Numbers between two brackets."""
-
-
-class Language(NamedTuple):
-    """Describe how a robot language writes joint targets."""
-
-    title: str  #: Name in messages.
-    comment: str  #: Beginning of a comment.
-    unit: str  #: Unit of the robot's axes.
-    begins: str  #: Regular expression of a line that only its programs have.
-    target: str  #: Regular expression of joints, with the groups name, blank for a move, and axes.
-
-
-LANGUAGES = (
-    Language(
-        "RAPID",
-        "!",
-        "deg",
-        r"MODULE\s+\w|(LOCAL\s+|TASK\s+)?(CONST|PERS|VAR)\s+(joint|rob)target\s|MoveAbsJ\s",
-        rf"(?:jointtarget\s+(?P<name>\w+)\s*:=\s*)?\[\s*(?P<axes>\[{NUMBERS}\]\s*,\s*\[{NUMBERS}\])\s*\]",
-    ),
-    Language(
-        "KRL",
-        ";",
-        "deg",
-        r"&ACCESS|DEFDAT\s|DEF\s+\w+\s*\([^)]*\)\s*$|(DECL\s+)?(GLOBAL\s+)?(E6)?(AXIS|POS)\s+\w+\s*=|PTP\s*\{",
-        r"(?:(?P<name>\w+)\s*=\s*)?\{(?:\s*(?:E6)?AXIS\s*:)?\s*(?P<axes>[^{}]*\bA1\s[^{}]*)\}",
-    ),
-    Language(
-        "URScript",
-        "#",
-        "rad",
-        r"def\s+\w+\(.*\)\s*:|movej\s*\(",
-        rf"(?:(?P<name>\w+)\s*=\s*|movej\s*\(\s*)(?P<axes>\[{NUMBERS}\])",
-    ),
-)
-OTHERS = r"/PROG\b|/JOB\b|//INST\b|MAIN\s*\(\)|\.PROGRAM\b"
-"""Lines of programs of FANUC, Yaskawa and others."""
+OTHERS = r"/JOB\b|//INST\b|MAIN\s*\(\)|\.PROGRAM\b"
+"""Lines of programs of Yaskawa and others."""
+NAMED = re.compile(r"\b([AEJ]\d+)\s*=?\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)(?![\w.])")
+"""An axis and its number."""
 ROBOT = tuple(f"A{k}" for k in range(1, 7))
 """Axes of a robot."""
 OUTER = {f"E{k}": f"A{k + 6}" for k in range(1, 7)}
@@ -63,14 +28,15 @@ NO_AXIS = 9e8
 ASKED = "save a table with a row for every pose: its name or time, and a column for every joint"
 
 
-def read_log(path: Path, known: Callable[[str], bool]) -> Table:
+def read_log(path: Path, known: Callable[[str], bool], layout: Layout | None = None) -> Table:
     """Read a robot's log: a table, or a program whose joint targets become rows.
 
     The columns of a program are the names of its targets, axes A1 to A6, and external axes from A7 on.
 
     Args:
-        path: The file.
+        path: The file: a table, or a program in a language of the layouts.
         known: Tells whether a name is that of a wanted column.
+        layout: How the table is written, if that cannot be found from it.
 
     Returns:
         The table.
@@ -80,32 +46,33 @@ def read_log(path: Path, known: Callable[[str], bool]) -> Table:
     """
     text, how = read_letters(path, None, ".")
     if not how.startswith(SHEET):
-        for language in LANGUAGES:
-            if _has(language.begins, text):
-                return _read_targets(path, text, language)
+        programs = [own for own in known_layouts().values() if own.program]
+        for own in programs:
+            if _has(own.fits.text or "", text) and own.program:
+                return _read_targets(path, text, own.title, own.program)
         if _has(OTHERS, text):
-            titles = ", ".join(language.title for language in LANGUAGES)
-            problem = f"expected a table, or a program in {titles}, got one in another language; {ASKED}"
+            titles = ", ".join(own.title for own in programs)
+            problem = f"expected a table, or one of {titles}, got a program in another language; {ASKED}"
             raise InputError(path, "", problem)
-    return read_table(path, known)
+    return read_table(path, known, layout)
 
 
 def _has(begins: str, text: str) -> bool:
     return re.search(rf"^[ \t]*({begins})", text, re.MULTILINE | re.IGNORECASE) is not None
 
 
-def _read_targets(path: Path, text: str, language: Language) -> Table:
+def _read_targets(path: Path, text: str, title: str, language: Program) -> Table:
     """Read the joint targets of a program: those with a name, else those of its moves in order."""
     code = "\n".join(line.split(language.comment)[0] for line in text.splitlines())
     found = [(m, _axes(m["axes"])) for m in re.finditer(language.target, code, re.IGNORECASE)]
     found = [(m, axes) for m, axes in found if {*ROBOT} <= axes.keys()]
     found = [(m, axes) for m, axes in found if m["name"]] or found
     if not found:
-        problem = f"expected joints in this program in {language.title}, got no joint target; {ASKED}"
-        raise InputError(path, "", problem)
+        raise InputError(path, "", f"expected joints in this {title}, got no joint target; {ASKED}")
     names = [m["name"] or "" for m, _ in found]
-    if language.title == "KRL" and all(name[:1] in ("X", "x") for name in names):
-        names = [name[1:] for name in names]  # an inline form keeps its point P1 as XP1
+    if language.drop and all(name.casefold().startswith(language.drop.casefold()) for name in names):
+        names = [name[len(language.drop) :] for name in names]
+    names = [name and f"{language.begin}{name}" for name in names]
     beside = sorted(
         {axis for _, axes in found for axis, x in axes.items() if 0 < abs(float(x)) < NO_AXIS} - {*ROBOT}
     )
@@ -117,7 +84,7 @@ def _read_targets(path: Path, text: str, language: Language) -> Table:
     content = "\n".join("\t".join(row) for row in [header, *rows])
     table = table_of(path, (content, "utf-8"), bool, Layout(skip=0, delimiter="\t", decimal="."))
     lines = np.array([code.count("\n", 0, m.start("axes")) + 1 for m, _ in found])
-    return replace(table, lines=lines, notes=(f"{len(rows)} joint targets of a program in {language.title}",))
+    return replace(table, lines=lines, notes=(f"{len(rows)} joint targets of a {title}",))
 
 
 def _axes(text: str) -> dict[str, str]:
@@ -126,6 +93,9 @@ def _axes(text: str) -> dict[str, str]:
         own = [part.split(",") for part in re.findall(r"\[([^\]]*)\]", text)]
         pairs = [[f"{'AE'[row]}{k}", x] for row, part in enumerate(own) for k, x in enumerate(part, start=1)]
     else:
-        pairs = [pair for part in text.split(",") if len(pair := part.split()) == 2]
-    named = {axis.upper(): number.strip() for axis, number in pairs if is_decimal(number.strip())}
-    return {OUTER.get(axis, axis): number for axis, number in named.items()}
+        pairs = [[axis.upper().replace("J", "A"), x] for axis, x in NAMED.findall(text)]
+    named: dict[str, str] = {}
+    for axis, number in pairs:
+        if is_decimal(number.strip()):
+            named.setdefault(OUTER.get(axis, axis), number.strip())
+    return named

@@ -147,8 +147,8 @@ def find_header(path: Path, lines: Sequence[str], layout: Layout, known: Callabl
     names, below = _names(head, delimiter), said[at + layout.header :]
     again = {line.strip() for line in head}  # of the next page
     rows = [k for k in below if not is_comment(lines[k]) and lines[k].strip() not in again]
-    # A line of units below the header.
-    units = _units(lines[rows[0]], delimiter, len(names)) if rows else None
+    # a line of units below the header
+    units = units_in(lines[rows[0]], delimiter, len(names)) if rows else None
     if units:
         rows = [k for k in rows if lines[k].strip() != lines[rows[0]].strip()]
     return Header(
@@ -256,7 +256,7 @@ def _full(cells: Sequence[str], count: int) -> bool:
     return len(cells) >= count and not any(cells[count:])
 
 
-def _units(line: str, delimiter: str, count: int) -> list[Unit | None] | None:
+def units_in(line: str, delimiter: str, count: int) -> list[Unit | None] | None:
     """Read the units of a line that holds nothing else; None for any other line."""
     words = [cell.strip("[]() ") for cell in cells_in(line, delimiter)][:count]
     units = [find_unit(word) for word in words]

@@ -13,6 +13,7 @@ from testbench.arm.document import Strict, parse_toml
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, split
 from testbench.errors import BenchError, Doubt, InputError, read_text
+from testbench.files.mapping import Map
 from testbench.files.read_pairs import Export, read_export
 from testbench.identify.diagnosis.deflected import scale
 from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
@@ -70,15 +71,24 @@ def _frame_files(frame: str) -> list[Path]:
     return [Path(frame)] if frame.endswith(".toml") else []
 
 
-def read(cell: Cell, asked: Readings) -> Export:
-    """The runs as they were read; InputError names what is wrong with the file or its map."""
+def read(cell: Cell, asked: Readings, mapping: Path | Map | None = None) -> Export:
+    """Read runs.
+
+    Args:
+        cell: The cell that was measured.
+        asked: The file, and how it is read.
+        mapping: A map beside the one that was asked for.
+
+    Raises:
+        InputError: Names what is wrong with the file or its map.
+    """
     sigma = None if asked.sigma_um is None else asked.sigma_um / UM
     markers = (*cell.arm.markers, *(asked.new_target or ()))
     if "" in markers or len(set(markers)) < len(markers):
         new, have = ", ".join(asked.new_target or ()), ", ".join(cell.arm.markers)
         raise BenchError(f"--new-target: expected new names, got {new}; {cell.arm.name} has {have}")
     arm = replace(cell.arm, markers=markers)
-    found = read_export(asked.dataset, arm, asked.mapping, sigma, asked.load)
+    found = read_export(asked.dataset, arm, mapping or asked.mapping, sigma, asked.load)
     if not found.data.wrench.any():
         raise InputError(asked.dataset, "", "expected loads, all forces and moments are 0")
     return found

@@ -202,7 +202,7 @@ def read(name, folder, content, beside=None):
     other = None
     if beside is not None:
         (other := folder / "robot.dat").write_text(beside)
-    entries = propose(file, ARM, other, folder)
+    entries = propose(file, ARM, other, folder).entries
     (map_ := folder / "export.toml").write_text(map_text(entries))
     return read_series(file, ARM, map_), entries
 
@@ -308,11 +308,11 @@ def test_programs_without_joints_or_in_other_languages_ask_for_a_table(tmp_path)
     rapid = f"MODULE m\nCONST robtarget p1:={poses};\nENDMODULE\n"
     krl = "DEFDAT CAL\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n"
     for content, said in (
+        (yaskawa, "or one of ABB RAPID program, .*URScript program, got a program in another language"),
         *(
-            (own, "a program in RAPID, KRL, URScript, got one in another language")
-            for own in (fanuc, yaskawa)
+            (own, "got no joint target; save a table with a row for every pose")
+            for own in (fanuc, rapid, krl)
         ),
-        *((own, "got no joint target; save a table with a row for every pose") for own in (rapid, krl)),
     ):
         with pytest.raises(InputError, match=said):
             read("", tmp_path, long(), content)

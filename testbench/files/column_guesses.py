@@ -1,0 +1,258 @@
+"""Guess what columns of an unknown export mean, by their names and cells, each guess with its reason."""
+
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.arm.decimal import is_decimal
+from testbench.arm.folder import Arm
+from testbench.errors import Array, InputError
+from testbench.files.meaning import NUMBER, STATES, Place, joint_family, looks_like, meaning, places, plain
+from testbench.files.names import XYZ, Unit, split_unit, squeeze
+from testbench.files.rearranged import clock, keys_of, numbers_in
+from testbench.files.table import Table
+
+WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
+SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
+POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
+APART = {"mass", "axis", "pose", "marker", "state"}  #: Quantities that tell rows of one name apart.
+TURNS = 7.0  #: Joint coordinates beyond are degrees [rad].
+SCATTER = {f"{what}_{x}": f"sigma_{x}" for what in ("sigma", "u95") for x in XYZ}
+LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+TYPICAL = {"sigma": 3e-5, "": 1.0}
+"""What readings scatter by, and positions are, to an order of magnitude [m]."""
+
+
+class Entry(NamedTuple):
+    """A line of a map."""
+
+    table: str
+    key: str
+    value: object
+    why: str = ""  #: Where it is a guess.
+
+
+def unit_of(table: Table, k: int) -> Unit | None:
+    """The unit of a column by its name or the line below the header."""
+    parts = split_unit(table.names[k])
+    return table.units[k] if parts is None else parts[1]
+
+
+def columns_by_name(table: Table, arm: Arm, length: str, said: Collection[str]) -> Iterator[Entry]:
+    """Joints, positions, scatter, mass: which column, in which unit, where no layout has said it.
+
+    Args:
+        table: The export, with what the log adds.
+        arm: The arm.
+        length: Unit of lengths that the lines above the header state; "" where they state none.
+        said: Quantities that a layout has said.
+    """
+    known = dict[str, list[int]]()
+    for k, name in enumerate(table.names):
+        known.setdefault(meaning(name), []).append(k)
+    if "joint" not in said:
+        yield from _joints(table, arm)
+    readings = dict[str, list[int]]()
+    if "reading" not in said:
+        readings, markers = _positions(table, arm)
+        if not readings and {"axis", "position"} <= known.keys():
+            readings = {"axis": known["axis"], "position": known["position"]}
+        yield from markers if readings else [_position_cells(table, length)]
+    others = SCATTER | {"mass": "mass", "temperature": "temperature"}
+    kinds = dict.fromkeys(SCATTER, "deviation")
+    others = {theirs: our for theirs, our in others.items() if kinds.get(theirs, theirs) not in said}
+    for our, columns, kind in (
+        *((our, columns, our if our == "axis" else "") for our, columns in readings.items()),
+        *((our, known[theirs], theirs) for theirs, our in others.items() if theirs in known),
+    ):
+        alike = [own[0] for own in readings.values()] if our in readings else columns[:1]
+        unit, why = length_unit(table, columns[0], alike, kind, length)
+        left = ", ".join(repr(table.names[k]) for k in columns[1:])
+        why = "; ".join(filter(None, [why, left and f"not {left}"]))
+        yield Entry("columns", our + unit, table.names[columns[0]], why)
+        if kind.startswith("u95"):
+            yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
+    yield from lost_words(table, [k for our, (k, *_) in readings.items() if our != "axis"])
+
+
+def lost_words(table: Table, columns: Sequence[int]) -> list[Entry]:
+    """What stands in columns of positions for lost targets: cells that are no numbers."""
+    texts = {text for k in columns for text in table.texts(k)}
+    words = sorted(text for text in texts if text and not is_decimal(text.replace(",", ".")))
+    return [Entry("words", "lost", words, "no numbers")] if words else []
+
+
+def _joints(table: Table, arm: Arm) -> Iterator[Entry]:
+    """The columns of joints by their names."""
+    if joints := joint_family(table.names, arm):
+        unit, why = angle_unit(table, joints)
+        for joint, k in zip(arm.file_joints, joints, strict=True):
+            own = ("_m" if joint.prismatic else unit) * (unit_of(table, k) is None)
+            yield Entry("columns", joint.name + own, table.names[k], why * bool(own))
+    elif arm.file_joints:
+        yield _joint_cells(table, arm)
+
+
+def _unlike(table: Table, what: str) -> InputError:
+    hint = '[columns] of a map by hand says which it is, as x = "X", or before_x and after_x of pairs'
+    hint = f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
+    return table.header_error(f"no column looks like {what}; columns are {list(table.names)}; {hint}")
+
+
+def _positions(table: Table, arm: Arm) -> tuple[dict[str, list[int]], list[Entry]]:
+    """The columns of positions by our names for them, and what the map says of their targets.
+
+    Names that say a state come before those that do not, names of several targets before those of none.
+    """
+    place, found = places(arm), dict[Place, list[int]]()
+    for k, name in enumerate(table.names):
+        if at := place(name):
+            found.setdefault(at, []).append(k)
+    whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
+    whole = [p for p in whole if p.when] or whole
+    targets = list(dict.fromkeys(p.target for p in whole if p.target))
+    bare = any(not p.target for p in whole)
+    if bare and len(targets) < 2:
+        targets = [""]
+    elif bare:
+        whole = [p for p in whole if p.target]
+    names, said = {plain(marker): marker for marker in arm.markers} | {"": ""}, list[Entry]()
+    if not {*targets} <= {*names}:
+        own = sorted(targets, key=lambda target: int(NUMBER.findall(target)[-1]))
+        markers = [f"M{target}" if target.isdecimal() else target.upper() for target in own]
+        why = "no markers of the arm"
+        if len(own) == len(arm.markers):
+            markers, why = list(arm.markers), "targets are numbered as the markers of the arm"
+        names = dict(zip(own, markers, strict=True))
+        said = [Entry("series", "markers", markers, why)]
+    kept = [p._replace(axis=axis) for p in whole if p.target in targets for axis in XYZ]
+    return {p.ours(names): found[p] for p in kept}, said
+
+
+def _joint_cells(table: Table, arm: Arm) -> Entry:
+    """The column that holds all joints in one cell; InputError where none does."""
+    for k in sorted(range(len(table.names)), key=lambda k: not looks_like(table.names[k], "joints")):
+        values = _cells_of(table, k, len(arm.file_joints))
+        if len(values) and not POSED.search(plain(table.names[k])):
+            said, (guessed, why) = unit_of(table, k), _angle(values)
+            unit = said.name if said else guessed
+            slides = "_m" * any(joint.prismatic for joint in arm.file_joints)
+            return Entry("cells", table.names[k], f"{{joints_{unit}{slides}}}", "" if said else why)
+    raise _unlike(table, arm.file_joints[0].name)
+
+
+def _position_cells(table: Table, length: str) -> Entry:
+    """The column that holds x, y, z in one cell; InputError where none does."""
+    for k in (k for k, name in enumerate(table.names) if not looks_like(name, "joints")):
+        if len(values := _cells_of(table, k, len(XYZ))):
+            said, (guessed, why) = unit_of(table, k), _length(values, "", length)
+            return Entry(
+                "cells", table.names[k], f"{{position_{said.name if said else guessed}}}", "" if said else why
+            )
+    raise _unlike(table, "a position")
+
+
+def _cells_of(table: Table, k: int, count: int) -> Array:
+    """Numbers of a column's cells, (cells, count), if they are neither all the same nor dates or times."""
+    texts = [text for text in dict.fromkeys(table.texts(k)) if text]
+    same = table.rows > 1 and len(texts) == 1
+    found = None if same or clock(texts) is not None else numbers_in(texts, count)
+    return np.array([[float(x.replace(",", ".")) for x in own] for own in found or []])
+
+
+def angle_unit(table: Table, joints: Sequence[int]) -> tuple[str, str]:
+    """The unit of joints whose names have none, by their values, and that in words."""
+    unit, why = _angle(_sizes(table, joints))
+    return f"_{unit}", why
+
+
+def _angle(values: Array) -> tuple[str, str]:
+    most = float(np.abs(values).max(initial=0.0))
+    return "deg" if most > TURNS else "rad", f"joints up to {most:.4g}"
+
+
+def _length(values: Array, kind: str, length: str) -> tuple[str, str]:
+    if length and kind not in SCATTER:
+        return length, ""
+    middle = float(np.median(np.abs(values))) if np.size(values) else 1.0
+    middle, typical = middle or 1.0, TYPICAL["sigma" if kind in SCATTER else ""]
+    unit = min(LENGTHS, key=lambda unit: abs(np.log(middle * LENGTHS[unit] / typical)))
+    return unit, f"numbers around {middle:.4g}"
+
+
+def _sizes(table: Table, columns: Sequence[int]) -> Array:
+    """The numbers of some columns, those that are none left out."""
+    texts = (text.replace(",", ".") for k in columns for text in table.texts(k))
+    return np.array([float(text) for text in texts if is_decimal(text)])
+
+
+def length_unit(table: Table, k: int, alike: Sequence[int], kind: str, length: str) -> tuple[str, str]:
+    """What a key gets behind it where the header has no unit, by the values of columns alike, and why."""
+    if unit_of(table, k) or kind in ("axis", "temperature"):
+        return "", ""
+    if kind == "mass":
+        return "_kg", "no unit"
+    unit, why = _length(_sizes(table, alike), kind, length)
+    return f"_{unit}", why
+
+
+def names_by_cells(table: Table, arm: Arm, said: Mapping[str, str]) -> Iterator[Entry]:
+    """What columns of names say: poses, targets, states, loads, shots."""
+    names = [name for name in table.names if meaning(name) in ("name", "state") and name not in said]
+    apart = [name for name in table.names if {meaning(name), said.get(name)} & APART]
+    every = keys_of(table, [*names, *apart])
+    again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
+    shots = "names stand several times in a row: shots" if again else ""
+    for name in names:
+        texts = keys_of(table, [name])
+        distinct, changes = list(dict.fromkeys(texts)), 1 + sum(a != b for a, b in pairwise(texts))
+        if pattern := _pattern(texts, arm) if len(distinct) > 1 else "":
+            yield Entry("cells", name, pattern, f"of {texts[0]!r}")
+            shots = "the last number of a name counts shots" if "*" in pattern else shots
+            yield from _states([word for text in distinct for word in WORD.findall(text)])
+        elif {squeeze(text) for text in texts} <= {*STATES}:
+            yield Entry("columns", "state", name)
+            yield from _states(distinct)
+        elif meaning(name) == "state":
+            continue  # in words that nobody knows
+        elif 1 < len(distinct) < changes and len(distinct) <= TARGETS:
+            yield Entry("columns", "marker", name)
+            if not {*distinct} <= {*arm.markers}:
+                yield Entry("series", "markers", distinct, "no markers of the arm")
+        elif len(distinct) > 1:
+            yield Entry("columns", "pose", name)
+    if shots:
+        yield Entry("file", "average", True, shots)
+
+
+def _states(words: Sequence[str]) -> Iterator[Entry]:
+    for state in ("before", "after"):
+        if own := sorted({word for word in words if STATES.get(squeeze(word)) == state}):
+            yield Entry("words", state, own)
+
+
+def _pattern(texts: Sequence[str], arm: Arm) -> str:
+    """What names of several parts hold, as "P{pose}_{marker}_*"; "" where fewer than two parts differ."""
+    between, rows = {tuple(WORD.split(text)) for text in texts}, [WORD.findall(text) for text in texts]
+    if len(between) > 1:
+        return ""
+    columns, parts = list(zip(*rows, strict=True)), list[str]()
+    for k, words in enumerate(columns):
+        kinds, after = {*map(squeeze, words)}, squeeze(columns[k + 1][0]) if k + 1 < len(columns) else ""
+        holes = {
+            words[0]: len(kinds) == 1,
+            "{marker}": kinds <= {*map(squeeze, arm.markers)},
+            "{when}": kinds <= {*STATES},
+            f"{{mass_{after}}}": after in ("kg", "lb"),
+            "{mass_kg}kg": all(re.fullmatch(r"\d+kg", kind) for kind in kinds),
+            "{pose}": "{pose}" not in parts,
+            "*": len(kinds) <= SHOTS,
+        }
+        parts.append(next((hole for hole, fits in holes.items() if fits), ""))
+    if "" in parts or sum(part in ("*",) or "{" in part for part in parts) < 2:
+        return ""
+    [ends] = between
+    return "".join(a + b for a, b in zip(ends, [*parts, ""], strict=True))
