@@ -20,9 +20,11 @@ from testbench.identify.absolute.scatter import WILD, Outliers, outliers, residu
 from testbench.identify.absolute.state import nominal, torque_scale
 from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
-from testbench.identify.diagnosis.finding import Finding
-from testbench.identify.diagnosis.notation import check_order, unplaced
+from testbench.identify.diagnosis.diagnose import unplaced_series
+from testbench.identify.diagnosis.hypotheses import describe
+from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.own_weight import by_own_weight
+from testbench.identify.diagnosis.series_checks import check_order
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import POSES, ROUGH
@@ -30,7 +32,6 @@ from testbench.identify.robust_loss import READINGS
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
 from testbench.runs.rows import Row
-from testbench.workflows import doubt
 
 T = TypeVar("T")
 FRAME_POSES = 50
@@ -139,16 +140,16 @@ def explained(vjm: Vjm) -> Iterator[None]:
     try:
         yield
     except Misfit as err:
-        found = unplaced(vjm, err.series)
+        found = unplaced_series(vjm, err.series)
         hint = ": another arm, another notation of angles or order of its joints, or other units?"
-        if found is not None and found.kind != "kinematics" and _helps(found):
-            hint = f"; {doubt.said(found, vjm.arm, err.series.joints).sentence}"
+        if found is not None and found.name != "kinematics" and _helps(found):
+            hint = f"; {describe(found, vjm.arm, err.series.joints).sentence}"
         raise BenchError(f"{err}{hint}") from err
 
 
-def _helps(found: Finding) -> bool:
+def _helps(found: Issue) -> bool:
     """Whether most readings are nearer to the arm with a mistake undone."""
-    return "was" not in found.beside or found.beside["now"] < found.beside["was"]
+    return "was" not in found.numbers or found.numbers["now"] < found.numbers["was"]
 
 
 def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
@@ -176,22 +177,22 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
     ]
     said += of_held(found)
     wild = outliers(found.state, found.series, found.pulls)
-    words = (doubt.said(one, vjm.arm).sentence for one in found.found)
+    words = (describe(one, vjm.arm).sentence for one in found.found)
     mounted = by_own_weight(found, cad_prior(vjm.arm))
     return Calibrated(
         found,
         found.series,
         (*said, *words, *([of_outliers(wild)] if wild else [])),
-        doubt.said(mounted, vjm.arm).sentence if mounted else "",
+        describe(mounted, vjm.arm).sentence if mounted else "",
     )
 
 
 def hidden(found: Calibrated) -> str:
     """What geometry that no arm has may hide, such as a joint's zero, in a sentence."""
-    why = unplaced(found.calibration.state.vjm, found.series[0])
-    if why is None or why.kind == "kinematics":
+    why = unplaced_series(found.calibration.state.vjm, found.series[0])
+    if why is None or why.name == "kinematics":
         return "is a joint's zero off, or is it another arm?"
-    return doubt.said(why, found.calibration.state.vjm.arm, found.series[0].joints).sentence
+    return describe(why, found.calibration.state.vjm.arm, found.series[0].joints).sentence
 
 
 def of_held(found: Calibration) -> list[str]:

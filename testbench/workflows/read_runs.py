@@ -15,8 +15,10 @@ from testbench.data.dataset import Dataset, split
 from testbench.errors import BenchError, Doubt, InputError, read_text
 from testbench.files.mapping import Map
 from testbench.files.read_pairs import Export, read_export
-from testbench.identify.diagnosis.deflected import scale
-from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
+from testbench.identify.diagnosis.deflections import deflection_scale
+from testbench.identify.diagnosis.diagnose import diagnose, unplaced_runs
+from testbench.identify.diagnosis.hypotheses import describe
+from testbench.identify.diagnosis.hypothesis import Submission
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.identify.registered import STATION, Choice, Registered, registered, station
@@ -24,7 +26,6 @@ from testbench.identify.registration import Frame, spread
 from testbench.model.structure import all153
 from testbench.workflows.campaign_flags import Readings
 from testbench.workflows.cell import Cell
-from testbench.workflows.doubt import said
 from testbench.workflows.plan_input import overloads
 from testbench.workflows.registration_notes import registration_notes
 from testbench.workflows.rows import MM, UM
@@ -101,10 +102,10 @@ def register(cell: Cell, export: Export, asked: Readings) -> tuple[Cell, Registe
     except InputError:
         raise
     except BenchError as err:
-        doubt = open_places(cell.vjm, export.data)
+        doubt = unplaced_runs(cell.vjm, export.data)
         if doubt is None:
             raise
-        words = said(doubt, cell.arm, export.columns.joints).sentence
+        words = describe(doubt, cell.arm, export.columns.joints).sentence
         raise BenchError(f"{err}; {words}") from err
 
 
@@ -114,13 +115,13 @@ def look_at(
     """Doubts about registered runs of an arm, as its folder has it, and the factor of their deflections."""
     prior = cad_prior(cell.arm)
     try:
-        seen = doubts(HandedIn(cell.vjm, export.data, found, _said(export, asked) != "auto"), prior)
-        factor = scale(found.vjm, metric(prior, found.vjm, all153(found.vjm.arm)), found.data)
+        seen = diagnose(Submission(cell.vjm, export.data, found, _said(export, asked) != "auto"), prior)
+        factor = deflection_scale(found.vjm, metric(prior, found.vjm, all153(found.vjm.arm)), found.data)
     except BenchError as err:
         raise InputError(asked.dataset, "", str(err)) from err
     masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
     heavy = (Doubt("payload", words) for words in overloads(cell.arm, masses.tolist()))
-    return (*(said(one, cell.arm, export.columns.joints) for one in seen), *heavy), factor
+    return (*(describe(one, cell.arm, export.columns.joints) for one in seen), *heavy), factor
 
 
 def _said(export: Export, asked: Readings) -> str:

@@ -10,10 +10,11 @@ from sound_sets import PAYLOAD, Sound
 from testbench import BenchError, registered
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Doubt
-from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
+from testbench.identify.diagnosis.diagnose import diagnose, unplaced_runs
+from testbench.identify.diagnosis.hypotheses import describe
+from testbench.identify.diagnosis.hypothesis import Submission
 from testbench.identify.prior import Prior
 from testbench.model.vjm import tool_pose
-from testbench.workflows.doubt import said
 
 POSES = 12  #: Of a set-up in which the tracker moves by half a millimetre.
 
@@ -41,9 +42,10 @@ def named(own: Sound) -> list[Doubt]:
     try:
         found = registered(vjm, data, "tracker" if own.declared else "auto")
     except BenchError as why:
-        doubt = open_places(vjm, data)
-        return [said(doubt, vjm.arm) if doubt else Doubt("refused", str(why))]
-    return [said(one, vjm.arm) for one in doubts(HandedIn(vjm, data, found, own.declared), own.prior)]
+        issue = unplaced_runs(vjm, data)
+        return [describe(issue, vjm.arm) if issue else Doubt("refused", str(why))]
+    found = diagnose(Submission(vjm, data, found, own.declared), own.prior)
+    return [describe(issue, vjm.arm) for issue in found]
 
 
 def bump(rng, size):

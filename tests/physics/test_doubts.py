@@ -4,6 +4,8 @@ import re
 import tracemalloc
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,14 +18,13 @@ from scipy.stats import multivariate_normal
 from sound_sets import sound
 
 from testbench.data.dataset import Dataset, in_order, select
-from testbench.identify.diagnosis import find
-from testbench.identify.diagnosis.find import AT_A_TIME, HandedIn, doubts
-from testbench.identify.diagnosis.finding import MOST, Finding, one_by_one
-from testbench.identify.diagnosis.finding import test as score
-from testbench.identify.diagnosis.loads import PLAY, STIFFER, allowed, learnt
-from testbench.identify.diagnosis.place import Free, Seen
+from testbench.identify.diagnosis import diagnose as diagnosis
+from testbench.identify.diagnosis.deflections import PLAY, STIFFER, residual_model, sound_joint_columns
+from testbench.identify.diagnosis.diagnose import AT_A_TIME, diagnose
+from testbench.identify.diagnosis.hypotheses import HYPOTHESES, describe
+from testbench.identify.diagnosis.hypothesis import MOST, Issue, Submission, score_test, undo_one_by_one
+from testbench.identify.diagnosis.kinematics import Observations, best_hypothesis
 from testbench.identify.diagnosis.steps import chance
-from testbench.identify.diagnosis.undone import placed
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.identify.registered import Registered, registered
@@ -31,8 +32,8 @@ from testbench.model.loaded import displacement
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
 from testbench.plant.tracker import stream
-from testbench.workflows.doubt import said
 
+ROOT = Path(__file__).resolve().parents[2]
 SEEDS = {"levels": 10, "pressed": 11, "tracker": 17}
 """A set of every kind, of a KR 500: three hung masses, forces in all directions, a tracker's frame."""
 
@@ -96,7 +97,7 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     """Shapes and couplings have a width of their own: Bayes' formulas in the readings, dense."""
     own = sets["levels"]
     vjm, structure = own.cell.vjm, all153(own.cell.arm)
-    fitted = learnt(vjm, metric(cad_prior(own.cell.arm), vjm, structure), own.data)
+    fitted = residual_model(vjm, metric(cad_prior(own.cell.arm), vjm, structure), own.data)
     h, prior = fitted.h, fitted.metric
     assert np.ptp(h[-3:-1]) > 0.2  # or nothing would tell shapes from couplings
     blocks = np.repeat(np.arange(len(prior.sizes)), [n * (n + 1) // 2 for n in prior.sizes])
@@ -108,7 +109,7 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     mean = prior.L @ (size * prior.expected + D * (G.T @ np.linalg.solve(S, apart)))
     unit = np.sqrt(((prior.L * size) ** 2) @ np.ones(structure.n))
     np.testing.assert_allclose(fitted.pi / unit, mean / unit, rtol=0, atol=1e-6)
-    joints = allowed(vjm, own.data, structure, fitted.pi)
+    joints = sound_joint_columns(vjm, own.data, structure, fitted.pi)
     known = np.eye(len(G)) / fitted.misfit**2 - fitted.shared @ fitted.shared.T
     np.testing.assert_allclose(known @ (S + joints @ joints.T), np.eye(len(G)), rtol=0, atol=1e-5)
     np.testing.assert_allclose(fitted.surprise, known @ apart, rtol=0, atol=1e-6 * np.abs(apart).max())
@@ -119,7 +120,7 @@ def test_sound_joints_play_and_stiffen_as_if_they_turned(sets):
     own = sets["levels"]
     vjm, data, s = own.cell.vjm, own.data, all153(own.cell.arm)
     C = own.cell.arm.C_theta
-    found = allowed(vjm, data, s, s.entries(C)).reshape(data.runs, len(data.markers), 3, -1, 2)
+    found = sound_joint_columns(vjm, data, s, s.entries(C)).reshape(data.runs, len(data.markers), 3, -1, 2)
     turn = (C @ generalised_load(chain(vjm, data.q), data.wrench, data.point))[-len(data.q[0]) :].T
     for j in range(turn.shape[1]):
         for k, size in enumerate((PLAY * np.sign(turn), STIFFER * turn * np.abs(turn))):
@@ -140,8 +141,8 @@ def test_a_reading_that_outweighs_all_others_or_is_the_only_one_is_named(sets, m
     own = made(4)
     assert (own.cell.arm.name, own.tracker) == ("arm_6r", True)
     data = select(own.data, own.data.run == 1)
-    given = HandedIn(own.cell.vjm, data, Registered(own.cell.vjm, data, None, "base", ()), declared=False)
-    assert [doubt.kind for doubt in doubts(given, own.prior)] == ["pose"]
+    given = Submission(own.cell.vjm, data, Registered(own.cell.vjm, data, None, "base", ()), declared=False)
+    assert [issue.name for issue in diagnose(given, own.prior)] == ["pose"]
 
 
 @pytest.mark.parametrize("seed", [pytest.param(1017, marks=pytest.mark.study), 1029])
@@ -154,6 +155,21 @@ def test_one_run_exchanged_among_few_is_named_and_no_noise(made, seed):
     assert named(MISTAKES["noise"].plant(own, stream(seed, 40)))[0].name == "noise"
 
 
+def test_the_example_of_the_docs_adds_a_mistake_that_is_named_first(sets):
+    """Joint angles in gon that were read as degrees; without the row another mistake, or none, is named."""
+    page = (ROOT / "docs" / "add_hypothesis.md").read_text()
+    added: dict[str, Any] = {}
+    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], added)
+    own, table = sets["levels"], added["TABLE"]
+    vjm, data = own.cell.vjm, replace(own.data, q=own.data.q / 0.9)
+    given = Submission(vjm, data, Registered(vjm, data, None, "base", ()), declared=False)
+    [first, *_] = diagnose(given, own.prior, table)
+    assert first.name == "gon"
+    words = describe(first, vjm.arm, hypotheses=table).sentence
+    assert "joint angles are gon, not degrees: which unit does the controller export? (they lie" in words
+    assert "gon" not in {issue.name for issue in diagnose(given, own.prior)}
+
+
 def test_mistakes_are_undone_one_after_the_other():
     """Each from data without those before; what cannot be undone is told once."""
     seen = []
@@ -162,15 +178,15 @@ def test_mistakes_are_undone_one_after_the_other():
         seen.append((data, model))
         worst = max(data, default=0)
         rest = data if worst == 3 else tuple(x for x in data if x != worst)
-        return ([Finding(str(worst))], rest, model + 1) if worst else None
+        return ([Issue(str(worst))], rest, model + 1) if worst else None
 
     for data, kinds in (((5, 4), ["5", "4"]), ((5, 3, 1), ["5", "3"]), (tuple(range(10, 20)), "")):
         seen.clear()
-        found, rest, model = one_by_one(data, 0, undo)
-        assert [one.kind for one in found] == kinds or len(found) == MOST
+        found, rest, model = undo_one_by_one(data, 0, undo)
+        assert [one.name for one in found] == kinds or len(found) == MOST
         assert model == len(found)
         assert seen[-1][1] == len(seen) - 1
-        assert not set(rest) & {int(one.kind) for one in found if one.kind != "3"}
+        assert not set(rest) & {int(one.name) for one in found if one.name != "3"}
 
 
 def test_a_hanging_arm_with_the_orientation_that_is_told_raises_no_doubt(made):
@@ -223,10 +239,10 @@ def test_a_link_that_is_longer_is_told_in_its_own_axes(arm_6r):
     placements[2, :3, 3] += step
     read = tool_points(replace(vjm, placements=placements), q, vjm.markers)
     ids, there = np.arange(20), np.ones(read.shape[:2], dtype=bool)
-    seen = Seen(vjm, q, vjm.markers, read, there, arm_6r.arm.markers, ids, ids, 3e-3)
-    found, _ = placed(seen, Free())
+    seen = Observations(vjm, q, vjm.markers, read, there, arm_6r.arm.markers, ids, ids, 3e-3)
+    found, _ = best_hypothesis(seen, HYPOTHESES.places)
     assert found is not None
-    assert (found.kind, found.where[1]) == ("link", vjm.arm.links[2].name)
+    assert (found.name, found.where[1]) == ("link", vjm.arm.links[2].name)
     np.testing.assert_allclose(found.size, step, atol=1e-6)
 
 
@@ -234,19 +250,19 @@ def test_the_score_test_is_a_bayes_factor_and_the_chance_of_a_step_that_of_fishe
     """Of residuals N(0, 1) and N(0, 1 + Z Z^T), by the densities; b is the mean of what explains them."""
     rng = np.random.default_rng(1)
     Z, e = rng.standard_normal((3, 20, 4)), rng.standard_normal((3, 20))
-    found = score(np.einsum("krz,kr->kz", Z, e), Z.swapaxes(1, 2) @ Z)
+    found = score_test(np.einsum("krz,kr->kz", Z, e), Z.swapaxes(1, 2) @ Z)
     for k in range(3):
         S = np.eye(20) + Z[k] @ Z[k].T
         wide, narrow = (multivariate_normal(np.zeros(20), C).logpdf(e[k]) for C in (S, np.eye(20)))
         assert found.nats[k] == pytest.approx(wide - narrow)
         np.testing.assert_allclose(found.b[k], Z[k].T @ np.linalg.solve(S, e[k]))
-    step = Finding("tracker_moved", size=np.zeros(3), beside={"free": 40.0}, nats=6.0)
+    step = Issue("tracker_moved", size=np.zeros(3), numbers={"free": 40.0}, nats=6.0)
     assert chance(step) == pytest.approx(f_ratio.sf(12 / 3, 3, 40))
 
 
 def told(vjm, data, frame="base"):
-    given = HandedIn(vjm, data, registered(vjm, data, frame), True)
-    found = (said(doubt, vjm.arm) for doubt in doubts(given, cad_prior(vjm.arm)))
+    given = Submission(vjm, data, registered(vjm, data, frame), True)
+    found = (describe(issue, vjm.arm) for issue in diagnose(given, cad_prior(vjm.arm)))
     return [(doubt.name, doubt.sentence) for doubt in found]
 
 
@@ -332,7 +348,7 @@ def plate(cell, runs, targets):
 
 
 def test_more_readings_than_are_weighed_together_raise_no_doubt(kr500, monkeypatch):
-    monkeypatch.setattr(find, "MOST_READINGS", 120)
+    monkeypatch.setattr(diagnosis, "MOST_READINGS", 120)
     assert told(*plate(kr500, runs=8, targets=40)) == []
 
 

@@ -6,12 +6,12 @@ from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
 
 from testbench.identify.absolute.fit import Options, calibrate
-from testbench.identify.diagnosis.mounting import DOWN, angle, mounted, towards
+from testbench.identify.diagnosis.gravity import DOWN, angle, mounted, towards
+from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.own_weight import by_own_weight
 from testbench.identify.prior import cad_prior
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import build_cell
-from testbench.workflows.doubt import said
 
 ONLY = Options(only=frozenset({"joint springs"}), orders=5)
 TURNS = {"hangs": (180, 0, 0), "stands on a wall": (0, 90, 0), "is tilted": (12, 16, 0)}
@@ -40,7 +40,7 @@ def test_own_weight_tells_how_the_base_stands(upright, tmp_path, how):
     prior = cad_prior(upright.arm)
     found = by_own_weight(calibrate(upright.vjm, series, prior, ONLY), prior)
     true = cell.vjm.base[:3, :3].T @ DOWN
-    assert how in said(found, upright.arm).sentence
+    assert how in describe(found, upright.arm).sentence
     assert np.degrees(angle(found.size[:3], true)) < 2  # a level tracker is off by half a degree, the fit too
     stands = Rotation.from_quat(found.size[3:], scalar_first=True).as_matrix()
     np.testing.assert_allclose(stands @ found.size[:3], DOWN, atol=1e-12)

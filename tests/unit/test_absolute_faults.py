@@ -14,14 +14,15 @@ from testbench.identify.absolute.align import align, aligned, alike
 from testbench.identify.absolute.fit import Options, calibrate, explain, gather
 from testbench.identify.absolute.scatter import outliers, residuals
 from testbench.identify.absolute.state import nominal
-from testbench.identify.diagnosis.notation import check_order, unplaced
+from testbench.identify.diagnosis.diagnose import unplaced_series
+from testbench.identify.diagnosis.hypotheses import describe
+from testbench.identify.diagnosis.series_checks import check_order
 from testbench.identify.prior import cad_prior
 from testbench.model.weights import read_weights
 from testbench.workflows.absolute import calibrated, explained
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.workflows.calibration_numbers import left_of, numbers
 from testbench.workflows.cell import build_cell
-from testbench.workflows.doubt import said
 
 ONLY = Options(only=frozenset({"joint springs"}), orders=5)
 ROWS = 40
@@ -39,7 +40,7 @@ def gathered(cell, *series):
 
 
 def moves(found, cell):
-    return [said(move, cell.arm).sentence for move in found.found]
+    return [describe(move, cell.arm).sentence for move in found.found]
 
 
 def position_only(series):
@@ -223,9 +224,9 @@ def test_circles_of_one_joint_each_tell_couplings_orders_and_slips(kr500, circle
             s, q=np.where(np.arange(36)[:, None] < 20, s.q, np.roll(s.q, -1, axis=0))
         ),
     }
-    assert unplaced(kr500.vjm, circles) is None
+    assert unplaced_series(kr500.vjm, circles) is None
     for words, plant in planted.items():
-        assert words in said(unplaced(kr500.vjm, plant(circles)), kr500.arm).sentence
+        assert words in describe(unplaced_series(kr500.vjm, plant(circles)), kr500.arm).sentence
 
 
 def test_readings_of_another_arm_are_refused_with_their_size(ur10, kr500):
@@ -253,7 +254,7 @@ def test_a_target_that_was_never_read_is_left_out(kr500):
     precision = np.tile(np.eye(3) / one.sigma**2, (10, 3, 1, 1))
     precision[:, 1] = 0
     (left,), notes = alike((replace(one, precision=precision),))
-    words = [said(note, kr500.arm).sentence for note in notes]
+    words = [describe(note, kr500.arm).sentence for note in notes]
     assert words == [f"series 1: {one.markers[1]} was never read and is left out"]
     assert left.markers == (one.markers[0], one.markers[2])
     np.testing.assert_array_equal(left.position, one.position[:, [0, 2]])

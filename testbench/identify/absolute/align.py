@@ -17,7 +17,7 @@ from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import Mount, State
 from testbench.identify.closed_form import Layout, means, nearest_rotation
 from testbench.identify.closed_form import residuals as left_by
-from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.registered import FAR
 from testbench.identify.registration import POSES, Frame, reach, register, turning
 from testbench.model.vjm import Vjm, tool_pose
@@ -300,7 +300,7 @@ def _joined(known: Mount, more: Mount) -> Mount:
     return replace(known, points=np.concatenate([known.points, more.points[new]]), markers=markers)
 
 
-def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Finding]]:
+def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Issue]]:
     """Give all series of a mount the same targets in the same order, without those that were never read.
 
     Returns:
@@ -313,7 +313,7 @@ def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Finding]]:
         read = {name for other in mount for name in _read(other)} or set(every)
         lost = [name for name in one.markers if name not in read]
         if lost:
-            notes.append(Finding("never_read", (one.name, *lost)))
+            notes.append(Issue("never_read", (one.name, *lost)))
         found.append(with_targets(one, tuple(name for name in every if name in read)))
     return tuple(found), notes
 

@@ -31,9 +31,9 @@ from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.scatter import distance, expected_of, pulls_of, scatter, single, units
 from testbench.identify.absolute.state import State, nominal, torque_scale
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
-from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.moves import settled
-from testbench.identify.diagnosis.notation import check_last_joint, check_order
+from testbench.identify.diagnosis.series_checks import check_last_joint, check_order
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.fold import Point, Reduced, reduce_series
 from testbench.identify.metric import Metric, metric
@@ -97,7 +97,7 @@ class Calibration(Displayed):
     pulls: tuple[Array, ...]  #: Robust weight of each reading, for every series (s, rows) [1].
     step: float  #: RMS move of the targets in the last linearisation [m].
     series: tuple[Series, ...]  #: The readings, divided where a target or the tracker moved.
-    found: tuple[Finding, ...]  #: Targets that were left out, and moves in mid-series.
+    found: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
 
     def about(self) -> dict[str, object]:
         """Summarise the calibration: arm, readings, unknowns, errors that were kept, model error."""
@@ -120,7 +120,7 @@ class Gathered:
     state: State  #: Point of linearisation: with joint springs and periodic errors.
     noise: Noise  #: Noise of readings about that state.
     reduced: Reduced  #: The equations, in blocks of joint space.
-    found: tuple[Finding, ...]  #: Targets that were left out, and moves in mid-series.
+    found: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
 
 
 def calibrate(

@@ -1,1 +1,1 @@
-"""What may be wrong with readings, pairs and absolute ones alike: hypotheses beside a fit, each tested."""
+"""What may be wrong with readings: one table of hypotheses, each undone, fitted again and compared."""

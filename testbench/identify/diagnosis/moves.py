@@ -14,8 +14,8 @@ from testbench.errors import BenchError, Ids
 from testbench.identify.absolute.align import read_only
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import State
-from testbench.identify.diagnosis.finding import Finding, one_by_one
-from testbench.identify.diagnosis.steps import best, lacking, with_shift
+from testbench.identify.diagnosis.hypothesis import Issue, undo_one_by_one
+from testbench.identify.diagnosis.steps import best, nuisance_model, with_shift
 from testbench.identify.metric import Metric
 
 CELLS = 400  #: Steps that are tried at first.
@@ -29,7 +29,15 @@ BEHIND = " from row "  #: Ends the name of a series, before the first row of its
 
 
 def places(series: Series, least: int) -> Ids:
-    """First rows behind steps that may be tried, so many poses before and behind each."""
+    """List the steps that may be tried.
+
+    Args:
+        series: Readings in order of time.
+        least: Poses before and behind each step at least.
+
+    Returns:
+        First rows behind them, (steps,).
+    """
     before, behind = _poses_so_far(series.pose), _poses_so_far(series.pose[::-1])[::-1]
     steps = np.flatnonzero(np.diff(series.row)) + 1  # rows of one identifier are of one moment
     return steps[(before[steps - 1] >= least) & (behind[steps] >= least)]
@@ -42,7 +50,7 @@ def _poses_so_far(pose: Ids) -> Ids:
     return np.cumsum(first)
 
 
-def _clear(state: State, series: Series, noise: Noise, elastic: Metric) -> Finding | None:
+def _clear(state: State, series: Series, noise: Noise, elastic: Metric) -> Issue | None:
     """The greatest step in a series, None where there is none that is worth parting it.
 
     Args:
@@ -53,7 +61,7 @@ def _clear(state: State, series: Series, noise: Noise, elastic: Metric) -> Findi
     """
     one = read_only(in_time(series))
     steps = places(one, LEAST)
-    at = lacking(state, (one,), noise, elastic)
+    at = nuisance_model(state, (one,), noise, elastic)
     thin = np.linspace(0, one.rows - 1, min(THIN, one.rows)).astype(int)
     tried = steps[np.linspace(0, len(steps) - 1, min(CELLS, len(steps))).astype(int)]
     place = np.unique(np.searchsorted(thin, tried))
@@ -61,14 +69,14 @@ def _clear(state: State, series: Series, noise: Noise, elastic: Metric) -> Findi
     if not len(place) or not _sure(found := best(at, select_rows(one, thin), place)):
         return None
     if len(tried) < len(steps) or len(thin) < one.rows:
-        middle = np.searchsorted(tried, thin[int(found.beside["place"])])
+        middle = np.searchsorted(tried, thin[int(found.numbers["place"])])
         low, high = tried[max(middle - 2, 0)], tried[min(middle + 2, len(tried) - 1)]
         found = best(at, one, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
     return with_shift(at, one, found) if _sure(found) else None
 
 
-def _sure(step: Finding) -> bool:
-    return 2 * (step.nats or 0.0) > GAIN and step.beside["share"] > SHARE
+def _sure(step: Issue) -> bool:
+    return 2 * (step.nats or 0.0) > GAIN and step.numbers["share"] > SHARE
 
 
 def in_time(series: Series) -> Series:
@@ -83,7 +91,7 @@ Fitted = tuple[State, Noise]
 
 def settled(
     series: Parts, fitted: Callable[[Parts], Fitted], elastic: Metric
-) -> tuple[list[Finding], Parts, Fitted]:
+) -> tuple[list[Issue], Parts, Fitted]:
     """Fit, part where something moved, fit again.
 
     Args:
@@ -96,7 +104,7 @@ def settled(
         their fit.
     """
 
-    def undo(parts: Parts, now: Fitted) -> tuple[list[Finding], Parts, Fitted] | None:
+    def undo(parts: Parts, now: Fitted) -> tuple[list[Issue], Parts, Fitted] | None:
         steps = [_clear(now[0], one, now[1], elastic) for one in parts]
         found = [step for step in steps if step]
         if not found:
@@ -105,19 +113,19 @@ def settled(
         try:
             return found + shared, apart, fitted(apart)
         except BenchError:
-            return [*found, Finding("not_parted", tuple(step.where[0] for step in found))], parts, now
+            return [*found, Issue("not_parted", tuple(step.where[0] for step in found))], parts, now
 
-    return one_by_one(series, fitted(series), undo)
+    return undo_one_by_one(series, fitted(series), undo)
 
 
-def _parted(parts: Parts, steps: Sequence[Finding | None]) -> tuple[Parts, list[Finding]]:
+def _parted(parts: Parts, steps: Sequence[Issue | None]) -> tuple[Parts, list[Issue]]:
     """Series in two where something moved, which has a name of its own behind the step.
 
     A mount or frame that moved in one series is shared with no other any more: which part that would share it
     with is not known. Findings say so.
     """
     found = [part for one, step in zip(parts, steps, strict=True) for part in _halves(one, step)]
-    own: dict[tuple[str, str], Finding] = {}
+    own: dict[tuple[str, str], Issue] = {}
     for series, step in zip(parts, steps, strict=True):
         if step is None:
             continue
@@ -125,8 +133,8 @@ def _parted(parts: Parts, steps: Sequence[Finding | None]) -> tuple[Parts, list[
         for k, one in enumerate(found):
             if _shared(one, step) == name and _whole(one) != whole:
                 found[k] = _named(one, step, f"{name} of {_whole(one)}")
-                where = _whole(one), "mount" if step.kind == "target_moved" else "frame"
-                own[where] = Finding("unshared", where)
+                where = _whole(one), "mount" if step.name == "target_moved" else "frame"
+                own[where] = Issue("unshared", where)
     return tuple(found), list(own.values())
 
 
@@ -135,23 +143,23 @@ def _whole(part: Series) -> str:
     return part.name.partition(BEHIND)[0]
 
 
-def _shared(series: Series, step: Finding) -> str:
+def _shared(series: Series, step: Issue) -> str:
     """Name of what moved in a step, for a series."""
-    return series.target if step.kind == "target_moved" else series.frame
+    return series.target if step.name == "target_moved" else series.frame
 
 
-def _named(series: Series, step: Finding, name: str) -> Series:
+def _named(series: Series, step: Issue, name: str) -> Series:
     """A series with another name for what moved in a step."""
-    if step.kind == "target_moved":
+    if step.name == "target_moved":
         return replace(series, target=name)
     return replace(series, frame=name)
 
 
-def _halves(series: Series, step: Finding | None) -> Parts:
+def _halves(series: Series, step: Issue | None) -> Parts:
     """A series before and behind a step, whole where there is none."""
     if step is None:
         return (series,)
-    one, words = in_time(series), f"{BEHIND}{step.beside['after']}"
-    behind = np.arange(series.rows) >= step.beside["place"]
+    one, words = in_time(series), f"{BEHIND}{step.numbers['after']}"
+    behind = np.arange(series.rows) >= step.numbers["place"]
     second = _named(select_rows(one, behind), step, _shared(series, step) + words)
     return select_rows(one, ~behind), replace(second, name=series.name + words)

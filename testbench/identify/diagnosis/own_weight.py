@@ -6,7 +6,7 @@ are tried: that of a level tracker, a ceiling, four walls, and the tilt at which
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain as joined
 
 import numpy as np
@@ -16,19 +16,19 @@ from testbench.errors import Array, BenchError, InputError
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.fit import Calibration, first_fit
 from testbench.identify.absolute.state import State, nominal, torque_scale
-from testbench.identify.diagnosis.finding import Finding
-from testbench.identify.diagnosis.mounting import (
+from testbench.identify.diagnosis.gravity import (
     DOWN,
     LEVEL,
     Pull,
     angle,
-    finding,
     mean_level,
     mounted,
+    mounting,
     snapped,
     towards,
 )
-from testbench.identify.diagnosis.place import Free, Seen, away, fit
+from testbench.identify.diagnosis.hypothesis import Issue
+from testbench.identify.diagnosis.kinematics import FreeParameters, Observations, fit
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.model.loaded import displacement
@@ -50,12 +50,15 @@ CLEAR, LEVELLED = 20.0, 7.0
 LESS = 0.9  #: Scatter over that of the folder's mounting, above which none is told.
 
 
-def by_own_weight(found: Calibration, prior: Prior) -> Finding | None:
-    """How the base stands, if gravity from another side explains absolute readings much better.
+def by_own_weight(found: Calibration, prior: Prior) -> Issue | None:
+    """Find how the base stands, if gravity from another side explains absolute readings much better.
 
     Args:
         found: The calibration by the arm's folder.
         prior: What the folder expects of its compliances.
+
+    Returns:
+        The mounting; None where the folder's explains the readings as well.
     """
     state = found.state
     level = mean_level(state.frames.values())
@@ -74,7 +77,7 @@ def by_own_weight(found: Calibration, prior: Prior) -> Finding | None:
         scatter, g = min(tried, key=lambda one: one[0], default=(np.inf, DOWN))
         nats = 3 * poses * float(np.log(own / scatter)) if np.isfinite(scatter) else 0.0
         if scatter < LESS * own and nats > least:
-            return finding(state.vjm, Pull(g, level), nats)
+            return mounting(state.vjm, Pull(g, level), nats)
     return None
 
 
@@ -118,35 +121,34 @@ def _tilted(by: Array) -> Array:
     return np.array([*(np.sin(size) * by / max(size, 1e-12)), -np.cos(size)])
 
 
-@dataclass(frozen=True)
-class Unbent:
-    """Readings of both states, and what the arm weighs."""
-
-    before: Seen  #: Unloaded as the file has it.
-    after: Seen  #: Loaded.
-    C_theta: Array  #: Expected compliances in the scale of the readings, (n_theta, n_theta).
-
-
-def hangs(read: Unbent) -> bool:
-    """Whether unloaded readings are bent as a hanging arm is, not as an upright one that was read wrongly.
+def hangs(before: Observations, after: Observations, C_theta: Array) -> bool:
+    """Tell whether unloaded readings are bent as a hanging arm is, not as an upright one read wrongly.
 
     It is asked where targets move against stated weights. Three mistakes do that: the arm hangs, readings
     before and after are exchanged, or the force has the other sign.
+
+    Args:
+        before: Unloaded readings as the file has them.
+        after: Loaded ones.
+        C_theta: Expected compliances in the scale of the readings, (n_theta, n_theta) [m/N, rad/(N m)].
+
+    Returns:
+        Whether an arm that hangs explains them better by SURE nats; False where the folder has no masses.
     """
-    vjm = read.before.vjm
+    vjm = before.vjm
     try:
         weights = read_weights(vjm.arm)
     except InputError:  # nobody knows what it weighs
         return False
     left = []
-    for seen, g in ((read.before, -DOWN), (read.after, DOWN), (read.before, DOWN)):
+    for seen, g in ((before, -DOWN), (after, DOWN), (before, DOWN)):
         turned = mounted(vjm, g)
         where = chain(turned, seen.q)
-        theta = (read.C_theta @ own_weight(where, weights)).T
+        theta = (C_theta @ own_weight(where, weights)).T
         sag = displacement(where, theta, seen.markers) @ towards(g).T
-        unbent = fit(replace(seen, read=seen.read - sag), Free(frame=True, targets=True))
-        off = np.sort(away(seen, unbent))
+        bare = replace(seen, read=seen.read - sag, free=FreeParameters(frame=True, targets=True))
+        off = np.sort(fit(bare).away(seen))
         left.append(float(np.sqrt(np.square(off[: int(np.ceil(MOST * len(off)))]).mean())))
     hung, *upright = left
-    poses = len(np.unique(read.before.q, axis=0))  # all that is read in one shares its errors of geometry
+    poses = len(np.unique(before.q, axis=0))  # all that is read in one shares its errors of geometry
     return 3 * poses * float(np.log(min(upright) / max(hung, 1e-12))) > SURE

@@ -2,8 +2,8 @@
 
 From row k on a step b of up to six numbers is added to the model, in tool axes for the targets and in base
 axes for the tracker. Beside it stands all that the model may still lack: geometry, low periodic errors of the
-joints and compliances, each with its prior. What these explain as well is no step (`finding`: P is of these).
-A row or pose that is off alone is another hypothesis, of the same columns.
+joints and compliances, each with its prior. What these explain as well is no step (`hypothesis`: P is of
+these). A row or pose that is off alone is another hypothesis, of the same columns.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, 
 from testbench.identify.absolute.noise import Noise, weights
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import unknowns_of
-from testbench.identify.diagnosis.finding import Finding, Tested, test
+from testbench.identify.diagnosis.hypothesis import Issue, Score, score_test
 from testbench.identify.metric import Metric
 from testbench.identify.rows import rows_of
 from testbench.model.joint_errors import JointErrors
@@ -43,7 +43,7 @@ class Linear:
     noise: Noise  #: How readings scatter about it.
 
 
-def lacking(
+def nuisance_model(
     state: State, series: tuple[Series, ...], noise: Noise, elastic: Metric, orders: int = ORDERS
 ) -> Linear:
     """Residuals of series, and what else may explain them.
@@ -63,28 +63,34 @@ def lacking(
     return Linear(own, P, state, noise)
 
 
-def chance(step: Finding) -> float:
-    """Chance of a step at that place that is as clear, in readings without one."""
+def chance(step: Issue) -> float:
+    """Compute the chance of a step as clear as this one in readings without one, by Fisher's F."""
     z = len(step.size)
-    return float(fdtrc(z, step.beside["free"], 2 * (step.nats or 0.0) / z))
+    return float(fdtrc(z, step.numbers["free"], 2 * (step.nats or 0.0) / z))
 
 
-def best(at: Linear, series: Series, steps: Ids) -> Finding:
-    """The step of greatest gain, of those with these first rows behind them, rising, (steps,).
+def best(at: Linear, series: Series, steps: Ids) -> Issue:
+    """Find the step of greatest gain.
 
-    Its kind says what moved, its size how far and by what turn, (3 or 6,) [m, rad]. Beside it stand its first
-    row (`place`), the identifiers of the rows `before` and `after` it, which may be `across` a pose; whether
-    the other move explains the readings `alike`; the `share` of the sum of squares that it takes away, and
-    the independent equations that nothing spends (`free`).
+    Args:
+        at: What else the model may lack.
+        series: The readings, in order of time.
+        steps: First rows behind the steps that are tried, rising, (steps,).
+
+    Returns:
+        The step. Its name says what moved, its size how far and by what turn, (3 or 6,) [m, rad]. Its numbers
+        are its first row (`place`); the identifiers of the rows `before` and `after` it, which may be
+        `across` a pose; whether the other move explains the readings `alike`; the `share` of the sum of
+        squares that it takes away; and the independent equations that nothing spends (`free`).
     """
     sums = _sums(at, series, steps)
     return _greatest(_rest(at, (series,), [sums]), series, sums, steps, turns=True)
 
 
-def likeliest(
+def most_significant_step(
     at: Linear, series: Sequence[Series], places: Sequence[Ids]
-) -> Iterator[tuple[Series, Finding]]:
-    """Of every series the step that chance explains least, which may turn what moves or not.
+) -> Iterator[tuple[Series, Issue]]:
+    """Find the step of every series that chance explains least, which may turn what moves or not.
 
     A single row or pose that is off alone may explain the readings better: then there is none.
 
@@ -103,7 +109,7 @@ def likeliest(
         together = np.zeros((poses.max() + 1, *own.Z.shape[1:]))
         np.add.at(together, poses, own.Z)
         alone = [t for Z in (own.Z, together) for t in rest.tested(Z, turns=len(step.size) == 6)]
-        if max(t.gain.max() for t in alone) < step.beside["share"] * rest.before:
+        if max(t.gain.max() for t in alone) < step.numbers["share"] * rest.before:
             yield one, step
 
 
@@ -128,7 +134,7 @@ class _Rest:
     count: float  #: Equations that nothing spends.
     shared: float  #: How many of them say the same.
 
-    def tested(self, Z: Array, *, turns: bool) -> tuple[Tested, Tested]:
+    def tested(self, Z: Array, *, turns: bool) -> tuple[Score, Score]:
         """Moves of the targets and of the tracker in a batch of rows, (batch, z, c + 1 + z)."""
         c = len(self.e)
         half = solve_triangular(self.L, (Z[:, :, :c] / self.size).reshape(-1, c).T, lower=True)
@@ -136,7 +142,9 @@ class _Rest:
         g, M = Z[:, :, c] - K @ self.e, Z[:, :, c + 1 :] - K @ K.swapaxes(1, 2)
         z = g.shape[1] - 6
         target, tracker = slice(z if turns else 3), slice(z, None if turns else z + 3)
-        return test(g[:, target], M[:, target, target]), test(g[:, tracker], M[:, tracker, tracker])
+        return score_test(g[:, target], M[:, target, target]), score_test(
+            g[:, tracker], M[:, tracker, tracker]
+        )
 
 
 def _rest(at: Linear, series: Sequence[Series], sums: Sequence[_Sums]) -> _Rest:
@@ -151,7 +159,7 @@ def _rest(at: Linear, series: Sequence[Series], sums: Sequence[_Sums]) -> _Rest:
     return _Rest(L, size, e, float(AA[c, c] - e @ e), max(count - spent, 1.0), shared)
 
 
-def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Finding:
+def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Issue:
     behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
     target, tracker = rest.tested(behind, turns=turns)
     slipped = target.gain.max() > tracker.gain.max()
@@ -159,7 +167,7 @@ def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bo
     k = int(own.gain.argmax())
     gain, place = float(own.gain[k]), int(steps[k])
     s2 = max(rest.before - gain, 1e-300) / rest.count
-    beside = {
+    numbers = {
         "alike": bool(gain - other.gain[max(0, k - 2) : k + 3].max() < ALIKE * s2),
         "share": gain / rest.before,
         "free": rest.count / rest.shared,
@@ -169,7 +177,7 @@ def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bo
         "across": bool(series.pose[place - 1] == series.pose[place]),
     }
     kind = "target_moved" if slipped else "tracker_moved"
-    return Finding(kind, (series.name, series.frame), own.b[k], beside, gain / s2 / rest.shared / 2)
+    return Issue(kind, (series.name, series.frame), own.b[k], numbers, gain / s2 / rest.shared / 2)
 
 
 def _sums(at: Linear, series: Series, steps: Ids) -> _Sums:
@@ -203,7 +211,17 @@ def _equations(at: Linear, series: Series) -> tuple[Array, Array]:
 
 
 def steps_of(at: Linear, series: Series, A: Array, what: str) -> Array:
-    """Columns of a step of the tracker or of the targets, rigid, (s, 3, 3 or 6, runs), from those of all."""
+    """Compute columns of a rigid step of the tracker or of the targets.
+
+    Args:
+        at: The model.
+        series: The readings.
+        A: Columns of all unknowns, (s, 3, unknowns + 1, runs).
+        what: "tracker" or "target".
+
+    Returns:
+        Columns, (s, 3, 3 or 6, runs).
+    """
     if what == "tracker":
         return A[:, :, at.own.unknowns.columns(f"frame {series.frame}")]
     mount = A[:, :, at.own.unknowns.columns(f"mount {series.target}")]
@@ -215,10 +233,19 @@ def steps_of(at: Linear, series: Series, A: Array, what: str) -> Array:
     return np.asarray(np.einsum("sxcr,cz->sxzr", mount, T[:, : 3 if len(T) == 3 else 6]))
 
 
-def with_shift(at: Linear, series: Series, step: Finding) -> Finding:
-    """The step, beside it how far it moved the targets where they were read (`shift`), RMS [m]."""
-    what = step.kind.removesuffix("_moved")
+def with_shift(at: Linear, series: Series, step: Issue) -> Issue:
+    """Add to a step how far it moved the targets where they were read.
+
+    Args:
+        at: The model.
+        series: The readings.
+        step: The step.
+
+    Returns:
+        The step with that distance, RMS [m], as its number `shift`.
+    """
+    what = step.name.removesuffix("_moved")
     Z = steps_of(at, series, rows_of(at.own.unknowns, at.state, series), what)
     d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
     shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
-    return replace(step, beside={**step.beside, "shift": shift})
+    return replace(step, numbers={**step.numbers, "shift": shift})

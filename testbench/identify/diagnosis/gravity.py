@@ -19,7 +19,7 @@ import numpy as np
 from testbench.arm.mjcf import angle_unit, find_body, read_mjcf
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.metric import Metric
 from testbench.identify.registered import Registered
 from testbench.identify.registration import Frame
@@ -40,20 +40,36 @@ ROUNDS = 5  #: Weightings of the least squares.
 ROUNDING = 1e-9  #: Of a rotation [1].
 
 
-def loads_as(data: Dataset, g: Array) -> Dataset:
-    """Runs whose weights pull along g, (3,), not along -z."""
+def pulled_along(data: Dataset, g: Array) -> Dataset:
+    """Turn the loads of runs whose weights pull along g.
+
+    Args:
+        data: The runs, their loads as of gravity along -z.
+        g: Where weights pull to in the folder's world, a unit vector, (3,).
+
+    Returns:
+        The runs with their wrenches turned.
+    """
     return replace(data, wrench=(data.wrench.reshape(-1, 2, 3) @ towards(g).T).reshape(-1, 6))
 
 
 def mounted(vjm: Vjm, g: Array) -> Vjm:
-    """The arm with its base turned so that g, (3,) of the folder's world, is -z."""
+    """Turn the arm's base so that g becomes -z.
+
+    Args:
+        vjm: The arm as its folder has it.
+        g: Where weights pull to in the folder's world, a unit vector, (3,).
+
+    Returns:
+        The arm as it stands.
+    """
     turn = np.eye(4)
     turn[:3, :3] = towards(g).T
     return replace(vjm, base=turn @ vjm.base)
 
 
 def towards(g: Array) -> Array:
-    """The least rotation that takes -z to g, (3, 3); about x where they are opposite."""
+    """Compute the least rotation that takes -z to g, (3, 3); about x where they are opposite."""
     axis = np.cross(DOWN, g)
     size = float(np.linalg.norm(axis))
     angle = float(np.arctan2(size, DOWN @ g))
@@ -61,12 +77,12 @@ def towards(g: Array) -> Array:
 
 
 def angle(a: Array, b: Array) -> float:
-    """Angle between two vectors, (3,) [rad]."""
+    """Compute the angle between two vectors, (3,) [rad]."""
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
-def level(found: Registered) -> Array | None:
-    """Gravity in the folder's world if the tracker stands level, (3,); None without a tracker's frames."""
+def tracker_level(found: Registered) -> Array | None:
+    """Take gravity in the folder's world from a level tracker, (3,); None without its frames."""
     if found.frame != "tracker" or found.registration is None:
         return None
     return mean_level(found.registration.frames.values())
@@ -98,16 +114,26 @@ class Pull:
         return angle(self.g, DOWN) > FAR and self.explained > EXPLAINED
 
 
-def weights(data: Dataset) -> bool:
+def weights_only(data: Dataset) -> bool:
     """Whether all loads are weights: forces along -z."""
     force = data.wrench[:, :3]
     pushed = force.any(axis=1)
     return bool(pushed.any()) and all(angle(one, DOWN) <= STRAIGHT for one in force[pushed])
 
 
-def suspected(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None) -> Pull | None:
-    """Gravity from another side than the folder has it; None if it is as there, or not told."""
-    if not weights(data) or np.count_nonzero(data.seen) < FEWEST:
+def suspected_pull(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None) -> Pull | None:
+    """Find gravity from another side than the folder has it.
+
+    Args:
+        vjm: The arm.
+        metric: What is expected of its compliances.
+        data: Loaded runs.
+        level: Gravity in the folder's world if the tracker stands level, (3,); None if nothing says.
+
+    Returns:
+        Where weights pull to; None if it is as in the folder, or the readings do not show it.
+    """
+    if not weights_only(data) or np.count_nonzero(data.seen) < FEWEST:
         return None
     g, explained = _by_deflections(vjm, metric, data)
     if level is not None and angle(level, DOWN) < LEVEL:
@@ -118,7 +144,15 @@ def suspected(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None) -> P
 
 
 def snapped(g: Array, least: float) -> Array:
-    """The direction of a ceiling or a wall where g, (3,), is so near to it [rad]."""
+    """Snap a direction to that of a ceiling or a wall.
+
+    Args:
+        g: The direction, (3,).
+        least: Angle from which it is left as it is [rad].
+
+    Returns:
+        The direction, (3,).
+    """
     nearest = min((*np.eye(3), *-np.eye(3)[:2]), key=lambda side: angle(g, side))
     return nearest if angle(g, nearest) < least else g
 
@@ -126,7 +160,7 @@ def snapped(g: Array, least: float) -> Array:
 def _by_deflections(vjm: Vjm, metric: Metric, data: Dataset) -> tuple[Array, float]:
     """The direction in which weights pull, (3,), by robust least squares, and what it explains [1]."""
     pi = metric.L @ metric.expected
-    read = [one_by_one(vjm, metric.structure, loads_as(data, e)) for e in np.eye(3)]
+    read = [one_by_one(vjm, metric.structure, pulled_along(data, e)) for e in np.eye(3)]
     A, y = np.stack([(one.A @ pi).ravel() for one in read], axis=1), read[0].y.ravel()
     weight = np.ones(len(y))
     for _ in range(ROUNDS):
@@ -138,11 +172,17 @@ def _by_deflections(vjm: Vjm, metric: Metric, data: Dataset) -> tuple[Array, flo
     return np.asarray(x / max(float(np.linalg.norm(x)), 1e-300)), explained
 
 
-def finding(vjm: Vjm, pull: Pull, nats: float | None = None) -> Finding:
-    """A mounting with gravity from where weights pull to.
+def mounting(vjm: Vjm, pull: Pull, nats: float | None = None) -> Issue:
+    """Describe a base that stands so that gravity is where weights pull to.
 
-    Its size is that direction in the base's axes, then the orientation (w, x, y, z) that the base's body has
-    to have in rigid.xml for it, in the body that it stands in there.
+    Args:
+        vjm: The arm as its folder has it.
+        pull: Where weights pull to.
+        nats: By how many nats the readings are likelier so.
+
+    Returns:
+        The issue. Its size is that direction in the base's axes, then the orientation (w, x, y, z) that the
+        base's body has to have in rigid.xml for it, in the body that it stands in there, (7,).
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
@@ -152,4 +192,4 @@ def finding(vjm: Vjm, pull: Pull, nats: float | None = None) -> Finding:
     turn = Rotation.from_matrix(stands[:3, :3]).as_quat(scalar_first=True)
     turn = turn * np.sign(turn[np.abs(turn) > ROUNDING][0])
     size = np.concatenate([pull.g @ vjm.base[:3, :3], turn])
-    return Finding("mounting", (arm.links[0].name,), size, {"level": pull.told}, nats)
+    return Issue("mounting", (arm.links[0].name,), size, {"level": pull.told}, nats)

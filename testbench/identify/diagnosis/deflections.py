@@ -1,0 +1,356 @@
+"""Readings before and after loading against what the arm's folder expects of its compliances.
+
+The model is linear with a prior that learns from the readings (`hierarchy`): y ~ N(A s e, S). A mistake of
+loads either has a size b, which adds Z b to what is expected and is weighed by the score test, or none, as
+another axis: then the prior learns anew from what is undone, and the losses are compared.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from testbench.arm.mjcf import GRAVITY
+from testbench.data.dataset import Dataset, select
+from testbench.errors import Array, BenchError, Mask
+from testbench.identify.absolute.unknowns import compliances
+from testbench.identify.diagnosis.gravity import (
+    DOWN,
+    TILTED,
+    Pull,
+    angle,
+    mounting,
+    suspected_pull,
+    weights_only,
+)
+from testbench.identify.diagnosis.hypothesis import (
+    Change,
+    Hypothesis,
+    Issue,
+    score_test,
+    undo_one_by_one,
+)
+from testbench.identify.evidence import greatest, posterior
+from testbench.identify.fold import reduce
+from testbench.identify.hierarchy import evidence
+from testbench.identify.metric import Metric
+from testbench.identify.rows import jacobian, straight, whiten
+from testbench.identify.weighed import Readings, each_reading, one_by_one
+from testbench.model.joint_errors import JointErrors
+from testbench.model.load import Load
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm, marker_points
+
+PLAY, STIFFER = 6e-5, 200.0
+"""Half width of a joint's play or friction [rad, m], and the share by which it turns less, a radian [1/rad].
+
+Typical sizes, as of `plant.TYPICAL`, and a little more."""
+LEAST, ONE_OF_MANY = 7.0, 12.0
+"""Nats by which a mistake has to make the readings likelier to be an issue; of a single run or level."""
+CLEAR = 20.0  #: The same where all readings are changed at once: a force along another axis, other levels.
+QUIET = 1.3, 2.5
+"""Misfit, and factor between prior and readings, up to which no mistake without a size is looked for."""
+NOISE, SHARE_OF_MOVE = 8.0, 0.005
+"""Misfit, and share of the deflections, from which the stated noise is doubted: models leave that much."""
+FALL, FEWEST = 0.5, 5
+"""Misfit without a run over that with it, from which the run alone is wrong; runs of which one may be."""
+WORTH = 3.0  #: Nats from which a run is left out on trial: strong evidence (Kass and Raftery 1995).
+RIVAL = 0.8  #: Share of another mistake's nats from which a mounting is preferred to it.
+SHARE = 0.5  #: What evidence for a single run counts against that for a mistake of all.
+SCALES, STIFF, LIGHT = 5.0, 4.5, 0.35
+"""Factors between prior and readings that are absurd, and that are with forces that are light as newtons,
+under LIGHT of the stated payload, and not as kilograms."""
+LEVEL_RUNS, SAME = 3, 0.02
+"""Runs of a load below which it is no level, and the share by which loads of one level may differ."""
+
+
+@dataclass(frozen=True)
+class ResidualModel:
+    """The learnt model of a dataset, reading by reading."""
+
+    vjm: Vjm
+    metric: Metric
+    data: Dataset
+    read: Readings  #: Its readings one by one.
+    loss: float  #: Minus the logarithm of its evidence.
+    pi: Array  #: Expected parameters after the readings, (n,).
+    #: The inverse of the readings' covariance is I / misfit^2 - shared shared^T, (k, r): readings share few
+    #: unknowns, so that nothing is as large as the readings squared.
+    shared: Array
+    surprise: Array  #: That inverse times readings minus what is expected before them, (k,) [1].
+    h: Array  #: Hyperparameters.
+
+    @property
+    def misfit(self) -> float:
+        """How much more than their noise the readings scatter [1]."""
+        return float(np.exp(self.h[-1]))
+
+    def columns(self, undone: Sequence[Dataset]) -> Array:
+        """Compute Z, (k, z), from the data with one unit of each of z parameters undone."""
+        left = [self._left(data) for data in (self.data, *undone)]
+        return np.column_stack([left[0] - one for one in left[1:]])
+
+    def _left(self, data: Dataset) -> Array:
+        read = one_by_one(self.vjm, self.metric.structure, data)
+        return np.asarray((read.y - read.A @ self.pi).ravel())
+
+    def tested(self, name: str, change: "Change[Loads]") -> Issue:
+        """Weigh a change that is linear in its parameters."""
+        assert change.columns is not None
+        Z, rows = change.columns, slice(*(change.rows or (None,)))
+        shared = self.shared[rows].T @ Z
+        found = score_test(Z.T @ self.surprise[rows], Z.T @ Z / self.misfit**2 - shared.T @ shared)
+        return Issue(name, change.where, change.unit * found.b, change.numbers, float(found.nats))
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Loaded runs, what is expected of their deflections and what is learnt of them."""
+
+    vjm: Vjm
+    metric: Metric  #: What is expected of the compliances.
+    data: Dataset
+    level: Array | None = None  #: Gravity in the folder's world if the tracker stands level, (3,).
+    pull: Pull | None = None  #: Where weights pull to, if it is not there; None if nothing says.
+    model: ResidualModel | None = None  #: None where no compliance moves so: only other loads can be right.
+
+    @property
+    def largest(self) -> float:
+        """The largest force [N]."""
+        return float(np.linalg.norm(self.data.wrench[:, :3], axis=1).max())
+
+    def learnt(self, data: Dataset | None = None, h: Array | None = None) -> ResidualModel:
+        """Learn the model from these runs, or from them changed."""
+        return residual_model(self.vjm, self.metric, self.data if data is None else data, h)
+
+
+def deflection_scale(vjm: Vjm, metric: Metric, data: Dataset) -> float:
+    """Compute by what factor the readings want the prior's compliances, by least squares.
+
+    Args:
+        vjm: The model.
+        metric: What is expected of its compliances.
+        data: The runs.
+
+    Returns:
+        The factor [1].
+    """
+    regression = reduce(vjm, metric.structure, data)
+    pi = metric.L @ metric.expected
+    rows = [(t.R @ pi, t.z) for t in regression.terms]
+    return float(sum(a @ z for a, z in rows) / sum(a @ a for a, _ in rows))
+
+
+def residual_model(vjm: Vjm, metric: Metric, data: Dataset, h: Array | None = None) -> ResidualModel:
+    """Learn the prior from a dataset, and weigh its readings against it.
+
+    Args:
+        vjm: The model.
+        metric: What is expected of its compliances.
+        data: The runs.
+        h: Hyperparameters that others say; None to learn them.
+
+    Returns:
+        The readings with their residuals and covariance.
+
+    Raises:
+        BenchError: When no compliance moves as the readings do.
+    """
+    structure = metric.structure
+    seen = evidence(reduce(vjm, structure, data), metric, alike=True)
+    h = greatest(seen.problem, seen.start) if h is None else h
+    read = one_by_one(vjm, structure, data)
+    G = read.A.reshape(-1, structure.n) @ seen.metric.L
+    s, kappa = seen.scale(h), np.exp(h[-1])
+    width = np.exp(seen.problem.drawn @ h)
+    residual = read.y.ravel() - G @ (s * seen.metric.expected)
+    half = G * width
+    expected = np.concatenate([residual, np.zeros(len(width))])
+    x = np.linalg.lstsq(np.vstack([half, kappa * np.eye(len(width))]), expected)[0]
+    pi = seen.metric.L @ (s * seen.metric.expected + width * x)
+    if vjm.arm.joints:
+        half = np.hstack([half, sound_joint_columns(vjm, data, structure, pi)])
+    U, size, _ = np.linalg.svd(half, full_matrices=False)
+    shared = U * (size / np.hypot(size, kappa) / kappa)
+    surprise = residual / kappa**2 - shared @ (shared.T @ residual)
+    least = posterior(seen.problem, h).loss
+    return ResidualModel(vjm, seen.metric, data, read, least, pi, shared, surprise, h)
+
+
+def sound_joint_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array) -> Array:
+    """Compute what joints of sound arms do beyond springs: play, and stiffening.
+
+    Args:
+        vjm: The model.
+        data: The runs.
+        structure: The compliances.
+        pi: Of them those about which, (n,).
+
+    Returns:
+        Columns, (rows, 2 n) [standard deviations].
+    """
+    state, first = straight(vjm, data.q, [Load(data.wrench, data.point)]), 6 * len(vjm.arm.links)
+    turn = np.diag(structure.matrix(pi))[first:, None] * state.u[first:]
+    state = replace(state, phi=np.stack([PLAY * np.sign(turn), STIFFER * turn * np.abs(turn)], axis=1))
+    unknowns = replace(compliances(vjm, structure), errors=JointErrors(play=True, stiffening=True))
+    points, read = marker_points(vjm, data.markers), data.sigma_rotation is not None
+    A = jacobian(unknowns, state, points, turned=read)[:, :, unknowns.columns("errors")]
+    return each_reading(A, whiten(A, data, np.arange(data.runs))).reshape(-1, A.shape[2])
+
+
+def levels(data: Dataset) -> list[Mask]:
+    """Group runs by the size of their force; none where a load is of no size that occurs often enough."""
+    force = np.linalg.norm(data.wrench[:, :3], axis=1)
+    found: list[Mask] = []
+    left = np.ones(len(force), dtype=bool)
+    while left.any():
+        own = left & (np.abs(force - force[left].max()) <= SAME * force.max())
+        found.append(own)
+        left &= ~own
+    often = all(own.sum() >= LEVEL_RUNS for own in found)
+    return found if often and force.min() > 0 else []
+
+
+Rows = Sequence[Hypothesis[Loads]]
+
+
+def load_issues(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
+    """Find the mistakes of loads and deflections that make the readings fit the prior best.
+
+    Args:
+        loads: The runs.
+        every: Rows of the table for mistakes of all loads.
+        runs: Rows for mistakes of single runs.
+
+    Returns:
+        Issues, the likeliest first; none for sound runs.
+    """
+    factor = deflection_scale(loads.vjm, loads.metric, loads.data)
+    pull = suspected_pull(loads.vjm, loads.metric, loads.data, loads.level)
+    loads = replace(loads, pull=pull)
+    refitted, kinds = partial(_refitted, every), {row.name for row in runs}
+    if pull is not None and pull.plain:
+        return [mounting(loads.vjm, pull)]
+    try:
+        start = loads.learnt()
+    except BenchError:  # no compliance moves so: only other loads can
+        return refitted(loads, hung=True) or refitted(loads) or [_wild(loads.data, factor)]
+    undo = partial(_without_worst, loads, runs)
+    found, kept, model = undo_one_by_one(loads.data, start, undo)
+    loads = replace(loads, data=kept, model=model)
+    best = _best(loads, every, runs)
+    loads = replace(loads, pull=pull or _missing(loads, best))
+    hung = refitted(loads, hung=True)
+    rival = max((_nats(one) for one in best if one.name != "force_offset"), default=0.0)  # no weight has one
+    if hung and (hung[0].numbers["level"] or _nats(hung[0]) > RIVAL * rival):
+        return [*hung, *(one for one in (*found, *best) if one.name in kinds)]
+    found += best
+    if model.misfit > QUIET[0] or not 1 / QUIET[1] < factor < QUIET[1]:
+        found += refitted(loads)
+    found.sort(key=lambda one: -_nats(one) * (SHARE if one.name in kinds else 1))
+    found += _scale(loads, factor)
+    data = loads.data
+    typical = float(np.median(np.linalg.norm(data.deflection, axis=2)[data.seen]))
+    if not found and model.misfit > NOISE and model.misfit * data.sigma > SHARE_OF_MOVE * typical:
+        found.append(Issue("noise", numbers={"factor": model.misfit, "sigma": data.sigma}))
+    return found
+
+
+def _nats(issue: Issue) -> float:
+    return issue.nats or 0.0
+
+
+def _linear(loads: Loads, hypotheses: Rows) -> Iterator[tuple[Issue, bool]]:
+    """Every mistake whose size enters linearly, and whether it is likely and large."""
+    assert loads.model is not None
+    for hypothesis in hypotheses:
+        for change in hypothesis.changes(loads):
+            if change.columns is not None:
+                issue = loads.model.tested(hypothesis.name, change)
+                yield issue, _nats(issue) > hypothesis.nats and change.large(issue.size)
+
+
+def _without_worst(
+    loads: Loads, runs: Rows, data: Dataset, own: ResidualModel
+) -> tuple[list[Issue], Dataset, ResidualModel] | None:
+    """The run that alone makes all others look noisy, and the others without it; None if none does.
+
+    It is weighed by what the others say of noise and prior: its own mistake would hide in theirs.
+    """
+    if own.misfit <= QUIET[0] or data.runs < FEWEST:
+        return None
+    now = replace(loads, data=data, model=own)
+    likeliest = max((issue for issue, _ in _linear(now, runs)), key=_nats)
+    if _nats(likeliest) < WORTH:
+        return None
+    worst = likeliest.where[0]
+    others = data.run.astype(str) != worst
+    rest = loads.learnt(select(data, others))
+    if rest.misfit > FALL * own.misfit:
+        return None
+    now = replace(now, model=loads.learnt(data, rest.h))
+    found = [one for one, large in _linear(now, runs) if large and one.where[0] == worst]
+    return ([max(found, key=_nats)], rest.data, rest) if found else None
+
+
+def _best(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
+    """The likeliest mistake; and where it is of a single run, what else is of another single run."""
+    found: list[Issue] = []
+    kinds = {row.name for row in runs}
+    large = [issue for issue, large in _linear(loads, (*every, *runs)) if large]
+    for one in sorted(large, key=_nats, reverse=True):
+        wrong = {other.where[0] for other in found if other.name in kinds}
+        if not found or (wrong and one.name in kinds and one.where[0] not in wrong):
+            found.append(one)
+    return found
+
+
+def _refitted(hypotheses: Rows, loads: Loads, *, hung: bool = False) -> list[Issue]:
+    """The mistake without a size that explains the readings best, if one does."""
+    before, tried = loads.model, list[tuple[ResidualModel, Issue, float]]()
+    loads = replace(loads, model=None)  # what is linear has been weighed
+    for hypothesis in hypotheses:
+        for change in hypothesis.changes(loads) if (hypothesis.name == "mounting") == hung else ():
+            if change.undone is None:
+                continue
+            try:
+                own = change.undone.learnt()
+            except BenchError:  # moves against the force
+                continue
+            nats = None if before is None else before.loss - own.loss
+            issue = Issue(hypothesis.name, change.where, change.size, change.numbers, nats)
+            tried.append((own, issue, LEAST if change.numbers.get("level") else hypothesis.nats))
+    if not tried:
+        return []
+    own, issue, needed = min(tried, key=lambda one: one[0].loss)
+    return [issue] if (own.misfit <= NOISE if issue.nats is None else issue.nats >= needed) else []
+
+
+def _missing(loads: Loads, best: Sequence[Issue]) -> Pull | None:
+    """Where weights pull to, if a constant force beside them explains the readings best; else None."""
+    constant = bool(best) and best[0].name == "force_offset"
+    if loads.level is not None or not constant or not weights_only(loads.data):
+        return None
+    total = loads.data.wrench[:, :3].mean(axis=0) + best[0].size
+    pull = Pull(total / np.linalg.norm(total))
+    return pull if angle(pull.g, DOWN) > TILTED else None
+
+
+def _wild(data: Dataset, factor: float) -> Issue:
+    """Deflections that are no arm's: a wild one may outweigh all others."""
+    size = np.where(data.seen, np.linalg.norm(data.deflection, axis=-1), 0)
+    (i, k), median = np.unravel_index(np.argmax(size), size.shape), float(np.median(size[data.seen]))
+    numbers = {"factor": factor, "largest": float(size[i, k]), "median": median}
+    return Issue("scale", (data.markers[k], str(data.run[i])), numbers=numbers)
+
+
+def _scale(loads: Loads, factor: float) -> list[Issue]:
+    """Whether the factor between prior and readings is absurd."""
+    size = abs(math.log(max(abs(factor), 1e-12)))
+    payload, force = loads.vjm.arm.payload, loads.largest
+    light = payload is not None and LIGHT * payload < force < LIGHT * payload * GRAVITY
+    if size <= math.log(SCALES) and not (light and factor > STIFF):
+        return []
+    return [Issue("scale", numbers={"factor": factor, "force": force}, nats=size**2 / 2)]

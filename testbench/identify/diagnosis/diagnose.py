@@ -1,0 +1,205 @@
+"""Ask what may be wrong with runs: first what is plain, then where the arm is, then what moves it.
+
+Plain mistakes need no fit: equal or repeated readings, absurd sizes. Pairs do not show that the tracker, or
+the targets on the tool, moved, unless that falls between the two of a run; the order in time does.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.data.dataset import Dataset, select
+from testbench.data.series import Series
+from testbench.errors import Array
+from testbench.identify.diagnosis.deflections import Loads, deflection_scale, load_issues
+from testbench.identify.diagnosis.gravity import (
+    DOWN,
+    REVERSED,
+    angle,
+    mounting,
+    suspected_pull,
+    tracker_level,
+)
+from testbench.identify.diagnosis.hypotheses import HYPOTHESES, Hypotheses
+from testbench.identify.diagnosis.hypothesis import Issue, Submission, issues
+from testbench.identify.diagnosis.kinematics import (
+    PRECISE,
+    FreeParameters,
+    Observations,
+    Placed,
+    best_hypothesis,
+    fit,
+    of_series,
+)
+from testbench.identify.diagnosis.own_weight import hangs
+from testbench.identify.diagnosis.timeline import Timeline
+from testbench.identify.metric import metric
+from testbench.identify.prior import Prior
+from testbench.identify.registered import Registered
+from testbench.identify.weighed import MOST_READINGS, check_runs
+from testbench.model.structure import all153
+from testbench.model.vjm import Vjm, marker_points
+from testbench.progress import stepwise
+
+NOTHING = FreeParameters()
+HUGE = 20.0  #: Deflection over a sound distance from which loaded readings are of something else.
+AT_A_TIME, PARTS = 90, 12  #: Runs that are weighed together, and how often at most.
+MENDED = ("frame", "targets")  #: Mistakes that a registration mends: the loads can be looked at all the same.
+
+
+def diagnose(given: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESES) -> list[Issue]:
+    """Find what may be wrong with runs.
+
+    Args:
+        given: The arm and the runs.
+        prior: What the arm's folder expects of its compliances.
+        hypotheses: The table of mistakes.
+
+    Returns:
+        Issues, the likeliest first; none for sound runs. A mistake of all poses or readings stands alone: it
+        spoils what else is seen.
+
+    Raises:
+        BenchError: When the runs are not of this arm, or hold absurd numbers.
+    """
+    found = given.found
+    check_runs(found.vjm, found.data)
+    plain = issues(given, hypotheses.plain)
+    said, placed = _placed(given, hypotheses)
+    if plain or any(issue.name not in MENDED for issue in said):
+        return [*said, *plain]
+    data, vjm = found.data, found.vjm
+    size = np.median(np.linalg.norm(data.deflection, axis=2)[data.seen])
+    if vjm.arm.joints and size > HUGE * placed.seen.scale:
+        one = given.data if found.frame == "base" else _of_one_station(given.data)
+        loaded, _ = best_hypothesis(_seen(vjm, one, one.after, _free(found)), hypotheses.places, "loaded")
+        if loaded is not None:
+            return [loaded, *said]
+    loads = Loads(vjm, metric(prior, vjm, all153(vjm.arm)), data, tracker_level(found))
+    if against := issues(data, hypotheses.work):
+        hung = _hung(loads, placed.seen)
+        return [*hung, *said, *([] if hung else against)]
+    off = issues(placed, hypotheses.poses)
+    said += off
+    wrong = [issue.numbers["pose"] for issue in off]
+    loads = replace(loads, data=select(data, ~np.isin(data.pose, wrong)) if off else data)
+    if not loads.data.seen.any():
+        return said
+    moved = issues(Timeline(vjm, loads.data, prior), hypotheses.steps)
+    pushed = _loaded(loads, hypotheses)
+    if any(issue.name == "mounting" for issue in pushed):
+        return [*pushed, *said]
+    runs = {row.name for row in hypotheses.runs}
+    if all(issue.name in runs for issue in pushed):  # else a mistake of all loads may look like a step
+        return [*moved, *said, *pushed]
+    return [*said, *pushed, *moved]
+
+
+def _placed(given: Submission, hypotheses: Hypotheses) -> tuple[list[Issue], Placed]:
+    """Issues about where the arm, its targets and the tracker are; and the readings as they were placed."""
+    found = given.found
+    if found.frame == "base" or not given.declared:
+        seen = _seen(given.filed, given.data, given.data.before)
+        raw, own = best_hypothesis(seen, hypotheses.places)
+        if found.registration is None and raw is not None and raw.name in ("frame", "kinematics"):
+            # a tracker's frame is no mistake, but what kept it from being found
+            raw = unplaced_runs(given.filed, given.data, hypotheses) or (raw if raw.name == "frame" else None)
+        mistaken = raw is not None and raw.name not in ("frame", "kinematics")
+        if found.frame == "base" or mistaken:
+            return ([] if raw is None else [raw]), Placed(seen, own)
+    one = _of_one_station(given.data)
+    issue, _ = best_hypothesis(_seen(found.vjm, one, one.before, _free(found)), hypotheses.places)
+    seen = _seen(found.vjm, found.data, found.data.before)
+    return ([issue] if issue else issues(given, hypotheses.registered)), Placed(seen, fit(seen))
+
+
+def unplaced_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = HYPOTHESES) -> Issue | None:
+    """Find the mistake that keeps readings from being brought into the base's frame.
+
+    Args:
+        vjm: The arm as its folder has it.
+        data: Runs of one or several stations.
+        hypotheses: The table of mistakes.
+
+    Returns:
+        The mistake, "kinematics" where none explains them, or None where they fit.
+    """
+    names = np.zeros(data.runs) if data.station is None else data.station
+    every = [select(data, names == name) for name in np.unique(names)]
+    free = FreeParameters(frame=True, targets=True)
+    found = [best_hypothesis(_seen(vjm, one, one.before, free), hypotheses.places)[0] for one in every]
+    return min(filter(None, found), key=lambda issue: issue.name == "kinematics", default=None)
+
+
+def unplaced_series(vjm: Vjm, series: Series, hypotheses: Hypotheses = HYPOTHESES) -> Issue | None:
+    """Find the mistake that keeps absolute readings from fitting the arm in any frame.
+
+    Args:
+        vjm: The arm as its folder has it.
+        series: The readings.
+        hypotheses: The table of mistakes.
+
+    Returns:
+        The mistake, "kinematics" where none explains them, or None where they fit.
+    """
+    return best_hypothesis(of_series(vjm, series), hypotheses.places, "all")[0]
+
+
+def _hung(loads: Loads, seen: Observations) -> list[Issue]:
+    """How the base stands, where that makes targets move against stated weights."""
+    vjm, data = loads.vjm, loads.data
+    pull = suspected_pull(vjm, loads.metric, data, loads.level)
+    if pull is None:
+        return []
+    if angle(pull.g, DOWN) > REVERSED and not pull.told:
+        model = loads.metric
+        pi = abs(deflection_scale(vjm, model, data)) * (model.L @ model.expected)
+        if not hangs(seen, _seen(vjm, data, data.after), model.structure.matrix(pi)):
+            return []
+    return [mounting(vjm, pull)]
+
+
+def _loaded(loads: Loads, hypotheses: Hypotheses) -> list[Issue]:
+    """Issues of loads and deflections: of all of them by some runs, of single ones by all."""
+    data = loads.data
+    each = len(data.markers) + (data.sigma_rotation is not None)
+    parts = max(1, -(-data.runs // max(1, min(AT_A_TIME, MOST_READINGS // each))))
+    some = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, PARTS))]
+    found = load_issues(replace(loads, data=some[0]), hypotheses.loads, hypotheses.runs)
+    runs = {row.name for row in hypotheses.runs}
+    if any(issue.name not in runs for issue in found):
+        return found
+    for one in stepwise(some[1:], "looking for mistakes"):
+        more = load_issues(replace(loads, data=one), hypotheses.loads, hypotheses.runs)
+        found += [issue for issue in more if issue.name in runs]
+    return sorted(found, key=lambda issue: -(issue.nats or 0))
+
+
+def _of_one_station(data: Dataset) -> Dataset:
+    """The runs that the station with most of them read."""
+    if data.station is None:
+        return data
+    names, count = np.unique(data.station, return_counts=True)
+    return select(data, data.station == names[count.argmax()])
+
+
+def _free(found: Registered) -> FreeParameters:
+    return FreeParameters(frame=found.frame == "tracker", targets=found.frame == "tracker")
+
+
+def _seen(vjm: Vjm, data: Dataset, read: Array, free: FreeParameters = NOTHING) -> Observations:
+    """Readings, unloaded or loaded, of the runs with unloaded readings of their own."""
+    every = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.runs, -1))], axis=1)
+    runs = np.sort(np.unique(every, axis=0, return_index=True)[1])  # several loads of a pose may share them
+    return Observations(
+        vjm=vjm,
+        q=data.q[runs],
+        markers=marker_points(vjm, data.markers),
+        read=read[runs],
+        there=data.seen[runs],
+        scale=PRECISE * vjm.reach,
+        names=data.markers,
+        runs=data.run[runs],
+        poses=data.pose[runs],
+        free=free,
+    )

@@ -1,0 +1,846 @@
+"""The table of mistakes: what each changes in readings, arm or loads, what it is called, what to check.
+
+A row is a `Hypothesis`. To add one, write how it is undone and its words, and append the row to its part of
+HYPOTHESES: `docs/add_hypothesis.md` has an example.
+"""
+
+import math
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations, permutations, product
+from typing import Literal
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.dataset import Dataset, read_by
+from testbench.errors import Array, Doubt
+from testbench.identify.diagnosis.deflections import CLEAR, LEAST, ONE_OF_MANY, Loads, levels
+from testbench.identify.diagnosis.gravity import mounting, pulled_along
+from testbench.identify.diagnosis.hypothesis import (
+    Change,
+    Hypothesis,
+    Issue,
+    Submission,
+    any_above,
+    longer_than,
+)
+from testbench.identify.diagnosis.kinematics import (
+    HALF,
+    Observations,
+    Placed,
+    cauchy,
+    fit,
+)
+from testbench.identify.diagnosis.screens import likely_orders, slip
+from testbench.identify.diagnosis.timeline import Timeline
+from testbench.identify.registered import station, unloaded
+from testbench.model.vjm import tool_points, tool_pose
+
+MM = 1e3
+UNITS = {
+    1e-3: "1000 times too large: millimetres read as metres?",
+    1e-2: "100 times too large: centimetres read as metres?",
+    0.1: "10 times too large: millimetres read as centimetres?",
+    0.0254: "39.4 times too large: inches read as metres?",
+    1 / 25.4: "25.4 times too large: millimetres read as inches?",
+    10.0: "10 times too small: centimetres read as millimetres?",
+    25.4: "25.4 times too small: inches read as millimetres?",
+    1e3: "1000 times too small: metres read as millimetres?",
+}
+"""What positions may have to be multiplied with, and what that means."""
+CHOICE = 2  #: Free parameters that a choice among many counts as.
+TURN, SHIFT, TARGET = np.deg2rad(0.3), 15e-3, 25e-3
+"""Least turn of a frame [rad], least shift of it or of a link, and least way of a target [m], of an issue."""
+TURNS = (np.pi / 2, -np.pi / 2, np.pi)  #: Zeros of a hinge that another convention of its angle has [rad].
+ZERO, LAST = (np.deg2rad(0.5), 5e-3), 4.0
+"""Least error of a joint's zero that is one [rad, m], and of the last joint's over it: targets may be off."""
+FEW = 4  #: Targets up to which every order of their names is tried; of more, one exchange of two.
+NEAR, ROUGH = 0.5, 0.1
+"""Distance of a frame from the base where no tracker stands, and of a target from its rough place [m]."""
+OUTLYING = 8.0  #: Distance of a reading over a sound one from which it is wrong by itself.
+FAR = 1.0  #: Distance of a load point from the tool, over the arm's reach, beyond which a unit is wrong [1].
+STILL = 0.5  #: Share of the readings that must not move for it to be a mistake of all of them.
+AGAINST = 0.8  #: Share of the runs whose targets have to move against the force.
+FORCE, POINT, SHIFTED, FACTOR, BUMP = 0.1, 0.1, 1e-3, 0.3, 3e-3
+"""Sizes that are expected of a constant force over the largest, of a load point's error [m], of a tracker's
+move [m, rad], of a wrong load [1], and of a target that was touched or read elsewhere [m]."""
+LEAST_BUMP, SIGMAS = 4e-4, 8.0
+"""Least size of a reading that is wrong [m], and the same in standard deviations."""
+Axes = Literal["XYZ", "xyz", "ZYX", "zyx", "ZYZ", "zyz", "ZXZ", "zxz", ""]
+NOTATIONS: Mapping[str, Axes] = {
+    "intrinsic xyz": "XYZ",
+    "extrinsic xyz": "xyz",
+    "intrinsic zyx": "ZYX",
+    "extrinsic zyx": "zyx",
+    "intrinsic zyz": "ZYZ",
+    "extrinsic zyz": "zyz",
+    "intrinsic zxz": "ZXZ",
+    "extrinsic zxz": "zxz",
+    "vector": "",
+}
+"""Usual notations of an orientation by three angles, as a map names them and as SciPy does."""
+Place = Iterator[Change[Observations]]
+Load = Iterator[Change[Loads]]
+
+
+# --- What needs no fit: copied readings, absurd load points, moves against the force ------------------------
+
+
+def _equal(given: Submission) -> Iterator[Change[Submission]]:
+    data = given.data
+    loaded = np.asarray(data.wrench.any(axis=1))[:, None] & data.seen
+    still = np.asarray(loaded & (data.deflection == 0).all(axis=2))
+    if still.any():
+        runs = [] if still.sum() > STILL * loaded.sum() else data.run[still.any(axis=1)].tolist()
+        yield Change(tuple(map(str, runs)), numbers={"count": int(still.sum()), "of": int(loaded.sum())})
+
+
+def _equal_words(issue: Issue, _: Arm) -> str:
+    where = f"run {', '.join(issue.where[:5])}{' ...' * (len(issue.where) > 5)}"
+    return f"after equals before in {where if issue.where else _count(issue) + ' readings'}"
+
+
+def _count(issue: Issue) -> str:
+    return "{count} of {of}".format(**issue.numbers)
+
+
+def _repeated(given: Submission) -> Iterator[Change[Submission]]:
+    data = given.data
+    read = np.where(data.seen[..., None], data.after, np.nan).reshape(data.runs, -1)
+    _, first, own = np.unique(read, axis=0, return_index=True, return_inverse=True)
+    again = np.flatnonzero((data.q != data.q[first[own]]).any(axis=1) & data.seen.any(axis=1))
+    if len(again):
+        yield Change((str(data.run[again[0]]), str(data.run[first[own[again[0]]]])))
+
+
+def _far_load(given: Submission) -> Iterator[Change[Submission]]:
+    away, reach = float(np.linalg.norm(given.data.point, axis=1).max()), given.vjm.reach
+    if away > FAR * reach:
+        yield Change(numbers={"away": away, "reach": reach})
+
+
+def _against(data: Dataset) -> Iterator[Change[Dataset]]:
+    """Targets that move against the force: an elastic arm gives way."""
+    force = data.wrench[:, :3]
+    work = np.einsum("rx,rmx->r", force, np.where(data.seen[..., None], data.deflection, 0))
+    against, pushed = int((work < 0).sum()), int(force.any(axis=1).sum())  # others turn by a moment alone
+    if against and against >= AGAINST * pushed:
+        along = np.abs(force[:, :2]).max() < np.abs(force[:, 2]).max() / 10
+        upwards = bool((force[:, 2] > 0).mean() > 1 / 2 and along)
+        yield Change(numbers={"count": against, "of": pushed, "upwards": upwards})
+
+
+def _against_words(issue: Issue, _: Arm) -> str:
+    hint = "before and after exchanged, or the force's sign?"
+    hint = "the force points up: its sign?" if issue.numbers["upwards"] else hint
+    return f"in {_count(issue)} runs the targets move against the force: {hint}"
+
+
+# --- What a registration shows: a frame too near for a tracker, targets far from the folder's ---------------
+
+
+def _near_frame(given: Submission) -> Iterator[Change[Submission]]:
+    registration = given.found.registration
+    if registration is None or given.found.frame != "tracker" or given.declared:
+        return
+    near = [f for f in registration.frames.values() if np.linalg.norm(f.translation) < NEAR]
+    for one in near[:1]:
+        yield Change(size=np.concatenate([one.rotation_vector, one.translation]))
+
+
+def _far_targets(given: Submission, *, exchanged: bool) -> Iterator[Change[Submission]]:
+    """Targets far from where the arm's folder has them, or where it has others."""
+    own = given.found.registration
+    off = np.zeros(0) if own is None else np.linalg.norm(own.targets - own.nominal, axis=1)
+    far = np.flatnonzero(off > ROUGH)
+    if own is None or not len(far):
+        return
+    between = np.linalg.norm(own.targets[far, None] - own.nominal[None, far], axis=2)
+    if (len(far) > 1 and bool((between.min(axis=1) < ROUGH).all())) != exchanged:
+        return
+    if exchanged:
+        yield Change(("targets", *(own.markers[k] for k in far)))
+    else:
+        worst = int(far[np.argmax(off[far])])
+        yield Change(("targets", own.markers[worst]), own.targets[worst] - own.nominal[worst])
+
+
+# --- Readings against the kinematics ------------------------------------------------------------------------
+
+
+def _frame(seen: Observations) -> Place:
+    if not seen.free.frame:
+        free = replace(seen.free, frame=True)
+        yield Change(undone=replace(seen, free=free), large=longer_than(TURN, SHIFT))
+
+
+def _frame_words(issue: Issue, _: Arm) -> str:
+    turn, at = issue.size[:3], _three(issue.size[3:], MM, 0)
+    angle = float(np.linalg.norm(turn))
+    words = f"are in a frame turned by {np.rad2deg(angle):.3g} deg about "
+    words += f"({_three(turn / max(angle, 1e-12), 1, 2)}) and moved by ({at}) mm against the arm's base"
+    if issue.where:
+        return words
+    how = "too near for a tracker; they are taken as they fit the arm: --frame says what they are in"
+    return f"the readings {words}, {how}"
+
+
+def _targets(seen: Observations) -> Place:
+    if not seen.free.targets:
+        yield Change(undone=replace(seen, free=replace(seen.free, targets=True)), large=longer_than(TARGET))
+
+
+def _targets_words(issue: Issue, _: Arm) -> str:
+    what, name = issue.where
+    off = f"{MM * np.linalg.norm(issue.size):.0f} mm from where the arm's folder has it on the tool"
+    return f"{name} is {off}" if what == "targets" else f"have {name} {off}"
+
+
+def _mirrored(seen: Observations) -> Place:
+    yield Change(undone=replace(seen, free=replace(seen.free, frame=True, mirrored=True)))
+
+
+def _link(seen: Observations) -> Place:
+    for k, link in enumerate(seen.vjm.arm.links[1:-1], start=1):
+        free = replace(seen.free, theta=(6 * k, 6 * k + 1, 6 * k + 2))
+        yield Change((link.name,), undone=replace(seen, free=free), large=longer_than(SHIFT))
+
+
+def _joint_zero(seen: Observations) -> Place:
+    """An error of any size, or a quarter or half turn, which no linear fit finds.
+
+    A half turn of a wrist may as well be another sign, which is likelier: it counts as one parameter more.
+    """
+    joints, links = seen.vjm.arm.joints, 6 * len(seen.vjm.arm.links)
+    for k, joint in enumerate(joints):
+        large = any_above((LAST if k == len(joints) - 1 else 1.0) * ZERO[joint.prismatic])
+        free = replace(seen.free, theta=(links + k,))
+        yield Change((joint.name,), np.zeros(1), undone=replace(seen, free=free), parameters=1, large=large)
+        for turn in () if joint.prismatic else TURNS:
+            undone = replace(seen, q=seen.q + turn * np.eye(len(joints))[k])
+            yield Change((joint.name,), np.array([turn]), undone=undone, parameters=CHOICE + 1)
+
+
+def _joint_zero_words(issue: Issue, arm: Arm) -> str:
+    name = issue.where[-1]
+    ends = {arm.joints[-1].name: ", or the tool is", arm.joints[0].name: ", or the frame is turned about it"}
+    return f"fit if the zero of {name} is off by {_angle(arm, name, issue.size[0])}{ends.get(name, '')}"
+
+
+def _markers(seen: Observations) -> Place:
+    """Other names of the targets: every order of a few; of more the exchange of two that fits best."""
+    m = len(seen.markers)
+    if seen.free.lost:  # nothing says where any of them is
+        return
+    orders = list(permutations(range(m)))[1:] if m <= FEW else [_best_exchange(seen)]
+    for order in orders:
+        wrong = tuple(seen.names[k] for k, other in enumerate(order) if k != other)
+        undone = replace(seen, read=seen.read[:, order], there=seen.there[:, order])
+        yield Change(wrong, undone=undone, parameters=CHOICE)
+
+
+def _best_exchange(seen: Observations) -> tuple[int, ...]:
+    frame, m = fit(seen).frame, len(seen.markers)
+    x = tool_points(seen.vjm, seen.q, seen.markers) @ frame.rotation.T + frame.translation
+    pairs = np.empty((m, m))  # of a place and the target that was read there
+    for k in range(m):
+        pairs[k] = cauchy(np.where(seen.there[..., None], x[:, [k]] - seen.read, 0), seen.scale).sum(axis=0)
+    own = np.diag(pairs)
+    change = pairs + pairs.T - own - own[:, None]
+    change[np.diag_indices(m)] = np.inf
+    i, j = divmod(int(change.argmin()), m)
+    return tuple(j if k == i else i if k == j else k for k in range(m))
+
+
+def _markers_words(issue: Issue, _: Arm) -> str:
+    what, *names = issue.where
+    if what == "targets":
+        return f"targets {', '.join(names)} are where others of them are to be: names exchanged?"
+    return f"of {', '.join(names)} have each other's names"
+
+
+def _unit(seen: Observations) -> Place:
+    for factor in UNITS:
+        undone = replace(seen, read=factor * seen.read)
+        yield Change(size=np.array([factor]), undone=undone, parameters=CHOICE)
+
+
+def _angle_unit(seen: Observations) -> Place:
+    hinge = np.array([not joint.prismatic for joint in seen.vjm.arm.joints], dtype=bool)
+    for factor in (np.rad2deg(1), np.deg2rad(1)):
+        undone = replace(seen, q=np.where(hinge, factor * seen.q, seen.q))
+        yield Change(size=np.array([factor]), undone=undone, parameters=CHOICE)
+
+
+def _angle_unit_words(issue: Issue, _: Arm) -> str:
+    return (
+        f"fit if joint angles are {'radians, not degrees' if issue.size[0] > 1 else 'degrees, not radians'}"
+    )
+
+
+def _order(seen: Observations) -> Place:
+    """Readings of another pose, from the first row on or from a later one."""
+    for shift in (1, -1):
+        undone = replace(seen, q=np.roll(seen.q, shift, axis=0))
+        yield Change(size=np.array([shift]), undone=undone, parameters=CHOICE)
+    if found := slip(seen):
+        first, undone = str(seen.runs[found.first]), replace(seen, q=found.q)
+        yield Change((first,), np.array([found.shift]), undone=undone, parameters=CHOICE + 1)
+
+
+def _order_words(issue: Issue, _: Arm) -> str:
+    what, *first = issue.where
+    since = f" from {'row' if what == 'all' else 'run'} {first[0]} on" if first else ""
+    return f"are those of the pose {'before' if issue.size[0] > 0 else 'after'}{since}"
+
+
+def _joint_sign(seen: Observations) -> Place:
+    for k, joint in enumerate(seen.vjm.arm.joints):
+        sign = np.where(np.arange(seen.q.shape[1]) == k, -1, 1)
+        yield Change((joint.name,), undone=replace(seen, q=seen.q * sign), parameters=CHOICE)
+
+
+def _joint_coupling(seen: Observations) -> Place:
+    """Usual couplings; `where` has for each joint its name, "+" or "-" and that of the other.
+
+    A pendant's third joint counts the second one where a linkage drives it, or where its angle is that
+    against the floor (FANUC, ABB, Yaskawa); motors of a wrist turn the joints behind it along.
+    """
+    joints, n = seen.vjm.arm.joints, len(seen.vjm.arm.joints)
+    wrist = n - 3
+    usual: list[tuple[tuple[int, int], ...]] = [((2, 1),)] if n > 2 else []
+    if n > 4:
+        usual += [((wrist + 1, wrist),), ((wrist + 2, wrist),), ((wrist + 2, wrist + 1),)]
+        usual += [((wrist + 1, wrist), (wrist + 2, wrist))]
+    for pairs in usual:
+        if any(joints[k].prismatic for pair in pairs for k in pair):
+            continue
+        for signs in product((1, -1), repeat=len(pairs)):
+            q, where = seen.q.copy(), list[str]()
+            for (j, i), sign in zip(pairs, signs, strict=True):
+                q[:, j] += sign * seen.q[:, i]
+                where += [joints[j].name, "+" if sign > 0 else "-", joints[i].name]
+            yield Change(tuple(where), undone=replace(seen, q=q), parameters=CHOICE)
+
+
+def _joint_coupling_words(issue: Issue, _: Arm) -> str:
+    triples = list(zip(issue.where[1::3], issue.where[2::3], issue.where[3::3], strict=True))
+    sums = " and ".join(f"{joint} is the file's {joint} {sign} {other}" for joint, sign, other in triples)
+    return f"fit if {sums}: does the robot count {triples[0][0]} together with {triples[0][2]}?"
+
+
+def _joint_order(seen: Observations) -> Place:
+    names = [joint.name for joint in seen.vjm.arm.joints]
+    for order in likely_orders(seen):
+        where = tuple(names[k] for k in np.argsort(order))
+        yield Change(where, undone=replace(seen, q=seen.q[:, order]), parameters=CHOICE)
+
+
+def _joint_order_words(issue: Issue, arm: Arm) -> str:
+    order, names = list(issue.where[1:]), [joint.name for joint in arm.joints]
+    moved = [name for name, own in zip(order, names, strict=True) if name != own]
+    if len(moved) == 2:
+        return f"fit if {moved[1]} and {moved[0]} are exchanged"
+    if order == names[::-1]:
+        return "fit if the joints come in the opposite order"
+    return f"fit if the joint order in the file is {', '.join(order)}"
+
+
+def _axes(seen: Observations) -> Place:
+    """Positions with the sign of an axis, or two axes exchanged; orientations alone tell which."""
+    if seen.rotation is None:
+        return
+    position = seen.read[:, : len(seen.names)]
+    for k, name in enumerate("xyz"):
+        flipped = seen.oriented(position * np.where(np.arange(3) == k, -1.0, 1.0), seen.rotation)
+        yield Change((name,), undone=flipped, parameters=CHOICE)
+    for i, j in combinations(range(3), 2):
+        order = np.arange(3)
+        order[[i, j]] = j, i
+        exchanged = seen.oriented(position[..., order], seen.rotation)
+        yield Change(("xyz"[i], "xyz"[j]), undone=exchanged, parameters=CHOICE)
+
+
+def _axes_words(issue: Issue, _: Arm) -> str:
+    if len(issue.where) > 2:
+        return f"fit if {issue.where[1]} and {issue.where[2]} of the positions are exchanged"
+    return f"fit if {issue.where[1]} of the positions has the other sign"
+
+
+def _notation(seen: Observations) -> Place:
+    """Orientations in other notations: what is meant, and as what it was read; all that are the same."""
+    if seen.rotation is None:
+        return
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
+
+    position, some = seen.read[:, : len(seen.names)], seen.rotation
+    some = np.where(np.isfinite(some).all(axis=(1, 2), keepdims=True), some, np.eye(3))
+    R, found = Rotation.from_matrix(some), dict[bytes, tuple[tuple[str, ...], Array]]()
+    for (read, axes), (meant, order) in product(NOTATIONS.items(), NOTATIONS.items()):
+        if meant == read:
+            continue
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # two angles about one axis: any pair of them will do
+            numbers = R.as_euler(axes) if axes else R.as_rotvec()
+        matrix = (Rotation.from_euler(order, numbers) if order else Rotation.from_rotvec(numbers)).as_matrix()
+        same = (matrix.round(3) + 0.0).tobytes()
+        names, _ = found.get(same, ((), matrix))
+        found[same] = (*names, meant, read), matrix
+    for names, rotation in (((), some.swapaxes(1, 2)), *found.values()):
+        yield Change(names, undone=seen.oriented(position, rotation), parameters=CHOICE)
+
+
+def _notation_words(issue: Issue, _: Arm) -> str:
+    if len(issue.where) == 1:
+        return "fit if orientations are of the tracker in the target's frame"
+    ways = zip(issue.where[1::2], issue.where[2::2], strict=True)
+    return "fit if orientations are " + ", or ".join(f"{a} where they were read as {b}" for a, b in ways)
+
+
+# --- Single poses and readings that lie off while most do not -----------------------------------------------
+
+
+def _off_poses(placed: Placed, *, whole: bool) -> Iterator[Change[Placed]]:
+    """Poses most of whose readings lie off, with why; or single readings that do."""
+    seen, far = placed.seen, OUTLYING * placed.seen.scale
+    off = np.linalg.norm(placed.fit.residual, axis=2)
+    for row in np.flatnonzero((off > far).any(axis=1)).tolist():
+        run, typical = str(seen.runs[row]), float(np.median(off[row][seen.there[row]]))
+        numbers = {"pose": int(seen.poses[row])}
+        if (typical > far / 2) != whole:
+            continue
+        if whole:
+            where, size = _why(placed, row, far)
+            yield Change((run, *where), size, {"off": typical, **numbers})
+        else:
+            k = int(np.argmax(off[row]))
+            yield Change((run, seen.names[k]), numbers={"off": float(off[row, k]), **numbers})
+
+
+def _why(placed: Placed, row: int, far: float) -> tuple[tuple[str, ...], Array]:
+    """Targets of a pose that may have each other's names, or a joint that may stand farther, and how far."""
+    frame, one = placed.fit.frame, placed.seen.rows(np.array([row]))
+    one = replace(one, read=(one.read - frame.translation) @ frame.rotation, markers=placed.fit.markers)
+    one = replace(one, free=type(one.free)())
+    for name, changes in (("markers", _markers(one)), ("joint_zero", _joint_zero(one))):
+        tried = [(change, fit(change.undone)) for change in changes if change.undone is not None]
+        tried = [(change, own) for change, own in tried if own.theta.any() or name == "markers"]
+        good = [(change, own) for change, own in tried if own.typical(one) < far]
+        if good:
+            change, own = min(good, key=lambda x: x[1].loss)
+            return (name, *change.where), np.array([own.theta.sum()])
+    return (), np.zeros(1)
+
+
+def _pose_words(issue: Issue, arm: Arm) -> str:
+    run, *why = issue.where
+    words = "is its pose right?"
+    if why and why[0] == "markers":
+        words = f"they fit if {', '.join(why[1:])} have each other's names"
+    elif why:
+        words = f"they fit if {why[1]} stood {_angle(arm, why[1], issue.size[0])} farther"
+    return f"run {run}: its unloaded readings lie {length(issue.numbers['off'])} off: {words}"
+
+
+# --- Loads and deflections ----------------------------------------------------------------------------------
+
+
+def _mounting(loads: Loads) -> Load:
+    if loads.pull is not None:
+        issue, data = mounting(loads.vjm, loads.pull), pulled_along(loads.data, loads.pull.g)
+        yield Change(issue.where, issue.size, issue.numbers, undone=replace(loads, data=data))
+
+
+def _mounting_words(issue: Issue, _: Arm) -> str:
+    down, turn = issue.size[:3], issue.size[3:]
+    tilt = float(np.rad2deg(np.arccos(np.clip(-down[2], -1.0, 1.0))))
+    axis = int(np.abs(down).argmax())
+    along = f"gravity along {'-+'[bool(down[axis] > 0)]}{'xyz'[axis]} of its base"
+    how = "the arm hangs" if axis == 2 else "the arm stands on a wall"
+    if abs(down[axis]) < np.cos(np.deg2rad(3)):
+        how = f"the base is tilted by {tilt:.0f} deg"
+        along = f"gravity along ({_three(down, 1, 2)}) of its axes"
+    known = "so its own weight bends it, unloaded" * (tilt > 120)  # weights pull upwards
+    known = "as it stands against a level tracker" if issue.numbers["level"] else known
+    quat = " ".join(f"{round(float(x), 4) + 0.0:g}" for x in turn)
+    state = f'state it as quat="{quat}" of the body {issue.where[0]} in rigid.xml'
+    return f"the readings fit if {how}: {along}{f' ({known})' * bool(known)}; {state}"
+
+
+def _changed(loads: Loads, unit: float, undone: Sequence[Dataset]) -> Change[Loads]:
+    """A mistake of a size for each of some data sets, in which one unit of it is undone."""
+    assert loads.model is not None
+    return Change(columns=loads.model.columns(undone), unit=unit)
+
+
+def _force_offset(loads: Loads) -> Load:
+    if loads.model is not None and loads.largest > 0:
+        data, size = loads.data, FORCE * loads.largest
+        undone = [replace(data, wrench=data.wrench + size * e) for e in np.eye(6)[:3]]
+        yield replace(_changed(loads, size, undone), large=any_above(0.045 * loads.largest))
+
+
+def _load_point(loads: Loads) -> Load:
+    if loads.model is not None:
+        data = loads.data
+        undone = [replace(data, point=data.point + POINT * e) for e in np.eye(3)]
+        yield replace(_changed(loads, POINT, undone), large=any_above(0.05))
+
+
+def _load_point_words(issue: Issue, _: Arm) -> str:
+    if "reach" in issue.numbers:
+        words = "the load acts {away:.3g} m from the tool, the arm reaches {reach:.3g} m: millimetres?"
+        return words.format(**issue.numbers)
+    return f"the load acts ({_three(issue.size, MM, 0)}) mm from the stated point, in the tool's axes"
+
+
+def _touched_tracker(loads: Loads) -> Load:
+    """A tracker that moved between the two readings of every run, of a station."""
+    data, y = loads.data, loads.data.after
+    moves = [*np.eye(3), *(np.cross(e, y - y[data.seen].mean(axis=0)) for e in np.eye(3))]
+    for name in (station(one.frame) for one in unloaded(data)) if loads.model is not None else ():
+        here = SHIFTED * read_by(data, name)[:, None, None]
+        change = _changed(loads, SHIFTED, [replace(data, after=y - here * move) for move in moves])
+        yield replace(change, where=() if data.station is None else (str(name),), large=any_above(4e-4))
+
+
+def _level(loads: Loads) -> Load:
+    data, groups = loads.data, levels(loads.data)
+    for mask in groups if len(groups) > 1 and loads.model is not None else ():
+        force = float(np.linalg.norm(data.wrench[mask, :3], axis=1).mean())
+        change = _changed(loads, FACTOR, [replace(data, wrench=data.wrench * (1 + FACTOR * mask)[:, None])])
+        yield replace(change, numbers={"force": force}, large=any_above(0.08))
+
+
+def _force_axes(loads: Loads) -> Load:
+    data, w = loads.data, loads.data.wrench.reshape(-1, 2, 3)
+
+    def undone(other: Array) -> Loads:
+        return replace(loads, data=replace(data, wrench=other.reshape(-1, 6)))
+
+    turned = np.einsum("rxy,rky->rkx", tool_pose(loads.vjm, data.q)[1], w)
+    yield Change(("tool",), undone=undone(turned))
+    for order, sign in product(list(permutations(range(3)))[1:], (1, -1)):
+        where = "".join("xyz"[k] for k in order), "+" if sign > 0 else "-"
+        yield Change(where, undone=undone(sign * w[:, :, list(order)]))
+
+
+def _force_axes_words(issue: Issue, _: Arm) -> str:
+    if issue.where == ("tool",):
+        return "the readings fit if forces are in the tool's axes"
+    order, sign = issue.where
+    minus = "" if sign == "+" else ", with the other sign"
+    return f"the readings fit if the forces' axes x, y, z are {', '.join(order)}{minus}"
+
+
+def _levels(loads: Loads) -> Load:
+    """Loads that were listed in reversed order."""
+    data, groups = loads.data, levels(loads.data)
+    sizes = [np.linalg.norm(data.wrench[own, :3], axis=1).mean() for own in groups]
+    factor = np.ones(data.runs)
+    for own, size, value in zip(groups, sizes, sizes[::-1], strict=True):
+        factor[own] = value / size
+    if len(groups) > 1:
+        yield Change(undone=replace(loads, data=replace(data, wrench=data.wrench * factor[:, None])))
+
+
+def _rows_of_runs(loads: Loads) -> Iterator[tuple[str, tuple[int, int]]]:
+    """Names of runs, and the rows of their readings, one a coordinate."""
+    assert loads.model is not None
+    run = loads.model.read.run
+    for r, name in enumerate(map(str, loads.data.run)):
+        first, end = np.searchsorted(run, [r, r + 1])
+        if first < end:
+            yield name, (3 * int(first), 3 * int(end))
+
+
+def _run_load(loads: Loads) -> Load:
+    if (own := loads.model) is not None:
+        expected = (own.read.A @ own.pi).ravel()
+        for name, rows in _rows_of_runs(loads):
+            columns = FACTOR * expected[slice(*rows), None]
+            yield Change((name,), columns=columns, rows=rows, unit=FACTOR, large=any_above(0.4))
+
+
+def _bumps(loads: Loads, *, whole: bool) -> Load:
+    """Targets of a run that moved, each by itself: all of them, or one."""
+    if (own := loads.model) is not None:
+        size = BUMP / np.repeat(own.read.unit, 3)
+        least = float(np.max([LEAST_BUMP, SIGMAS * loads.data.sigma * own.misfit]))
+
+        def large(b: Array) -> bool:
+            return bool(np.linalg.norm(b) > least)
+
+        for name, every in _rows_of_runs(loads):
+            for rows in [every] if whole else [(k, k + 3) for k in range(*every, 3)]:
+                target = own.read.marker[rows[0] // 3]
+                label = () if whole or target < 0 else (loads.data.markers[target],)
+                columns = np.diag(size[slice(*rows)])
+                yield Change((name, *label), columns=columns, rows=rows, unit=BUMP, large=large)
+
+
+def _reading_words(issue: Issue, _: Arm) -> str:
+    run, target = (*issue.where, "the tool's turn")[:2]
+    if "off" in issue.numbers:
+        return f"run {run}: {target} was read {length(issue.numbers['off'])} off, the others were not"
+    off = f"{_distance(issue):.2g} mm from where the others say"
+    return f"run {run}: {target} is {off}: touched, or read wrongly?"
+
+
+def _run_load_words(issue: Issue, _: Arm) -> str:
+    b = issue.size[0]
+    hint = "its mass" if b > -1 else "before and after exchanged"
+    return f"run {issue.where[0]}: its load acts as {1 + b:.2f} times what is stated: {hint}?"
+
+
+def _distance(issue: Issue) -> float:
+    """Root mean square distance of all targets [mm]."""
+    return MM * float(np.linalg.norm(issue.size)) / math.sqrt(len(issue.size) / 3)
+
+
+# --- What moved between two readings ------------------------------------------------------------------------
+
+
+def _steps(time: Timeline, *, name: str) -> Iterator[Change[Timeline]]:
+    for step in time.steps:
+        if step.name == name:
+            yield Change(step.where, step.size, step.numbers, nats=step.nats)
+
+
+def _moved_words(issue: Issue, _: Arm) -> str:
+    """A tracker that moved between the readings of every run, or what moved between two rows."""
+    size, b = issue.numbers, issue.size
+    if not size:
+        which = f"the loaded readings of station {issue.where[0]}" if issue.where else "all loaded readings"
+        turn = f"({_three(b[3:], MM, 2)}) mrad"
+        return f"{which} are moved by ({_three(b, MM, 2)}) mm and turned by {turn}: did the tracker move?"
+    what = issue.name.removesuffix("_moved")
+    other = {"target": "tracker", "tracker": "target"}[what]
+    angle = float(np.linalg.norm(b[3:]))
+    turn = f" and turned by {MM * angle:.2g} mrad" if angle > 1e-4 else ""
+    moved = f"the {what}{f' or the {other}' * bool(size['alike'])} moved by {MM * size['shift']:.2g} mm{turn}"
+    ends = size["before"], size["after"]
+    if not size.get("pairs"):
+        new = "mounts" if what == "target" else "frames"
+        return f"{issue.where[0]}: {moved} between rows {ends[0]} and {ends[1]}: taken as two {new}"
+    both = [f"the {'loaded' if row % 2 else 'unloaded'} reading of run {row // 2:.0f}" for row in ends]
+    hint = "was it touched?" if what == "target" else "runs behind it need a station of their own"
+    across = ", runs across it are wrong by as much" if size["across"] else ""
+    station_ = f"{issue.where[0]}: " if issue.where[0] else ""
+    return f"{station_}{moved} between {both[0]} and {both[1]}: {hint}{across}"
+
+
+# --- The table ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Hypotheses:
+    """The table, by what tells the mistakes of each part."""
+
+    plain: tuple[Hypothesis[Submission], ...]  #: Runs as they were read, no fit.
+    registered: tuple[Hypothesis[Submission], ...]  #: Frames and targets of a registration.
+    places: tuple[Hypothesis[Observations], ...]  #: Readings against the kinematics.
+    poses: tuple[Hypothesis[Placed], ...]  #: Single ones that lie off.
+    work: tuple[Hypothesis[Dataset], ...]  #: The work of the force.
+    loads: tuple[Hypothesis[Loads], ...]  #: All deflections.
+    runs: tuple[Hypothesis[Loads], ...]  #: Deflections of single runs.
+    steps: tuple[Hypothesis[Timeline], ...]  #: The order in time.
+
+    @property
+    def words(self) -> dict[str, tuple[Callable[[Issue, Arm], str], str]]:
+        """Words and remedy of each mistake, by its name."""
+        parts = (self.steps, self.runs, self.loads, self.work, self.poses, self.places, self.registered)
+        return {row.name: (row.words, row.remedy) for part in (*parts, self.plain) for row in part}
+
+
+HYPOTHESES = Hypotheses(
+    plain=(
+        Hypothesis("equal", _equal, _equal_words, "was one of them copied?"),
+        Hypothesis(
+            "repeated",
+            _repeated,
+            lambda f, _: f"run {f.where[0]} has the loaded readings of run {f.where[1]}, in another pose",
+            "copied?",
+        ),
+        Hypothesis("load_point", _far_load, _load_point_words),
+    ),
+    registered=(
+        Hypothesis("frame", _near_frame, _frame_words),
+        Hypothesis("markers", partial(_far_targets, exchanged=True), _markers_words),
+        Hypothesis("targets", partial(_far_targets, exchanged=False), _targets_words),
+    ),
+    places=(
+        Hypothesis("frame", _frame, _frame_words),
+        Hypothesis("targets", _targets, _targets_words, loose=True),
+        Hypothesis(
+            "mirrored",
+            _mirrored,
+            lambda *_: "lie in a left-handed frame",
+            "the sign of an axis, or two axes exchanged?",
+        ),
+        Hypothesis(
+            "link",
+            _link,
+            lambda f, _: (
+                f"fit if the end of {f.where[1]} is ({_three(f.size, MM, 0)}) mm farther, in its axes"
+            ),
+            "is this the arm?",
+            loose=True,
+        ),
+        Hypothesis("joint_zero", _joint_zero, _joint_zero_words),
+        Hypothesis("markers", _markers, _markers_words),
+        Hypothesis("unit", _unit, lambda f, _: f"are {UNITS[f.size[0]]}"),
+        Hypothesis("angle_unit", _angle_unit, _angle_unit_words),
+        Hypothesis("order", _order, _order_words),
+        Hypothesis("joint_sign", _joint_sign, lambda f, _: f"fit if {f.where[1]} has the other sign"),
+        Hypothesis("joint_coupling", _joint_coupling, _joint_coupling_words),
+        Hypothesis("joint_order", _joint_order, _joint_order_words),
+        Hypothesis("notation", _notation, _notation_words),
+        Hypothesis("axes", _axes, _axes_words),
+    ),
+    poses=(
+        Hypothesis("pose", partial(_off_poses, whole=True), _pose_words),
+        Hypothesis("reading", partial(_off_poses, whole=False), _reading_words),
+    ),
+    work=(Hypothesis("sign", _against, _against_words),),
+    loads=(
+        Hypothesis("mounting", _mounting, _mounting_words, nats=CLEAR),
+        Hypothesis(
+            "force_offset",
+            _force_offset,
+            lambda f, _: f"a constant force of ({_three(f.size, 1, 0)}) N is missing in every load",
+            "the sensor's zero?",
+            nats=LEAST,
+        ),
+        Hypothesis("load_point", _load_point, _load_point_words, nats=LEAST),
+        Hypothesis("tracker_moved", _touched_tracker, _moved_words, nats=LEAST),
+        Hypothesis(
+            "level",
+            _level,
+            lambda f, _: (
+                f"the load of {f.numbers['force']:.4g} N acts as {1 + f.size[0]:.2f} times that, "
+                "beside the others"
+            ),
+            "its mass?",
+            nats=ONE_OF_MANY,
+        ),
+        Hypothesis("force_axes", _force_axes, _force_axes_words, nats=CLEAR),
+        Hypothesis(
+            "levels",
+            _levels,
+            lambda *_: "the readings fit if the loads stand in reversed order",
+            nats=CLEAR,
+        ),
+    ),
+    runs=(
+        Hypothesis("run_load", _run_load, _run_load_words, nats=ONE_OF_MANY),
+        Hypothesis(
+            "run",
+            partial(_bumps, whole=True),
+            lambda f, _: (
+                f"run {f.where[0]}: its targets moved otherwise than the load says, by {_distance(f):.2g} mm"
+            ),
+            nats=ONE_OF_MANY,
+        ),
+        Hypothesis("reading", partial(_bumps, whole=False), _reading_words, nats=ONE_OF_MANY),
+    ),
+    steps=tuple(
+        Hypothesis(name, partial(_steps, name=name), _moved_words)
+        for name in ("target_moved", "tracker_moved")
+    ),
+)
+"""Every mistake that is looked for."""
+
+
+# --- In words -----------------------------------------------------------------------------------------------
+
+
+def _scale_words(issue: Issue, arm: Arm) -> str:
+    """A factor between prior and readings; deflections that are no arm's, where a wild one is named."""
+    factor = issue.numbers["factor"]
+    if issue.where:
+        largest, median = MM * issue.numbers["largest"], MM * issue.numbers["median"]
+        return (
+            f"as a whole the deflections are {factor:.3g} times what the arm's folder predicts; the largest "
+            f"is {largest:.3g} mm, {issue.where[0]} in run {issue.where[1]}, the median {median:.3g} mm: "
+            "is that reading wrong, or are loaded readings of other runs?"
+        )
+    hint = "forces in another unit, a lighter load, or a folder too soft?"
+    if factor > 1:
+        hint = "forces in kg instead of N (9.81 times), in kN, a heavier load, or a folder too stiff?"
+    times = f"{factor:,.0f}" if factor > 100 else f"{factor:.3g}"
+    stated = "" if arm.payload is None else f" (payload {arm.payload:.4g} kg)"
+    words = f"the readings are {times} times what the arm's folder predicts under loads up to "
+    return f"{words}{issue.numbers['force']:,.5g} N{stated}: {hint}"
+
+
+WHICH = {"unloaded": "unloaded readings", "loaded": "loaded readings", "all": "readings"}
+OTHERS: Mapping[str, Callable[[Issue, Arm], str]] = {
+    "kinematics": lambda f, _: (
+        f"the {WHICH[f.where[0]]} lie {length(f.numbers['now'])} (median) from the arm's kinematics, and no "
+        "single mistake explains it: is this the arm?"
+    ),
+    "scale": _scale_words,
+    "noise": lambda f, _: (
+        f"the readings scatter {f.numbers['factor']:.2g} times more than their noise, "
+        f"{1e6 * f.numbers['sigma']:.3g} um: is it more, or does the arm do what springs do not?"
+    ),
+    "never_read": lambda f, _: f"{f.where[0]}: {', '.join(f.where[1:])} was never read and is left out",
+    "unshared": lambda f, _: f"{f.where[0]}: shared that {f.where[1]}, is taken to have its own",
+    "not_parted": lambda f, _: (
+        f"{', '.join(f.where)}: not parted, its parts alone do not tell where their frames or mounts are"
+    ),
+}
+"""Words of what no hypothesis explains, and of what a calibration does by itself."""
+
+
+def describe(
+    issue: Issue,
+    arm: Arm,
+    columns: Sequence[tuple[str, str]] = (),
+    hypotheses: Hypotheses = HYPOTHESES,
+) -> Doubt:
+    """Put an issue into a sentence.
+
+    Args:
+        issue: What was found.
+        arm: The arm.
+        columns: Name and unit of the column in the file that every joint was read from; none if not known.
+        hypotheses: The table that it was found with.
+
+    Returns:
+        Name, sentence and nats.
+    """
+    if issue.name in OTHERS:
+        return Doubt(issue.name, OTHERS[issue.name](issue, arm), issue.nats)
+    find, remedy = hypotheses.words[issue.name]
+    words = find(issue, arm) + (f": {remedy}" if remedy else "")
+    if "was" in issue.numbers:
+        ends = length(issue.numbers["was"]), length(issue.numbers["now"])
+        far = f"they lie {ends[0]} from the arm's kinematics, median; with that {ends[1]}"
+        if (share := issue.numbers["share"]) > HALF:
+            most = f"{100 * share:.0f} % of them"
+            far = f"{most} lie within {ends[0]} of the arm's kinematics; with that {ends[1]}"
+        words = f"the {WHICH[issue.where[0]]} {words} ({far})"
+    if issue.name == "joint_order" and len(columns) == len(arm.joints):
+        own = zip(issue.where[1:], columns, arm.joints, strict=True)
+        lines = [f'{name}_{unit} = "{column}"' for name, (column, unit), joint in own if name != joint.name]
+        words += f"; in a map's [columns]: {', '.join(lines)}"
+    return Doubt(issue.name, words, issue.nats)
+
+
+def length(metres: float) -> str:
+    """Format a length for people: 3.42 mm, 3,420 m."""
+    return f"{MM * metres:.3g} mm" if metres < 1 else f"{metres:,.4g} m"
+
+
+def _three(vector: Array, factor: float, digits: int) -> str:
+    return ", ".join(f"{round(factor * float(x), digits) + 0.0:.{digits}f}" for x in vector[:3])
+
+
+def _angle(arm: Arm, name: str, size: float) -> str:
+    joint = next(joint for joint in arm.joints if joint.name == name)
+    return f"{joint.shown * size:.3g} {joint.shown_unit}"

@@ -1,0 +1,297 @@
+"""Readings against the arm's kinematics: what explains them, and which mistake explains them better.
+
+Readings have to lie where the kinematics has the targets, up to a sound arm's errors: calibration, own
+weight, a target a few millimetres off. The loss is Cauchy's: a few wrong readings do not speak for a mistake
+in all.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from testbench.data.series import Series
+from testbench.errors import Array, Ids, Mask
+from testbench.identify.closed_form import kabsch
+from testbench.identify.diagnosis.hypothesis import Change, Hypothesis, Issue
+from testbench.identify.registration import Frame
+from testbench.model.tool_motion import turned
+from testbench.model.vjm import Chain, Vjm, chain, skew, translation_rows
+
+PRECISE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
+ORIGIN = Frame(np.eye(3), np.zeros(3))
+PENALTY = 4.0  #: Nats that a free number has to earn.
+ROUNDS = 8  #: Most of weights and fits in turn.
+SETTLED = 1e-6  #: Change of the loss after which a round is the last [nats].
+ROWS = 300  #: Rows, evenly out of more, that tell what is wrong.
+HALF, MOST = 0.5, 0.95
+"""Shares of the readings whose distance is reported: of most where half fit in spite of a mistake."""
+BETTER, LEAST = 0.3, 20.0
+"""Nats per reading, and in all, by which a mistake has to make the readings likelier to be an issue."""
+SHARE = 0.9  #: Share of the gain of a mistake of many numbers from which others are preferred to it.
+LOST = 8.0  #: Median distance over a sound one from which readings do not fit the arm at all.
+ARM = 0.3  #: Distance of the targets that stand for an orientation from the one that has it [m].
+Which = Literal["unloaded", "loaded", "all"]
+"""Which readings are looked at."""
+
+
+@dataclass(frozen=True)
+class FreeParameters:
+    """What a fit leaves free."""
+
+    frame: bool = False  #: Position and orientation of the arm's base in the frame of the readings.
+    targets: bool = False  #: Places of the targets in the tool's frame.
+    theta: tuple[int, ...] = ()  #: Virtual joints whose constants are free: a joint's zero, a link's end.
+    mirrored: bool = False  #: Whether the frame is left-handed.
+    lost: bool = False  #: Whether nothing is known of the targets: readings far off count too, at first.
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Readings of targets in poses, and what is not known of them."""
+
+    vjm: Vjm  #: The kinematics.
+    q: Array  #: (poses, n) [rad, m].
+    markers: Array  #: Nominal targets in the tool's frame, (m, 3) [m].
+    read: Array  #: (poses, m, 3) [m].
+    there: Mask  #: Which were read, (poses, m).
+    names: tuple[str, ...]  #: Of the targets.
+    runs: Ids  #: Run of each row, (poses,).
+    poses: Ids  #: Its pose.
+    scale: float  #: How far a sound reading may lie off [m].
+    free: FreeParameters = FreeParameters()
+    #: Orientations, (poses, 3, 3), that three targets behind the others stand for; None without.
+    rotation: Array | None = None
+
+    def rows(self, some: Ids) -> "Observations":
+        """Select rows, (r,)."""
+        rotation = None if self.rotation is None else self.rotation[some]
+        return replace(
+            self,
+            q=self.q[some],
+            read=self.read[some],
+            there=self.there[some],
+            runs=self.runs[some],
+            poses=self.poses[some],
+            rotation=rotation,
+        )
+
+    def oriented(self, position: Array, rotation: Array) -> "Observations":
+        """Replace positions of the targets, (poses, m, 3) [m], and orientations, (poses, 3, 3)."""
+        more = position[:, :1] + ARM * np.where(self.there[:, -3:, None], rotation.swapaxes(1, 2), 0)
+        return replace(self, read=np.concatenate([position, more], axis=1), rotation=rotation)
+
+
+def of_series(vjm: Vjm, series: Series) -> Observations:
+    """Take absolute readings, nothing known of their frame, nor of where any target is."""
+    there, m = series.seen, len(series.markers)
+    if series.rotation is not None:
+        there = np.hstack([there, np.repeat(series.turned[:, None] & there[:, :1], 3, axis=1)])
+    seen = Observations(
+        vjm=vjm,
+        q=series.q,
+        markers=np.zeros((there.shape[1], 3)),
+        read=series.position[:, :m],
+        there=there,
+        names=series.markers,
+        runs=series.row,
+        poses=series.pose,
+        scale=PRECISE * vjm.reach,
+        free=FreeParameters(frame=True, targets=True, lost=True),
+    )
+    return seen if series.rotation is None else seen.oriented(series.position, series.rotation)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The best fit of what is free."""
+
+    frame: Frame  #: From the arm's base to the frame of the readings.
+    markers: Array  #: Targets in the tool's frame, (m, 3) [m].
+    theta: Array  #: Constants of the virtual joints, (n_theta,) [m, rad].
+    residual: Array  #: (poses, m, 3) [m], zero where nothing was read.
+    loss: float  #: Cauchy's [nats].
+    numbers: int  #: How many were free.
+
+    @property
+    def cost(self) -> float:
+        """The loss with what the free numbers have to earn [nats]."""
+        return self.loss + PENALTY * self.numbers
+
+    def away(self, seen: Observations) -> Array:
+        """Compute distances of all readings from where they should be, (readings,) [m]."""
+        return np.asarray(np.linalg.norm(self.residual, axis=2)[seen.there])
+
+    def typical(self, seen: Observations, share: float = HALF) -> float:
+        """Compute the distance below which that share of the readings lies [m]."""
+        return float(np.quantile(self.away(seen), share))
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Readings, and their fit with the mistake of all of them undone."""
+
+    seen: Observations
+    fit: Fit
+
+
+def cauchy(residual: Array, scale: float) -> Array:
+    """Compute Cauchy's loss 3/2 log(1 + |r|^2 / (3 scale^2)): minus a log density in three dimensions.
+
+    Args:
+        residual: r, (..., 3) [m].
+        scale: How far a sound reading may lie off [m].
+
+    Returns:
+        Losses, (...) [nats].
+    """
+    return np.asarray(1.5 * np.log1p(np.square(residual / scale).sum(axis=-1) / 3))
+
+
+def best_hypothesis(
+    seen: Observations, hypotheses: Sequence[Hypothesis[Observations]], which: Which = "unloaded"
+) -> tuple[Issue | None, Fit]:
+    """Find the mistake that explains readings best: each is undone, fitted again and compared.
+
+    Args:
+        seen: The readings, and what is free anyway, as in a frame that is not the arm's.
+        hypotheses: Rows of the table.
+        which: Which readings these are.
+
+    Returns:
+        The mistake, "kinematics" where none explains readings that do not fit, or None; and all readings with
+        it undone, or as they are.
+    """
+    few = _thinned(seen)
+    start = fit(few)
+    typical = start.typical(few)
+    unfit = Issue("kinematics", (which,), numbers={"now": typical}) if typical > LOST * seen.scale else None
+    needed = max(LEAST, BETTER * few.there.sum())
+    as_read = start if few is seen else fit(seen)
+    if start.loss <= needed:  # no mistake saves more than the loss
+        return unfit, as_read
+    tried = []
+    for hypothesis in hypotheses:
+        for change in hypothesis.changes(seen):
+            assert change.undone is not None
+            found = fit(_thinned(change.undone))
+            tried.append((start.cost - found.cost - PENALTY * change.parameters, hypothesis, change, found))
+    needed = max(needed, SHARE * max((float(gain) for gain, *_ in tried), default=0.0))
+    good = [one for one in tried if one[0] > needed and one[2].large(_size(seen, one[2], one[3]))]
+    if not good:
+        return unfit, as_read
+    gain, hypothesis, change, found = max(good, key=lambda one: (not one[1].loose, one[0]))
+    assert change.undone is not None
+    undone = _thinned(change.undone)
+    now = found.typical(undone)
+    if now > LOST * seen.scale:
+        return unfit, as_read
+    share = HALF if now < HALF * typical else MOST
+    numbers = {"was": start.typical(few, share), "now": found.typical(undone, share), "share": share}
+    where = change.where
+    if change.undone.free.targets and not seen.free.targets:
+        where = (seen.names[_farthest(seen, found)],)
+    issue = Issue(hypothesis.name, (which, *where), _size(seen, change, found), numbers, float(gain))
+    return issue, found if undone is change.undone else fit(change.undone)
+
+
+def _thinned(seen: Observations) -> Observations:
+    """As many rows as tell what is wrong."""
+    n = len(seen.q)
+    return seen if n <= ROWS else seen.rows(np.linspace(0, n - 1, ROWS).astype(int))
+
+
+def _farthest(seen: Observations, found: Fit) -> int:
+    return int(np.argmax(np.linalg.norm(found.markers - seen.markers, axis=1)))
+
+
+def _size(seen: Observations, change: Change[Observations], found: Fit) -> Array:
+    """How large a mistake is, SI: turn and shift of a frame, way of a target or link, else one number."""
+    assert change.undone is not None
+    free = change.undone.free
+    if len(free.theta) == 3:
+        return np.asarray(seen.vjm.arm.links[free.theta[0] // 6].frame @ found.theta[list(free.theta)])
+    if free.theta:
+        return change.size + found.theta[list(free.theta)]
+    if free.targets and not seen.free.targets:
+        return np.asarray((found.markers - seen.markers)[_farthest(seen, found)])
+    if free.frame and not (seen.free.frame or free.mirrored):
+        return np.concatenate([found.frame.rotation_vector, found.frame.translation])
+    return change.size
+
+
+def fit(seen: Observations) -> Fit:
+    """Fit what is free: in closed form where a frame is, then refined together.
+
+    Args:
+        seen: The readings.
+
+    Returns:
+        The best fit of `seen.free`, by reweighted least squares for Cauchy's loss.
+    """
+    free = seen.free
+    count = 6 * free.frame + 3 * len(seen.markers) * free.targets + len(free.theta)
+    now = Fit(ORIGIN, seen.markers, np.zeros(seen.vjm.arm.n_theta), seen.read, np.inf, count)
+    where = _chain(seen, now)
+    if free.frame:
+        base = where.points(now.markers)
+        frame = Frame(*kabsch(base[seen.there], seen.read[seen.there], mirrored=free.mirrored))
+        now = replace(now, frame=frame)
+    now = _judged(seen, where, now)
+    for _ in range(ROUNDS if count else 0):
+        before, now = now.loss, _refined(seen, where, now)
+        if free.theta:
+            where = _chain(seen, now)
+        now = _judged(seen, where, now)
+        if abs(now.loss - before) < SETTLED:
+            break
+    return now
+
+
+def _chain(seen: Observations, now: Fit) -> Chain:
+    return chain(seen.vjm, seen.q, np.tile(now.theta, (len(seen.q), 1)) if now.theta.any() else None)
+
+
+def _judged(seen: Observations, where: Chain, now: Fit) -> Fit:
+    off = residuals(seen, where, now)
+    return replace(now, residual=off, loss=float(cauchy(off, seen.scale).sum()))
+
+
+def residuals(seen: Observations, where: Chain, now: Fit) -> Array:
+    """Compute where the arm has the targets minus readings, (poses, m, 3) [m]; 0 where nothing was read."""
+    x = where.points(now.markers) @ now.frame.rotation.T + now.frame.translation
+    return np.where(seen.there[..., None], x - seen.read, 0.0)
+
+
+def _refined(seen: Observations, where: Chain, now: Fit) -> Fit:
+    """One weighted Gauss-Newton step of all that is free."""
+    free = seen.free
+    about = now.residual - now.frame.translation + seen.read  # the targets about the frame's origin
+    columns: list[Array] = []
+    if free.frame:
+        columns += [*np.broadcast_to(np.eye(3)[:, None, None], (3, *about.shape))]
+        columns += [*skew(about).transpose(2, 0, 1, 3)]
+    if free.theta:
+        J = translation_rows(where, now.markers)[:, free.theta].reshape(*seen.markers.shape, -1, len(seen.q))
+        columns += list(np.einsum("mxcp,yx->cpmy", J, now.frame.rotation))
+    scale = max(seen.scale, now.typical(seen)) if free.lost else seen.scale
+    weight = seen.there / (1 + np.square(now.residual / scale).sum(axis=-1) / 3)
+    root = np.sqrt(weight)[..., None]
+    left, held = root * np.stack([-now.residual, *columns]), np.zeros_like(now.markers)
+    size = np.maximum([np.linalg.norm(column) for column in left[1:]], 1e-12)
+    if free.targets:  # a target moves its own readings alone: they are left out of all others' columns first
+        R = root[..., None] * (now.frame.rotation @ where.rotation)[:, None]
+        own = np.einsum("pmxa,cpmx->cma", R, left) / np.maximum((root**2).sum(axis=0), 1e-12)
+        left = left - np.einsum("pmxa,cma->cpmx", R, own)
+    off, *common = left.reshape(len(left), -1)
+    step = np.zeros(0)
+    if common:
+        step = np.linalg.lstsq(np.stack(common, axis=1) / size, off)[0] / size
+    if free.targets:
+        held = own[0] - np.tensordot(step, own[1:], 1)
+    frame, theta = now.frame, now.theta.copy()
+    theta[list(free.theta)] += step[len(step) - len(free.theta) :]
+    if free.frame:
+        frame = Frame(turned(step[None, 3:6])[0] @ frame.rotation, frame.translation + step[:3])
+    return replace(now, frame=frame, theta=theta, markers=now.markers + held)

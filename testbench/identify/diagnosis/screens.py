@@ -1,0 +1,172 @@
+"""Two searches among more candidates than can be fitted: orders of the joints, and rows that slipped.
+
+Of six joints there are 720 orders. With the joints in the right one, the tool's pose R, p by the kinematics
+and a target m on the tool, readings y fit some frame where
+
+    A y + b = R m + p
+
+The form is linear in A, b and, where it is not known, m; its residual is small for the right order alone. The
+few orders that fit it best are then fitted as a frame that can only turn and move.
+
+Readings slip against their poses from some row on where a cell of a table was deleted. The frame is that of
+half of the rows, which are all sound or all slipped; the row is where the summed losses are least.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations, permutations
+
+import numpy as np
+
+from testbench.errors import Array, Ids
+from testbench.identify.diagnosis.kinematics import (
+    BETTER,
+    LOST,
+    ROWS,
+    Fit,
+    Observations,
+    cauchy,
+    fit,
+    residuals,
+)
+from testbench.model.vjm import chain, tool_pose
+
+MAX_JOINTS = 7  #: Up to which every order is tried; of more joints, every exchange of two and the reverse.
+SCREENED_ROWS, SCREENED_TARGETS = 30, 2  #: Poses, evenly out of more, and first targets that screen orders.
+FITTED = 6  #: Orders that are fitted, the best of all.
+ROUNDS = 3  #: Weightings of the linear form: a wild reading must not choose the order.
+TOGETHER = 720  #: Orders whose equations are in memory at a time.
+RIDGE = 1e-9  #: Of the normal equations, over their mean diagonal: a direction may be open.
+LEAST = 3  #: Rows of half a file, and of what slipped.
+
+
+def likely_orders(seen: Observations) -> Iterator[Ids]:
+    """Screen orders of the joints.
+
+    Args:
+        seen: The readings.
+
+    Yields:
+        The orders that fit best, the best first: joint k is of column order[k], (n,).
+    """
+    n = len(seen.vjm.arm.joints)
+    if n <= MAX_JOINTS:
+        every = np.array(list(permutations(range(n)))[1:], dtype=int).reshape(-1, n)
+    else:
+        every = np.array([np.arange(n)[::-1], *(_exchange(n, *pair) for pair in combinations(range(n), 2))])
+    rows = np.flatnonzero(seen.there.any(axis=1))
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(SCREENED_ROWS, len(rows))).astype(int))]
+    parts = np.array_split(every, -(-len(every) // TOGETHER)) if len(every) else []
+    cost = [loss for part in parts for loss in _screened(seen, rows, part)]
+    yield from every[np.argsort(cost, kind="stable")[:FITTED]]
+
+
+def _exchange(n: int, i: int, j: int) -> Ids:
+    order = np.arange(n)
+    order[[i, j]] = j, i
+    return order
+
+
+def _screened(seen: Observations, rows: Ids, orders: Ids) -> Array:
+    """Robustly weighted loss of the linear form in every order, (orders,) [nats]."""
+    count = len(orders)
+    p, R = tool_pose(seen.vjm, seen.q[rows][:, orders].swapaxes(0, 1).reshape(-1, orders.shape[1]))
+    row, target = np.nonzero(seen.there[rows, :SCREENED_TARGETS])
+    p, R = p.reshape(count, -1, 3)[:, row], R.reshape(count, -1, 3, 3)[:, row]
+    y = seen.read[rows][row, target]
+    right, columns = p + np.matvec(R, seen.markers[target]), np.zeros((count, len(row), 3, 0))
+    if not seen.free.frame:
+        right = right - y
+    else:
+        fixed = np.zeros((len(row), 3, 12))  # of A, by rows, and of b: the same in every order
+        for axis in range(3):
+            fixed[:, axis, 3 * axis : 3 * axis + 3] = y
+            fixed[:, axis, 9 + axis] = 1
+        columns = np.broadcast_to(fixed, (count, *fixed.shape))
+    if seen.free.targets:
+        of = np.equal(target[:, None], np.arange(seen.there[:, :SCREENED_TARGETS].shape[1]))
+        own = -R[:, :, :, None, :] * of[None, :, None, :, None]
+        columns = np.concatenate([columns, own.reshape(*own.shape[:3], -1)], axis=3)
+    weight, left = np.ones(right.shape[:2]), right
+    for _ in range(ROUNDS if columns.shape[3] else 0):
+        held = columns * weight[..., None, None]
+        H = np.einsum("orxa,orxb->oab", held, columns, optimize=True)
+        g = np.einsum("orxa,orx->oa", held, right)
+        ridge = RIDGE * np.trace(H, axis1=1, axis2=2) / H.shape[1]
+        x = np.linalg.solve(H + ridge[:, None, None] * np.eye(H.shape[1]), g[..., None])
+        left = right - (columns @ x[:, None])[..., 0]
+        off = np.linalg.norm(left, axis=2)
+        weight = 1 / (1 + (off / np.maximum(np.median(off, axis=1, keepdims=True), seen.scale)) ** 2)
+    return np.asarray(cauchy(left, seen.scale).sum(axis=1))
+
+
+@dataclass(frozen=True)
+class Slip:
+    """Say from which row on all readings belong to another pose."""
+
+    first: int  #: That row, counted from 0.
+    shift: int  #: 1 for the pose before, -1 for the one after.
+    q: Array  #: The joint angles that the readings belong to, (poses, n) [rad, m].
+
+
+def slip(seen: Observations) -> Slip | None:
+    """Find where readings begin to be those of the pose before or after, while the rows before are sound.
+
+    Args:
+        seen: The readings, in the order of the file.
+
+    Returns:
+        The slip; None where there is none.
+    """
+    n, far = len(seen.q), LOST * seen.scale
+    head = _half(seen, slice(n // 2))
+    if head is None or _misfits(seen, head, np.arange(n)[-ROWS:]) < LEAST:
+        return None
+    _, gain, first, shift, found = min(_tried(seen, head), key=lambda one: one[0])
+    while first > 1 and _misfits(seen, found, np.array([first - 1])):
+        first -= 1  # the row that was deleted has no pose at all
+    q = np.roll(seen.q, shift, axis=0)
+    q[:first] = seen.q[:first]
+    before, behind = (
+        _typical(replace(seen, q=q), found, part) for part in (slice(first), slice(first, None))
+    )
+    sound = gain > BETTER * seen.there[first:].sum() and max(before, behind) < far
+    return Slip(first, shift, q) if sound else None
+
+
+def _tried(seen: Observations, head: Fit) -> Iterator[tuple[float, float, int, int, Fit]]:
+    """What all readings cost if they slipped one way from the row that is best, and what that gains [nats].
+
+    With them the row, the way and the fit: of the first half, all sound, or of the second, all slipped.
+    """
+    for shift in (1, -1):
+        moved = replace(seen, q=np.roll(seen.q, shift, axis=0))
+        for found in (head, _half(moved, slice(len(seen.q) // 2, None)) or head):
+            own, other = (
+                cauchy(residuals(one, chain(one.vjm, one.q), found), one.scale).sum(axis=1)
+                for one in (seen, moved)
+            )
+            cost = np.cumsum(own - other)[:-LEAST] + other.sum()
+            alike = cost < cost.min() + BETTER * seen.there.shape[1]  # an inserted row fits either way
+            first = 1 + int(np.flatnonzero(alike)[-1])
+            yield float(cost.min()), float(own.sum() - cost.min()), first, shift, found
+
+
+def _half(seen: Observations, half: slice) -> Fit | None:
+    """Frame and targets by half of the rows; None where there are too few."""
+    rows = np.arange(len(seen.q))[half]
+    one = seen.rows(rows[np.unique(np.linspace(0, len(rows) - 1, min(ROWS, len(rows))).astype(int))])
+    return fit(one) if len(rows) >= LEAST and one.there.any() else None
+
+
+def _misfits(seen: Observations, found: Fit, rows: Ids) -> int:
+    """How many of some rows do not fit."""
+    one = seen.rows(rows)
+    off = np.linalg.norm(residuals(one, chain(one.vjm, one.q), found), axis=2)
+    return int((off > LOST * seen.scale).any(axis=1).sum())
+
+
+def _typical(seen: Observations, found: Fit, part: slice) -> float:
+    """Median distance of readings in some rows [m]; 0 without any."""
+    off = np.linalg.norm(residuals(seen, chain(seen.vjm, seen.q), found), axis=2)[part][seen.there[part]]
+    return float(np.median(off)) if len(off) else 0.0

@@ -1,0 +1,98 @@
+"""What moved between two of the readings of pairs: the tracker, or the targets on the tool.
+
+It is the step that `calibrate` looks for (`steps`): from one reading on all lie elsewhere than the arm says,
+by a move that no error of geometry, spring or slow joint error explains.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from testbench.data.dataset import Dataset, evenly, in_order
+from testbench.data.series import Series, select_rows, series_of
+from testbench.errors import BenchError, InputError
+from testbench.identify.absolute.align import with_targets
+from testbench.identify.absolute.fit import first_fit
+from testbench.identify.absolute.state import Mount, State, nominal, torque_scale
+from testbench.identify.diagnosis.hypothesis import Issue
+from testbench.identify.diagnosis.kinematics import ORIGIN
+from testbench.identify.diagnosis.moves import places
+from testbench.identify.diagnosis.steps import chance, most_significant_step, nuisance_model, with_shift
+from testbench.identify.metric import metric
+from testbench.identify.prior import Prior
+from testbench.model.structure import all153, joints_only
+from testbench.model.vjm import Vjm, marker_points
+from testbench.model.weights import Weights, read_weights
+
+CHANCE = 0.05
+"""Chance of a step as clear anywhere in readings without one, from which it is no doubt."""
+FEWEST = 3  #: Poses before and behind a step that is doubted.
+ORDERS = 2  #: Periodic errors that may explain it: few poses tell no more.
+TARGETS = 30
+"""Targets that are looked at, evenly out of more: all of them move together, each has a place to be found."""
+NAME = "targets"  #: Of the mount.
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """Runs in the base's frame, in order of time."""
+
+    vjm: Vjm  #: The arm, its targets where they are.
+    data: Dataset
+    prior: Prior  #: What the arm's folder expects.
+
+    @cached_property
+    def steps(self) -> list[Issue]:
+        """What moved between two readings, one a station at most; row 2 k is of run k, unloaded."""
+        series = tuple(_in_time(in_order(self.data, evenly(np.arange(self.data.runs)))))
+        steps = [places(one, FEWEST) for one in series]
+        if not self.vjm.arm.joints or not any(map(len, steps)):
+            return []
+        try:
+            state, noise = first_fit(
+                _start(self.vjm, series), series, metric(self.prior, self.vjm, joints_only(self.vjm.arm))
+            )
+        except BenchError:  # too few readings for where arm and targets are: no step can be told
+            return []
+        at = nuisance_model(state, series, noise, metric(self.prior, self.vjm, all153(self.vjm.arm)), ORDERS)
+        clear = CHANCE / (2 * sum(map(len, steps)))
+        found = [
+            with_shift(at, *one) for one in most_significant_step(at, series, steps) if chance(one[1]) < clear
+        ]
+        return [replace(step, numbers={**step.numbers, "pairs": True}) for step in found]
+
+
+def _in_time(data: Dataset) -> Iterator[Series]:
+    """Readings of every station in order of time, numbered 2 run unloaded and 2 run + 1 loaded.
+
+    An unloaded reading that several loads share is one.
+    """
+    pose = dict(zip(data.run.tolist(), data.pose.tolist(), strict=True))
+    stations = 1 if data.station is None else len(np.unique(data.station))
+    for every in series_of(data, "station", NAME):
+        one = with_targets(every, every.markers[:: -(-len(every.markers) // TARGETS)])
+        loaded = np.arange(one.rows) >= one.rows // 2
+        poses = np.array([pose[run] for run in one.row.tolist()])
+        read = np.column_stack(
+            [poses, loaded, np.where(loaded, one.pose, 0), one.position.reshape(one.rows, -1)]
+        )
+        first = np.unique(read, axis=0, return_index=True)[1]
+        first = first[np.argsort((2 * one.pose + loaded)[first])]
+        name = one.frame if stations > 1 else ""
+        yield select_rows(replace(one, name=name, row=2 * one.row + loaded, pose=poses), first)
+
+
+def _start(vjm: Vjm, series: tuple[Series, ...]) -> State:
+    """The arm as its folder has it, in the base's frame."""
+    try:
+        weights = read_weights(vjm.arm)
+    except InputError:  # nobody knows what it weighs
+        weights = Weights(np.zeros(vjm.arm.n_joints + 2), np.zeros((vjm.arm.n_joints + 2, 3)))
+    markers = series[0].markers
+    return replace(
+        nominal(vjm, weights, torque_scale(vjm, weights, series)),
+        frames={one.frame: ORIGIN for one in series},
+        mounts={NAME: Mount(marker_points(vjm, markers), np.eye(3), markers)},
+    )
