@@ -82,16 +82,19 @@ def browser() -> Iterator["Browser"]:
 
 @pytest.fixture
 def open_page(browser: "Browser") -> Iterator[Callable[..., Opened]]:
-    """Opens a file as `open_page(path, width, height, dark)`; each page has a profile of its own."""
+    """Opens a file as `open_page(path, width, height, dark, scripts)`; each page has its own profile."""
     contexts = []
 
-    def opened(path: Path, width: int = DESKTOP, height: int = 720, *, dark: bool = False) -> Opened:
+    def opened(
+        path: Path, width: int = DESKTOP, height: int = 720, *, dark: bool = False, scripts: bool = True
+    ) -> Opened:
         contexts.append(
             browser.new_context(
                 viewport={"width": width, "height": height},
                 color_scheme="dark" if dark else "light",
                 is_mobile=width < NARROW,
                 has_touch=width < NARROW,
+                java_script_enabled=scripts,
             )
         )
         shown = Opened(contexts[-1].new_page())
@@ -99,7 +102,8 @@ def open_page(browser: "Browser") -> Iterator[Callable[..., Opened]]:
         shown.page.on("pageerror", lambda error: shown.console.append(f"error: {error}"))
         shown.page.on("request", lambda request: shown.requests.append(request.url))
         shown.page.goto(path.resolve().as_uri())
-        shown.interactive = 1e-3 * shown.page.evaluate(IDLE)
+        if scripts:
+            shown.interactive = 1e-3 * shown.page.evaluate(IDLE)
         return shown
 
     yield opened

@@ -42,7 +42,11 @@ def absolute_alone(flags: "DataclassInstance") -> None:
 
 
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
-ArmCheck = Annotated[str | None, typer.Option(metavar="ARM", help="Refuse a model of another arm.")]
-ShownFolder = Annotated[Path | None, typer.Option(help="Folder for picture, recording and page.")]
-Orientations = Annotated[bool, typer.Option("--orientations", help="One target, and how it is turned.")]
+ArmCheck = Annotated[str | None, typer.Option(metavar="ARM", help="Reject a model of any other arm.")]
+ShownFolder = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Folder for picture, recording and page.")
+]
+Orientations = Annotated[
+    bool, typer.Option("--orientations", help="Read one target's position and orientation.")
+]
 Noise = Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")]

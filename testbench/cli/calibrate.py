@@ -69,30 +69,30 @@ class Options:
     )
     mapping: Annotated[
         list[Path] | None,
-        typer.Option("--map", metavar="TOML", help="Names of columns, once or once per file."),
+        typer.Option("--map", metavar="TOML", help="Names of columns: one, or one per file."),
     ] = None
     sigma_um: SigmaUm = None
     load: Annotated[
         list[float] | None,
-        typer.Option(parser=mass, metavar="MASS", help="Load in loaded rows, once or once per file."),
+        typer.Option(parser=mass, metavar="MASS", help="Payload of loaded rows: one, or one per file."),
     ] = None
     without: Annotated[
-        list[str] | None, typer.Option(metavar="ERROR", help=f"Not to try: {', '.join(fit.NAMES)}.")
+        list[str] | None, typer.Option(metavar="ERROR", help="Leave this error out; a wrong name lists all.")
     ] = None
     orders: Annotated[
         int, typer.Option(min=1, max=400, metavar="N", help="Highest order of periodic errors.")
     ] = fit.ORDERS
-    least_squares: Annotated[bool, typer.Option("--least-squares", help="Least squares instead of GCO.")] = (
+    least_squares: Annotated[
+        bool, typer.Option("--least-squares", help="Use least squares instead of GCO.")
+    ] = False
+    score: Annotated[bool, typer.Option("--score", help="Print how a calibrated ARM fits new readings.")] = (
         False
     )
-    score: Annotated[
-        bool, typer.Option("--score", help="ARM is calibrated: print its error at new readings.")
-    ] = False
     frame_poses: Annotated[
-        int | None, typer.Option(min=POSES, metavar="N", help="--score: poses for the frame alone.")
+        int | None, typer.Option(min=POSES, metavar="N", help="With --score: poses that fit the frame only.")
     ] = None
     at_most: Annotated[
-        float | None, typer.Option(min=0, metavar="MM", help="--score: exit 1 above this mean.")
+        float | None, typer.Option(min=0, metavar="MM", help="With --score: exit 1 above this mean error.")
     ] = None
     force: Force = False
 
@@ -119,7 +119,7 @@ def command(asked: Options) -> None:
             more = gain_of_more(cell, model_of(found.calibration), series[0].sigma)
         said, lines = report(found, left, more), [f"- {note}" for note in found.notes]
         if said.numbers["rejected"]:
-            nothing = "rejected   nothing is written: such a model is worse than none"
+            nothing = "rejected   the model is worse than none; nothing was written"
             print_words(console, said, [], [*lines, nothing])
             raise typer.Exit(1)
         flags = plain(asked, read="readings", without=("arm", "score", "frame_poses", "at_most"))
@@ -137,16 +137,16 @@ def _score(asked: Options, files: Sequence[File]) -> None:
     model = read_model(Path(asked.arm))
     series, notes = read_all(files, model.arm)
     if any(digest(sheet_of(file.path)[0]) in model.about.data.values() for file in files):
-        notes += ("the fit had these very readings: only others say how far it can be believed",)
+        notes += ("these readings were fitted: only other readings can validate the model",)
     found = score(model, series, asked.frame_poses)
     failed = asked.at_most is not None and not found.mean_mm <= asked.at_most
     verdict = f"{'Do not use' if failed else 'Holds'}: mean {found.mean_mm:.3f} mm, limit {asked.at_most} mm"
-    sizes = f"{found.mean_mm:.3f} mm mean, {found.rms_mm:.3f} mm RMS, {found.p95_mm:.3f} mm for 95 %"
+    sizes = f"{found.mean_mm:.3f} mm mean, {found.rms_mm:.3f} mm RMS, 95 % below {found.p95_mm:.3f} mm"
     lines = [
         *([] if asked.at_most is None else [verdict]),
         *notes,
-        f"{found.n} positions: {sizes}, {found.max_mm:.3f} mm at most",
-        f"inside their 95 % interval: {100 * found.coverage_95:.1f} %",
+        f"error of {found.n} positions: {sizes}, {found.max_mm:.3f} mm at most",
+        f"{100 * found.coverage_95:.1f} % of them are inside their 95 % interval",
     ]
     plain_console().print("\n".join(lines), soft_wrap=True)
     if failed:
@@ -159,10 +159,12 @@ def report(found: Calibrated, left: counted.Left, more: tuple[float, float] | No
     plain_mm, own_mm = (MM * np.sqrt(3) * x for x in chosen.held_out)
     rival = (chosen.plain or "as drawn", plain_mm)
     alone, every = f.held_out_mm or (f.total_before.rms_mm, f.total_after.rms_mm)
-    answer = "Held-out readings, RMS: {every:.3f} mm calibrated, {alone:.3f} mm by geometry alone."
+    answer = "RMS error at held-out readings: {every:.3f} mm calibrated, {alone:.3f} mm with geometry only."
     if not f.held_out_mm:
-        answer = "Fitted readings, RMS: {every:.3f} mm calibrated, {alone:.3f} mm as drawn. None is held out."
-    heads = (("What stays open", f.left_open), ("How the readings were understood", f.notes))
+        answer = (
+            "RMS error at fitted readings (none held out): {every:.3f} mm calibrated, {alone:.3f} mm nominal."
+        )
+    heads = (("What is not determined", f.left_open), ("How the readings were read", f.notes))
     lists = [Markdown(f"## {head}\n\n{bullets(texts) or 'Nothing.'}") for head, texts in heads]
     tables = _tables(f)
     return Report(
@@ -207,10 +209,10 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     yield "solver", f"{f.program.method}: {f.program.status}" if f.program else "the arm is rigid"
     yield "smallest eigenvalue of the compliances, SI", min((row.smallest for row in f.blocks), default=None)
     yield "stated noise of a reading along an axis, um", f.noise.sigma_um
-    yield "error that the model leaves beside it, um", f.noise.open_position_um
-    yield "error that the model leaves of orientations, urad", f.noise.open_rotation_urad or None
-    yield "scatter of the readings over both of these", f.noise.position_factor
-    yield "positions that count less than sound ones, % (0.7 % expected)", f.less_pull_percent
+    yield "model error of a position beside it, um", f.noise.open_position_um
+    yield "model error of an orientation, urad", f.noise.open_rotation_urad or None
+    yield "scatter of the readings over both together", f.noise.position_factor
+    yield "positions with reduced weight, % (0.7 % expected)", f.less_pull_percent
     if f.more:
         yield "expected error over the workspace now, mm", f.more.now_mm
         yield f"expected error after {f.more.poses} more poses of a plan, mm", f.more.after_mm

@@ -44,7 +44,7 @@ class Options:
     arm: ArmName
     out: ShownFolder = None
     elastic: Annotated[
-        Path | None, typer.Option(help="MJCF to write: the arm with its springs, for MuJoCo's viewer.")
+        Path | None, typer.Option(metavar="FILE", help="Write the arm with its springs as MJCF.")
     ] = None
     force: Force = False
 
@@ -61,12 +61,12 @@ def command(asked: Options) -> None:
         console = plain_console()
         console.print(first, soft_wrap=True)
         lines = [
-            "\nTo confirm, by contribution to the sag:",
+            "\nPlease confirm these numbers, by their contribution to the deflection:",
             *(f"{row.hangs_percent:5.0f} %  {row.number}" for row in said.numbers["confirm"]),
             f"         {len(checked.items) - len(said.numbers['confirm'])} more below 1 %",
-            "\nRead:",
+            "\nRead from the folder:",
             *rest,
-            "MuJoCo and Pinocchio place links, tool, load and markers alike, within "
+            "MuJoCo and Pinocchio agree on the places of links, tool, load and markers within "
             f"{max(1, ceil(1e9 * checked.apart))} nm",
         ]
         if springs is not None:
@@ -152,7 +152,9 @@ def contents(checked: Checked) -> list[str]:
             if row != f"{joint.name} = {joint.name}"
         ]
     points = zip((arm.load, *arm.markers), (vjm.load, *vjm.markers), strict=True)
-    lines.append(f"  tool {arm.tool}: {_place(vjm.tool[:3, 3])} m from {arm.links[-1].name}; in its axes:")
+    lines.append(
+        f"  tool {arm.tool!r}: {_place(vjm.tool[:3, 3])} m from {arm.links[-1].name}; in the tool's axes:"
+    )
     lines.append(f"  load point {arm.load}, markers {', '.join(arm.markers)}")
     return lines + [f"    {name}: {_place(place)} m" for name, place in points]
 

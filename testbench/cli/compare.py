@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -33,8 +33,9 @@ from testbench.runs.whole import reading
 from testbench.workflows.options import Force, takes
 
 COMMAND = "testbench compare"  #: As manifest.json names it.
+DIFFER = "Inputs that differ"
 SHOWN = 200  #: Numbers beside the models that are listed.
-LONGEST = 60  #: Letters of an input that are shown.
+LONGEST, PRINTED = 60, 20  #: Letters of an input in the report, and in a terminal.
 VIEWS = (".md", ".html", ".png", ".rrd", "manifest.json", "report.json", "run.log")
 """Ends of files in the folder of a model that only show it."""
 
@@ -43,14 +44,14 @@ VIEWS = (".md", ".html", ".png", ".rrd", "manifest.json", "report.json", "run.lo
 class Options:
     """Flags of the command."""
 
-    a: Annotated[Path, typer.Argument(metavar="RUN_A", help="Folder of a run.")]
-    b: Annotated[Path, typer.Argument(metavar="RUN_B", help="Folder of the run beside it.")]
+    a: Annotated[Path, typer.Argument(metavar="RUN_A", help="Folder of the first run.")]
+    b: Annotated[Path, typer.Argument(metavar="RUN_B", help="Folder of the second run.")]
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the comparison.")] = Path("runs/compare")
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Also of other true arms, or one seed with several.")
-    ] = False
+    anyway: Annotated[bool, typer.Option("--anyway", help="Also compare different true arms or seeds.")] = (
+        False
+    )
     fail_if_worse: Annotated[
-        bool, typer.Option("--fail-if-worse", help="Exit with 1 if RUN_B errs more than RUN_A.")
+        bool, typer.Option("--fail-if-worse", help="Exit 1 if RUN_B errs more than RUN_A.")
     ] = False
     force: Force = False
 
@@ -73,10 +74,17 @@ def command(asked: Options) -> None:
             f"picture    {out / 'compare.png'}",
             *terminal.looked_at(out),
         ]
-        tables = [table for name, table in said.tables.items() if name != "others"]
+        tables = [_printed(table) for name, table in said.tables.items() if name != "others"]
         terminal.print_words(terminal.plain_console(), said, tables, lines)
     if asked.fail_if_worse and said.numbers["worse"]:
         raise typer.Exit(1)
+
+
+def _printed(table: Table) -> Table:
+    """Shorten the cells of a table of inputs: its three columns fit a terminal."""
+    if table.title != DIFFER:
+        return table
+    return replace(table, rows=[Row(row, a=row.a[:PRINTED], b=row.b[:PRINTED]) for row in table.rows])  # type: ignore[attr-defined, call-overload]
 
 
 def report(a: Finished, b: Finished) -> Report:
@@ -121,7 +129,7 @@ def report(a: Finished, b: Finished) -> Report:
         ),
         "others": Table((Column("name", "model"), kind, *sides, ratio, *told), rest, "Other errors"),
         "numbers": Table(plain, [] if led else apart[:SHOWN], "Numbers that differ"),
-        "inputs": Table(texts, inputs, "Inputs that differ"),
+        "inputs": Table(texts, inputs, DIFFER),
     }
     tables = {name: table for name, table in tables.items() if table.rows}
     return Report(

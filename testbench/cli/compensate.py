@@ -53,23 +53,31 @@ class Options:
 
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
     program: Annotated[Path, typer.Argument(help="Set-points and loads: table or FILE.xlsx#SHEET.")]
-    out: Annotated[Path, typer.Option(metavar="FILE", help=".csv, .src (KRL), .mod (RAPID), .script (UR).")]
-    report: Annotated[Path | None, typer.Option(metavar="DIR", help="Of the report; else by --out.")] = None
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Ends with .csv, .src, .mod or .script.")]
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of the report (default: beside --out).")
+    ] = None
     arm: ArmCheck = None
     mapping: MapFile = None
     payload: Payload = None
-    asked: Annotated[Meant | None, typer.Option(metavar="HOW", help="Tool is meant: unloaded or drawn.")] = (
+    asked: Annotated[
+        Meant | None, typer.Option(metavar="HOW", help="Meaning of positions: unloaded or drawn.")
+    ] = None
+    hold: Annotated[Hold, typer.Option(metavar="WHAT", help="Correct the pose, axis or position.")] = "pose"
+    tool_point: Annotated[
+        str, typer.Option("--tip", metavar="X,Y,Z", help="Tool point in the tool's frame, m.")
+    ] = "0,0,0"
+    spindle: Annotated[str, typer.Option(metavar="AXIS", help="Spindle axis in the tool's frame.")] = "x"
+    start: Annotated[str | None, typer.Option(metavar="Q", help="Joints near the first pose, deg or mm.")] = (
         None
     )
-    hold: Annotated[Hold, typer.Option(metavar="WHAT", help="pose, axis or position is corrected.")] = "pose"
-    tool_point: Annotated[str, typer.Option("--tip", metavar="X,Y,Z", help="Tool point, m.")] = "0,0,0"
-    spindle: Annotated[str, typer.Option(metavar="AXIS", help="Of the spindle in the tool's frame.")] = "x"
-    start: Annotated[str | None, typer.Option(metavar="Q", help="Joints near the first pose, deg, mm.")] = (
-        None
-    )
-    tolerance: Annotated[float | None, typer.Option(min=0, metavar="MM", help="Exit 1 beyond it.")] = None
-    keep_unreachable: Annotated[bool, typer.Option("--keep-unreachable", help="Leave such points.")] = False
-    jumps: Annotated[bool, typer.Option("--jumps", help="Accept points far apart.")] = False
+    tolerance: Annotated[
+        float | None, typer.Option(min=0, metavar="MM", help="Exit 1 if an error may exceed it.")
+    ] = None
+    keep_unreachable: Annotated[
+        bool, typer.Option("--keep-unreachable", help="Keep unreachable points unchanged.")
+    ] = False
+    jumps: Annotated[bool, typer.Option("--jumps", help="Accept points that are far apart.")] = False
     force: Force = False
 
 
@@ -110,10 +118,17 @@ def command(asked: Options) -> None:
 def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report:
     """Report a corrected program; of a tolerance [mm] which points keep it."""
     f = counted.numbers(found, tolerance_mm)
-    answer = "Nothing acts at any point: the program stays as it is."
+    answer = "No point has a load: the program is unchanged."
     if f.loaded:
-        bound = "within {most_mm.median:.3f} mm (95 %)" if f.most_mm else "not bounded at {unseen} points"
-        answer = f"Error of the tool, median: {{before_mm.median:.3f}} mm as programmed, corrected {bound}."
+        answer = (
+            "Expected error of the tool, median: {before_mm.median:.3f} mm as programmed. Corrected, "
+            "{unseen:counted point} have no bound."
+        )
+    if f.loaded and f.most_mm:  # bound beside bound: the expected error of a corrected program is no success
+        answer = (
+            "95 % bound on the error of the tool, median: {before_most_mm.median:.3f} mm as programmed, "
+            "{most_mm.median:.3f} mm corrected."
+        )
     tables = _tables(f)
     return Report(
         scenario="compensate",
@@ -134,10 +149,11 @@ def badge_of(f: Row) -> Badge | None:
     if not loaded:
         return None
     sizes = [np.array([row[key] for row in loaded], dtype=float) for key in ("most_mm", "before_most_mm")]
-    why = "the model does not know enough to promise an improvement" if f.harmful else ""
+    why = "the correction may make the error larger" if f.harmful else ""
     if not why and f.tolerance and f.tolerance.failed:
         why = f"{number_of(f.tolerance.failed, 'point')} may be off by more than {f.tolerance.mm:g} mm"
-    own = replace(decide((CORRECTED, sizes[0]), (BEFORE, sizes[1]), "point", why), what="95 % bound")
+    own = decide((CORRECTED, sizes[0]), (BEFORE, sizes[1]), "point", why)
+    own = replace(own, what="95 % bound")
     likely = own.verdict == "holds" and f.chance < SURE
     return replace(own, verdict="likely", chance=f.chance) if likely else own
 
@@ -164,19 +180,19 @@ def _tables(f: Row) -> dict[str, Table]:
 def _others(f: Row) -> Iterator[tuple[str, object]]:
     """Numbers that stand in no other table, with their units."""
     yield "model", f.method
-    yield "the program means the tool", f.asked
-    yield "what is held", f.hold
-    yield "points where something acts", f.loaded
+    yield "positions of the program are of the tool", f.asked
+    yield "what is corrected", f.hold
+    yield "points with a load", f.loaded
     yield "points corrected", f.corrected
     yield "largest force, N", f.force_n[1]
     yield "error as programmed, expected, median, mm", f.before_mm.median
     yield "error as programmed, expected, largest, mm", f.before_mm.max
     yield "chance that a point gets better, median, %", f.chance and 100 * f.chance
-    yield "half width relative to one another, median, mm", f.half_fitted_mm and f.half_fitted_mm.median
-    yield "half width relative to one another, largest, mm", f.half_fitted_mm and f.half_fitted_mm.max
+    yield "95 % half width between points, median, mm", f.half_fitted_mm and f.half_fitted_mm.median
+    yield "95 % half width between points, largest, mm", f.half_fitted_mm and f.half_fitted_mm.max
     if f.open:
-        yield f"share of the open variance from {f.open.name}, %", 100 * f.open.share
-    yield "turn of the tool that is not held, largest, mrad", f.turns_mrad or None
+        yield f"share of the remaining variance from {f.open.name}, %", 100 * f.open.share
+    yield "largest orientation change that is not corrected, mrad", f.turns_mrad or None
     if f.tolerance:
         yield "tolerance, mm", f.tolerance.mm
         yield "points that fail it as programmed", f.tolerance.failed_before

@@ -204,9 +204,9 @@ def _others(f: Row) -> Iterator[tuple[str, str]]:
         yield "largest deflection, mm", f"{f.deflection_mm.most:.3f}, {f.farthest}"
     if f.get("away"):
         away = f"{f.away.distance_mm:.3f}, {f.away.target}"
-        yield "unloaded reading farthest from the arm without sag, mm", away
+        yield "largest distance of an unloaded reading from the undeflected arm, mm", away
     if f.get("scale") is not None:
-        yield "deflections over those of the arm's folder", f"{f.scale:.2f}"
+        yield "measured deflections over those predicted by the arm's folder", f"{f.scale:.2f}"
 
 
 def report(found: Row, registered: Registered) -> Report:

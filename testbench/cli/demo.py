@@ -19,7 +19,7 @@ from testbench.workflows.own_estimator import EstimatorOptions
 class Demo(Options):
     """Flags of the study, the true links cast."""
 
-    true_arm: Annotated[TrueArmName, typer.Option(help="The true arm.")] = "cast"
+    true_arm: Annotated[TrueArmName, typer.Option(metavar="NAME", help="True arm.")] = "cast"
 
 
 @takes(Common, Demo, EstimatorOptions)

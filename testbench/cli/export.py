@@ -37,17 +37,17 @@ CONTROLLER = Kind("such a file that testbench export wrote", rb"(?s).*?" + STAMP
 class Options:
     """Flags of the command."""
 
-    model: Annotated[Path, typer.Argument(help="Folder of a model, of calibrate or identify.")]
-    urdf: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The robot's own URDF; a new one if it is not there.")
+    model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
+    urdf: Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's URDF, or a new file.")] = None
+    into: Annotated[Path | None, typer.Option(metavar="FILE", help="KUKA $machine.dat or ABB MOC.cfg.")] = (
+        None
+    )
+    gears: Annotated[str, typer.Option(metavar="A,B,...", help="ABB: motor turns per axis turn.")] = ""
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="File to write (default: NAME_calibrated).")
     ] = None
-    into: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="KUKA's $machine.dat or ABB's MOC.cfg.")
-    ] = None
-    gears: Annotated[str, typer.Option(metavar="A,B,...", help="ABB: motor turns for one of the axis.")] = ""
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Default: NAME_calibrated here.")] = None
     tip: Annotated[
-        str | None, typer.Option(metavar="LINK", help="Link of the URDF that carries the tool; else its end.")
+        str | None, typer.Option(metavar="LINK", help="Link with the tool (default: the end).")
     ] = None
     force: Force = False
 
@@ -105,7 +105,7 @@ def _export(model: ArmModel, draft: Draft, out: Path) -> None:
 
 def _say(model: ArmModel, lines: list[str]) -> None:
     if not model.absolute:
-        lines.append("warning    a model of identify has no errors of geometry: it is the drawing's")
+        lines.append("warning    a model of identify contains no geometry: the nominal geometry is written")
     plain_console().print("\n".join(lines), soft_wrap=True)
 
 
@@ -131,18 +131,20 @@ def _words(arm: str, draft: Draft, out: Path, done: Row, *, replaced: bool) -> l
     back, new = done.read_back, draft.drawing_off is None
     lines = [
         f"written    {out}" + ", from scratch, without shapes" * new + ", replaced" * replaced,
-        f"beside     {beside_of(out)}: compliances, errors and laws of the joints, weights",
-        f"arm        {arm}, its tool {draft.frames.names[-1]!r}",
+        f"beside     {beside_of(out)}: compliances, joint errors and laws, weights",
+        f"arm        {arm}, tool {draft.frames.names[-1]!r}",
         f"read back  {back.poses} poses, at most {max(back.position_um, 0.001):.3g} um and "
         f"{max(back.rotation_urad, 0.001):.3g} urad from the model",
-        *_sizes({"moved from the drawing": done.geometry_mm}),
-        *_sizes({f"not in the file: {what}": own for what, own in done.left.items()}),
+        *_sizes({"difference from the nominal geometry": done.geometry_mm}),
+        *_sizes({f"{what}, not in the file": own for what, own in done.left.items()}),
     ]
     if draft.drawing_off is not None:
         off, aside = 1e6 * draft.drawing_off, round(1e3 * draft.aside, 6)
-        lines.append(f"drawings   differ by {off:.3g} um and urad; tip {aside:.4g} mm from the model's tool")
+        lines.append(
+            f"nominal    geometries differ by {off:.3g} um and urad; tip {aside:.4g} mm from the model's tool"
+        )
     if draft.loose_meshes:
-        lines.append("warning    meshes are named by their place beside the robot's URDF: keep it there")
+        lines.append("warning    mesh paths are relative: keep the file beside the robot's URDF")
     return lines
 
 
@@ -161,7 +163,7 @@ def _offset_words(arm: Arm, out: Path, best: BestOffsets, off: float) -> list[st
         f"written    {out}",
         f"arm        {arm.name}, offsets in deg: {', '.join(shown)}",
         f"read back  {POSES} poses, at most {max(1e6 * off, 0.001):.3g} um from these offsets",
-        *_sizes({"as drawn, base and tool measured anew": best.drawn_mm}),
-        *_sizes({"with these offsets, base and tool measured anew": best.corrected_mm}),
-        *_sizes({f"not in the file: {what}": own for what, own in best.left.items()}),
+        *_sizes({"without these offsets, base and tool fitted again": best.drawn_mm}),
+        *_sizes({"with these offsets, base and tool fitted again": best.corrected_mm}),
+        *_sizes({f"{what}, not in the file": own for what, own in best.left.items()}),
     ]

@@ -68,18 +68,26 @@ MEANS = Markdown("What tables, columns and warnings mean: docs/identify.md, *The
 class Options:
     """Flags of the command."""
 
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Results.")] = Path("runs/identify")
-    model: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Model to fit; again.")] = None
-    check_pose: Annotated[list[int] | None, typer.Option(metavar="N", help="Pose to hold out; again.")] = None
-    full_pose: Annotated[bool, typer.Option("--full-pose", help="Insist on orientations.")] = False
-    no_prior: Annotated[bool, typer.Option("--no-prior", help="Fit without the arm's folder.")] = False
-    uncertainty_percent: Annotated[
-        float | None, typer.Option(metavar="PERCENT", help="Of the prior; default: learnt.")
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")] = Path("runs/identify")
+    model: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Model to fit; repeatable.")] = None
+    check_pose: Annotated[
+        list[int] | None, typer.Option(metavar="N", help="Pose to hold out; repeatable.")
     ] = None
-    robust: Annotated[bool, typer.Option("--robust", help="Find outliers, fit without them.")] = False
-    no_intervals: Annotated[bool, typer.Option("--no-intervals", help="Without 95 % intervals.")] = False
+    full_pose: Annotated[bool, typer.Option("--full-pose", help="Require orientations beside positions.")] = (
+        False
+    )
+    no_prior: Annotated[
+        bool, typer.Option("--no-prior", help="Fit without the prior of the arm's folder.")
+    ] = False
+    uncertainty_percent: Annotated[
+        float | None, typer.Option(metavar="PERCENT", help="Prior's uncertainty (default: estimated).")
+    ] = None
+    robust: Annotated[bool, typer.Option("--robust", help="Find outliers and fit without them.")] = False
+    no_intervals: Annotated[bool, typer.Option("--no-intervals", help="Leave out the 95 % intervals.")] = (
+        False
+    )
     identifiability: Annotated[
-        bool, typer.Option("--identifiability", help="What is not observable; what else to measure.")
+        bool, typer.Option("--identifiability", help="List what is not observable; what to add.")
     ] = False
     strict: Annotated[bool, typer.Option("--strict", help="Fail if there is any warning.")] = False
     force: Force = False
@@ -136,7 +144,7 @@ def badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
     rms, each = held_out(found, left, FEWEST)
     taken, fits = found.fits.recommended, found.fits
     rivals = [name for name in incumbents(fits.models, taken) if name in rms]
-    why = "first look at the runs, see the doubt" if any(x.name != "prior" for x in fits.doubts) else ""
+    why = "first check the runs, see the doubt" if any(x.name != "prior" for x in fits.doubts) else ""
     own = beside_all(taken, {name: (rms[taken], rms[name], None) for name in rivals}, each, why)
     if own and own.interval is None and own.factor and own.winner != taken:  # all readings chose it, not few
         return Badge(**vars(own) | {"winner": taken, "rival": own.winner, "factor": 1 / own.factor})
@@ -147,12 +155,12 @@ def report(f: Row) -> Report:
     """Report fits from their numbers."""
     taken = find(f.models, name=f.recommended)
     beaten = f.get("badge") is not None and f.badge.winner != taken.name
-    first = "Chosen, though beaten where runs are held out, is" if beaten else "Take"
+    first = "Although it is beaten on held-out runs, take" if beaten else "Take"
     if any(doubt["name"] != "prior" for doubt in f.doubts):
-        first = "First look at the runs, see the doubt below; if they are right, take"
+        first = "First check the runs (see the doubt below). If they are right, take"
     kind, where = ("check", "held-out") if taken.check else ("identification", "fitted")
     sure = (taken.intervals or Row()).get("half_width_mm") is not None
-    half = ", deflections +- {intervals.half_width_mm:.3f} mm (95 %, median)" if sure else ""
+    half = ". 95 % interval of deflections: +- {intervals.half_width_mm:.3f} mm (median)" if sure else ""
     runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:MOST]
     laws = tuple(c for c in LAWS if any(c.value(row) is not None for row in f.laws))
     told, rest = "part parameters told_percent decided_by_prior", f.get("identifiability")
@@ -192,10 +200,10 @@ def _fit(f: Row) -> list[Row]:
     """List single numbers of the fit."""
     places, rest = f.map or Row(), f.get("identifiability") or Row()
     pairs = {
-        "noise alone, 95 % of runs stay below, mm": f.noise_p95_mm,
+        "95 % of residuals by noise alone are below, mm": f.noise_p95_mm,
         f"unknowns of {f.seen.structure}": f.seen.unknowns,
-        "directions of them that the runs see": f.seen.seen,
-        "deflections over those of the arm's folder": f.scale,
+        "rank: directions of them that the runs determine": f.seen.seen,
+        "measured deflections over those predicted by the arm's folder": f.scale,
         "force of the map, N": places.get("force_N"),
         "moment of the map, N m": places.get("moment_Nm"),
         "poses of the map": places.get("places"),
@@ -228,10 +236,10 @@ def _warnings(f: Row, taken: Row) -> Iterator[Markdown]:
     yield from (say("Your estimator {name} {text}", m, text=ended(m.status)) for m in f.failed)
     yield from (say("Not certified: {name} ({status}).", m) for m in f.models if m.status != "solved")
     if taken.check is None and taken.f_m_held_out is None:
-        yield Markdown("No pose was held out (--check-pose).")
+        yield Markdown("No pose was held out; `--check-pose N` holds one out.")
     yield from _of_intervals(f, taken)
     if taken.aggregated:
-        yield say("Aggregated into the link before: {aggregated:list}.", taken)
+        yield say("Included in the compliance of the link before: {aggregated:list}.", taken)
     for text in (f"{f.recommended}: {f.why}", *f.notes, *taken.advice):
         yield say("{text}", text=ended(capital(text)))
 
@@ -239,11 +247,16 @@ def _warnings(f: Row, taken: Row) -> Iterator[Markdown]:
 def _of_intervals(f: Row, taken: Row) -> Iterator[Markdown]:
     """List what no reading checks, and what intervals lack."""
     for how in (how for how in ("stiffer", "softer") if f.unchecked[how]):
-        yield say(f"Not checked by any reading, ten times {how}: {{{how}:list}}.", f.unchecked)
+        yield say(
+            f"These could be ten times {how} without changing the readings: {{{how}:list}}.", f.unchecked
+        )
     if held := [m.name for m in f.models if m.intervals and m.intervals.on_boundary]:
-        yield say("Intervals not exact, estimate on the boundary of the cone: {held:list}.", held=held)
+        yield say(
+            "Intervals are approximate, as the estimate is on the boundary of the cone: {held:list}.",
+            held=held,
+        )
     if taken.intervals and not taken.prior:
-        yield Markdown("Intervals count noise alone, without a prior.")
+        yield Markdown("Without a prior, intervals contain the noise only.")
     if f.map is None and taken.intervals:
         yield say("No map: {no_map}.", f)
     if f.map is not None and f.map.missing:

@@ -27,19 +27,24 @@ from testbench.workflows.propose import Wishes
 
 def command(
     name: Annotated[Path, typer.Argument(help="Folder to make.")],
-    source: Annotated[Path, typer.Option("--from", help="The robot: URDF, or MJCF.")],
+    source: Annotated[Path, typer.Option("--from", metavar="FILE", help="The robot as URDF or MJCF.")],
     tip: Annotated[
-        str | None, typer.Option(help="Link, body or site where the tool is; else the end of the arm.")
+        str | None, typer.Option(metavar="NAME", help="Link, body or site of the tool (default: the end).")
     ] = None,
-    payload_kg: Annotated[float | None, typer.Option(help="Rated payload; else by the arm's mass.")] = None,
+    payload_kg: Annotated[
+        float | None, typer.Option(metavar="KG", help="Rated payload (default: by the arm's mass).")
+    ] = None,
     tool: Annotated[
-        str | None, typer.Option(help="x,y,z[,rx,ry,rz] of the tool from the tip, m, deg.")
+        str | None, typer.Option(metavar="X,Y,Z", help="Tool from the tip, m; [,RX,RY,RZ], deg.")
     ] = None,
-    marker: Annotated[list[str] | None, typer.Option(help="NAME=x,y,z in the tool's frame, m.")] = None,
-    load: Annotated[str | None, typer.Option(help="x,y,z of the load point in the tool's frame, m.")] = None,
-    project: Annotated[
-        bool, typer.Option("--project", help=f"Also write {PROJECT}, the flags of this cell, here.")
-    ] = False,
+    marker: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=X,Y,Z", help="Marker in the tool's frame, m; repeatable."),
+    ] = None,
+    load: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Load point in the tool's frame, m.")
+    ] = None,
+    project: Annotated[bool, typer.Option("--project", help=f"Also write {PROJECT} here.")] = False,
 ) -> None:
     """Make an arm's folder from a robot's URDF or MJCF."""
     if not name.name:

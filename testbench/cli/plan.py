@@ -90,7 +90,7 @@ def command(asked: Options, absolute: Absolute, where: Places) -> None:
         console.print(terminal.as_plain(said.title))
         beside = f", {out / 'tasks_expected.csv'}" if tasks else ""
         lines = [
-            f"plan       {out / 'plan.csv'}, all {settings.poses} poses; in words {out / 'plan.md'}",
+            f"plan       {out / 'plan.csv'}, all {settings.poses} poses; report {out / 'plan.md'}",
             f"numbers    {out / 'plan.json'}{beside}",
             f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
             *terminal.looked_at(out, absolute.given or (), arm=asked.arm),
@@ -101,11 +101,13 @@ def command(asked: Options, absolute: Absolute, where: Places) -> None:
 def report(f: Row) -> Report:
     """Report a plan from its numbers."""
     where = "over the workspace" if f.absolute else "at the tasks"
-    leaves, sizes = "leaves" if f.poses == 1 else "leave", "{p05:.3f} to {p95:.3f}"
     first = say(
-        "{poses:counted pose} {leaves} an expected error of {error_mm.expected:.3f} mm", f, leaves=leaves
+        "Expected error {where}: {expected:.3f} mm (90 %: {p05:.3f} to {p95:.3f} mm)",
+        vars(f.error_mm),
+        where=where,
     )
-    rival = "no bound" if f.random_plans.median_mm is None else f"{f.random_plans.median_mm:.3f} mm"
+    random = f.random_plans
+    rival = "no bound" if random.median_mm is None else f"{random.median_mm:.3f} mm"
     hung = [f"{kg:g} kg" for kg in f.loads_kg]
     loads = " or ".join([*hung, *map(pull_words, f.pulls_n)])
     loads = ", then ".join(["own weight", *hung]) if f.absolute else loads
@@ -115,7 +117,7 @@ def report(f: Row) -> Report:
         scenario="plan",
         question=Markdown("Which poses to measure?"),
         title=say("Calibration plan: {arm}, {model}, {loads}", f, loads=loads),
-        answer=say(f"{first} {where} (90 %: {sizes}), random poses {rival} (median).", vars(f.error_mm)),
+        answer=say(f"{first}; with random poses: {rival} (median of {random.plans} plans)."),
         claims=list(_warnings(f)),
         numbers=f,
         tables=tables,
@@ -171,13 +173,13 @@ def printed(said: Report) -> Table:
 def _warnings(f: Row) -> Iterator[Markdown]:
     """List what must not be overlooked before anybody measures; `docs/planning.md` says what each means."""
     if f.tracker_m is None:
-        yield Markdown("**Visibility was NOT checked**: no `--tracker x,y,z`.")
+        yield Markdown("**Visibility was not checked**: add `--tracker x,y,z`.")
     if f.blocked:
         yield say(
-            "**The straight way collides** before run {runs:list}.", runs=[str(run) for run in f.blocked]
+            "**The straight path collides** before run {runs:list}.", runs=[str(run) for run in f.blocked]
         )
     if not f.surrounded:
-        yield Markdown("**No floor**: `--floor-z METRES` adds one.")
+        yield Markdown("**No floor is known**: `--floor-z METRES` adds one.")
     if f.pulls_n:
         yield Markdown("**No rope was checked.**")
     yield from () if f.absolute else _of_tasks(f)
@@ -190,22 +192,29 @@ def _of_tasks(f: Row) -> Iterator[Markdown]:
         force = (
             ""
             if u.force_N is None
-            else f"; a force of {', '.join(f'{x:.0f}' for x in u.force_N)} N at the tasks: {size}"
+            else f". Expected error at the tasks under ({', '.join(f'{x:.0f}' for x in u.force_N)}) N: {size}"
         )
-        yield say("**No load of this plan turns {joints:list}**{force}.", joints=u.joints, force=force)
+        yield say(
+            "**No load of this plan has a moment about {joints:list}**{force}.", joints=u.joints, force=force
+        )
     if u := f.unshown:
         pull = f"--pull {','.join(f'{x:g}' for x in u.pull_N)}" if u.pull_N else "no force at the load point"
         turned = {"pull": pull, "turned": u.turned_by_pull or ["them"]}
         yield say(
-            "**The tasks turn {joints:list}, no load does**: {pull} turns {turned:list}.", vars(u), **turned
+            "**Only the tasks have a moment about {joints:list}**: {pull} has one about {turned:list}.",
+            vars(u),
+            **turned,
         )
     if f.directions.hidden_mm > HIDDEN * f.error_mm.expected:
-        yield say("**Resting on the prior alone, whatever is measured**: {hidden_mm:.3f} mm.", f.directions)
-    for law in f.open_laws:
-        by = f"; one more reading in every pose tells it of {listed(law.told)}: {law.by}" if law.by else ""
         yield say(
-            "**{kind} stays open** of {joints:list}{by}.",
+            "**{hidden_mm:.3f} mm of the expected error depend on the prior alone**, whatever is measured.",
+            f.directions,
+        )
+    for law in f.open_laws:
+        by = f" One more reading per pose determines it for {listed(law.told)}: {law.by}." if law.by else ""
+        yield say(
+            "**{kind} is not determined** for {joints:list}.{by}",
             vars(law) | {"kind": law.kind.capitalize(), "by": by},
         )
     if f.joints_alone_mm <= f.error_mm.expected:
-        yield Markdown("**Joint stiffness only is no worse here.**")
+        yield Markdown("**Joint stiffness only has no larger expected error here.**")

@@ -53,14 +53,11 @@ class Options:
     arm: ArmCheck = None
     mapping: MapFile = None
     payload: Payload = None
-    linear: Annotated[bool, typer.Option("--linear", help="By Eq. (6) instead of Eq. (7).")] = False
     push: Annotated[
         float | None,
-        typer.Option(min=0.001, max=1e6, metavar="N", help="Force of the map; else the payload's weight."),
+        typer.Option(min=0.001, max=1e6, metavar="N", help="Force of the map (default: the payload's)."),
     ] = None
-    box: Annotated[
-        str | None, typer.Option(metavar="BOX", help="Corners of the map in m: x0,y0,z0,x1,y1,z1.")
-    ] = None
+    box: Annotated[str | None, typer.Option(metavar="X0,...,Z1", help="Corners of the map, m.")] = None
     force: Force = False
 
 
@@ -75,7 +72,7 @@ def command(asked: Options) -> None:
             asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.payload, "--load")
         )
         push = asked.push or (GRAVITY * model.arm.payload if model.arm.payload else FORCE)
-        made = predicted(model, poses, push, area, linear=asked.linear)
+        made = predicted(model, poses, push, area)
         said, flags = report(made), plain(asked, read="poses") | {"model": asked.model.name}
         write = partial(write_predictions, made)
         run = Asked(COMMAND, poses.path.name, flags, [model.arm.rigid.parent], PICTURE, more=write)
@@ -123,13 +120,13 @@ def _warnings(f: Row) -> Iterator[str]:
     """How the file was read, loads beyond the readings, what no reading has seen, doubts of the model."""
     yield from (*f.notes, *f.extrapolated)
     if any(row.half_mm is not None and 2 * row.half_mm > row.deflection_mm > 0 for row in f.worst[:1]):
-        yield "Hardly seen: the interval of the largest deflection is wider than half of it"
+        yield "Uncertain: the interval of the largest deflection is wider than half of it"
     if f.map.half_mm is not None and 2 * f.map.half_mm > f.map.worst_mm:
-        yield "Hardly seen: the interval at the worst place of the map is wider than half of the number"
+        yield "Uncertain: the interval at the worst place of the map is wider than half of the value there"
     if f.unseen_percent:
-        yield f"Not seen: {f.unseen_percent:.0f} % of the deflections have no interval"
+        yield f"The readings give no interval for {f.unseen_percent:.0f} % of the deflections"
     if f.map.unseen_percent:
-        yield f"Not seen: some direction of the force in {f.map.unseen_percent:.0f} % of the map's poses"
+        yield f"No interval for some force direction in {f.map.unseen_percent:.0f} % of the map's poses"
     yield from (f"Doubt of the model: {text}" for text in f.doubts)
 
 
@@ -137,26 +134,26 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     """Numbers that stand in no other table, with their units."""
     field, soft = f.map, f.softest
     yield "model", f.method
-    yield "positions", "calibrated" if f.absolute else "of the arm as drawn, with its sag"
-    yield "their half width at the tool, 95 %, median, mm", f.position_half_mm if f.absolute else None
+    yield "positions", "calibrated" if f.absolute else "of the nominal arm with its deflection"
+    yield "95 % half width of a position at the tool, median, mm", f.position_half_mm if f.absolute else None
     yield "largest force about the tool's origin, N", f.force_n
     yield "largest moment, N m", f.moment_nm
-    yield "that force over the largest identified one", f.force_ratio
-    yield "that moment over the largest identified one", f.moment_ratio
+    yield "ratio of that force to the largest one identified", f.force_ratio
+    yield "ratio of that moment to the largest one identified", f.moment_ratio
     yield "deflection, least, mm", f.least_mm
     yield "deflection, median, mm", f.median_mm
-    yield f"change of the deflection by Eq. ({7 if f.linear else 6}), at most, mm", f.other_off_mm
+    yield "largest difference from the linear model, Eq. (6), mm", f.other_off_mm
     yield "softest pose of the file", soft.pose
     yield "least stiffness there, N/um", soft.stiffness_n_per_um[0]
     yield "its direction", soft.softest
     yield "force of the map, N", field.force_n
-    yield "it moves the tool in the softest pose by, mm", soft.push_mm
-    yield "half width of that, 95 %, mm", soft.push_half_mm or "not seen"
+    yield "deflection by that force in the softest pose, mm", soft.push_mm
+    yield "its 95 % half width, mm", soft.push_half_mm or "none"
     yield "poses of the map", field.places
-    yield "the force moves the tool in the worst direction, median of the map, mm", field.median_mm
-    yield "the same, 95 % of the map, mm", field.p95_mm
-    yield "the same, worst place of the map, mm", field.worst_mm
-    yield "half width of that, 95 %, mm", field.half_mm or "not seen"
+    yield "deflection by the force in its worst direction, median of the map, mm", field.median_mm
+    yield "this deflection, 95 % of the map, mm", field.p95_mm
+    yield "this deflection, worst place of the map, mm", field.worst_mm
+    yield "95 % half width there, mm", field.half_mm or "none"
     yield "worst place of the map, x, y, z, m", ", ".join(f"{x:.3f}" for x in field.at_m)
     yield "joints there", field.joints
     yield "softest direction there", field.softest

@@ -42,27 +42,30 @@ class Options:
 
     arm: ArmName
     out: Annotated[Path, typer.Option(metavar="FILE", help="Dataset to write, CSV.")]
-    file: Annotated[Path | None, typer.Argument(help="Poses, JOINT_deg or JOINT_rad; or a plan.csv.")] = None
+    file: Annotated[Path | None, typer.Argument(help="Poses (JOINT_deg or JOINT_rad), or a plan.csv.")] = None
     poses: Annotated[
-        int | None, typer.Option(min=1, max=MOST_POSES, metavar="N", help="Random poses instead.")
+        int | None,
+        typer.Option(min=1, max=MOST_POSES, metavar="N", help="Number of random poses, instead of a file."),
     ] = None
     payload_kg: Annotated[
         float | None,
-        typer.Option(parser=mass, metavar="MASS", help="Load, such as 530lb; default: the payload."),
+        typer.Option(parser=mass, metavar="MASS", help="Payload, 240 or 530lb (default: rated)."),
     ] = None
-    loads: Annotated[str | None, typer.Option(metavar="MASSES", help="Several per pose: 100,240kg.")] = None
+    loads: Annotated[
+        str | None, typer.Option(metavar="MASSES", help="Several payloads per pose: 100,240kg.")
+    ] = None
     mapping: MapFile = None
     sigma_um: Annotated[
         float | None,
-        typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise; default: 50, or a tracker's."),
+        typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise (default: 50, or a tracker's)."),
     ] = None
     tracker: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,Z", help="Position of a laser tracker, m; repeatable.")
     ] = None
     geometry_mm: Annotated[
-        float, typer.Option(min=0, max=10, metavar="MM", help="Error of joint frames, and in mrad.")
+        float, typer.Option(min=0, max=10, metavar="MM", help="Error of joint frames, mm and mrad.")
     ] = 0.0
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Seed of poses, noise, true arm.")] = 1
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Seed of poses, noise and true arm.")] = 1
     force: Force = False
 
 
@@ -70,11 +73,13 @@ class Options:
 class Absolute:
     """Flags of absolute readings: where targets are, not how far a load moved them."""
 
-    absolute: Annotated[bool, typer.Option("--absolute", help="Positions, not deflections.")] = False
-    series: Annotated[int, typer.Option(min=1, max=50, metavar="N", help="Set-ups: OUT_1.csv ...")] = 1
+    absolute: Annotated[bool, typer.Option("--absolute", help="Write positions, not deflections.")] = False
+    series: Annotated[
+        int, typer.Option(min=1, max=50, metavar="N", help="Number of set-ups: OUT_1.csv ...")
+    ] = 1
     orientations: Orientations = False
     gear_urad: Annotated[
-        float, typer.Option(min=0, max=10_000, metavar="URAD", help="Periodic errors of joints.")
+        float, typer.Option(min=0, max=10_000, metavar="URAD", help="Periodic errors of the joints.")
     ] = 0.0
 
     def __post_init__(self) -> None:
@@ -173,7 +178,9 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
     low, high = masses.min(), masses.max()
     hung = (f"{low:g} kg" if low == high else f"{low:g} to {high:g} kg") + " and forces" * (pulls is not None)
     seen = f", read from {' and '.join(asked.tracker)} m" if asked.tracker else ""
-    text = f"{asked.out}: {data.runs} runs under {hung}, deflections {size.min():.2f} to {size.max():.2f} mm"
+    text = (
+        f"{asked.out}: {data.runs} runs under {hung}, deflections of {size.min():.2f} to {size.max():.2f} mm"
+    )
     text += seen
     console.print(text, soft_wrap=True)
 

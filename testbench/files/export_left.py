@@ -11,7 +11,7 @@ from testbench.files.export_geometry import far, tool_poses
 from testbench.identify.absolute.state import LOAD_STEPS, State, equilibrium
 from testbench.model.load import Load, weight
 
-GEOMETRY, WEIGHT, PAYLOAD = "lengths and tilts of axes", "own weight", "payload, where there is one"
+GEOMETRY, WEIGHT, PAYLOAD = "lengths and tilts of axes", "own weight", "payload, if there is one"
 ERRORS = {"harmonics": "periodic errors of the joints", "ratio": "errors in proportion to the angle"}
 """Names of the kinds of joint errors in reports."""
 SEEN = 1e-6

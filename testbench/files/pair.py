@@ -93,7 +93,7 @@ def _state_by_state(table: Table, conditions: Conditions, read: Readings, marker
     # Number the runs, and note what was assumed.
     notes = list[str]()
     if own.run is None or len(np.unique(own.run[row])) < len(row):
-        notes = [f"runs, one a load, are numbered in their order: {len(row)} of them"]
+        notes = [f"runs are numbered in file order, one per load: {len(row)}"]
     number = np.arange(len(row)) + 1 if notes or own.run is None else own.run[row]
     notes += [*held, *_notes(table, first[idle], unloaded)]
     return Paired(row, number, first[code], position[idle[unloaded]], position[hung], tuple(notes))
@@ -103,7 +103,7 @@ def _notes(table: Table, idle: Ids, unloaded: Ids) -> list[str]:
     """Note unloaded readings that serve several runs or none."""
     shared = int((np.bincount(unloaded, minlength=len(idle)) > 1).sum())
     alone = np.setdiff1d(np.arange(len(idle)), unloaded)
-    notes = [f"{shared} unloaded readings serve several loads each"] * bool(shared)
+    notes = [f"{shared} unloaded readings belong to several loads each"] * bool(shared)
     if len(alone):
         lines = ", ".join(str(table.lines[r]) for r in idle[alone[:5]])
         notes.append(f"{len(alone)} unloaded readings have no loaded one, from line {lines}")

@@ -60,7 +60,7 @@ def markers_only(columns: Columns) -> tuple[Columns, list[str]]:
     if column is None or not columns.names.ignored:
         return columns, []
     other = np.array([squeeze(text) in columns.names.ignored for text in table.texts(column.index)])
-    words = f"{other.sum()} rows of points that the map calls no markers are left out"
+    words = f"{other.sum()} rows are left out: the map does not list their points as markers"
     return replace(columns, table=table.take(~other)), [words] * bool(other.any())
 
 

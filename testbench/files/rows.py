@@ -161,7 +161,7 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
     hung = hung if told is None else told
     if acts == (hung is not None):
         if not acts and not needed:
-            return np.zeros((table.rows, 6)), ["no column says a load: the arm has its own weight alone"]
+            return np.zeros((table.rows, 6)), ["no column gives a load: only own weight is assumed"]
         if not acts:
             hint = "; one for the whole file stands in [values] of a map, as mass_kg = 150; "
             hint += "absolute readings without a load are for `testbench calibrate`"
@@ -176,7 +176,10 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
         notes = (
             [f"no column says a mass: {told:g} kg in loaded rows, as was said"] if told is not None else []
         )
-        return weight, [*notes, "the mass hangs: force along z = -9.81 m/s2 times the mass, world axes"]
+        return weight, [
+            *notes,
+            "the load is a hung mass: its force is -9.81 m/s2 times the mass along the world's z",
+        ]
     names = [f"{what}_{x}" for what in ("force", "moment") for x in XYZ]
     zero = [name for name, own in zip(names, acting, strict=True) if own is None]
     wrench = np.column_stack([_load(columns, own) for own in acting])
@@ -214,7 +217,7 @@ def _point(columns: Columns, arm: Arm) -> tuple[Array, list[str]]:
     """Read the point where the load acts, (rows, 3) [m]."""
     found, rows = axes(columns, "point"), columns.table.rows
     if all(own is None for own in found):
-        return np.tile(load_point(arm), (rows, 1)), [f"the load acts at the arm's load point {arm.load}"]
+        return np.tile(load_point(arm), (rows, 1)), [f"the load acts at the arm's load point, {arm.load!r}"]
     return np.column_stack([columns.every_row(own) for own in found]), []
 
 

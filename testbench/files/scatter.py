@@ -93,7 +93,7 @@ def _read_sigma(
     words = f"orientations: sigma {1e3 * SIGMA[1]:g} mrad" if index else f"sigma {1e6 * SIGMA[0]:g} um"
     asked = value is None and (not index or bool(columns.every(*ROTATIONS)))
     notes = [] if stated is None else _unlike(flag, np.array(stated))
-    notes += [f"no column says how far readings scatter: {words} is assumed"] * asked
+    notes += [f"no column gives the noise: {words} is assumed"] * asked
     return np.full(table.rows, SIGMA[index] if value is None else value), notes
 
 

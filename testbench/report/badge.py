@@ -60,11 +60,11 @@ class Badge:
         first, _, of = self.each.partition(" ")
         shared = f"from {counted(self.trials, 'trial')}" if self.trials else ""
         pairs = " ".join(filter(None, [counted(self.n, first), of, shared]))
-        takes = f"it takes {FEWEST}{' trials' if self.trials else ''}"
+        takes = f"a verdict takes {FEWEST}{' trials' if self.trials else ''}"
         if self.interval is None and abs(self.factor - 1) <= ALIKE:
             return Markdown(f"Too few: {winner} and {rival} err the same in {pairs}; {takes}.")
         if self.interval is None:
-            return Markdown(f"Too few: {times} in {pairs}; to judge {takes}.")
+            return Markdown(f"Too few: {times} in {pairs}; {takes}.")
         low, high = self.interval
         tied = as_markdown(listed([*self.ties]))
         seen = pairs if self.exact else f"{pairs}, 95 % interval {{}} to {{}}"
@@ -74,7 +74,7 @@ class Badge:
             told = f"{self.what} ratio{of} {self.factor:.2f}, {seen.format(f'{low:.2f}', f'{high:.2f}')}"
             return Markdown(f"Tie{near}: {winner} ties with {tied} ({told}).")
         if self.chance is not None:
-            sure = f"a {first} gets better with {100 * self.chance:.0f} % chance"
+            sure = f"a {first} improves with a chance of {100 * self.chance:.0f} %"
             return Markdown(f"Likely: {times}; {sure} (median of {pairs}).")
         head = f"Holds: {times}" if self.verdict == "holds" else f"Do not use {rival}: {size}"
         also = f"; {winner} ties with {tied}" if tied else ""

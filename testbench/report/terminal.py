@@ -20,7 +20,7 @@ from testbench.runs.next_step import next_lines
 from testbench.runs.spread import Spread
 
 BADGES = {"Holds": "bold green", "Do not": "bold red"}  #: Styles of a badge by its first words.
-MORE = "under More in report.md"
+MORE = "in report.md, section More"
 NARROW = 9  #: Letters of a heading's line, unless a word has more.
 
 

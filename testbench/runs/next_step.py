@@ -11,12 +11,12 @@ from testbench.runs.manifest import read_manifest
 from testbench.runs.session import SESSION
 
 MISSING = {
-    "check": "points to confirm in elastic.toml, poses of the work in a table",
-    "plan": "readings of all poses in plan.csv, {readings}",
-    "data check": "a map, where a column was misunderstood",
-    "identify": "poses or a program in a table",
-    "calibrate": "a series that the fit did not see",
-    "predict": "a program in a table",
+    "check": "numbers confirmed in elastic.toml, a table of task poses",
+    "plan": "readings of all poses of plan.csv, {readings}",
+    "data check": "a map file, if a column was misunderstood",
+    "identify": "a table of poses, or a program",
+    "calibrate": "a new series of readings, to score the model",
+    "predict": "a program as a table",
 }
 """What only the user can give, by command."""
 
@@ -83,7 +83,7 @@ def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> li
     for key, words in LEFT_OUT.items():
         texts = [text.replace(words, "") for text in texts] if key in SESSION.get().known else texts
     mapped = "--map" in fields["flags"] or "map" in SESSION.get().taken
-    lines = [f"{'missing':<11}{MISSING[name]}"] if name in MISSING and not mapped else []
+    lines = [f"{'needed':<11}{MISSING[name]}"] if name in MISSING and not mapped else []
     lines += [f"{'' if k else 'next':<11}testbench {text}" for k, text in enumerate(texts)]
     return [line.format_map(fields) for line in lines]
 

@@ -218,7 +218,8 @@ def of_outliers(found: Outliers) -> str:
     """How many positions are far off, in a sentence."""
     worst = f"the worst is row {found.row} of {found.series}, by {1e3 * found.distance:.3g} mm"
     far = f"{READINGS.bend / WILD:g} standard deviations"
-    return f"{found.count} of {found.of} positions are more than {far} off and count less than half; {worst}"
+    few = f"{found.count} of {found.of} positions"
+    return f"{few} are off by more than {far} and have less than half of the usual weight; {worst}"
 
 
 def of_masses(found: MassFit) -> str:

@@ -35,17 +35,19 @@ def _of_rank(estimate: Estimate) -> list[str]:
     s, rank = estimate.of_compliances.structure, estimate.of_compliances.rank
     if rank == s.n:
         return []
-    text = f"{s.name}: {s.n} unknowns, the data see {rank} directions; free are {s.n - rank}"
+    text = f"{s.name}: {s.n} unknowns, rank {rank}; the data do not determine {s.n - rank} directions"
     unseen = int((estimate.of_compliances.columns == 0).sum())
-    return [f"{text}, of which no load touches {unseen}" if unseen else text]
+    return [f"{text}; {unseen} parameters have no effect on any reading" if unseen else text]
 
 
 def _of_fit(estimate: Estimate) -> list[str]:
     cost, floor = estimate.f_m, estimate.f_m_floor
     if cost <= MISFIT * floor:
         return []
-    why = "wrong structure, sigma, load, unit or frame"
-    return [f"{estimate.structure.name}: F_M is {cost:.3g} where noise alone leaves {floor:.3g}: {why}"]
+    why = "structure, sigma, load, unit, frame"
+    return [
+        f"{estimate.structure.name}: F_M is {cost:.3g}, noise alone would leave {floor:.3g}; check: {why}"
+    ]
 
 
 def _of_method(estimate: Estimate) -> list[str]:
@@ -56,12 +58,12 @@ def _of_method(estimate: Estimate) -> list[str]:
     if estimate.constraint == "psd" and estimate.certificate is not None:
         penalty = estimate.penalty
         if penalty is not None and not estimate.method.startswith(PAPERS):
-            return [f"GCO: trace weight {penalty.weight:.3g} N m/rad, learnt unless it was given"]
+            return [f"GCO: trace weight {penalty.weight:.3g} N m/rad"]
         said = [f"GCO filled the free directions with the least trace, weight {TIE_BREAK:g}"] * free
         if estimate.held_by_trace_weight:
             said.append(
-                f"{name}: only the trace weight holds unseen compliance, which fits a "
-                "little better as it grows; predictions away from the measured poses hang on it"
+                f"{name}: only the trace weight limits the unobservable compliance; "
+                "predictions away from the measured poses depend on it"
             )
         return said
     if estimate.method.startswith(COMPLETED):
@@ -77,12 +79,12 @@ def of_prior(belief: Belief) -> str:
     strength, name = belief.strength, belief.metric.prior
     if strength.coupling is not None:
         shape, coupling = (100 * belief.misfit * u for u in (strength.uncertainty, strength.coupling))
-        learnt = f"shapes known to {shape:.2g} %, couplings to {coupling:.2g} %"
-        return f"prior: {name}, the scale of every block learnt from the readings, {learnt}"
+        learnt = f"uncertainty of shapes {shape:.2g} %, of couplings {coupling:.2g} %"
+        return f"prior: {name}, the scale of every block is estimated from the readings; {learnt}"
     scale = (
-        "its scale left to the data"
+        "its scale is free"
         if np.isinf(strength.scale_uncertainty)
-        else f"its scale known to {100 * strength.scale_uncertainty:g} %"
+        else f"uncertainty of its scale {100 * strength.scale_uncertainty:g} %"
     )
     return f"prior: {name}, uncertainty {100 * strength.uncertainty:.3g} %, {scale}"
 
@@ -92,21 +94,21 @@ def of_average(average: Average | None) -> list[str]:
     if average is None or not (average.laws or average.weight or average.ties):
         return []
     if average.ties == 1:
-        return ["the evidence is for joints that are coupled with each other"]
+        return ["the evidence favours coupled joints"]
     if average.ties:
-        said = f"joints that are coupled with each other weigh {100 * average.ties:.3g} % by evidence"
+        said = f"coupled joints have a weight of {100 * average.ties:.3g} % in the average, by evidence"
         return [said, *of_average(replace(average, ties=0.0))]
     if average.laws == 1:
-        return ["the evidence is for joints that stiffen, have backlash or friction"]
+        return ["the evidence favours joints that stiffen or have backlash or friction"]
     if average.laws:
         return [
-            f"linear joints, averaged with joints that stiffen, have backlash or friction, which weigh "
-            f"{100 * average.laws:.3g} % by evidence"
+            "the estimate is an average; joints that stiffen or have backlash or friction have a weight of "
+            f"{100 * average.laws:.3g} %, linear joints the rest"
         ]
     share = f"{100 * average.weight:.3g} %"
     if average.weight > 0.5:
-        return [f"link compliances do not improve the model: joint stiffness only weighs {share} by evidence"]
-    return [f"links and joints, averaged with joint stiffness only, which weighs {share}"]
+        return [f"link compliances hardly improve the model: joint stiffness only has a weight of {share}"]
+    return [f"the estimate is an average; joint stiffness only has a weight of {share}"]
 
 
 def _of_outliers(estimate: Estimate) -> list[str]:

@@ -17,7 +17,7 @@ from testbench.workflows.cell import build_cell, check_agreement
 from testbench.workflows.rows import rms
 
 UNSURE = ("estimated", "assumed")  #: Origins that want to be confirmed.
-ASIDE, OF_ASIDE = 0.01, "share for 10 mm aside"
+ASIDE, OF_ASIDE = 0.01, "effect of an offset of 10 mm"
 """A point is moved so far to see what hangs on it [m]."""
 
 

@@ -170,7 +170,7 @@ def _fragments(arm: Looked) -> Iterator[str]:
             if guessed:
                 links.setdefault(why, []).append(link.name)
     for why, names in links.items():
-        yield f"{', '.join(names)}: {why}so the diameter of the tube is a guess"
+        yield f"{', '.join(names)}: {why}so the diameter of the tube is only estimated"
 
 
 def _drawn(cell: Cell) -> dict[int, Array]:
@@ -212,8 +212,8 @@ def _payloads(arm: Looked) -> Iterator[str]:
 
     payload = arm.elastic.payload
     if payload is not None and payload.origin == "estimated":
-        off = f"one such guess in ten is more than {PAYLOAD_OFF:g} times off"
-        yield f"its payload of {payload.value:g} kg is a guess, {off}: state the maker's in elastic.toml"
+        off = f"one in ten such estimates is off by more than a factor of {PAYLOAD_OFF:g}"
+        yield f"its payload of {payload.value:g} kg is only estimated, {off}: enter the rated one"
 
 
 def _behind(arm: Looked) -> Iterator[str]:

@@ -130,20 +130,20 @@ def doubts(f: Row) -> Iterator[tuple[str, str]]:
         yield "Mounting", f"{f.mounting}."
     if f.pressed:
         scale = "gravity reversed, is the arm hung?" if f.weight_alone else "is a force's sign reversed?"
-        yield "The compliances want to be negative", f"{scale} {NEGATIVE}"
+        yield "The best compliances are negative", f"{scale} {NEGATIVE}"
     if f.worse:
-        far = "none could be held out, so that nothing says how far others are off"
+        far = "none could be held out, so the error at other poses is unknown"
         if f.held_out_mm:
-            arms = f"from the calibrated arm, {f.total_before.rms_mm:.3f} mm from the arm as drawn"
+            arms = f"from the calibrated arm and {f.total_before.rms_mm:.3f} mm from the nominal arm"
             far = f"held-out ones are {f.held_out_mm[1]:.3f} mm RMS {arms}"
-        yield "Too few poses", f"{far}. Do not use it; read more."
+        yield "Too few poses", f"{far}. Do not use the model; measure more poses."
     if f.far_geometry:
         yield "Geometry no arm has", f"{f.far_geometry}."
-    if ranges := [range_words(row) for row in unread(f)]:
-        yield "Not read, hence extrapolated", f"{', '.join(ranges)}."
+    if ranges := _unread_words(f):
+        yield "Extrapolated, as not measured", f"{ranges}."
     if f.weight_alone and f.compliances:
-        scale = "compliances have the scale of the masses in rigid.xml"
-        words = "Masses 10 % too small make them 10 % too large; positions stay right."
+        scale = "the compliances are proportional to the masses in rigid.xml"
+        words = "Masses 10 % too small make compliances 10 % too large; positions stay correct."
         yield "Own weight is the only load", f"{scale}. {words}"
     if f.program and not f.program.conservative:
         yield "Not conservative", "a block of the compliances has a negative eigenvalue."
@@ -154,6 +154,14 @@ def doubts(f: Row) -> Iterator[tuple[str, str]]:
 def range_words(row: Row) -> str:
     """Name a range of a joint."""
     return f"{row.joint} {row.low:.0f} to {row.high:.0f} {row.unit}"
+
+
+def _unread_words(f: Row) -> str:
+    """Name the ranges without a reading, joint by joint; empty for none."""
+    ranges: dict[tuple[str, str], list[str]] = {}
+    for row in unread(f):
+        ranges.setdefault((row.joint, row.unit), []).append(f"{row.low:.0f} to {row.high:.0f}")
+    return "; ".join(f"{joint} {', '.join(own)} {unit}" for (joint, unit), own in ranges.items())
 
 
 def _nearest(distances: Array) -> float:

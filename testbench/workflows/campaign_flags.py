@@ -32,16 +32,14 @@ ArmName = Annotated[str, typer.Argument(help="Folder of an arm, or one of ours."
 MapFile = Annotated[Path | None, typer.Option("--map", metavar="TOML", help="Names of the table's columns.")]
 SigmaUm = Annotated[
     float | None,
-    typer.Option(
-        min=0.001, max=10_000, metavar="UM", help="Noise of a reading along an axis, where the file lacks it."
-    ),
+    typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise per axis, where the file has none."),
 ]
 Load = Annotated[
     float | None,
     typer.Option(
         parser=mass,
         metavar="MASS",
-        help="Hangs in loaded rows where the file gives none, such as 240 or 530lb.",
+        help="Payload where the file has none: 240, 530lb.",
     ),
 ]
 Payload = Annotated[
@@ -50,31 +48,26 @@ Payload = Annotated[
         "--load",
         parser=mass_or_none,
         metavar="MASS",
-        help="Load where the file gives none, 0 for none; default: the arm's payload.",
+        help="Load where the file has none (default: rated payload).",
     ),
 ]
-TrueArmFlag = Annotated[
-    TrueArmName, typer.Option(help="The true arm; in the family the next one each seed. The model stays.")
-]
+ArmFlag = Annotated[str, typer.Option(metavar="ARM", help="Folder of an arm, or one of ours.")]
+TrueArmFlag = Annotated[TrueArmName, typer.Option(metavar="NAME", help="True arm; 'family': one per seed.")]
 
 
 @dataclass(frozen=True)
 class CampaignOptions:
     """What a campaign under gravity is made from; a study adds its own."""
 
-    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+    arm: ArmFlag = "kr500_l480"
     payload_kg: Annotated[
-        float | None, typer.Option(min=0.001, max=10_000, help="Hung mass; what the arm states if not given.")
+        float | None, typer.Option(min=0.001, max=10_000, metavar="KG", help="Payload (default: rated).")
     ] = None
     sigma_um: Annotated[
-        float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")
+        float, typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise of a reading, per axis.")
     ] = 50.0
-    truth: Annotated[Truth, typer.Option(help="Kind of truth.")] = "nonlinear"
+    truth: Annotated[Truth, typer.Option(help="MuJoCo's arm or a linear one.")] = "nonlinear"
     true_arm: TrueArmFlag = FAMILY
-    noise: Annotated[bool, typer.Option(help="Noisy readings.")] = True
-    magnification: Annotated[
-        float, typer.Option(min=1, max=10_000, help="Of the deflections drawn in the recording.")
-    ] = 50.0
 
     def scenario(self, workspace_poses: int) -> Scenario:
         """The campaign that is asked for; InputError names an arm that there is not."""
@@ -83,7 +76,6 @@ class CampaignOptions:
             payload=self.payload_kg,
             sigma=self.sigma_um / 1e6,
             truth=self.truth,
-            noise=self.noise,
             workspace_poses=workspace_poses,
         )
         return of_arm(load_arm(self.arm), own)
@@ -98,11 +90,9 @@ class Readings:
     mapping: MapFile = None
     sigma_um: SigmaUm = None
     load: Load = None
-    frame: Annotated[
-        str, typer.Option(metavar="FRAME", help="auto, base, tracker, or a TOML file with it.")
-    ] = "auto"
+    frame: Annotated[str, typer.Option(metavar="FRAME", help="auto, base, tracker, or a TOML file.")] = "auto"
     new_target: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Target that the folder lacks; again.")
+        list[str] | None, typer.Option(metavar="NAME", help="Target that the arm lacks; repeatable.")
     ] = None
 
     @property

@@ -80,9 +80,10 @@ def warnings(f: Row) -> Iterator[str]:
         yield f"Not corrected: {f.points - f.corrected} of {f.points} points"
     yield from f.extrapolated
     if f.open and (not f.half_95_mm or f.half_95_mm.median > OPEN * f.before_mm.median):
-        yield f"{100 * f.open.share:.0f} % of the variance that stays open comes from {f.open.name}"
+        yield f"{100 * f.open.share:.0f} % of the remaining variance comes from {f.open.name}"
     if f.turned:
-        yield f"Points with a turn left near a singular pose: {f.turned}, at most {f.turn_left_mrad:.3f} mrad"
+        most = f.turn_left_mrad
+        yield f"Points near a singular pose with a remaining turn: {f.turned}, at most {most:.3f} mrad"
     yield from (f"Points with {joint} at its limit: {n}" for joint, n in f.held.items())
     if (jump := f.jump) and not jump.load and jump.size > JUMPS:
         yield f"The correction of {jump.joint} jumps by {jump.size:.2f} {jump.unit} after line {jump.line}"

@@ -76,7 +76,7 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
     runs, taken = own.runs, own.taken
     widest = runs.check or runs.used
     if widths and widest.runs > SHOWN:
-        runs = replace(runs, notes=(*runs.notes, f"intervals are of {SHOWN} of {widest.runs} runs, evenly"))
+        runs = replace(runs, notes=(*runs.notes, f"intervals are computed for {SHOWN} of {widest.runs} runs"))
         widest = in_order(widest, evenly(np.arange(widest.runs), SHOWN))
     every = [(m.name, estimate) for m, estimate in zip(own.models, own.estimates, strict=True)]
     estimates = dict(every)
@@ -126,7 +126,7 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     still = [m.name for m in models if m not in moved]
     if not moved:
         raise BenchError(f"expected loads that bend a model, these bend none of {', '.join(still)}")
-    return moved, [f"{name} is left out: no load acts on what it can bend" for name in still]
+    return moved, [f"{name} is left out: no load deflects its links and joints" for name in still]
 
 
 def _working(

@@ -158,7 +158,7 @@ def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | Folded) -> Re
     default = default_name(cell.arm)
     first = min(models, key=lambda m: (m.name != default, m.structure.n))
     if runs.poses < LEAST_POSES or len(models) == 1:
-        few = f"fewer than {LEAST_POSES} poses are too few to hold some out"
+        few = f"with fewer than {LEAST_POSES} poses none is held out"
         why = few if runs.poses < LEAST_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
     every = tuple(Candidate(m.name, _errors(cell, m, runs)) for m in models)
@@ -169,12 +169,12 @@ def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | Folded) -> Re
 
 def _why(duel: Duel, first: str, default: str) -> str:
     """Why a model stays, or gives way."""
-    taken = "the default" if first == default else "the one of fewest unknowns"
+    taken = "the default" if first == default else "the model with fewest unknowns"
     if duel.name == first:
-        return f"{taken}; in cross-validation no rival predicts better by more than chance"
+        return f"{taken}; in cross-validation no other model is significantly better"
     return (
-        f"in cross-validation its F_M is {-duel.difference:.2g} +- {duel.standard_error:.2g} less "
-        f"than that of {first}, {taken}"
+        f"in cross-validation its F_M is {-duel.difference:.2g} +- {duel.standard_error:.2g} lower than "
+        f"that of {taken}, {first}"
     )
 
 

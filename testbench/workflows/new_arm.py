@@ -24,9 +24,9 @@ WORDS = {
     "frozen": "off the arm, so held at zero: {names}",
     "geoms weigh": "no <inertial> in the file, so MuJoCo weighs the geoms: {names}",
     "left out": "not needed for statics, so left out: {names}",
-    "load": "load point {mm:.0f} mm beyond the tool on its axis",
+    "load": "load point on the tool's axis, {mm:.0f} mm beyond the tool",
     "locked": "limits of 0 to 0, so held at zero: {names}",
-    "markers": "markers {mm:.0f} mm off the tool",
+    "markers": "markers {mm:.0f} mm from the tool",
     "merged": "merged into {first}: {rest}",
     "meshes": "meshes not read, so other shapes of their links stand in, if any: {names}",
     "no limits": "no limits of {first} in the file: {deg[0]:.0f} to {deg[1]:.0f} deg stands in",
@@ -99,14 +99,14 @@ def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> list[str]:
     for name, data in meshes.items():
         (folder / "meshes" / name).write_bytes(data)
     guessed = [line.partition(". ")[2] for line in elastic.splitlines() if line.startswith(CONFIRM)]
-    return [*notes, *(f"guessed: {words}" for words in guessed)]
+    return [*notes, *(f"estimated: {words}" for words in guessed)]
 
 
 def elastic_toml(chain: Chain, wishes: Wishes, proposal: Proposal) -> str:
     """What to confirm, then the numbers, each with how it is known; all that nobody stated is "estimated"."""
     payload, note = _quantity(proposal.payload, "kg", "as stated by --payload-kg", "published"), ""
     if wishes.payload is None:
-        note = f"root of its {chain.mass:.4g} kg, times {reach(chain, chain.tip.pose):.2f} m of reach"
+        note = f"from its mass of {chain.mass:.4g} kg and reach of {reach(chain, chain.tip.pose):.2f} m"
         if bare := [part.name for part in chain.parts[1:] if not part.weighed]:
             no = "masses" if len(bare) == chain.n_joints else f"mass of {', '.join(bare)}"
             note += f", the file has no {no}"
@@ -155,13 +155,9 @@ def _joint_rows(chain: Chain) -> list[str]:
 def _to_confirm(name: str, proposal: Proposal, payload: str, proposed: Sequence[str]) -> list[str]:
     """Comments: what matters most for the sag first; the payload's note is empty where somebody states it."""
     confirm = [
-        *(
-            [f"payload {proposal.payload:g} kg, {payload}: sag and joint compliances follow from it"]
-            if payload
-            else []
-        ),
-        f"compliance of the joints, by a law that misses known ones by a factor of {SPREAD:g}",
-        f"tubes of the links: diameter by the drawn shape, {_material(proposal)}, inner 0.9 of outer",
+        *([f"payload {proposal.payload:g} kg, {payload}; joint compliances depend on it"] if payload else []),
+        f"joint compliances, by a rule that differs from known robots by a factor of {SPREAD:g}",
+        f"tubes of the links: {_material(proposal)}, outer diameter from the shapes, inner 0.9 of it",
         *proposed,
     ]
     name = " ".join("".join(c if c.isprintable() else " " for c in name).split())  # on one line
@@ -188,7 +184,7 @@ def _link(link: LinkProposal, made: str) -> list[str]:
         "shape": "its shape, median of the cuts",
         "none": f"no shape, {GUESSED}",
         "pieces": f"its shape is in pieces, {GUESSED}",
-        "part": f"its shape is on {1000 * link.drawn:.0f} of {distance:.0f} mm, {GUESSED}",
+        "part": f"its shape covers {1000 * link.drawn:.0f} of {distance:.0f} mm, {GUESSED}",
     }
     return [
         "",

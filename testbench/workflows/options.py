@@ -15,8 +15,8 @@ from testbench.runs.follow import followed
 from testbench.workflows.project import merged
 
 D = TypeVar("D")
-Force = Annotated[bool, typer.Option("--force", help="Replace results of any command.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace what another command wrote.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print errors only.")]
 QUIET = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
 CONTEXT = inspect.Parameter("ctx", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
 
@@ -76,22 +76,20 @@ def _parameters(kind: type) -> list[inspect.Parameter]:
 class Common:
     """The flags of every study."""
 
-    seed: Annotated[int, typer.Option(min=0, max=2**62, help="Seed of all random numbers.")] = 1
+    seed: Annotated[int, typer.Option(min=0, max=2**62, metavar="N", help="Seed of all random numbers.")] = 1
     seeds: Annotated[
         int | None,
-        typer.Option(min=1, max=1_000_000, help="Trials, each with its own seed: medians and spreads."),
+        typer.Option(min=1, max=1_000_000, metavar="N", help="Number of trials, each with a seed."),
     ] = None
-    out: Annotated[Path | None, typer.Option(help="Folder of the results.")] = None
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of the results.")] = None
     force: Force = False
-    quick: Annotated[bool, typer.Option("--quick", help="Few trials, small sizes.")] = False
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes; default: one per core.")] = None
+    quick: Annotated[bool, typer.Option("--quick", help="Run few and small trials.")] = False
+    workers: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Processes (default: one per core).")
+    ] = None
     cluster: Annotated[
         str | None,
-        typer.Option(metavar="tls://HOST:PORT", help="Run the trials on this Dask scheduler's workers."),
+        typer.Option(metavar="tls://HOST:PORT", help="Dask scheduler that runs the trials."),
     ] = None
-    insecure: Annotated[bool, typer.Option("--insecure", help="Allow plain tcp:// to another machine.")] = (
-        False
-    )
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue a stopped run from its stored trials.")
-    ] = False
+    insecure: Annotated[bool, typer.Option("--insecure", help="Allow tcp:// to another machine.")] = False
+    resume: Annotated[bool, typer.Option("--resume", help="Continue a stopped run.")] = False

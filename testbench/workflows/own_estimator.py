@@ -38,10 +38,10 @@ class LimitOptions:
     """Flags of what a call may use."""
 
     estimator_timeout: Annotated[
-        float, typer.Option(min=0.01, max=86_400, help="Longest time of a call of an estimator, s.")
+        float, typer.Option(min=0.01, max=86_400, metavar="S", help="Time limit of a call of --estimator.")
     ] = 60.0
     estimator_memory: Annotated[
-        float, typer.Option(min=0.01, max=1000, help="Most memory of a call beside its libraries, GB.")
+        float, typer.Option(min=0.01, max=1000, metavar="GB", help="Memory limit of a call of --estimator.")
     ] = 2.0
 
     @property
@@ -56,7 +56,7 @@ class EstimatorOptions(LimitOptions):
 
     estimator: Annotated[
         list[str] | None,
-        typer.Option(metavar=FORM, help="Estimator of your own beside ours; again for more."),
+        typer.Option(metavar="FILE.py:function", help="Your own estimator; repeatable."),
     ] = None
 
     @property

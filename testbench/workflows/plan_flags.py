@@ -36,46 +36,56 @@ class Options:
     """What an engineer asks for, in the units of a command line."""
 
     arm: ArmName
-    task: Annotated[Path | None, typer.Option(metavar="CSV", help="Poses and forces of the work.")] = None
+    task: Annotated[
+        Path | None, typer.Option(metavar="CSV", help="Poses and forces of the robot's task.")
+    ] = None
     load: Annotated[
         list[float] | None,
-        typer.Option(parser=mass, metavar="MASS", help="Such as 240 or 530lb; again for a choice."),
+        typer.Option(parser=mass, metavar="MASS", help="Payload, 240 or 530lb; repeatable, as a choice."),
     ] = None
     pull: Annotated[
-        list[str] | None, typer.Option(metavar="X,Y,Z", help="Force instead of a weight, N; again.")
+        list[str] | None, typer.Option(metavar="X,Y,Z", help="Force instead of a weight, N; repeatable.")
     ] = None
-    poses: Annotated[int | None, typer.Option(metavar="N", help="How many; default: 12 or 50.")] = None
+    poses: Annotated[
+        int | None, typer.Option(metavar="N", help="Number of poses (default: 12, or 50 if absolute).")
+    ] = None
     mapping: MapFile = None
-    tracker: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Where it is, m.")] = None
+    tracker: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Position of the tracker, m.")] = None
     acceptance_deg: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Half angle of fixed targets.")
+        float | None, typer.Option(metavar="DEG", help="Half angle in which fixed targets reflect.")
     ] = None
-    box: Annotated[str | None, typer.Option(metavar="X0,...,Z1", help="Where the tool may be, m.")] = None
+    box: Annotated[
+        str | None, typer.Option(metavar="X0,...,Z1", help="Corners of the box for the tool, m.")
+    ] = None
     criterion: Annotated[str | None, typer.Option(metavar="NAME", help="test, D, A, E, G or I.")] = None
-    model: Annotated[str | None, typer.Option(metavar="NAME", help="What will be identified.")] = None
+    model: Annotated[str | None, typer.Option(metavar="NAME", help="Model that will be identified.")] = None
     sigma_um: Annotated[float, typer.Option(metavar="UM", help="Noise of a reading along an axis.")] = 50.0
     uncertainty_percent: Annotated[
-        float | None, typer.Option(metavar="PERCENT", help="Of the prior; default: 30.")
+        float | None, typer.Option(metavar="PERCENT", help="Uncertainty of the prior (default: 30).")
     ] = None
     no_prior: Annotated[bool, typer.Option("--no-prior", help="Plan for a fit without a prior.")] = False
-    candidates: Annotated[int | None, typer.Option(metavar="N", help="Poses to choose from.")] = None
-    sling_m: Annotated[float, typer.Option(metavar="M", help="From the load point to the weight.")] = 0.5
+    candidates: Annotated[int | None, typer.Option(metavar="N", help="Number of candidate poses.")] = None
+    sling_m: Annotated[float, typer.Option(metavar="M", help="Length from load point to weight.")] = 0.5
     floor_z: Annotated[float | None, typer.Option(metavar="M", help="Height of a floor.")] = None
-    seed: Annotated[int, typer.Option(metavar="N", help="Of random numbers.")] = 1
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of random numbers.")] = 1
 
 
 @dataclass(frozen=True)
 class Absolute:
     """Flags of a plan of absolute readings."""
 
-    absolute: Annotated[bool, typer.Option("--absolute", help="Plan absolute readings, no tasks.")] = False
+    absolute: Annotated[bool, typer.Option("--absolute", help="Plan absolute readings, without tasks.")] = (
+        False
+    )
     given: Annotated[
-        list[Path] | None, typer.Option(metavar="CSV", help="Readings taken before; again for more.")
+        list[Path] | None, typer.Option(metavar="CSV", help="Readings taken before; repeatable.")
     ] = None
-    orientations: Annotated[bool, typer.Option("--orientations", help="Read how one target turns.")] = False
+    orientations: Annotated[
+        bool, typer.Option("--orientations", help="Read one target's orientation too.")
+    ] = False
     geometry_mm: Annotated[float, typer.Option(metavar="MM", help="Expected geometric errors.")] = 1.0
     gear_urad: Annotated[float, typer.Option(metavar="URAD", help="Expected periodic joint errors.")] = 30.0
-    orders: Annotated[int, typer.Option(metavar="N", help="Orders of these that are identified.")] = 3
+    orders: Annotated[int, typer.Option(metavar="N", help="Highest order of periodic errors.")] = 3
 
 
 def known_before(cell: Cell, asked: Options, flags: Absolute) -> Calibrated | None:

@@ -117,14 +117,17 @@ def _beside(f: Row) -> list[Row]:
     beyond = f.get("beyond_mm")
     pairs = {
         "this plan": f.error_mm.expected,
-        f"this plan, were the arm {f.model} alone": chance.get("planned_mm"),
+        f"this plan, {f.model} alone, without averaging": chance.get("planned_mm"),
         "this plan, joint stiffness only": f.get("joints_alone_mm"),
         "this plan, prior twice as uncertain": doubted and doubted.expected,
         "this plan, with joint errors of all orders": beyond and math.hypot(f.error_mm.expected, beyond),
         "readings taken before": f.get("before_mm"),
     }
     known = [Row(what=name, mm=mm) for name, mm in pairs.items() if mm is not None]
-    named = {f"random poses, median of {chance.plans}": chance.median_mm, "best tenth": chance.best_tenth_mm}
+    named = {
+        f"random poses, median of {chance.plans}": chance.median_mm,
+        "random poses, best tenth": chance.best_tenth_mm,
+    }
     return [*known, *(Row(what=name, mm=mm) for name, mm in named.items())]
 
 

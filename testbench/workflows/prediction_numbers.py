@@ -72,7 +72,6 @@ def numbers(made: Predicted) -> Row:
         file=made.asked.path.name,
         loads=made.asked.words or "no load",
         poses=len(size),
-        linear=made.linear,
         confidence_percent=100 * CONFIDENCE,
         least_mm=float(size[:, 0].min()),
         median_mm=float(np.median(size[:, 0])),

@@ -279,9 +279,9 @@ def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> Asked:
 def _no_load(model: ArmModel, mass: float) -> str:
     """What hangs [kg] where the file says of no load, a sentence."""
     if not mass:
-        return "No load in the file: nothing hangs"
-    what = f"the payload of {mass:g} kg hangs" if mass == model.arm.payload else f"{mass:g} kg hang"
-    return f"No load in the file: {what}"
+        return "The file gives no load: none is assumed"
+    what = f"the rated payload of {mass:g} kg" if mass == model.arm.payload else f"{mass:g} kg"
+    return f"The file gives no load: {what} is assumed"
 
 
 def _carried(asked: Asked, some: slice, compute: Callable[[Array, list[Load]], T]) -> T:
@@ -316,7 +316,6 @@ class Predicted:
     model: ArmModel
     cell: Cell  #: The same arm and its room.
     asked: Asked
-    linear: bool  #: Whether by Eq. (6).
     found: Prediction
     stiffness: Stiffness  #: Of the loaded tool.
     extent: Extent  #: How large the loads are.
@@ -345,10 +344,8 @@ class Predicted:
         return give_halves(self.model, self.asked.q[poses], tool, self.map.force)[:, 0]
 
 
-def predicted(
-    model: ArmModel, asked: Asked, force: float, area: WorkArea | None = None, *, linear: bool = False
-) -> Predicted:
-    """Predict all poses of a file, `linear` by Eq. (6) instead of Eq. (7), and map what a force does [N].
+def predicted(model: ArmModel, asked: Asked, force: float, area: WorkArea | None = None) -> Predicted:
+    """Predict all poses of a file by the equilibrium behind Eq. (7), and map what a force does [N].
 
     Raises:
         InputError: When a pose has no equilibrium; names its line.
@@ -357,7 +354,7 @@ def predicted(
     cell, every = Cell(model.arm, model.vjm), slice(0, len(asked.q))
 
     def both(q: Array, loads: list[Load]) -> tuple[Prediction, Stiffness]:
-        own = predict(model, q, loads, linear=linear)
+        own = predict(model, q, loads)
         return own, stiffness(model, q, loads, own.theta)
 
     found, tool = _carried(asked, every, both)
@@ -365,7 +362,6 @@ def predicted(
         model=model,
         cell=cell,
         asked=asked,
-        linear=linear,
         found=found,
         stiffness=tool,
         extent=extent(model, asked.q, asked.loads),
@@ -387,15 +383,14 @@ def _map(model: ArmModel, cell: Cell, force: float, area: WorkArea | None) -> St
 def extrapolated(found: Extent) -> tuple[str, ...]:
     """What loads are beyond those of the model's data, or the payload, with its number."""
     if found.force_ratio is not None and np.isinf(found.force_ratio):
-        said = [f"extrapolated: {found.force:,.0f} N, and the model was identified under own weight alone"]
+        said = [f"extrapolated: {found.force:,.0f} N; the model was identified under own weight only"]
     else:
         sizes = (
             (found.force, "N", found.force_ratio, "force"),
             (found.moment, "N m", found.moment_ratio, "moment"),
         )
         said = [
-            f"extrapolated: {value:,.0f} {unit} are {ratio:.1f} times the largest {what} that the model was "
-            "identified under"
+            f"extrapolated: {value:,.0f} {unit} are {ratio:.1f} times the largest {what} identified"
             for value, unit, ratio, what in sizes
             if ratio is not None and ratio > SLACK
         ]

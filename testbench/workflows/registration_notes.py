@@ -40,16 +40,16 @@ def _frame_note(name: str, frame: Frame) -> str:
     if not frame.covariance.any():
         return text
     where = MM * spread(frame.covariance[3:, 3:])
-    return f"{text}. By noise it is known to {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
+    return f"{text}. Uncertainty by noise: {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
 
 
 def _fit_note(found: Registration, sag: float | None) -> str:
     """How well all readings fit, and how far own weight alone sags the tool, RMS [m], where that is known."""
     text = f"unloaded readings fit the arm's kinematics to {MM * found.rms:.2f} mm RMS"
     if found.wild:
-        text += f"; {found.wild} of {len(found.distance)} fit worse and count less"
-    known = "the arm" if sag is None else f"the tool, by the arm's folder {MM * sag:.2f} mm RMS,"
-    return f"{text}. Own weight bends {known} in every reading; deflections do not contain that"
+        text += f"; {found.wild} of {len(found.distance)} fit worse and have less weight"
+    size = "" if sag is None else f" by {MM * sag:.2f} mm RMS, by the arm's folder"
+    return f"{text}. Own weight deflects the tool{size}; differences of readings do not contain this"
 
 
 def _target_notes(found: Registered, own: Registration) -> Iterator[str]:
@@ -59,7 +59,7 @@ def _target_notes(found: Registered, own: Registration) -> Iterator[str]:
         at = ", ".join(f"{MM * x:.1f}" for x in own.targets[k])
         away = float(np.linalg.norm(own.targets[k] - own.nominal[k]))
         new = "new" if math.isnan(away) else f"{MM * away:.1f} mm from nominal"
-        text = f"target {own.markers[k]} at ({at}) mm in the tool's frame, {new}. By noise it is known to"
+        text = f"target {own.markers[k]} at ({at}) mm in the tool's frame, {new}. Uncertainty by noise:"
         yield f"{text} {MM * deviations[k]:.2f} mm"
 
 

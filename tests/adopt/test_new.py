@@ -246,15 +246,15 @@ def test_guesses_are_doubted(tmp_path):
     assert [name for name in checked.cell.arm.markers if checked.doubted(name)] == ["P0", "P1", "P2"]
     found = [doubt.sentence for doubt in checked.doubts]
     for said in (
-        r"its payload of \d+ kg is a guess, .*",
-        r"link_4: its shape is on 100 of 900 mm, so the diameter of the tube is a guess",
-        r"link_2, link_3: no shape, so the diameter of the tube is a guess",
+        r"its payload of \d+ kg is only estimated .*",
+        r"link_4: its shape covers 100 of 900 mm, so the diameter of the tube is only estimated",
+        r"link_2, link_3: no shape, so the diameter of the tube is only estimated",
         r"tool is 2\d\d mm behind the end of link_6 as drawn: .*",
         r"P0 is \d+ mm behind the flange: .*",
     ):
         assert any(re.fullmatch(said, sentence) for sentence in found), (said, found)
     text = (tmp_path / "mine/elastic.toml").read_text()
-    assert text.count("its shape is on 100 of 900 mm, so from payload and reach") == 1
+    assert text.count("its shape covers 100 of 900 mm, so from payload and reach") == 1
     assert text.count("no shape, so from payload and reach") == 2
     fine("new", tmp_path / "stated", "--from", heavy_urdf(tmp_path), "--payload-kg", 300)
     assert not {"payload", "flange", "tube shape"} & {d.name for d in check(tmp_path / "stated").doubts}

@@ -143,7 +143,7 @@ def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(tmp_path):
     found = fit(cell, models, Runs("runs.csv", data, data, None), lambda: 0.0).fits
     assert found.recommended == default_name(cell.arm)
     assert "Joints" not in [model.name for model in found.models]
-    assert "Joints is left out: no load acts on what it can bend" in found.notes
+    assert "Joints is left out: no load deflects its links and joints" in found.notes
     with pytest.raises(BenchError, match=r"expected loads that bend a model, these bend none of Joints$"):
         fit(cell, named_models(cell, ["Joints"]), Runs("runs.csv", data, data, None), lambda: 0.0)
 

@@ -330,7 +330,7 @@ def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were
     half = replace(known, about=About("made up", force=size / 2, moment=1e9))
     assert "2.0 times the largest force" in extrapolated(extent(half, q, [FORCE]))[0]
     none = replace(known, about=About("made up", force=0.0, moment=0.0))
-    assert "under own weight alone" in extrapolated(extent(none, q, [FORCE]))[0]
+    assert "under own weight only" in extrapolated(extent(none, q, [FORCE]))[0]
     assert not extrapolated(extent(replace(known, about=About("made up")), q, [FORCE]))
     lever = np.cross(tool_pose(known.vjm, q)[1][0] @ TIP, FORCE.wrench[:3])
     held = Load(np.concatenate([FORCE.wrench[:3], -lever]), TIP)  # its moment about the tool's origin is zero

@@ -367,7 +367,7 @@ def test_offsets_are_the_best_and_what_they_leave_is_told_by_kind(ur10, rng):
     assert more.drawn_mm[0] > 10 * found.drawn_mm[0] > 10 * found.corrected_mm[0] > 0
     assert more.corrected_mm[0] == pytest.approx(found.corrected_mm[0], rel=0.02)
     kinds = "own weight", "periodic errors of the joints", "errors in proportion to the angle"
-    assert list(found.left) == ["lengths and tilts of axes", *kinds, "payload, where there is one"]
+    assert list(found.left) == ["lengths and tilts of axes", *kinds, "payload, if there is one"]
     for kind, size in found.left.items():
         assert more.left[kind] == pytest.approx(size, rel=0.05), kind
     light = replace(state.vjm, arm=replace(state.vjm.arm, payload=None))  # offsets are of the unloaded arm

@@ -339,4 +339,4 @@ def test_of_many_runs_some_have_intervals_evenly_and_the_notes_say_so(kr500, mon
     shown = [row["run"] for row in fits.models[0].intervals.deflections[:: len(data.markers)]]
     assert len(set(shown)) == 4
     assert (shown[0], shown[-1]) == (data.run[0], data.run[-1])
-    assert f"intervals are of 4 of {data.runs} runs" in fits.notes[-1]
+    assert f"intervals are computed for 4 of {data.runs} runs" in fits.notes[-1]

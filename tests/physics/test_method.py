@@ -86,7 +86,7 @@ def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_bett
     data, cad = campaign.identification, cad_prior(kr500.arm)
     chosen = choose(kr500, data, cad)
     assert (chosen.name, chosen.estimate.of_compliances.structure.n) == (DEFAULT, 153)
-    assert chosen.why.startswith("the default; in cross-validation no rival")
+    assert chosen.why.startswith("the default; in cross-validation no other")
 
 
 @pytest.mark.study

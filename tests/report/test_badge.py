@@ -91,7 +91,7 @@ def test_few_pairs_cannot_tell_and_the_less_error_is_named_first(n):
     own = decide(("ours", 3 * NOISE[:n]), ("theirs", NOISE[:n]))
     assert (own.verdict, own.interval, own.winner, own.n) == ("too few", None, "theirs", n)
     assert own.words.startswith("Too few: ")
-    assert own.words.endswith("to judge it takes 6.")
+    assert own.words.endswith("a verdict takes 6.")
 
 
 def test_six_of_six_are_enough_and_five_of_six_are_not():

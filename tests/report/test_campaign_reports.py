@@ -299,7 +299,7 @@ def test_of_one_seed_the_calibration_has_no_spread_and_warns_of_what_nothing_lim
     check(one, whole.study.printed)
     assert not any(isinstance(m.workspace.rms_mm, Spread) for m in one.numbers["models"])
     assert one.claims == [
-        "Nothing but the trace weight limits the compliance that the readings cannot see: MGCO56."
+        "Only the trace weight limits the compliance that the readings cannot determine: MGCO56."
     ]
     assert {row.name for row in one.tables["worst"].rows} >= {"ALL153 + prior", "Joints"}
     for row in one.tables["worst"].rows:

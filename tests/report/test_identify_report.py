@@ -66,7 +66,10 @@ def test_numbers_stand_in_their_columns(f):
     assert f"| {worst.run} | {worst.pose} | {worst.moved_mm:.3f} | {worst.taken_mm:.3f} |" in page
     assert len(said.tables["runs"].rows) == 30
     values = {row.quantity: row.value for row in said.tables["fit"].rows}
-    assert (values["unknowns of ALL153"], values["directions of them that the runs see"]) == (153, 54)
+    assert (values["unknowns of ALL153"], values["rank: directions of them that the runs determine"]) == (
+        153,
+        54,
+    )
     keys = [column.key for column in table_of(f, COLUMNS[:-PAGE]).columns]
     assert "f_m_held_out" in keys
     assert "elsewhere.apart_mm" not in keys
@@ -115,8 +118,8 @@ def test_what_was_not_asked_for_is_not_shown(f):
 def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is(f, name):
     said = report(Row(f, recommended=name))
     own = next(m for m in f.models if m.name == name)
-    half = f"deflections +- {own.intervals.half_width_mm:.3f} mm (95 %, median)"
-    assert said.answer == f"Take {name}: {own.check.rms_mm:.3f} mm RMS in the held-out runs, {half}."
+    half = f"95 % interval of deflections: +- {own.intervals.half_width_mm:.3f} mm (median)"
+    assert said.answer == f"Take {name}: {own.check.rms_mm:.3f} mm RMS in the held-out runs. {half}."
     assert [line for line in said.whole().splitlines() if line.startswith(f"| **{name}** |")]
     axes = overview(said, Seen(tables=[said.tables["models"]])).axes[0]
     first, dot = axes.get_yticklabels()[0].get_text(), axes.get_lines()[1]
@@ -127,7 +130,7 @@ def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is
 
 def test_what_the_badge_warns_of_is_not_recommended(f):
     """Joints alone or least squares may be the better ones in runs held out, and the default still stays."""
-    for error, words in ((1.0, "Take"), (0.3, "Chosen, though beaten where runs are held out, is")):
+    for error, words in ((1.0, "Take"), (0.3, "Although it is beaten on held-out runs, take")):
         badge = decide((TAKEN, [0.5] * 8), ("MLS56", [error] * 8), "group of fitted runs held out in turn")
         assert report(Row(f, badge=badge)).answer.startswith(f"{words} {TAKEN}")
 
@@ -136,7 +139,7 @@ def test_doubts_about_the_runs_are_in_the_headline_and_said_first(f):
     frame, prior = ({"name": n, "sentence": s} for n, s in (("frame", "another frame?"), ("prior", "softer")))
     assert report(Row(f, doubts=[prior])).answer.startswith("Take ")
     said = report(Row(f, doubts=[prior, frame]))
-    assert said.answer.startswith("First look at the runs, ")
+    assert said.answer.startswith("First check the runs ")
     assert said.claims[:2] == ["Doubt: another frame?", "Doubt: softer."]
 
 
@@ -144,11 +147,11 @@ def test_each_warning_names_its_parts_where_it_holds_and_nowhere_else(f):
     spread = Row(f.models[-1].intervals)
     unseen = Row(f, unchecked=Row(stiffer=("link_1",), softer=("joint_1", "joint_2")))
     cases = {
-        "stiffer: link_1.": unseen,
-        "softer: joint_1 and joint_2.": unseen,
+        "stiffer without changing the readings: link_1.": unseen,
+        "softer without changing the readings: joint_1 and joint_2.": unseen,
         "MLS56 (stalled).": changed(f, "MLS56", status="stalled"),
         "boundary of the cone: ALL153 + prior.": changed(f, TAKEN, intervals=Row(spread, on_boundary=True)),
-        "noise alone": Row(f, recommended="MGCO56"),
+        "the noise only": Row(f, recommended="MGCO56"),
         "the link before: joint_2.": changed(f, TAKEN, aggregated=["joint_2"]),
         "ALL153 + prior: 3.": changed(f, TAKEN, rejected=3),
         "No map: ": Row(f, no_map="no poses"),

@@ -114,12 +114,11 @@ def listed(f, **parts):
 
 
 def test_the_answer_has_error_interval_and_random_plans(f):
-    own = listed(f, error_mm=Expected(0.234, 0.123, 0.345), random_plans=Row(median_mm=0.456))
-    first = "5 poses leave an expected error of 0.234 mm at the tasks (90 %: 0.123 to 0.345)"
-    assert report(own).answer == f"{first}, random poses 0.456 mm (median)."
-    assert report(listed(own, random_plans=Row(median_mm=None))).answer == (
-        f"{first}, random poses no bound (median)."
-    )
+    own = listed(f, error_mm=Expected(0.234, 0.123, 0.345), random_plans=Row(median_mm=0.456, plans=20))
+    first = "Expected error at the tasks: 0.234 mm (90 %: 0.123 to 0.345 mm); with random poses"
+    assert report(own).answer == f"{first}: 0.456 mm (median of 20 plans)."
+    unbounded = listed(own, random_plans=Row(median_mm=None, plans=20))
+    assert report(unbounded).answer == f"{first}: no bound (median of 20 plans)."
 
 
 KNOWN = {"error_mm": Expected(0.234, 0.1, 0.3), "joints_alone_mm": 0.5, "unshown": None, "open_laws": []}
@@ -128,7 +127,7 @@ SAID = [
     ({"tracker_m": None}, "Visibility"),
     ({"blocked": [2, 4]}, "collides** before run 2 and 4"),
     ({"surrounded": False}, "floor-z"),
-    ({"joints_alone_mm": 0.233}, "no worse"),
+    ({"joints_alone_mm": 0.233}, "no larger"),
     ({"directions": Row(hidden_mm=0.118)}, "0.118 mm"),
     ({"unloaded": Unloaded(["swing"], [0.0, 900.0, 0.0], 1.25)}, "1.250 mm"),
     ({"unshown": Unshown(["swing"], ["swing"], [0, 4e3, 0])}, "--pull 0,4000,0"),
@@ -136,7 +135,7 @@ SAID = [
     ({"pulls_n": (PULL,)}, "rope"),
     (
         {"open_laws": [OpenLaw("friction", ["a", "c"], "the same again", ["c"], ["a"])]},
-        "of c: the same again",
+        "for c: the same again",
     ),
     ({"open_laws": [OpenLaw("backlash", ["b"], None, [], ["b"])]}, "Backlash"),
 ]

@@ -134,7 +134,7 @@ def test_what_was_planted_is_found_and_the_verdict_comes_first(made, report):
     kept = {step["name"] for step in report["steps"] if step["kept"]}
     assert kept == {"joint springs", "joint errors"}
     assert {step["name"] for step in report["steps"]} - kept == {"ratio", "play"}
-    unread = next(text for text in report["doubts"] if text.startswith("Not read, hence extrapolated"))
+    unread = next(text for text in report["doubts"] if text.startswith("Extrapolated, as not measured"))
     assert re.search(r": joint_1 (4|5|6)\d to (7|8|9)\d deg\.", unread), unread
     assert (report["outliers"][0]["series"], str(report["outliers"][0]["row"])) in zip(
         ("r_1", "r_2"), rows, strict=True
@@ -173,8 +173,8 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
     sizes = (f"{getattr(found, name):.3f} mm" for name in ("mean_mm", "rms_mm", "p95_mm", "max_mm"))
     assert [size for size in sizes if size not in words] == []
     assert f"{100 * found.coverage_95:.1f} %" in words
-    assert "the fit had these very readings" not in words
-    assert "the fit had these very readings" in fine("calibrate", made[0], readings[0], "--score")
+    assert "these readings were fitted" not in words
+    assert "these readings were fitted" in fine("calibrate", made[0], readings[0], "--score")
     twice = replace(series[0], pose=np.arange(series[0].rows) // 2)
     assert len(evenly(twice, 20)) == 40
     for share, code, head in ((1.01, 0, "Holds: "), (0.99, 1, "Do not use: ")):
@@ -260,7 +260,7 @@ def test_a_model_says_where_it_comes_from(made):
     assert [*about.data] == ["r_1.csv", "r_2.csv"]
     assert (about.force, about.moment) == (0, 0)
     assert [doubt.split(":")[0] for doubt in about.doubts] == [
-        "Not read, hence extrapolated",
+        "Extrapolated, as not measured",
         "Own weight is the only load",
     ]
 
@@ -285,7 +285,7 @@ def test_a_model_that_foretells_worse_than_the_drawing_says_so(poses, told, tmp_
     words = fine("calibrate", "ur10", tmp_path / "few.csv", *flags)
     found = json.loads((tmp_path / "model/report.json").read_text())
     assert any(text.startswith(told) for text in found["doubts"]) or not told, words
-    assert ("Held-out readings" in words) == (found["held_out_mm"] is not None) == (poses == 13)
+    assert ("RMS error at held-out readings" in words) == (found["held_out_mm"] is not None) == (poses == 13)
     assert found["badge"]["verdict"] == "do not use" or not told
     assert [step["name"] for step in found["steps"] if step["kept"]] == ["joint springs"]
 

@@ -243,6 +243,7 @@ def test_a_pose_whose_targets_were_all_lost_is_lived_with(tmp_path):
     refused("identify", ARM, data, *models, *held_back, said="every target was lost there", below=tmp_path)
 
 
+SCREEN = 45  #: Lines of a terminal of 100 columns.
 HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "pyarrow"}
 
 
@@ -255,12 +256,14 @@ def test_help_lists_every_command_and_imports_nothing_heavy():
         assert not HEAVY & set(done.stderr.split())
 
 
-def test_every_command_says_its_flags():
+def test_every_command_says_its_flags_on_one_screen(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
     for name, words in COMMANDS.items():
         done = do(name, "--help")
         assert (done.returncode, done.stderr) == (0, "")
         assert words in done.stdout
         assert "--help" in done.stdout
+        assert len(done.stdout.splitlines()) <= SCREEN
         assert " ," not in done.stdout  # a unit in square brackets would be taken for a style, and be gone
         assert " ;" not in done.stdout
 

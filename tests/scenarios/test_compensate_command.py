@@ -144,7 +144,9 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
     programmed, right = (read_program(out / name, kr500.arm).q for name in ("mill.csv", "right.csv"))
     np.testing.assert_allclose(moved, np.degrees(right - programmed), rtol=0, atol=1e-9)
     assert report["jump"]["size"] == pytest.approx(np.abs(np.diff(moved, axis=0)).max(), rel=1e-9)
-    assert f"{report['before_mm']['median']:.3f} mm as programmed" in said
+    words = " ".join(said.split())
+    assert f"{report['before_mm']['median']:.3f} mm as programmed" in words
+    assert f"Corrected, {report['unseen']} points have no bound." in words
     about = json.loads((out / "right_report" / "manifest.json").read_text())
     assert about["corrected"] == {"right.csv": files.digest(out / "right.csv")}
     assert {p.name for p in (out / "right_report").iterdir()} >= {
@@ -182,8 +184,8 @@ def test_a_program_without_loads_bears_the_payload_as_in_predict(folder, asked, 
     for name, flags in {"stated": (), "same": ("--load", "460.3kg"), "none": ("--load", 0)}.items():
         said = fine("compensate", folder / "true", bare, "--out", tmp_path / f"{name}.csv", *flags)
         found[name] = read_program(tmp_path / f"{name}.csv", load_arm(find_arm("kr500_l480"))).q, said
-    assert "No load in the file: the payload of 460.3 kg hangs" in found["stated"][1]
-    assert "No load in the file: nothing hangs" in found["none"][1]
+    assert "The file gives no load: the rated payload of 460.3 kg is assumed" in found["stated"][1]
+    assert "The file gives no load: none is assumed" in found["none"][1]
     np.testing.assert_array_equal(found["stated"][0], found["same"][0])
     np.testing.assert_allclose(found["none"][0], q, atol=1e-9)
     assert np.abs(found["stated"][0] - q).max() > 1e-4
@@ -293,6 +295,9 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
     """The model's own residual is a solver's digits: drawn, it would be a success that nobody has seen."""
     chunks = sound(bounded / "right_report" / "recording.rrd", "mm as programmed")
     report = json.loads((bounded / "right_report" / "report.json").read_text())
+    programmed_mm, corrected_mm = (report[key]["median"] for key in ("before_most_mm", "most_mm"))
+    bounds = f"{programmed_mm:.3f} mm as programmed, {corrected_mm:.3f} mm corrected."
+    assert report["said"]["answer"].endswith(bounds)  # bound beside bound
     within = {"uncorrected_program_within_95": "before_most_mm", "corrected_program_within_95": "most_mm"}
     for name, key in within.items():  # a bound beside a bound
         found = series(chunks, f"{OFF}/{name}", "pose")
@@ -301,12 +306,12 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
         f"{OFF}/{name}" for name in within
     }
     unseen = fine("compensate", folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
-    assert unseen.startswith("Do not use corrected program: the model does not know")
-    chunks = sound(tmp_path / "right_report" / "recording.rrd", "not bounded at 12 points")
+    assert unseen.startswith("Do not use corrected program: the correction may make the error larger")
+    chunks = sound(tmp_path / "right_report" / "recording.rrd", "12 points have no bound")
     assert np.isnan(series(chunks, f"{OFF}/corrected_program_within_95")).all()
     for name in ("report.html", "report.md"):
         text = (tmp_path / "right_report" / name).read_text()
-        assert text.index("Do not use corrected program") < text.index("not bounded at"), name
+        assert text.index("Do not use corrected program") < text.index("have no bound"), name
 
 
 def test_words_are_short_and_report_json_says_all_of_it_again(folder, bounded):
@@ -401,7 +406,7 @@ def test_what_is_less_sure_than_the_correction_is_large_is_likely_not_harmful(fo
     assert said.badge.words.startswith(
         "Likely: the 95 % bound of corrected program is 1.8 times smaller than"
     )
-    assert f"gets better with {100 * chance:.0f} % chance" in said.badge.words
+    assert f"improves with a chance of {100 * chance:.0f} %" in said.badge.words
 
 
 def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded):
@@ -419,7 +424,7 @@ def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded
     text = check(said, ["worst"])
     for warning in (
         "Not corrected: 1 of 12 points.",
-        "Points with a turn left near a singular pose: 1, at most 2.000 mrad.",
+        "Points near a singular pose with a remaining turn: 1, at most 2.000 mrad.",
         "Points with joint_5 at its limit: 3.",
         f"The correction of joint_4 jumps by {moved:.2f} deg after line 9.",
     ):

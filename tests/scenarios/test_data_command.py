@@ -51,7 +51,7 @@ def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
         assert said in words
     report = json.loads((out / "report.json").read_text())
     assert report["scale"] == pytest.approx(1, abs=0.1)
-    assert f"deflections over those of the arm's folder: {report['scale']:.2f}" in words
+    assert f"measured deflections over those predicted by the arm's folder: {report['scale']:.2f}" in words
     shown = {row[0]: row[1] for row in tables_of((out / "report.md").read_text())[1][1]}
     farthest = f"{report['deflection_mm']['most']:.3f}, {report['farthest']}"
     assert shown["largest deflection, mm"] == farthest

@@ -47,7 +47,7 @@ def test_an_own_urdf_a_new_one_and_both_again(place):
     before = held(place)
     done = fine("export", "model", "--urdf", "in/robot.urdf")
     assert "written robot_calibrated.urdf" in done
-    assert "its tool 'tool0'" in done
+    assert "tool 'tool0'" in done
     assert "read back 1000 poses, at most 0.001 um and 0.001 urad" in done
     assert "beside robot_calibrated.json: compliances" in done
     said = json.loads((place / "robot_calibrated.json").read_text())
@@ -88,7 +88,9 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
     (place / "in" / "$machine.dat").write_text(machine)
     said = fine("export", "model", "--into", "in/$machine.dat")
     new = (place / "$machine_calibrated.dat").read_text()
-    told = re.search(r"(\d\.\d{3}) mm RMS, (\d\.\d{3}) mm at most: not in the file: lengths and tilts", said)
+    told = re.search(
+        r"(\d\.\d{3}) mm RMS, (\d\.\d{3}) mm at most: lengths and tilts of axes, not in the file", said
+    )
     assert f"; {told[1]} mm RMS, {told[2]} at most: lengths and tilts of axes\n" in new
     elbow = re.search(r"\$MAMES\[3\]=(.*)\n", new)[1]
     assert float(elbow) != 0

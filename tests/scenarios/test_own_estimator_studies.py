@@ -37,14 +37,17 @@ WITH = {
 }
 """Studies, and the column of the error that who failed has not; compensation has one a point."""
 WITHOUT = set("absolute_calibration bench loaded_stiffness real_ur10 single_link solver_comparison".split())
+SCREEN = 45  #: Lines of a terminal of 100 columns.
 
 
-def test_every_study_takes_estimators_or_has_no_place_for_them():
+def test_every_study_takes_estimators_or_has_no_place_for_them(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
     scripts = {file.stem for file in (ROOT / "scenarios").glob("*.py")}
     assert scripts == {*WITH} | WITHOUT
     for name in scripts:
         said = here(app_of_study(name), "--help").stdout
         assert bool(re.search(r"--estimator\s", said)) == (name in WITH), name
+        assert len(said.splitlines()) <= SCREEN
 
 
 @pytest.mark.study

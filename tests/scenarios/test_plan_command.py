@@ -85,7 +85,7 @@ def test_a_plan_is_nine_files_with_the_answer_first(planned, report):
     _, _, title, _, first, *_ = (planned / "plan.md").read_text().splitlines()
     assert "kr500_l480, ALL153, 460 kg or 150 kg" in title
     error = report["error_mm"]["expected"]
-    assert first.startswith(f"**{POSES} poses leave an expected error of {error:.3f} mm at the tasks")
+    assert first.startswith(f"**Expected error at the tasks: {error:.3f} mm")
 
 
 def test_a_warning_names_the_joint_that_no_weight_turns_and_what_that_costs(planned, report, kr500):
@@ -97,8 +97,8 @@ def test_a_warning_names_the_joint_that_no_weight_turns_and_what_that_costs(plan
     assert np.abs(np.cross(arms, force)[:, 2]).min() > 1  # it turns joint 1 in every pose
     assert own["error_mm"] > 5 * report["error_mm"]["expected"]
     page = (planned / "plan.md").read_text()
-    told = f"a force of {', '.join(f'{x:.0f}' for x in force)} N at the tasks: {own['error_mm']:.3f} mm"
-    assert f"**No load of this plan turns joint_1**; {told}." in page
+    told = f"under ({', '.join(f'{x:.0f}' for x in force)}) N: {own['error_mm']:.3f} mm"
+    assert f"**No load of this plan has a moment about joint_1**. Expected error at the tasks {told}." in page
 
 
 def test_no_pane_of_the_recording_is_blank_on_any_timeline(planned, absolute, blank_panes):
@@ -201,8 +201,8 @@ def test_without_a_tracker_the_report_says_that_nobody_looked(tmp_path):
     tasks = tasks_with(tmp_path, "force_y_N,force_x_N,force_z_N", "900,0,0")
     said = fine("plan", ARM, "--task", tasks, *flags)
     page = (tmp_path / "plan" / "plan.md").read_text()
-    assert "Visibility was NOT checked" in page
-    assert "Visibility was NOT checked" in said
+    assert "Visibility was not checked" in page
+    assert "Visibility was not checked" in said
     assert "efficiency by criterion D" in page
     assert "line of sight" not in page
     rows = json.loads((tmp_path / "plan" / "plan.json").read_text())["plan"]

@@ -28,7 +28,7 @@ from testbench.workflows.prediction_numbers import write_predictions
 from testbench.workflows.program import predicted, read_asked
 
 ROOT = Path(__file__).resolve().parents[2]
-MEDIAN = "the force moves the tool in the worst direction, median of the map, mm"
+MEDIAN = "deflection by the force in its worst direction, median of the map, mm"
 POSES, MASS, PULL = 8, 300.0, 9500.0  #: Of the file; hung [kg]; of one pose [N].
 
 
@@ -99,9 +99,9 @@ def test_the_headline_is_the_largest_deflection_and_warnings_follow(made):
     assert f"Extrapolated: 9,500 N are {ratio:.1f} times the largest force" in said
     assert report["force_ratio"] == pytest.approx(ratio, rel=1e-6)
     assert report["map"]["half_mm"] > report["map"]["worst_mm"] / 2  # a hung weight never turned joint 1
-    assert "Hardly seen: the interval at the worst place of the map" in said
+    assert "Uncertain: the interval at the worst place of the map" in said
     shown = {row[0]: row[1] for row in tables_of((out / "report.md").read_text())[1][1]}
-    for name, mm in (("worst_mm", "the same, worst place of the map, mm"), ("median_mm", MEDIAN)):
+    for name, mm in (("worst_mm", "this deflection, worst place of the map, mm"), ("median_mm", MEDIAN)):
         assert shown[mm] == show(report["map"][name], ".3g")
 
 
@@ -136,7 +136,7 @@ def test_the_table_has_the_numbers_of_the_file_of_all_poses_the_farthest_first(m
 
 def test_the_recording_shows_every_pose_the_farthest_first(made):
     chunks, report = (
-        sound(made[0] / "recording.rrd", "Hardly seen"),
+        sound(made[0] / "recording.rrd", "Uncertain"),
         json.loads((made[0] / "report.json").read_text()),
     )
     sizes = [row["deflection_mm"] for row in report["worst"]]
@@ -153,7 +153,9 @@ def test_what_no_reading_has_seen_is_said_and_blank(kr500, tmp_path, q):
     made = predicted(bare, read_asked(file, bare, None, lambda: MASS), 1000.0)
     said = report(made)
     assert "which the readings do not determine" in said.answer
-    assert any(claim.startswith("Not seen: 100 % of the deflections") for claim in said.claims)
+    assert any(
+        claim == "The readings give no interval for 100 % of the deflections." for claim in said.claims
+    )
     assert said.json()["worst"][0]["half_mm"] is None
     write_predictions(made, tmp_path)
     assert table(tmp_path / "predictions.csv")[0]["half_95_y_m"] == ""
@@ -234,17 +236,17 @@ def test_a_model_of_own_weight_alone_has_no_ratio_of_loads_and_says_so(model, tm
     said = report(predicted(bare, read_asked(file, bare, None, lambda: MASS), 1000.0))
     check(said, ["worst"])
     assert said.json()["force_ratio"] is None
-    assert "own weight alone" in said.claims[0]
+    assert "own weight only" in said.claims[0]
 
 
 def test_what_hangs_where_the_file_says_of_no_load_and_what_was_not_read_are_said(model, tmp_path, q):
     own = tb.load_model(model)
     file = poses_file(tmp_path / "poses.csv", q[:2], ["900", "900"], head="axail_N")
     notes = read_asked(file, own, None, lambda: own.arm.payload).notes
-    assert "No load in the file: the payload of 460.3 kg hangs" in notes
+    assert "The file gives no load: the rated payload of 460.3 kg is assumed" in notes
     assert any(note.startswith("Not read though its unit is that of a load: axail_N") for note in notes)
     bare = read_asked(file, own, None, lambda: 0.0)
-    assert (bare.words, bare.notes[-1]) == ("", "No load in the file: nothing hangs")
+    assert (bare.words, bare.notes[-1]) == ("", "The file gives no load: none is assumed")
 
 
 def test_a_folder_that_is_no_model_is_refused(kr500, tmp_path, q):

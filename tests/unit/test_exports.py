@@ -240,7 +240,7 @@ def test_an_export_is_read_with_a_map_of_at_most_ten_lines(tmp_path, name):
     assert EXPORTS[name][1].strip().count("\n") < 10
     found = read_export(*own)
     check_alike(found.data)
-    assert "no column says how far readings scatter: sigma 50 um is assumed" in found.notes
+    assert "no column gives the noise: sigma 50 um is assumed" in found.notes
 
 
 def exchanged(old, new):
@@ -304,7 +304,7 @@ SAME = {
     "joints from 0": ("inches", from_zero, INCHES.replace("{n}", "{n0}")),
     "aligned": ("plain", aligned, "", "runs of two or more blanks between the cells, header in line 3"),
     "the header again": ("plain", header_again, "", "2 lines of comments or the header again left out"),
-    "poses as runs": ("plain", poses_as_runs, "", "runs, one a load, are numbered in their order: 6 of them"),
+    "poses as runs": ("plain", poses_as_runs, "", "runs are numbered in file order, one per load: 6"),
     "moved": ("inches", moved_a_little, INCHES, "joints differ by up to 8.7e-05 rad or m between unloaded"),
 }
 """Other ways to write an export: which one, its lines otherwise, the map, what is said."""

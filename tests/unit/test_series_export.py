@@ -180,7 +180,7 @@ def test_one_map_serves_readings_of_the_ur10_with_and_without_standard_deviation
     deviations = np.diagonal(c.precision[:, 0], axis1=1, axis2=2) ** -0.5
     np.testing.assert_allclose(deviations, [[40e-6, 1e-6, 5e-6], [40e-6, 20e-6, 5e-6]], rtol=1e-9)
     assert c.sigma_rotation == pytest.approx(np.deg2rad(0.004))
-    for words in ("below 1 um", "is a time that a spreadsheet rounded: no time is read", "own weight alone"):
+    for words in ("below 1 um", "is a time that a spreadsheet rounded: no time is read", "only own weight"):
         assert any(words in note for note in found["C"].notes)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from chromium import DESKTOP, PHONE
 from made_up_run import REPORT, made_up_run
+from matplotlib.image import imsave
 from scipy.spatial.transform import Rotation
 
 from testbench.plant.shapes import Frames
@@ -380,7 +381,9 @@ def test_a_page_is_printed_on_one_sheet_with_badge_picture_table_settings_and_ve
     badge = decide(("one", [1.0] * 8), ("other", [2.0] * 8))
     seen = made_up_run(arm_6r)
     table = Table(
-        (Column("name", "model"), Column("mm", "error", "mm")), [{"name": "one", "mm": 1.0}], "Models"
+        (Column("name", "model"), Column("mm", "error", "mm")),
+        [{"name": "one", "mm": 1.0}, {"name": "other", "mm": 2.0}],
+        "Models",
     )
     write_page(tmp_path, "made up", replace(REPORT, badge=badge), replace(seen, tables=[table, table]))
     page = open_page(tmp_path / "report.html", dark=True).page
@@ -394,4 +397,18 @@ def test_a_page_is_printed_on_one_sheet_with_badge_picture_table_settings_and_ve
     assert page.locator("#scene canvas").bounding_box()["height"] > 150
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert page.locator("table:visible").count() == 1
-    assert page.locator("#map, .runs, .bar, button").locator("visible=true").count() == 0
+    assert page.locator("#map, .runs, input, .screen, button").locator("visible=true").count() == 0
+    scene = seen.scene
+    for words in (scene.title, *(layer.name for layer in scene.groups[0].layers)):  # caption and legend
+        assert words in shown
+    assert page.locator(".chart svg").first.bounding_box()["height"] > 40
+
+
+@pytest.mark.look
+def test_where_scripts_are_off_pictures_stand_in_place_of_what_they_would_draw(open_page, arm_6r, tmp_path):
+    imsave(tmp_path / "models.png", np.zeros((40, 60)))
+    write_page(tmp_path, "made up", REPORT, made_up_run(arm_6r))
+    page = open_page(tmp_path / "report.html", scripts=False).page
+    assert page.locator(".pictures img").is_visible()
+    assert page.locator("#scene, #map, .runs").locator("visible=true").count() == 0
+    assert page.locator(".answer").is_visible()

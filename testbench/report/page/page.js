@@ -3,6 +3,7 @@
 const drawn = JSON.parse(document.getElementById("data").textContent);
 const scenePlace = document.getElementById("scene");
 const scene = drawn.scene ? new Scene(scenePlace, drawn.scene) : null;
+if (scene) document.querySelectorAll(".pictures details").forEach((own) => (own.open = false)); // a page without scripts has them open
 
 /** Show the arm in a pose, and bring it into view. */
 function choose(group, pose) {

@@ -53,7 +53,7 @@ class Scene {
   controls(place) {
     this.slider = make("input", { type: "range", min: 0, "aria-label": "pose" });
     this.says = make("div", { class: "says" });
-    this.legend = make("div", { class: "bar" });
+    this.legend = make("div", { class: "bar legend" });
     const bar = make("div", { class: "bar" });
     if (this.data.groups.length > 1) {
       this.select = make("select", { "aria-label": "which poses" });
@@ -66,7 +66,7 @@ class Scene {
     this.jumps.forEach((own, k) => own.addEventListener("click", () => this.show(this.group, [this.data.groups[this.group].first, this.data.groups[this.group].worst][k])));
     bar.append(...this.jumps);
     this.slider.addEventListener("input", () => this.show(this.group, Number(this.slider.value)));
-    place.append(bar, this.says, this.legend, make("div", { class: "says" }, `${this.data.title} Drag to turn, pinch or Ctrl and wheel to come near.`));
+    place.append(bar, this.says, this.legend, make("div", { class: "says" }, this.data.title, make("span", { class: "screen" }, " Drag to turn, pinch or Ctrl and wheel to come near.")));
   }
 
   show(group, pose = this.data.groups[group].first) {

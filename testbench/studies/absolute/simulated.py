@@ -156,7 +156,7 @@ class Options:
     """Flags of the study."""
 
     arm: Annotated[
-        list[str] | None, typer.Option(help="Arm to measure; again for more, a trial each in turn.")
+        list[str] | None, typer.Option(metavar="ARM", help="Arm to measure; repeatable, in turn.")
     ] = None
 
 

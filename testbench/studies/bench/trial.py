@@ -41,7 +41,7 @@ class Options(LimitOptions):
         list[str] | None,
         typer.Argument(metavar="ENTRY.py...", help="Files with a function estimate: docs/own_estimator.md."),
     ] = None
-    task: Annotated[list[str] | None, typer.Option(help="Only this task; again for more.")] = None
+    task: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this task; repeatable.")] = None
 
 
 @dataclass(frozen=True)

@@ -32,15 +32,15 @@ class Settings:
 
     arm: str  #: Folder or name of the arm.
     scenario: Scenario  #: The campaign.
-    magnification: float  #: Of the drawn deflections [1].
     true_arm: str = FAMILY  #: A name of `TRUTHS`, or all of them in turn.
     first: int = 1  #: The first seed: its errors are kept pose by pose.
+    magnification: float = 50.0  #: Of the drawn deflections [1].
 
 
 def settings(options: CampaignOptions, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
     own = options.scenario(QUICK_WORKSPACE if quick else 200)
-    return Settings(options.arm, own, options.magnification, options.true_arm, seeds[0])
+    return Settings(options.arm, own, options.true_arm, seeds[0])
 
 
 def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[CampaignRow]]:

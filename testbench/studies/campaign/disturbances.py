@@ -9,7 +9,7 @@ import typer
 from testbench.errors import BenchError
 from testbench.plant.disturbance import STIFF_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.true_arms import FAMILY, HELD_OUT
-from testbench.workflows.campaign_flags import TrueArmFlag
+from testbench.workflows.campaign_flags import ArmFlag, TrueArmFlag
 
 SIZES = 0.5, 2.0  #: Of all disturbances, over those of the cases [1].
 QUICK_WORKSPACE = 20
@@ -35,20 +35,22 @@ class Options:
     """Flags of the study."""
 
     scale: Annotated[
-        float, typer.Option(min=0, max=10, help="Size of every disturbance over its typical one.")
+        float, typer.Option(min=0, max=10, metavar="X", help="Size of disturbances over the typical size.")
     ] = 1.0
     only: Annotated[
-        list[str] | None, typer.Option(help="Switch on this disturbance alone; again for more.")
+        list[str] | None, typer.Option(metavar="NAME", help="Only this disturbance; repeatable.")
     ] = None
-    sigma_um: Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading.")] = 50.0
-    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+    sigma_um: Annotated[
+        float, typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise of a reading, per axis.")
+    ] = 50.0
+    arm: ArmFlag = "kr500_l480"
     true_arm: TrueArmFlag = FAMILY
     arms: Annotated[
-        list[str] | None, typer.Option(help="Beside the family this true arm; again for more. All if none.")
+        list[str] | None, typer.Option(metavar="NAME", help="Extra true arm; repeatable (default: all).")
     ] = None
     sizes: Annotated[
         list[float] | None,
-        typer.Option(min=0, max=10, help="All disturbances in this size over --scale too; again for more."),
+        typer.Option(min=0, max=10, metavar="X", help="Extra size over --scale; repeatable."),
     ] = None
 
 

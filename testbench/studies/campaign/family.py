@@ -33,6 +33,7 @@ from testbench.studies.campaign.trial import (
     reread,
 )
 from testbench.studies.rivals import plain_models, without_cone
+from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
 from testbench.workflows.model_selection import choose, with_priors
 from testbench.workflows.models import JOINTS, MODELS, Model
@@ -55,9 +56,9 @@ COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
 class Options:
     """Flags of the study."""
 
-    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+    arm: ArmFlag = "kr500_l480"
     stiffer: Annotated[
-        float, typer.Option(min=0.01, max=1e4, help="How many times stiffer the true links are.")
+        float, typer.Option(min=0.01, max=1e4, metavar="X", help="Stiffness of the true links, factor.")
     ] = 1.0
 
 

@@ -70,7 +70,7 @@ class Options:
     """Flags of the study."""
 
     truth: Annotated[
-        list[str] | None, typer.Option(help="Kind of true arm; again for more. Four kinds if not given.")
+        list[str] | None, typer.Option(metavar="NAME", help="Kind of true arm; repeatable (default: four).")
     ] = None
 
 

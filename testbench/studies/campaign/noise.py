@@ -53,7 +53,7 @@ class Options:
     """Flags of the study."""
 
     sigma_um: Annotated[
-        list[float] | None, typer.Option(help="Noise of a reading along an axis, beside 0; again for more.")
+        list[float] | None, typer.Option(metavar="UM", help="Noise per axis, beside 0; repeatable.")
     ] = None
     true_arm: TrueArmFlag = FAMILY
 

@@ -30,6 +30,7 @@ from testbench.studies.estimators.stein import (
     stein_parameters,
 )
 from testbench.studies.rivals import plain_models
+from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import (
     Campaign,
     Cell,
@@ -73,10 +74,8 @@ class FilledModel(Model):
 class Options:
     """Flags of the study."""
 
-    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
-    campaigns: Annotated[
-        int, typer.Option(min=1, help="Trials with a campaign too; the others draw intervals alone.")
-    ] = 20
+    arm: ArmFlag = "kr500_l480"
+    campaigns: Annotated[int, typer.Option(min=1, metavar="N", help="Trials that also run a campaign.")] = 20
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ ADVISED = Way(PLANNED, BOTH, FEATURED)
 class Options:
     """Flags of the study."""
 
-    arm: Annotated[str, typer.Option(help="Name of the arm; the panel is in front of it.")] = ARM
+    arm: Annotated[str, typer.Option(metavar="ARM", help="Arm in front of the panel.")] = ARM
 
 
 @dataclass(frozen=True)

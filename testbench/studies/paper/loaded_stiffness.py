@@ -38,6 +38,7 @@ from testbench.report.table import Row, Trials
 from testbench.studies.headline import READ, headline
 from testbench.studies.paper.verdicts import comparison, verdict_table
 from testbench.studies.study import Run, Study
+from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Cell, build_cell, clear_poses
 from testbench.workflows.models import JOINTS
 from testbench.workflows.rows import MM, UM
@@ -71,9 +72,9 @@ Method = Literal["linear", "secant", "integrated", "joints"]
 class Options:
     """Flags of the study."""
 
-    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+    arm: ArmFlag = "kr500_l480"
     max_load_n: Annotated[
-        float, typer.Option(min=1, max=100_000, help="Heaviest hung weight; the least is a tenth.")
+        float, typer.Option(min=1, max=100_000, metavar="N", help="Heaviest weight; the lightest is a tenth.")
     ] = 10_000.0
 
 

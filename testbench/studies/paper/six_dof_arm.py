@@ -28,6 +28,7 @@ from testbench.studies.paper.published import SECTION_5_2
 from testbench.studies.paper.verdicts import comparison, judged, nearly, number, verdict_table
 from testbench.studies.rivals import plain_models
 from testbench.studies.study import Run, Study
+from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Truth, build_cell
 from testbench.workflows.evaluation import CampaignRow, campaign_rows, identify, judge
 from testbench.workflows.models import EQUAL_FIT, JOINTS, Model, named_models
@@ -65,14 +66,11 @@ ORDER_STARTS, QUICK_ORDER_STARTS = 5, 2
 class Options:
     """Flags of the study."""
 
-    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "arm_6r"
+    arm: ArmFlag = "arm_6r"
     per: Annotated[
         Literal["deflection", "reading"],
-        typer.Option(help="What the noise of 25 um and 250 urad is that of."),
+        typer.Option(help="What has the noise of 25 um, 250 urad."),
     ] = "deflection"
-    magnification: Annotated[
-        float, typer.Option(min=1, max=10_000, help="Of the deflections drawn in the recording.")
-    ] = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +81,7 @@ class Settings(Options):
     first: int  #: The first seed.
     ordered: int  #: Seeds, from the first, in which the order m is studied too.
     starts: int  #: Local solves of every order m: below 6 there are local minima that are not global.
+    magnification: float = 10.0  #: Of the drawn deflections [1].
 
 
 @dataclass(frozen=True)

@@ -84,12 +84,18 @@ DIFFERENCE = math.sqrt(np.finfo(float).eps)
 class Options:
     """Flags of the study."""
 
-    model: Annotated[str, typer.Option(help="A GCO model of the paper.")] = "MGCO69"
-    m: Annotated[int, typer.Option(min=1, max=6, help="Order of the vector space.")] = LARGEST_ORDER
-    generations: Annotated[int, typer.Option(min=1, help="Most, of the genetic algorithm.")] = 1000
-    trial_points: Annotated[int, typer.Option(min=1, help="Of the global search.")] = 1000
-    starts: Annotated[int, typer.Option(min=1, help="Local solves of the multistart.")] = 10
-    scs: Annotated[bool, typer.Option("--scs", help="SCS by way of cvxpy too (make bench has it).")] = False
+    model: Annotated[str, typer.Option(metavar="NAME", help="A GCO model of the paper.")] = "MGCO69"
+    m: Annotated[
+        int, typer.Option(min=1, max=6, metavar="M", help="Order m of the vector space, Eq. (16).")
+    ] = LARGEST_ORDER
+    generations: Annotated[int, typer.Option(min=1, metavar="N", help="Limit for the genetic algorithm.")] = (
+        1000
+    )
+    trial_points: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Trial points of the global search.")
+    ] = 1000
+    starts: Annotated[int, typer.Option(min=1, metavar="N", help="Local solves of the multistart.")] = 10
+    scs: Annotated[bool, typer.Option("--scs", help="Also run SCS through cvxpy (make bench).")] = False
 
 
 @dataclass(frozen=True)

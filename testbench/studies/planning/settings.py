@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-import typer
 from pydantic import Field
 
 from testbench.arm.folder import find_arm
 from testbench.design.baselines import Observability
 from testbench.model.poses import WorkArea
+from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.model_selection import DEFAULT, FILLED
 from testbench.workflows.models import JOINTS
 
@@ -27,7 +27,7 @@ WHOLE = DEFAULT  #: What `identify` does by default.
 class Options:
     """Flags of the study."""
 
-    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+    arm: ArmFlag = "kr500_l480"
 
 
 @dataclass(frozen=True)

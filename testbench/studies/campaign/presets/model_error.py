@@ -19,9 +19,8 @@ from testbench.workflows.model_selection import DEFAULT, FILLED
 from testbench.workflows.models import JOINTS
 from testbench.workflows.rows import UM
 
-CLAIM_PERCENT = 4.8
-"""Largest difference that the paper quotes of errors with and without a gravity compensator."""
-RIVALS = {"Joints_um": JOINTS, "same_prior_um": f"MLS56{FILLED}"}
+CLAIM_PERCENT = 4.8  #: Largest difference in error by a gravity compensator that the paper quotes [%].
+RIVALS = {"Joints": JOINTS, "same_prior": f"MLS56{FILLED}"}
 KINDS = (
     "kind default_um Joints_um same_prior_um covered_percent worst_tenth_percent beats_joints "
     "beats_same_prior removed_percent trials"
@@ -32,7 +31,11 @@ CLAIM = "case name true_change_percent true_within read_change_percent read_with
 def tables(asked: Settings) -> Mapping[str, Grid]:
     """The default by kind of arm; errors by disturbance and model; what each adds; the paper's claim."""
     noise, family = UM * asked.sigma, {"part": IN_FAMILY}
-    shown = Grid("", down="case", across="name", by="sigma_um")
+    shown = ("noisy", noise, f"with noise of {noise:g} um"), ("calm", 0.0, "without noise")
+    errors = {
+        name: Grid(f"RMS error, um, {words}", "case", "name", by="sigma_um", where=family | {"sigma_um": um})
+        for name, um, words in shown
+    }
     return {
         "kinds": Grid(
             f"All disturbances unless told, noise of {noise:g} um: median RMS errors",
@@ -40,12 +43,7 @@ def tables(asked: Settings) -> Mapping[str, Grid]:
             where={"sigma_um": noise},
             rows=kinds,
         ),
-        "noisy": replace(
-            shown,
-            title=f"RMS error, um, with noise of {noise:g} um",
-            where=family | {"sigma_um": noise},
-        ),
-        "calm": replace(shown, title="RMS error, um, without noise", where=family | {"sigma_um": 0.0}),
+        **errors,
         "ranking": Grid(
             f"{DEFAULT}, without noise",
             columns="case moved_um added_um",
@@ -91,10 +89,9 @@ def kinds(noisy: Trials) -> list[Row]:
     """Rows of the whole family, each kind held out, other sizes, each kind of the family, and other cases."""
     family = noisy.where(part=IN_FAMILY, case=ALL)
     beside, own = noisy.where(part=BESIDE_IT), family.values("true_arm")
-    other = beside.pick(beside["size"] != 1)
     parts = {"the family": family}
     parts |= {CALLED[arm]: beside.where(true_arm=arm, size=1.0) for arm in HELD_OUT}
-    parts |= {f"disturbances times {size:g}": other.where(size=size) for size in other.values("size")}
+    parts |= {f"disturbances times {x:g}": beside.where(size=x) for x in beside.values("size") if x != 1}
     parts |= {CALLED[arm]: family.where(true_arm=arm) for arm in own if len(own) > 1}
     parts["undisturbed family"] = noisy.where(part=IN_FAMILY, case=NONE)
     parts[f"{STIFF} alone"] = noisy.where(part=IN_FAMILY, case=STIFF)
@@ -104,16 +101,14 @@ def kinds(noisy: Trials) -> list[Row]:
 def _of_kind(kind: str, part: Trials) -> Row:
     """What the default does on arms of one kind, beside its rivals on the same ones."""
     default = part.where(name=DEFAULT)
-    ours, joints, same = aligned(part, (DEFAULT, *RIVALS.values()), ERROR).T
+    ours, *theirs = aligned(part, (DEFAULT, *RIVALS.values()), ERROR).T
     covered, n = default["cover.covered_percent"], len(default)
     return Row(
+        {f"{name}_um": number(own) for name, own in zip(RIVALS, theirs, strict=True)},
+        **{f"beats_{name.lower()}": wins(ours, own) / n for name, own in zip(RIVALS, theirs, strict=True)},
         kind=kind,
         trials=n,
         default_um=number(ours),
-        Joints_um=number(joints),
-        same_prior_um=number(same),
-        beats_joints=wins(ours, joints) / n,
-        beats_same_prior=wins(ours, same) / n,
         covered_percent=float(covered.mean()),  # every arm has as many components
         worst_tenth_percent=float(np.sort(covered)[: ceil(n / 10)].mean()),
         removed_percent=number(100 * (1 - default[ERROR] / default["deflection_um"])),

@@ -14,18 +14,7 @@ from testbench.report.schema import Table
 from testbench.report.table import SHARED, TRIAL, Row, Trials, matched, number
 from testbench.runs.spread import SAME, Number, ends, middle
 from testbench.studies.campaign import grids
-from testbench.studies.campaign.grids import (
-    EQUAL,
-    FEATURED,
-    GCO,
-    JOINTS,
-    LENT,
-    NONE,
-    SQUARES,
-    MethodRow,
-    Options,
-    Settings,
-)
+from testbench.studies.campaign.grids import GCO, JOINTS, LENT, SQUARES, MethodRow, Options, Settings
 from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, by_case
 from testbench.workflows.rows import UM
 
@@ -39,8 +28,6 @@ MATTERS = 0.95  #: Ratio of errors, median, above which a gain is too small to c
 CELL = ("part", "structure", "poses", "sigma_um")
 LOOKS = {SQUARES: look("MLS56", "none"), LENT: look("MLS56", "free"), JOINTS: look("Joints", "none")}
 """Of those that GCO is drawn beside."""
-
-
 PAYS = "way cells cone_pays beats_too"
 BY_LEVEL = Grid("", down="level", across="theirs", value="ratio", columns="fits_share", by="part")
 
@@ -69,7 +56,7 @@ def tables(_: Settings) -> Mapping[str, Grid]:
 
 def derived(_: Settings, trials: Trials) -> Trials:
     """Pick fits without a prior; add GCO's error over theirs in the same fit, and the error to expect."""
-    own = trials.where(uncertainty=NONE)
+    own = trials.where(uncertainty=grids.NONE)
     kind = np.array([list(KINDS).index(part) for part in own["part"]])
     level = np.where(own["binds"], np.digitize(own["expected"], LEVELS), len(NAMES))
     code, gco = 10 * kind + level, own["name"] == GCO
@@ -105,7 +92,8 @@ def pays(ratio: Number) -> bool:
 
 def cells(_: Settings, trials: Trials) -> Mapping[str, Where]:
     """The cell of section 6 by structure, that in which GCO errs least first."""
-    at = {"part": "gravity", "poses": FEATURED[0], "sigma_um": UM * FEATURED[1]}
+    poses, sigma = grids.FEATURED
+    at = {"part": "gravity", "poses": poses, "sigma_um": UM * sigma}
     here = trials.where(name=GCO, **at)
     errors = {name: np.median(own[ERROR]) for (name,), own in here.groups("structure")}
     return {name: {**at, "structure": name} for name in sorted(errors, key=lambda name: errors[name])}
@@ -113,7 +101,7 @@ def cells(_: Settings, trials: Trials) -> Mapping[str, Where]:
 
 def figures(found: Report) -> Mapping[str, Figure]:
     """Draw GCO over others by the error that noise is expected to leave, a pane a kind of reading."""
-    rows = [row for row in Row(found.numbers).cells["levels"] if row.theirs != EQUAL]
+    rows = [row for row in Row(found.numbers).cells["levels"] if row.theirs != grids.EQUAL]
     others = [name for name in dict.fromkeys(row.theirs for row in rows) if name not in LOOKS]
     looks = LOOKS | {name: look(f"own {k}", "own") for k, name in enumerate(others, 1)}
     shown = columns("level theirs ratio")
@@ -149,7 +137,7 @@ PRESET = Preset(
     cells=cells,
     ours=GCO,
     rivals=(SQUARES,),  # the cone by itself: the same structure
-    pairs=((GCO, LENT), (GCO, EQUAL), (GCO, JOINTS)),
+    pairs=((GCO, LENT), (GCO, grids.EQUAL), (GCO, JOINTS)),
     derived=derived,
     figures=figures,
 )

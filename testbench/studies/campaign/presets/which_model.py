@@ -1,6 +1,6 @@
 """Which method an engineer should use by default, whatever the true arm and the prior are."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -90,29 +90,24 @@ def _share(cells: Cells) -> float | None:
 def _said(rows: Trials) -> Mapping[str, Cells]:
     """Of every case what is said of its prior, 0 or 1; NaN where nothing can be."""
     wrong, heard, left = (rows[key] for key in ("wrong", "doubted.contradicted", "doubted.unchecked"))
-    cases = list(zip(wrong, heard, left, strict=True))
-    named = [(link, open_) for link, _, open_ in cases if open_ is not None and link]
+    named = [(link, open_) for link, open_ in zip(wrong, left, strict=True) if open_ is not None and link]
     others = {  # how often a link is named where another one is wrong
         link: float(np.mean(own))
         for link in dict(named)
         if (own := [link in open_ for other, open_ in named if other != link])
     }
-    found: Cells = np.array([_of_case(*case, others) for case in cases], dtype=float)
-    doubted, told, unchecked, otherwise = found.T
+    asked, listed, known = (np.array([own is not None for own in each]) for each in (heard, left, wrong))
+    doubted, told, unchecked, otherwise = (
+        np.where(counts, np.array(each, dtype=float), np.nan)
+        for counts, each in (
+            (asked, [len(own or ()) > 0 for own in heard]),
+            (asked & known, [link in (own or ()) for link, own in zip(wrong, heard, strict=True)]),
+            (listed, [link in (own or ()) for link, own in zip(wrong, left, strict=True)]),
+            (listed & known, [others.get(link, np.nan) for link in wrong]),
+        )
+    )
     either = np.where(np.isnan(unchecked), np.nan, np.fmax(told, unchecked))
     return dict(zip(SAID, (doubted, told, unchecked, otherwise, either), strict=True))
-
-
-def _of_case(
-    link: str | None, heard: Sequence[str] | None, left: Sequence[str] | None, others: Mapping[str, float]
-) -> tuple[float, ...]:
-    """Whether anything is doubted, what is wrong is contradicted, left open, and left open otherwise."""
-    return (
-        np.nan if heard is None else len(heard) > 0,
-        link in heard if link and heard is not None else np.nan,
-        np.nan if left is None else link in left,
-        np.nan if left is None or link is None else others.get(link, np.nan),
-    )
 
 
 def cells(_: Settings, trials: Trials) -> Mapping[str, Where]:
