@@ -122,18 +122,7 @@ class Linear:
         Returns:
             Phi(M + F^T F) of every candidate, (candidates,).
         """
-        return self.after_gains(gains_of(M, rows, self.W))
-
-    def after_gains(self, gains: "Gains") -> Array:
-        """Compute Phi with one more candidate from what each takes off tr(W M^-1).
-
-        Args:
-            gains: Gains of the candidates by this W.
-
-        Returns:
-            Phi(M + F^T F) of every candidate, (candidates,).
-        """
-        return np.asarray(1 / ((gains.I * self.W).sum() - gains.reductions()))
+        return gains_of(M, rows, self.W).after()
 
     def tangent(self, M: Array) -> Tangent:
         """Compute the plane Z = M^-1 W M^-1 / tr(W M^-1)^2, the gradient of Phi.
@@ -337,6 +326,10 @@ class Gains:
     #: Factor by which M grew at most along a direction since K and N were computed from it [1].
     growth: float = 1.0
 
+    def after(self) -> Array:
+        """Compute 1 / tr(W M^-1) with one more candidate, for every candidate, (candidates,)."""
+        return np.asarray(1 / ((self.I * self.W).sum() - self.reductions()))
+
     def reductions(self) -> Array:
         """Compute tr(K^-1 N) of every candidate, (candidates,).
 
@@ -364,7 +357,7 @@ def gains_of(M: Array, rows: Array, W: Array) -> Gains:
     Returns:
         The gains.
     """
-    (count, k, r), I = rows.shape, np.linalg.inv(M)  # noqa: E741
+    (count, k, r), I = rows.shape, np.asarray(np.linalg.inv(M))  # noqa: E741
     P = times(rows, np.hstack([I, I @ W @ I])).reshape(count, 2 * k, r)
     both = np.ascontiguousarray((P @ rows.swapaxes(1, 2)).transpose(1, 2, 0))
     return Gains(rows, W, M, I, np.eye(k)[:, :, None] + both[0::2], both[1::2])
@@ -396,7 +389,7 @@ def grown(gains: Gains, own: Array) -> Gains:
     return replace(
         gains,
         M=M,
-        I=np.linalg.inv(M),
+        I=np.asarray(np.linalg.inv(M)),
         K=gains.K - np.einsum("ilp,jlp->ijp", X, T),
         N=gains.N - half - half.swapaxes(0, 1),
         growth=growth,

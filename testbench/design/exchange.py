@@ -75,11 +75,11 @@ def greedy(problem: Problem, criterion: Criterion, rows: Array, poses: int) -> I
     gains = gains_of(M, rows, criterion.W) if isinstance(criterion, Linear) else None
     for k in stepwise(range(poses), "choosing poses"):
         # of a linear criterion the gains follow M; the others are computed from it
-        worth = criterion.after_gains(gains) if gains is not None else criterion.after(M, rows)
+        worth = criterion.after(M, rows) if gains is None else gains.after()
         plan[k] = worth.argmax()
         own = rows[plan[k]]
         M = M + own.T @ own
-        gains = grown(gains, own) if gains is not None and k < poses - 1 else gains
+        gains = None if gains is None or k == poses - 1 else grown(gains, own)
     return plan
 
 
