@@ -97,6 +97,8 @@ def check(runs: Readings, asked: Options) -> None:
 
 def _map_of_layout(console: Console, cell: Cell, runs: Readings, asked: Options) -> Path | Map | None:
     """The map that is given, else that of the layout that fits, which is printed; None without either."""
+    if runs.mapping and (asked.log or asked.layout):
+        raise BenchError("--map: expected no --log or --layout beside a map, which says both")
     fits = runs.mapping is None and (asked.log or fitting(runs.dataset, cell.arm, asked.layout))
     if not fits:
         return runs.mapping
