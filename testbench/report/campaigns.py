@@ -1,11 +1,11 @@
 """What studies that judge models by campaigns share: the best of a method, pairs, the map, the recording."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from testbench.identify import Constraint
 from testbench.report.schema import best_of
-from testbench.report.table import Row, Trials, aligned, merged, nested, paired
-from testbench.runs.spread import span, wins
+from testbench.report.table import Row, Trials, merged, nested
+from testbench.runs.spread import span
 from testbench.workflows.models import JOINTS
 from testbench.workflows.workspace_errors import ErrorPlaces, Places, error_places
 
@@ -42,20 +42,6 @@ def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
     }
     alike = best_of({name: m.workspace.rms_mm for name, m in own.items()}).names
     return max(alike, key=lambda name: own[name].parameters, default="")
-
-
-def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]], value: str = TRUE, scale: float = 1.0) -> Row:
-    """Two models in the same trials, by what the comparison is called; those that are there.
-
-    Each is what `Gain` holds, and `won`, the share of trials in which ours errs less. For value and scale see
-    `paired`.
-    """
-    found = Row()
-    for name, (ours, theirs) in asked.items():
-        if gain := paired(trials, ours, theirs, value, scale):
-            a, b = aligned(trials, (ours, theirs), value).T
-            found[name] = Row(vars(gain), tie=gain.tie, won=wins(a, b) / len(a))
-    return found
 
 
 def by_arm(trials: Trials, value: str, of: str = "name") -> list[Row]:

@@ -1,8 +1,7 @@
 """A report: numbers, sentences and tables, each said once; every view is made of it."""
 
-import contextlib
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from string import Formatter
@@ -13,24 +12,13 @@ from pydantic import JsonValue
 from testbench.errors import InputError
 from testbench.report.badge import Badge
 from testbench.report.colours import Look
-from testbench.report.gains import less, more, ratio, share
-from testbench.report.markdown import MOST, Markdown, as_markdown, counted, ended, grid, listed, place, titled
-from testbench.report.schema import Column, Table, looks, show, show_truth, written_out
+from testbench.report.markdown import MOST, Markdown, as_markdown, counted, ended, grid, listed, titled
+from testbench.report.schema import Column, Table, looks, show, written_out
 from testbench.report.table import DRAWN, SPREAD, Row, plain, rows
 from testbench.runs.manifest import read_plain
-from testbench.runs.spread import Spread, middle, most
+from testbench.runs.spread import Spread, middle
 
-FORMS = {
-    "yes": show_truth,
-    "list": listed,
-    "less": less,
-    "more": more,
-    "ratio": ratio,
-    "share": share,
-    "place": place,
-    "counted": counted,
-    "most": lambda value, form: show(most(value), form),
-}
+FORMS = {"list": listed, "counted": counted}
 """What a sentence may ask for beside a format of numbers."""
 PARTS = ("question", "title", "answer", "worst")  #: Of one line each.
 LISTS = ("statements", "more", "body")
@@ -38,10 +26,9 @@ OWN = ("scenario", "badge", "said", "tables")  #: Keys of report.json that are n
 
 
 class _Sentence(Formatter):
-    """{x:.3f} is a number with its spread, {x:~.3f} its median, {gain:less} a ratio; words are escaped.
+    """{x:.3f} is a number with its spread, {x:~.3f} its median; words are escaped.
 
-    {n:counted pose} is such as "1 pose" or "5,132 poses", {won:share 100} a share of 100 trials
-    with its interval; {x:most .3f} is the number of the worst trial.
+    {n:counted pose} is such as "1 pose" or "5,132 poses", {names:list} names with commas and an "and".
     """
 
     def format_field(self, value: Any, spec: str) -> str:
@@ -172,18 +159,6 @@ def read_report(file: Path, found: JsonValue = None) -> Report:
         raise InputError(file, str(err).strip("'"), "not a report of this version: expected it") from err
     except (TypeError, ValueError, AttributeError, LookupError) as err:
         raise InputError(file, "", f"not a report of this version: {err}") from err
-
-
-@contextlib.contextmanager
-def numbers_of(file: Path) -> Iterator[None]:
-    """What words and tables cannot make of a stranger's numbers is told as an InputError of the file."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as err:  # any: of the right types, and yet nothing that a run can find
-        problem = f"its numbers do not belong together: {type(err).__name__}: {err}"
-        raise InputError(file, "", problem) from err
 
 
 def read(found: Mapping[str, Any]) -> Report:

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from testbench.report.gains import Gain, gained
 from testbench.runs.rows import Row as Row
 from testbench.runs.rows import finite as finite
 from testbench.runs.spread import Spread, spread, twins_once
@@ -178,15 +177,6 @@ def _middle(cells: Cells, trials: Cells | None) -> Any:
         return None
     first = cells[0].item()
     return first if (cells == first).all() else spread(cells, trials)
-
-
-def paired(trials: Trials, ours: str, theirs: str, value: str, scale: float = 1.0) -> Gain | None:
-    """Two models in the same trials by one error [mm once it is scaled]; None where one is not there."""
-    both = aligned(trials, (ours, theirs), value)
-    if ours == theirs or not len(both):
-        return None
-    a, b = (scale * both).T.tolist()
-    return gained(ours, theirs, a, b, shared(trials, (ours, theirs)))
 
 
 def shared(trials: Trials, models: Sequence[str]) -> Cells | None:

@@ -8,7 +8,7 @@ from string import digits
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
 from testbench.errors import BenchError
-from testbench.identify import Constraint, Estimator, completed_least_squares, gco, least_squares
+from testbench.identify import Estimator, completed_least_squares, gco, least_squares
 from testbench.identify.regression import non_redundant
 from testbench.model.structure import (
     FULL,
@@ -179,17 +179,3 @@ def right_name(arm: Arm, name: str) -> str:
 def equal_fit(cell: Cell) -> Model:
     """The model of MLS56 with its free directions used to be conservative."""
     return Model(EQUAL_FIT, template56(cell.arm, name="MLS56"), completed_least_squares)
-
-
-def is_least_squares(structure: str, constraint: Constraint, *, prior: bool) -> bool:
-    """Tell whether a method is least squares of links without a prior, the reference for GCO.
-
-    Args:
-        structure: Name of the structure.
-        constraint: Constraint of the method.
-        prior: Whether it has a prior.
-
-    Returns:
-        True if it is.
-    """
-    return structure != JOINTS and constraint == "none" and not prior

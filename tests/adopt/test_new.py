@@ -14,10 +14,12 @@ from run_here import do, fine, is_refused
 from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, sliding_mjcf
 
 from testbench.arm.folder import load_arm
+from testbench.files.robot.chain import read_chain
 from testbench.model.kinematics import build_vjm
 from testbench.model.vjm import body_poses, tool_pose
 from testbench.plant.site import build_site, collisions
 from testbench.workflows.arm_check import check
+from testbench.workflows.new_arm import sentence
 
 STRANGERS = light_urdf, heavy_urdf, classes_mjcf, mounted_mjcf, sliding_mjcf
 FUZZED = 25
@@ -150,18 +152,19 @@ def test_a_joint_that_is_locked_at_zero_is_no_joint_of_the_arm(tmp_path, limits)
     ):
         file = tmp_path / f"{said[0]}.urdf"
         file.write_text(changed)
-        done = fine("new", tmp_path / said[0], "--from", file)
-        assert said in done
-        assert ("limits of 0 to 0, so held at zero: joint_a4 " in done) == (said[0] == "5")
-        assert ("-360 to 360 deg stands in" in done) == (said[0] == "6")
+        chain = read_chain(file)
+        noted = " ".join(map(sentence, chain.notes))
+        assert f"{chain.n_joints} joints" == said
+        assert ("limits of 0 to 0, so held at zero: joint_a4" in noted) == (said[0] == "5")
+        assert ("-360 to 360 deg stands in" in noted) == (said[0] == "6")
 
 
 def test_a_gripper_whose_fingers_follow_one_of_them_is_no_part_of_the_arm(tmp_path):
     """No flange by name: the fingers that follow show that the last branch is a gripper."""
     file = light_urdf(tmp_path)
     file.write_text(file.read_text().replace("tool0", "mount"))
-    done = fine("new", tmp_path / "mine", "--from", file)
-    assert "7 joints, tool at 'hand'" in done
+    chain = read_chain(file)
+    assert (chain.n_joints, chain.tip.name) == (7, "hand")
 
 
 @pytest.mark.parametrize(
@@ -173,8 +176,8 @@ def test_the_frame_of_the_tool_is_known_by_its_name(tmp_path, name):
     camera = """<link name="camera_link"/><joint name="c" type="fixed"><parent link="link_6"/>
         <child link="camera_link"/></joint></robot>"""
     (tmp_path / "named.urdf").write_text(text.replace("</robot>", camera))
-    done = fine("new", tmp_path / "mine", "--from", tmp_path / "named.urdf")
-    assert f"6 joints, tool at {name!r}" in done
+    chain = read_chain(tmp_path / "named.urdf")
+    assert (chain.n_joints, chain.tip.name) == (6, name)
 
 
 def test_a_gripper_of_one_jaw_is_no_joint_of_the_arm(tmp_path):
@@ -183,15 +186,13 @@ def test_a_gripper_of_one_jaw_is_no_joint_of_the_arm(tmp_path):
     jaw = """<link name="mover"/><joint name="{}" type="revolute"><origin xyz="0.2 0 0"/>
         <parent link="link_6"/><child link="mover"/><axis xyz="0 1 0"/>
         <limit lower="-1" upper="0" effort="1" velocity="1"/></joint>"""
-    for name, said in (
-        ("jointGripper", "6 joints, tool at 'mount'"),
-        ("joint_a7", "7 joints, tool at 'mover'"),
-    ):
+    for name, found in (("jointGripper", (6, "mount")), ("joint_a7", (7, "mover"))):
         file = tmp_path / f"{name}.urdf"
         file.write_text(text.replace("</robot>", jaw.format(name) + "</robot>"))
-        done = fine("new", tmp_path / name, "--from", file)
-        assert said in done
-        assert ("off the arm, so held at zero: jointGripper" in done) == (said[0] == "6")
+        chain = read_chain(file)
+        assert (chain.n_joints, chain.tip.name) == found
+        held = "off the arm, so held at zero: jointGripper" in map(sentence, chain.notes)
+        assert held == (name == "jointGripper")
 
 
 @pytest.mark.parametrize(

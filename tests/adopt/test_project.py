@@ -158,9 +158,13 @@ def test_a_pair_without_a_mass_has_the_project_s_load(cell):
 )
 def test_a_mistake_is_one_line_and_nothing_is_written(cell, text, said):
     NAME.write_text(text + "\n")
-    for args in (("calibrate", ARM, "may.csv"), ("plan", ARM, "--absolute"), ("check", ARM, "--out", "seen")):
-        line = refused(*args, said=said, below=cell)
-        assert line.startswith(f"error: {NAME}: ")
+    assert refused("check", ARM, "--out", "seen", said=said, below=cell).startswith(f"error: {NAME}: ")
+
+
+def test_every_command_reads_the_project_file_but_for_its_help(cell):
+    NAME.write_text("arm = \n")
+    for args in (("calibrate", ARM, "may.csv"), ("plan", ARM, "--absolute")):
+        refused(*args, said=f"{NAME}: ", below=cell)
     fine("calibrate", "--help")
 
 

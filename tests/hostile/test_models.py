@@ -45,8 +45,6 @@ FORGED = {
     "a method that fills pages": (says("about", "method", value="x" * 10**6), "about.method: String should"),
     "more rows than fit in memory": ({"root": np.zeros((700_000, 56))}, "bytes when unpacked"),
     "100,000 doubts": (says("about", "doubts", value=["?"] * 10**5), "about.doubts: List should have at"),
-    "three axes": ({"root": np.zeros((2, 56, 2))}, "root: expected shape"),
-    "objects": ({"root": np.array([{}], dtype=object)}, "Object arrays cannot be loaded"),
 }
 
 

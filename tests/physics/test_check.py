@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from spoil import swap
 
+from testbench.cli.check import report
 from testbench.files.robot.chain import read_chain
 from testbench.model.vjm import chain
 from testbench.workflows.arm_check import check
@@ -67,9 +68,10 @@ base: the arm hangs 1 m below its base: is it overhead?
 @pytest.mark.parametrize("wrong", re.findall(r"^(\w[\w ]*): (.*)\n    (.*?): (.*) -> (.*)$", WRONG, re.M))
 def test_what_is_wrong_with_an_arm_is_named_with_its_numbers(tmp_path, wrong):
     name, words, *change = wrong
-    doubts = planted(tmp_path, change).doubts
-    assert name in {doubt.name for doubt in doubts}
-    assert any(words in doubt.sentence for doubt in doubts), doubts
+    found = planted(tmp_path, change)
+    assert name in {doubt.name for doubt in found.doubts}
+    assert any(words in doubt.sentence for doubt in found.doubts), found.doubts
+    assert len(report(found).claims) == len(found.doubts)
 
 
 @pytest.mark.parametrize("name", ["kr500_l480", "arm_6r", "single_link", "ur10"])

@@ -44,8 +44,7 @@ def both(cell, structure, data):
     return [method(cell.vjm, structure, data) for method in (least_squares, completed_least_squares)]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("make", [template56, mgco147])
+@pytest.mark.parametrize(("make", "seed"), [(template56, 1), (mgco147, 2)])
 def test_of_section_5_2_the_nearest_conservative_model_of_equal_fit_is_found(arm_6r, make, seed):
     """Dykstra's alternating projections on the models of equal fit and on the cone end at the same one."""
     data, s = simulate(arm_6r, SECTION_5_2, seed).identification, make(arm_6r.arm)

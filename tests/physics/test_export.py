@@ -115,11 +115,10 @@ def test_an_own_urdf_keeps_all_but_the_origins_of_its_chain(ur10, rng, tmp_path,
     assert apart(drawn_, moved)[0] < 5e-3
 
 
-@pytest.mark.parametrize("digits", [17, 6])
-def test_an_own_urdf_of_any_arm_is_read_back(any_arm, rng, tmp_path, digits):
+def test_an_own_urdf_of_any_arm_is_read_back(any_arm, rng, tmp_path):
     """Exactly, though the robot's own right angles have six digits: those of the model count."""
     state = planted(any_arm, rng)
-    (file := tmp_path / "own.urdf").write_text(own_urdf(state.vjm, rng, digits=digits)[0])
+    (file := tmp_path / "own.urdf").write_text(own_urdf(state.vjm, rng, digits=6)[0])
     done = export(state, draft_own(state, file), tmp_path / "new.urdf")
     assert max(done.read_back.position_um, done.read_back.rotation_urad) < 1e-4
 

@@ -106,7 +106,7 @@ def test_threads_of_a_caller_find_the_same(kr500, rng):
     runs = loads(kr500, rng)
     expected = typical(kr500.plant, *runs)
     with ThreadPoolExecutor(3) as pool:
-        for found in pool.map(lambda _: typical(kr500.plant, *runs), range(9)):
+        for found in pool.map(lambda _: typical(kr500.plant, *runs), range(4)):
             assert_close(found, expected)
 
 

@@ -57,9 +57,9 @@ def unloaded(cell, rng, poses, *, targets=3, stations=1, noise=0.0, joints=None)
 
 
 @pytest.mark.parametrize("arm", ["kr500", "arm_7r", "slides"])
-@pytest.mark.parametrize("targets", [1, 2, 3])
-@pytest.mark.parametrize("stations", [1, 3])
-@pytest.mark.parametrize("named", [True, False])
+@pytest.mark.parametrize(
+    ("targets", "stations", "named"), [(1, 1, True), (1, 3, False), (2, 3, True), (3, 1, False)]
+)
 def test_exact_readings_give_back_frames_and_targets(arm, targets, stations, named, request, rng):
     """Six poses a station; targets 20 mm off an axis, or not in the arm's folder at all."""
     cell = request.getfixturevalue(arm)
@@ -141,7 +141,7 @@ def test_frame_that_is_hardly_known_or_open_is_refused_or_the_base(kr500, rng):
         registered(vjm, data, "tracker")
     assert registered(vjm, data).frame == "base"
     vjm, data = unloaded(kr500, rng, 20, targets=1, joints=[0], noise=1e-4)
-    with pytest.raises(BenchError, match=r"20 poses, in which joint_1 turns, leave a frame or a target open"):
+    with pytest.raises(BenchError, match=r"20 poses, in which joint_1 turns, .* open"):
         registered(vjm, replace(data, markers=("T",)), "tracker")
 
 

@@ -45,21 +45,6 @@ def test_the_weighted_problem_is_solved_and_proven_and_its_certificate_made_agai
     assert again == pytest.approx(found.certificate.duality_gap, abs=1e-12)  # rounding of F_M
 
 
-def test_no_other_model_costs_less_in_the_weighted_problem(kr500, campaign):
-    """Joints alone, the paper's GCO and the optimum of other weights, by F_M + w tr C of their own."""
-    s, data = template56(kr500.arm), campaign.identification
-    best = gco(kr500.vjm, s, data)
-    penalty, lifted = best.penalty, best.penalty.lifted(best.regression)
-    rivals = [replace(gco, trace_weight=f * penalty.weight)(kr500.vjm, s, data).split for f in (0.5, 2)]
-    for split in (*rivals, 0 * best.split, 1.01 * best.split):
-        cost = [f_m_of(lifted, own) + penalty.price @ own for own in (best.split, split)]
-        assert cost[0] <= cost[1] + best.certificate.duality_gap
-
-
-def f_m_of(regression, pi):
-    return sum(np.sqrt(np.sum((t.R @ pi - t.z) ** 2) + t.rest) for t in regression.terms)
-
-
 def test_the_paper_s_gco_has_no_weight_and_says_so(kr500, campaign):
     s, data = mgco68(kr500.arm), campaign.identification
     papers, ours = (method(kr500.vjm, s, data) for method in (paper_gco, gco))

@@ -68,7 +68,7 @@ def test_links_are_as_far_from_tubes_as_their_name_says(kr500, name, rng):
 
 @pytest.mark.parametrize("name", TRUE)
 def test_every_truth_is_conservative_and_new_for_every_seed_and_comes_again(kr500, name):
-    seen, seeds = set(), range(4)
+    seen, seeds = set(), range(3)
     for seed in seeds:
         own, again = (drawn(kr500, name, seed) for _ in range(2))
         for link in own.links:
@@ -340,7 +340,7 @@ def test_a_casting_is_a_straight_box_bends_by_a_pull_beside_and_as_its_taper_say
 def test_cast_links_are_as_long_and_bend_as_the_tubes_with_walls_that_can_be_cast(kr500, k):
     tube = kr500.arm.links[k].compliance
     bending = (tube[4, 4] + tube[5, 5]) / 2
-    for seed in range(20):
+    for seed in range(6):
         draw = draw_casting((tube[1, 5] - tube[2, 4]) / bending, bending, np.random.default_rng(seed))
         casting = as_compliant(draw, bending)
         C = casting.compliance()

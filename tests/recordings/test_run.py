@@ -142,7 +142,7 @@ def test_words_say_which_pose_is_shown_and_what_colours_are(chunks):
     data = columns(on(chunks, "worst_first"), "/here/runs")
     texts = [t[0] for _, t in sorted(zip(data["worst_first"], data["TextDocument:text"], strict=True))]
     assert [text.partition("\n")[0] for text in texts] == [f"**{'abcde'[k]}** {k} mm off" for k in ORDER]
-    assert "rust dots: target as read; green arrows: error of one; green lines: path asked" in texts[0]
+    assert all(f"{x}: " in texts[0] for x in ("rust dots", "green arrows", "green lines"))
     assert "hidden" not in texts[0]
     text = document(chunks, "/summary")
     assert (
@@ -162,7 +162,7 @@ def test_a_map_has_a_ball_a_place_the_larger_and_brighter_the_more(chunks, seen)
     colours = [(c >> 24, c >> 16 & 255, c >> 8 & 255) for c in data["Points3D:colors"][0]]
     assert colours[int(np.argmax(mm[known]))] == SCALE[-1]
     assert colours[int(np.argmin(mm[known]))] == SCALE[0]
-    assert "to large and yellow: 0.500, 1.625, 2.750, 3.875, 5.000 mm." in document(chunks, "/map_words")
+    assert "0.500, 1.625, 2.750, 3.875, 5.000 mm" in document(chunks, "/map_words")
     k = int(np.nanargmax(mm))
     worst = columns(chunks, "/world/map/one/worst")
     assert worst["Points3D:labels"] == [["worst 5.000 mm"]]

@@ -1,19 +1,17 @@
 """Opening and rendering recordings: which file, which program, how a film plays, what is missing."""
 
-import contextlib
 import io
 import os
 from dataclasses import replace
 
 import headless
-import numpy as np
 import pytest
 import shot as shots
 from made_up_run import REPORT, made_up_run
 from PIL import Image
-from shot import Sight, film, shot, write_film
+from shot import Sight, film, shot
 
-from testbench.errors import BenchError, InputError
+from testbench.errors import BenchError
 from testbench.report.recording import viewer
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import Header
@@ -99,41 +97,6 @@ def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_
         assert picture.size == (640, 400 - shots.BARS)
 
 
-def busy(monkeypatch, answers, error=ConnectionError):
-    """A viewer that answers so many times too late, at first; gives how often it was asked."""
-    asked = []
-
-    def answer(_, operation, request):
-        asked.append(operation)
-        if len(asked) <= answers:
-            raise error("status: DeadlineExceeded, message: Deadline expired before it could")
-        return {"png": "UE5H"}
-
-    monkeypatch.setattr(headless.ViewerClient, "_viewer_control", answer)
-    monkeypatch.setattr(headless.ViewerClient, "__init__", lambda *_: None)  # it would connect
-    monkeypatch.setattr(headless.ViewerClient, "__del__", lambda _: None)
-    return asked
-
-
-@pytest.mark.parametrize("error", [ConnectionError, TimeoutError])
-def test_a_busy_viewer_is_asked_again(monkeypatch, error):
-    asked = busy(monkeypatch, 2, error)
-    assert headless.PatientClient().take_screenshot() == b"PNG"
-    assert asked == ["save_screenshot"] * 3
-
-
-def test_a_viewer_that_stays_busy_is_blamed_and_not_the_file(folder, monkeypatch):
-    busy(monkeypatch, answers=10**9)
-    monkeypatch.setattr(headless, "LOAD", 0.0)
-    monkeypatch.setattr(headless, "software_driver", lambda: "none")
-    monkeypatch.setattr(headless, "started", lambda *_: contextlib.nullcontext())
-    monkeypatch.setattr(headless, "wait", lambda *_: headless.PatientClient())
-    with pytest.raises(BenchError, match=r"did not answer in time: .*Deadline expired.* busy\?$") as told:
-        shot(folder, folder / "picture.png", Sight(size="640x400"))
-    assert not isinstance(told.value, InputError)
-    assert not (folder / "picture.png").exists()
-
-
 @pytest.mark.skipif(not has_lavapipe(), reason="needs mesa-vulkan-drivers")
 def test_half_a_recording_is_told_at_once_and_by_its_reason(folder, monkeypatch):
     monkeypatch.setattr(headless, "LOAD", 0.0)  # nothing is waited for
@@ -150,55 +113,3 @@ def png(pixels):
     data = io.BytesIO()
     Image.fromarray(pixels).save(data, "PNG")
     return data.getvalue()
-
-
-def steps(count):
-    """A bar that grows on grey, as PNGs."""
-    pictures = np.full((count, 60, 300, 3), 40, np.uint8)
-    for k in range(count):
-        pictures[k, 20:40, : 1 + k * 10] = (0, 158, 115)
-    return [png(picture) for picture in pictures]
-
-
-def test_a_film_shows_every_step_and_rests_at_both_ends(tmp_path):
-    write_film(tmp_path / "part", steps(21))
-    shown, rests = [], []
-    with Image.open(tmp_path / "part") as gif:
-        assert gif.info["loop"] == 0
-        for k in range(gif.n_frames):
-            gif.seek(k)
-            rests.append(gif.info["duration"])
-            shown.append(int((np.asarray(gif.convert("RGB"))[30, :, 1] > 100).sum()))
-    assert shown == [1 + 10 * k for k in range(21)]
-    assert rests[0] == rests[-1] == shots.REST
-    assert sum(rests[1:-1]) == pytest.approx(shots.PLAYED, rel=0.1)
-    assert max(rests[1:-1]) <= shots.LONGEST
-
-
-def test_a_large_film_shrinks_until_it_plays_at_once(tmp_path, rng):
-    noise = [png(rng.integers(0, 256, (320, 480, 3), dtype=np.uint8)) for _ in range(10)]
-    write_film(tmp_path / "part", noise)
-    assert (tmp_path / "part").stat().st_size <= shots.LARGEST
-    with Image.open(tmp_path / "part") as gif:
-        assert gif.n_frames == 10
-        assert gif.width / gif.height == pytest.approx(480 / 320, rel=0.01)
-
-
-def test_what_stays_large_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(shots, "LARGEST", 100)
-    with pytest.raises(BenchError, match="choose a smaller --size"):
-        write_film(tmp_path / "part", steps(3))
-
-
-def test_a_film_goes_through_its_timeline_from_its_first_place(monkeypatch):
-    gone, picture = [], png(np.zeros((200, 10, 3), np.uint8))
-    for name, answer in {"hide_bars": None, "settled": picture, "still": picture}.items():
-        monkeypatch.setattr(headless, name, lambda *_, answer=answer: answer)
-    monkeypatch.setattr(headless, "places", lambda *_: ("pose", 3, 40))
-    monkeypatch.setattr(headless, "go", lambda _, timeline, at: gone.append((timeline, at)))
-    pictures = list(shots._frames(None, Sight()))
-    first, *steps = gone
-    assert first == steps[0] == ("pose", 3)
-    assert steps[-1] == ("pose", 40)
-    assert steps == sorted(steps)
-    assert len(pictures) == len(steps)

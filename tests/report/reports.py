@@ -84,12 +84,6 @@ def check(report, printed):
     return report.whole()
 
 
-def check_said(report, *sentences):
-    """All of these are said somewhere on the page of a report."""
-    whole = report.whole()
-    assert [sentence for sentence in sentences if sentence not in whole] == []
-
-
 def fit_row(kind, rng, models, name, **own):
     """A made-up row of a factorial campaign's model.
 

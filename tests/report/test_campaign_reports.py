@@ -298,9 +298,9 @@ def test_of_one_seed_the_calibration_has_no_spread_and_warns_of_what_nothing_lim
     one = whole.study.report(whole.asked, SEEDS[:1], whole.trials.where(seed=1))
     check(one, whole.study.printed)
     assert not any(isinstance(m.workspace.rms_mm, Spread) for m in one.numbers["models"])
-    assert one.claims == [
-        "Only the trace weight limits the compliance that the readings cannot determine: MGCO56."
-    ]
+    [claim] = one.claims
+    assert "trace weight" in claim
+    assert claim.endswith(": MGCO56.")
     assert {row.name for row in one.tables["worst"].rows} >= {"ALL153 + prior", "Joints"}
     for row in one.tables["worst"].rows:
         mm = one.numbers["map"].error_mm[row.name]

@@ -17,7 +17,7 @@ from testbench.studies.compensation.study import LOOKS, figures, report
 from testbench.studies.compensation.trial import JobsRow
 from testbench.studies.rivals import SAME
 
-SETTINGS, SEEDS, POINTS = s.Settings("kr500_l480", 300), range(300, 306), 94
+SETTINGS, SEEDS, POINTS = s.Settings("kr500_l480", 300), range(300, 306), 10
 LEFT = {s.PERFECT: 1e-8, DEFAULT: 0.02, "Joints": 0.08, s.NOMINAL: 0.3, s.PRIOR: 0.7}
 TIMES = {REAL: 5, LINEAR: 2, s.WEIGHT: 3}  #: As much is left.
 
@@ -30,7 +30,7 @@ def row(rng, seed, arm, way, name):
         chosen="ALL153 + prior" if name == DEFAULT else None,
         before_mm=tuple(before.tolist()),
         after_mm=tuple((left * before).tolist()),
-        **{"inside": 270 * identified, "of": 282 * identified, "unseen": 0, "buckled": False},
+        **{"inside": 27 * identified, "of": 3 * POINTS * identified, "unseen": 0, "buckled": False},
     )
 
 
@@ -78,7 +78,7 @@ def test_cases_are_points_of_trials_and_shares_are_over_all_of_them(found):
     check_spread(own.before.p95_mm, np.percentile(before, 95, axis=1))
     assert (own.worst_percent, own.after.most_mm) == pytest.approx((shares.min(), after.max()))
     assert own.nine_percent == pytest.approx(100 * np.mean(shares >= 90))
-    assert own.covered_percent == pytest.approx(100 * 270 / 282)
+    assert own.covered_percent == pytest.approx(90)
     by_truth = [g for g in found.numbers["by_truth"] if (g.name, g.arm) == (DEFAULT, REAL)]
     assert [(g.true_arm, g.cases) for g in by_truth] == [(name, POINTS) for name in TRUTHS]
 
@@ -102,10 +102,10 @@ def test_one_point_made_worse_in_one_trial_is_found():
 def test_intervals_that_miss_lower_the_share_and_components_without_a_bound_count_in_none():
     found, _ = made(lambda row: replace(row, inside=0))
     covered = [group(Row(found.numbers), DEFAULT, ADVISED, arm).covered_percent for arm in (REAL, IDEAL)]
-    assert covered == pytest.approx([100 * 5 * 270 / (6 * 282), 100 * 270 / 282])
-    own = of_default(made(lambda row: replace(row, inside=40, of=40, unseen=242, buckled=True))[0])
-    assert own.covered_percent == pytest.approx(100 * (40 + 5 * 270) / (40 + 5 * 282))
-    assert (own.unseen_percent, own.buckled) == (pytest.approx(100 * 242 / (6 * 282)), 1)
+    assert covered == pytest.approx([100 * 5 * 27 / (6 * 30), 90])
+    own = of_default(made(lambda row: replace(row, inside=4, of=4, unseen=26, buckled=True))[0])
+    assert own.covered_percent == pytest.approx(100 * (4 + 5 * 27) / (4 + 5 * 30))
+    assert (own.unseen_percent, own.buckled) == (pytest.approx(100 * 26 / (6 * 30)), 1)
 
 
 def test_the_figure_draws_what_is_left_in_the_colour_of_each_model(found):

@@ -14,7 +14,6 @@ from testbench.cli.plan import WORST, printed, report
 from testbench.model.load import weight
 from testbench.model.vjm import chain, tool_points
 from testbench.report import terminal
-from testbench.report.colours import look
 from testbench.report.planned_poses import OURS, WORK, seen
 from testbench.report.table import Row
 from testbench.workflows.open_laws import OpenLaw
@@ -111,14 +110,6 @@ def listed(f, **parts):
     """The numbers with others, and the rows that follow from them."""
     own = changed(f, **parts)
     return Row(own, **_listed(own))
-
-
-def test_the_answer_has_error_interval_and_random_plans(f):
-    own = listed(f, error_mm=Expected(0.234, 0.123, 0.345), random_plans=Row(median_mm=0.456, plans=20))
-    first = "Expected error at the tasks: 0.234 mm (90 %: 0.123 to 0.345 mm); with random poses"
-    assert report(own).answer == f"{first}: 0.456 mm (median of 20 plans)."
-    unbounded = listed(own, random_plans=Row(median_mm=None, plans=20))
-    assert report(unbounded).answer == f"{first}: no bound (median of 20 plans)."
 
 
 KNOWN = {"error_mm": Expected(0.234, 0.1, 0.3), "joints_alone_mm": 0.5, "unshown": None, "open_laws": []}
@@ -233,11 +224,6 @@ def test_what_is_drawn_of_a_plan_are_its_poses_loads_and_errors(made, f, kr500):
     for line in drawn.map.lines:
         np.testing.assert_allclose(line.values, f.map.errors(line.name))
     assert drawn.map.lines[-1].look == OURS
-
-
-def test_the_default_has_the_colour_that_it_has_in_a_fit_and_not_nearly_that_of_joints_alone():
-    assert look("ALL153", "psd", prior=True) == OURS
-    assert np.abs(np.subtract(OURS.colour, look("Joints", "none").colour)).max() > 80
 
 
 def test_without_a_tracker_nothing_is_drawn_of_it(made, f):

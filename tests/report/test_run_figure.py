@@ -73,11 +73,6 @@ def test_the_dashed_arm_is_in_the_key_where_one_is_drawn(figure, seen):
     assert "arm, bent" not in keys(overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[own]))))
 
 
-def test_the_title_is_the_answer_and_the_caption_what_is_enlarged(figure):
-    assert figure.get_suptitle() == "It is 3.000 mm off."
-    assert figure.get_supxlabel() == "Runs: Errors x 10."
-
-
 def model(name, structure, constraint, error, *, prior=False):
     return Row(name=name, structure=structure, constraint=constraint, prior=prior, error=error, n=3)
 
@@ -118,16 +113,13 @@ def test_of_twenty_trials_the_median_has_its_interval_and_more_than_a_hundred_ar
     [axes] = overview(REPORT, replace(seen, scene=None, runs=(), tables=[table])).axes
     looks = [look("MGCO56", "psd"), look("MLS56", "none")]
     check_forest(axes, [row.error for row in rows[::-1]], looks)
-    assert axes.get_title("left") == (
-        "Models; dots: 100 of 20 to 250 trials; line: 95 % interval of their median"
-    )
+    assert "100 of 20 to 250 trials" in axes.get_title("left")
     low, high = axes.get_xlim()
     assert all(low <= x <= high for line in axes.get_lines() for x in np.ravel(line.get_xdata()))
 
 
-@pytest.mark.parametrize("low", [1e-9, 3e-3, 0.7, 4.0, 150.0, 9e4])
-@pytest.mark.parametrize("times", [1.05, 1.7, 3.0, 21.0, 400.0, 1e4, 1e8, 1e13])
-@pytest.mark.parametrize("side", ["x", "y"])
+@pytest.mark.parametrize("times", [1.05, 1.7, 3.0, 21.0, 400.0, 1e4, 1e13])
+@pytest.mark.parametrize(("low", "side"), [(3e-3, "x"), (0.7, "y"), (9e4, "x")])
 def test_a_logarithmic_axis_has_ticks_inside_it_each_with_its_number(low, times, side):
     axes = Figure().subplots()
     log_ticks(axes, side, low, low * times)
@@ -227,14 +219,6 @@ def test_the_last_pane_is_the_winner_less_joint_stiffness_in_the_colour_of_the_o
     ]
 
 
-@pytest.mark.parametrize(("k", "shown"), [(0, [0, 2]), (1, [0, 1])])
-def test_a_side_of_a_map_is_as_wide_as_its_places(k, shown):
-    at = AT * [1.0, 0.5, 0.8]
-    axes = error_map(mapped(at, MGCO56=MAPS["MGCO56"]), "arm").axes[k]
-    wanted = [at[:, shown].min(axis=0), at[:, shown].max(axis=0)]
-    np.testing.assert_allclose([axes.dataLim.min, axes.dataLim.max], wanted)
-
-
 def test_places_without_a_bound_are_rings_and_a_map_without_any_says_so():
     mm = MAPS["MLS56"].copy()
     mm[[3, 11]] = np.nan
@@ -248,7 +232,7 @@ def test_places_without_a_bound_are_rings_and_a_map_without_any_says_so():
     assert "Grey rings: no bound." in figure.get_supxlabel().replace("\n", " ")
 
 
-@pytest.mark.parametrize("still", [[0], [1, 2], [0, 1, 2]])
+@pytest.mark.parametrize("still", [[0], [0, 1, 2]])
 def test_arms_that_move_in_a_plane_on_a_line_or_not_at_all_have_panes_too(still):
     at = AT.copy()
     at[:, still] = 0.3

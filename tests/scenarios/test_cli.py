@@ -198,14 +198,6 @@ def test_prior_and_robust_loss_are_named_and_outliers_listed(simulated, tmp_path
     assert "Outliers left out of MGCO56 + prior: 1." in text
 
 
-def test_one_of_several_models_is_recommended_by_cross_validation(simulated, tmp_path):
-    flags = ["--uncertainty-percent", "30", "--model", "mgco56", "--model", "MGCO47"]
-    words, written = identified(simulated / "data.csv", tmp_path / "fit", *flags)
-    assert f"Take {written['recommended']}" in words
-    assert f"{written['recommended']}: {written['why']}." in words
-    assert [c["name"] for c in written["held_out"]] == ["MGCO56 + prior", "MGCO47 + prior"]
-
-
 def test_poses_held_back_are_scored_with_intervals_and_none_where_the_data_see_nothing(simulated, tmp_path):
     flags = ["--model", "MLS56", "--no-prior", "--check-pose", "2", "--check-pose", "3"]
     said, written = identified(simulated / "data.csv", tmp_path / "fit", *flags)

@@ -1,25 +1,19 @@
 """testbench compare: what differs is said, what is chance is called so, wrong folders are one line."""
 
 import json
-import re
 import shutil
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-import read_back
 from made_up_run import REPORT
-from read_back import document
+from read_back import sound
 from run_here import check_folder, do, fine, refused
 
 from testbench.arm.folder import find_arm
 from testbench.files.model_folder import digests
-from testbench.report.colours import look
 from testbench.report.columns import columns as quantities
 from testbench.report.join import differ
-from testbench.report.report import read_report
-from testbench.report.run_figure import overview
-from testbench.report.scene import Seen
 from testbench.report.schema import Table
 from testbench.report.table import Trials, merged
 from testbench.runs import provenance as files
@@ -122,6 +116,7 @@ def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path, legible
     assert (report["inputs"], report["equal"]) == ([], True)
     assert {own["verdict"] for own in report["models"]} == {"same"}
     check_folder(tmp_path / "out", "compare.png")
+    sound(tmp_path / "out" / "recording.rrd", report["badge"]["words"])
 
 
 def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many, folder, tmp_path):
@@ -216,27 +211,6 @@ def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path
     }
 
 
-def test_picture_page_and_recording_show_every_model_in_its_colour(many, folder, tmp_path):
-    scales = dict(zip(NAMES, (1.5, 3.0, 0.5, 1.2, 2.0), strict=True))
-    other = calibration(folder / "second", range(1, 21), scales)
-    _, report = said(tmp_path, many, other)
-    led = {own["name"]: own for own in report["models"] if own["kind"] == "workspace"}
-    table = read_report(tmp_path / "out" / "report.json").tables["models"]
-    [axes] = overview(read_report(tmp_path / "out" / "report.json"), Seen(tables=[table])).axes
-    medians = [line for line in axes.get_lines() if len(line.get_xdata()) == 1]
-    for tick, line in zip(axes.get_yticklabels(), medians, strict=True):
-        name, ratio = tick.get_text().split("  ")
-        own = led[name]
-        assert line.get_xdata() == pytest.approx([own["ratio"]["median"]], rel=1e-3)
-        assert float(ratio) == pytest.approx(own["ratio"]["median"], abs=0.005)
-        assert line.get_color() == look(own["structure"], own["constraint"], own["prior"]).hex
-    chunks = read_back.sound(tmp_path / "out" / "recording.rrd", "ALL153 + prior over the workspace")
-    rows = document(chunks, "/tables")
-    for name, own in led.items():
-        sizes = [f"{own[key]['median']:.3f}" for key in "ab"]
-        assert re.search(rf"{re.escape(name)}\W*\| {sizes[0]} .*\| {sizes[1]} ", rows), name
-
-
 def broken(text):
     return lambda run: (run / "report.json").write_text(text)
 
@@ -244,12 +218,8 @@ def broken(text):
 HOSTILE = {
     "too deep": (broken("[" * 100_000), "report.json: not JSON: recursion limit"),
     "infinite": (broken('{"a": {"b": 1e999}}'), "report.json: a.b: expected a finite number, got inf"),
-    "digits": (broken('{"a": ' + "9" * 6000 + "}"), "report.json: not JSON"),
     "long": (broken(json.dumps({"a": "x" * 50_000})), "report.json: a: expected a text of at most"),
-    "empty": (broken(""), "report.json: not JSON"),
     "bytes": (lambda run: (run / "report.json").write_bytes(b"\xff"), "report.json: byte 1: expected UTF-8"),
-    "no JSON": (broken("{"), "report.json: not JSON"),
-    "NaN": (broken('{"models": [NaN]}'), "report.json: models.0: expected a finite number, got nan"),
     "no table": (broken("[]"), "report.json: expected a table of keys, got list"),
     "size": (
         broken('{"models": [{"name": "a", "check": {"rms_mm": 1e300}}]}'),
@@ -279,29 +249,6 @@ def test_runs_with_nothing_in_common_are_one_line(one, tmp_path):
     said = "no models and no numbers of the same names: nothing to compare"
     other = changed(one, tmp_path / "other", "report.json", bare)
     refused("compare", one, other, "--out", tmp_path / "out", said=said, below=tmp_path)
-
-
-def test_names_of_a_stranger_are_shown_as_they_are_and_steer_nothing(one, tmp_path):
-    def plant(report):
-        for model in report["models"]:
-            model["name"] = f"\x1b[31m[/x]<b>|{model['name']}\x1b]0;owned\x07"
-        report["models"][0]["workspace"]["rms_mm"] = 9
-
-    run = changed(one, tmp_path / "run", "report.json", plant)
-    other = changed(
-        run,
-        tmp_path / "other",
-        "report.json",
-        lambda report: report["models"][1]["workspace"].update(rms_mm=1e-320),
-    )
-    done = do("compare", run, other, "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    assert "[31m[/x]<b>|Joints" in done.stdout
-    made = "".join(
-        (tmp_path / "out" / name).read_text() for name in ("report.md", "report.html", "report.json")
-    )
-    assert "\x1b" not in done.stdout + made
-    assert "<b>" not in (tmp_path / "out" / "report.html").read_text()
 
 
 WIDE, LOW = Spread(1.0, 0.5, 2.0), Spread(0.3, 0.2, 0.4)

@@ -75,7 +75,7 @@ def test_a_urdf_of_another_arm_is_not_replaced_and_one_from_scratch_may_be_the_r
     assert (place / "mine.urdf").read_text() != (place / "new.urdf").read_text()
     fine("export", "model", "--urdf", "identified.urdf")
     done = do("export", "model", "--urdf", "identified.urdf", "--out", "mine.urdf")
-    assert "wrote it from scratch, with the geometry of a calibration" in done.stderr
+    assert "from scratch, with the geometry of a calibration" in done.stderr
     beside = (place / "new.json").read_text().replace('"arm": "ur10"', '"arm": "arm_6r"')
     (place / "new.json").write_text(beside)
     said = "testbench export wrote it of another arm, arm_6r; choose another name"
@@ -109,17 +109,13 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         (("model", "--urdf", "in/robott.urdf", "--out", "x.urdf"), "expected the robot's own URDF; to write"),
         (("model", "--urdf", "new.urdf", "--tip", "tool0"), "leave --out and --tip away"),
         (("model", "--urdf", "in/robot.urdf", "--tip", "tool1"), "no link 'tool1' for the tip"),
-        (("model", "--urdf", "in"), "expected a file, got a folder"),
         (("model", "--urdf", "model/rigid.xml"), "expected URDF"),
         (("in", "--urdf", "new.urdf"), "expected the folder of a model"),
-        (("model", "--urdf", "nowhere/deep/new.urdf", "--force", "--bad"), "No such option"),
         (("model",), "expected --urdf or --into, one of"),
-        (("model", "--urdf", "new.urdf", "--into", "in/ur.yaml"), "expected --urdf or --into, one of"),
         (("model", "--into", "in/machine.dat", "--gears", "1"), "--gears: is for ABB's motors alone"),
         (("model", "--into", "in/machine.dat"), "$machine.dat with a number at $MAMES[2]"),
         (("model", "--into", "in/twice.dat"), "$MAMES[1]: stands twice"),
         (("model", "--into", "in/MOC.cfg"), "--gears: expected 6 numbers, or 36 row by row, got 0"),
-        (("model", "--into", "in/MOC.cfg", "--gears", "a"), "--gears: expected numbers with commas"),
         (
             ("model", "--into", "in/MOC.cfg", "--gears", "0,1,1,1,1,1"),
             "--gears: expected turns of the motors",

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from page_checks import check_page, said
-from run_here import fine, refused, table
+from run_here import do, fine, refused, table
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.files.program import read_poses
@@ -195,22 +195,6 @@ def errors_at_tasks(cell, C_theta):
     return np.sqrt((off**2).sum(axis=2).mean())
 
 
-def test_without_a_tracker_the_report_says_that_nobody_looked(tmp_path):
-    flags = ["--poses", 3, "--load", 200, "--candidates", 100, "--box", "1,-1.5,0.5,3,1.5,2.5"]
-    flags += ["--model", "MGCO56", "--criterion", "D", "--out", tmp_path / "plan"]
-    tasks = tasks_with(tmp_path, "force_y_N,force_x_N,force_z_N", "900,0,0")
-    said = fine("plan", ARM, "--task", tasks, *flags)
-    page = (tmp_path / "plan" / "plan.md").read_text()
-    assert "Visibility was not checked" in page
-    assert "Visibility was not checked" in said
-    assert "efficiency by criterion D" in page
-    assert "line of sight" not in page
-    rows = json.loads((tmp_path / "plan" / "plan.json").read_text())["plan"]
-    places = np.array([row["tool_m"] for row in rows])
-    assert (places >= [1, -1.5, 0.5]).all()
-    assert (places <= [3, 1.5, 2.5]).all()
-
-
 def test_tasks_that_no_hung_weight_can_serve_are_named_without_a_prior(tmp_path):
     sideways = tasks_with(tmp_path, "force_x_N,force_y_N,force_z_N", "500,800,-300")
     flags = ["--load", 460, "--candidates", 100, "--no-prior", "--out", tmp_path / "out"]
@@ -241,6 +225,13 @@ def test_a_pull_shows_the_joint_that_no_hung_weight_turns(tmp_path, kr500):
     assert [0, 3000, 0] in loads
     np.testing.assert_allclose(data.wrench, np.hstack([loads, np.zeros((4, 3))]), rtol=1e-12)
     np.testing.assert_array_equal(data.point, np.tile(kr500.vjm.load, (4, 1)))
+
+
+def test_a_weight_far_beyond_the_payload_is_doubted_before_the_search(tmp_path):
+    none = ("--box", "10,10,10,11,11,11", "--candidates", 100, "--out", tmp_path / "out")
+    done = do("plan", ARM, "--task", TASKS, "--load", 700, *none)
+    assert done.returncode == 2
+    assert "700 kg hang" in done.stdout
 
 
 def test_a_plan_and_a_payload_contradict_each_other(planned, tmp_path):

@@ -5,7 +5,6 @@ import os
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -92,16 +91,6 @@ def test_two_workers_and_other_chunks_give_the_same_bytes(tmp_path, alone, size)
     assert (counts[0], counts[-1]) == (0, TRIALS)
 
 
-def test_a_study_in_two_parts_gives_the_same_bytes(tmp_path, alone):
-    with store_of(tmp_path) as store:
-        for count in run_study(QUICK, store, TWO, size=2):
-            if count >= 10:
-                break
-    counts, data = study(tmp_path, ONE, resume=True)
-    assert counts[0] >= 10
-    assert data == alone
-
-
 def test_a_worker_killed_in_mid_study_costs_nothing(tmp_path, alone):
     pids = tmp_path / "pids"
     pids.mkdir()
@@ -165,16 +154,6 @@ def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, a
 
 def test_bad_input_is_one_line_and_touches_nothing(tmp_path):
     out = tmp_path / "out"
-    one_line(run(out, "--cluster", "tcp://10.9.8.7:8786"), "--insecure")
-    one_line(run(out, "--workers", 2, "--cluster", "tls://host:8786"), "without --cluster")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        nobody = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-    with pytest.raises(
-        BenchError, match=f"no scheduler answers at {nobody}"
-    ):  # patient for 10 s in the script
-        study(out, partial(on_cluster, address=nobody, patience=0.3))
-    assert not out.exists()
     study(out, ONE, trials=4)
     before = {p.name: p.read_bytes() for p in out.iterdir()}
     one_line(run(out, "--resume", "--name", "other"), "scenario: the trials in this folder have 'toy'")

@@ -11,18 +11,16 @@ from serial_arms import write_arm
 HEADER = ",".join(f"joint_{k}_rad" for k in range(1, 7))
 PAIRS, ABSOLUTE = "identify kr500_l480", "simulate kr500_l480 --poses 3 --out o.csv"
 PLACED, RANDOM = "simulate kr500_l480 poses.csv --out out", "simulate zyy --out out"
-PLACES = ("1,2", "a,b,c", "1,2,3,4", "nan,0,0", "5000,0,0", "")  #: That are none.
+PLACES = ("1,2", "nan,0,0", "5000,0,0")  #: That are none.
 PLAN = "plan kr500_l480 --out out"
 TASKED = f"{PLAN} --load 460 --candidates 100 --task tasks.csv"
 WRONG = [
     (f"{PAIRS} data.csv --out out --model MGCO1", "--model: no model 'MGCO1'; models are Joints, MLS32"),
-    (f"{PAIRS} marker.csv --out out", "no marker 'P9'"),
     (f"{PAIRS} absurd.csv --out out", "expected numbers up to"),
     (f"{PAIRS} exchanged.csv --out out", "before and after exch"),
     (f"{PAIRS} data.csv --out out --full-pose --model MGCO56", "expected rotation_before_*_rad"),
     (f"{PAIRS} data.csv --out out --model MGCO56 --check-pose 99", "no pose 99"),
     (f"{PAIRS} data.csv --out out --no-prior --uncertainty-percent 30", "expected a prior with it"),
-    (f"{PAIRS} data.csv --out out --uncertainty-percent 0", "--uncertainty-percent: expected"),
     (f"{PAIRS} marker.csv --out earlier", "no marker 'P9'"),
     (f"{PAIRS} data.csv --out data.csv/inside", "cannot be written"),
     (
@@ -34,15 +32,12 @@ WRONG = [
     ("check kr501", "or one of arm_6r, kr500_l480, single_link, ur10"),
     ("nothing", "nothing"),
     ("view pieces", "no recording (*.rrd) in "),
-    ("simulate kr500_l480 far.csv --out out", "line 3, column joint_2_rad: expected -2.2689 to 0.3491 rad"),
     ("simulate kr500_l480 floor.csv --out out", "collides with"),
-    ("simulate kr500_l480 grads.csv --out out", "joint_6_deg, got joint_1_grad, "),
     (f"simulate kr500_l480 poses.csv --out {'x' * 5000}", "250 bytes"),
     *((f"{PLACED} --tracker={place!r}", "expected") for place in PLACES),
     (RANDOM, "expected either a file of poses or --poses NUMBER"),
     (f"{RANDOM} --poses 0", "--poses"),
     (f"{RANDOM} --poses 2 --loads 5,5", "--loads: expected different masses, got '5,5'"),
-    (f"{RANDOM} --poses 2 --loads 5,x", "--loads: expected a mass such as 240, 240kg or 530lb, got"),
     (f"{RANDOM} --poses 2 --loads 5 --payload-kg 5", "--loads: expected no --payload-kg with it"),
     (f"{ABSOLUTE} --gear-urad 5", "--gear-urad: expected --absolute with it"),
     (f"{ABSOLUTE} --series 2", "--series: expected --absolute with it"),
@@ -56,10 +51,8 @@ WRONG = [
     (f"{TASKED} --acceptance-deg 30", "expected the place of a tracker with it"),
     (f"{TASKED} --poses 201", "poses: expected 1 to 200, got 201"),
     (f"{TASKED} --candidates 5", "--candidates: expected 12 to 50000, got 5"),
-    (f"{TASKED} --load nan", "--load: expected a mass such as 240, 240kg or 530lb"),
     (f"{TASKED} --load 460", "each once"),
     (f"{TASKED} --sigma-um 0", "--sigma-um: expected"),
-    (f"{TASKED} --sling-m 0.1", "sling [m] of the payload: expected more than"),
     (f"{TASKED} --uncertainty-percent 0", "--uncertainty-percent: expected"),
     (f"{TASKED} --uncertainty-percent 30 --no-prior", "expected no --no-prior with it"),
     (
@@ -78,9 +71,7 @@ WRONG = [
     (f"{PLAN} --absolute --gear-urad 0", "--gear-urad: expected 1e-06 to 100000, got 0"),
     ("bench --quick --out out --task gravity-9", "--task: expected some of gravity-8"),
     ("bench --quick --out out none.py", "none.py"),
-    ("bench --quick --out out ridge=own.py:estimate", "ENTRY.py: the name 'ridge' is taken"),
     ("bench --quick --out out ridge=own.py", "ENTRY.py: the name 'ridge' is taken: put another before it"),
-    ("bench --quick --out out default=own.py:estimate", "the name 'default' is taken"),
     ("bench --quick --out out own.py:lacks", "own.py: it has no function 'lacks'"),
 ]
 
@@ -90,18 +81,15 @@ def lab(tmp_path_factory):
     """Sound files, and others with one fault each."""
     folder = tmp_path_factory.mktemp("lab")
     poses = np.deg2rad([[0, -90, 90, 0, 20, 0], [20, -80, 95, 10, -30, 15], [-30, -100, 70, 0, 45, 90]])
-    others = {"far": np.deg2rad([0, 60, 90, 0, 0, 0]), "floor": np.deg2rad([0, 20, 60, 0, 0, 0])}
-    files = {"poses": poses} | {name: [poses[0], row] for name, row in others.items()}
+    files = {"poses": poses, "floor": [poses[0], np.deg2rad([0, 20, 60, 0, 0, 0])]}
     for name, rows in files.items():
         np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header=HEADER, comments="")
-    grads = (folder / "poses.csv").read_text().replace("_rad", "_grad")
     fine("simulate", "kr500_l480", folder / "poses.csv", "--out", folder / "data.csv", "--seed", 4)
     data = (folder / "data.csv").read_text()
     head, first, rest = data.split("\n", 2)
     swapped = head.replace("before_", "later_").replace("after_", "before_").replace("later_", "after_")
     cells = first.split(",")
     written = {
-        "grads.csv": grads,
         "marker.csv": data.replace(",P2,", ",P9,", 1),
         "absurd.csv": "\n".join([head, ",".join([*cells[:20], "1e300", *cells[21:]]), rest]),
         "exchanged.csv": "\n".join([swapped, first, rest]),

@@ -123,13 +123,6 @@ def test_numbers_that_make_no_sense_and_poses_of_another_arm_are_refused(checks)
     assert why_not(checks, np.empty((0, 6))) == []
 
 
-def test_an_arm_without_shapes_that_collide_is_still_seen_or_hidden(arm_6r):
-    checks = build_checks(arm_6r, Conditions(station=Station((2.5, -2.0, 1.2)), payload=Payload(20.0)))
-    found = find(checks, 20, np.random.default_rng(11))
-    assert found.rejected[BLOCKED] > 0
-    assert all(found.rejected[reason] == 0 for reason in TOUCHING.values())
-
-
 def at(distance: float, elevation_deg: float, azimuth_deg: float = 130.0) -> Array:
     """A target as seen from the station, (1, 1, 3) [m]: a turn about z of a turn about y."""
     seen = Rotation.from_euler("ZY", [azimuth_deg, -elevation_deg], degrees=True).apply([distance, 0, 0])

@@ -24,7 +24,7 @@ from testbench.report.table import Row
 from testbench.workflows import calibration_numbers
 from testbench.workflows.absolute import calibrated
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.workflows.calibration_numbers import left_of, numbers
+from testbench.workflows.calibration_numbers import left_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -85,8 +85,6 @@ def test_held_out_numbers_are_those_of_the_arm_that_is_delivered(ur10, hung):
     f = said.numbers
     truth = 1e3 * np.sqrt((residuals(found.calibration.state, fresh)[:1] ** 2).sum(axis=1).mean())
     assert f["held_out_mm"][1] == pytest.approx(truth, rel=0.35)
-    free = calibrated(ur10.vjm, [fit], replace(FEW, constraint="none"))
-    assert numbers(free, left_of(free))["held_out_mm"][1] < 0.6 * f["held_out_mm"][1]
     assert f["pressed"]
     assert said.badge.verdict == "do not use"
     assert any("gravity reversed, is the arm hung?" in doubt for doubt in f["doubts"])

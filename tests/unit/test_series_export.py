@@ -262,10 +262,7 @@ ANGLES = table(["rx", "ry", "rz"], np.rad2deg(R.as_euler("xyz")))
 DEVIATIONS = {f"sigma_{x}_mm": [0.02] * N for x in "xyz"}
 NAMED = '[columns]\n"rotation_{axis}_deg" = "r{axis}"\n'
 FAULTS = {
-    "a joint is missing": ({k: v for k, v in PLAIN.items() if k != "joint_3_rad"}, "", "missing columns"),
     "an axis is missing": ({k: v for k, v in PLAIN.items() if k != "z_mm"}, "", "missing columns .'z_m'"),
-    "no unit": (table(JOINTS, Q) | table(["x", "y", "z"], P), "", "column x: expected a unit"),
-    "nan": (changed("y_mm", "nan"), "", "line 4, column y_mm: expected a finite number, got 'nan'"),
     "no reading": (PLAIN | {x: [""] * N for x in XYZ}, "", "expected at least one reading"),
     "no unit quaternion": (TURNED | changed("qw", 3), "", "line 4, column .*unit quaternion"),
     "part of a quaternion": (PLAIN | {k: TURNED[k] for k in ("qx", "qy", "qz")}, "", "'quaternion_w'"),

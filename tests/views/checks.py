@@ -10,7 +10,6 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from testbench.report import markdown
 from testbench.runs.spread import Spread
 
 UNITS = {
@@ -56,35 +55,6 @@ def tables_of(text):
         )
         found.append((head, [[c.removeprefix("**").removesuffix("**") for c in row] for row in rows]))
     return found
-
-
-def ends_of(value):
-    """What a reader sees of a spread: percentiles, of fewer than 20 trials the range."""
-    return (value.least, value.most) if 0 < value.trials < 20 else (value.p05, value.p95)
-
-
-def check_pivot(table, rows, paths, unit="", called=({}, {})):
-    """A table of two factors shows the report's number of every pair, and no other.
-
-    Args:
-        table: What the study declares.
-        rows: Those of the report that it must show.
-        paths: In a row: what names the line, what heads the column, what the cell holds.
-        unit: Behind every heading.
-        called: What readers call the keys that name lines, and those that head columns.
-    """
-    down, across, cell = paths
-    [(head, lines)] = tables_of(markdown.grid(table))
-    cells = {(line[0], title): c for line in lines for title, c in zip(head[1:], line[1:], strict=True)}
-    assert len(cells) == len(rows)
-    behind = f" {unit}" if unit else ""
-    shown = table.columns[-1]
-    for row in rows:
-        value, name, level = at(row, cell), at(row, down), at(row, across)
-        level = f"{level:g}" if isinstance(level, float) else str(level)
-        name, level = (own.get(key, key) for own, key in zip(called, (str(name), level), strict=True))
-        value = value.median if shown.exact and isinstance(value, Spread) else value
-        assert cells[str(name), level + behind] == shown.text(value), (name, level, value)
 
 
 MOST_WORDS, MOST_SENTENCES, MOST_STATEMENTS = 25, 2, 5
