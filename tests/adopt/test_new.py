@@ -247,7 +247,7 @@ def test_guesses_are_doubted(tmp_path):
     assert [name for name in checked.cell.arm.markers if checked.doubted(name)] == ["P0", "P1", "P2"]
     found = [doubt.sentence for doubt in checked.doubts]
     for said in (
-        r"its payload of \d+ kg is only estimated .*",
+        r"its payload of \d+ kg is only estimated, .*",
         r"link_4: its shape covers 100 of 900 mm, so the diameter of the tube is only estimated",
         r"link_2, link_3: no shape, so the diameter of the tube is only estimated",
         r"tool is 2\d\d mm behind the end of link_6 as drawn: .*",
