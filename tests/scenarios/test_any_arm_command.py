@@ -39,7 +39,7 @@ def test_every_command_goes_on_from_there(made, tmp_path):
     arm, data = made
     joints = ARMS[arm.name]
     count = 21 * (len(joints) + 1) + len(joints)
-    assert "alike, within" in run("check", arm, "--elastic", tmp_path / "elastic.xml")
+    assert "agree on the places" in run("check", arm, "--elastic", tmp_path / "elastic.xml")
     fit = ("--out", tmp_path / "fit", "--model", "all", "--uncertainty-percent", 30, "--identifiability")
     said = run("identify", arm, data, *fit)
     assert f"ALL{count} + prior" in said
