@@ -68,27 +68,44 @@ LEVEL_RUNS, SAME = 3, 0.02
 
 @dataclass(frozen=True)
 class ResidualModel:
-    """The learnt model of a dataset, reading by reading."""
+    """Hold a fitted compliance model with the residuals of all readings and their covariance.
+
+    The k whitened equations are y = A pi + e. The prior is pi = L (s m + d x) with x ~ N(0, I); s and d are
+    learnt from the readings.
+    """
 
     vjm: Vjm
     metric: Metric
     data: Dataset
-    read: Readings  #: Its readings one by one.
-    loss: float  #: Minus the logarithm of its evidence.
-    pi: Array  #: Expected parameters after the readings, (n,).
-    #: The inverse of the readings' covariance is I / misfit^2 - shared shared^T, (k, r): readings share few
-    #: unknowns, so that nothing is as large as the readings squared.
+    read: Readings  #: The equations of every single reading.
+    loss: float  #: Negative logarithm of the evidence [nats].
+    pi: Array  #: Posterior mean of the compliances, (n,) [m/N, rad/(N m)].
+    #: U of the readings' inverse covariance W = I / misfit^2 - U U^T, (k, r). Readings share few unknowns, so
+    #: that no matrix of size (k, k) is needed.
     shared: Array
-    surprise: Array  #: That inverse times readings minus what is expected before them, (k,) [1].
-    h: Array  #: Hyperparameters.
+    surprise: Array  #: W times the residuals of the readings from the prior mean, (k,) [1].
+    h: Array  #: Hyperparameters of the prior, all logarithms; the last one is log misfit.
 
     @property
     def misfit(self) -> float:
-        """How much more than their noise the readings scatter [1]."""
+        """Compute the ratio kappa of the readings' scatter to their stated noise [1]."""
         return float(np.exp(self.h[-1]))
 
     def columns(self, undone: Sequence[Dataset]) -> Array:
-        """Compute Z, (k, z), from the data with one unit of each of z parameters undone."""
+        """Compute the change Z of the residuals per unit of each parameter of a mistake.
+
+        Column i is (y - A pi) of these data minus (y_i - A_i pi) of the data with one unit of parameter i
+        undone.
+
+        Args:
+            undone: The data with one unit of each parameter undone, z of them.
+
+        Returns:
+            Z, (k, z) [standard deviations].
+
+        Raises:
+            BenchError: When there are too many readings to weigh them one by one.
+        """
         left = [self._left(data) for data in (self.data, *undone)]
         return np.column_stack([left[0] - one for one in left[1:]])
 
@@ -97,7 +114,18 @@ class ResidualModel:
         return np.asarray((read.y - read.A @ self.pi).ravel())
 
     def tested(self, name: str, change: "Change[Loads]") -> Issue:
-        """Weigh a change that is linear in its parameters."""
+        """Weigh a mistake that enters linearly, by the score test of `score_test`.
+
+        Its arguments are g = Z^T W e and M = Z^T W Z, with W the inverse covariance of the readings and e
+        their residuals from the prior.
+
+        Args:
+            name: Name of the hypothesis.
+            change: A change that has `columns` Z.
+
+        Returns:
+            The issue, with its expected size [SI] and the nats it gains.
+        """
         assert change.columns is not None
         Z, rows = change.columns, slice(*(change.rows or (None,)))
         shared = self.shared[rows].T @ Z
@@ -107,35 +135,52 @@ class ResidualModel:
 
 @dataclass(frozen=True)
 class Loads:
-    """Loaded runs, what is expected of their deflections and what is learnt of them."""
+    """Hold loaded runs with the prior of their compliances and, once it is fitted, their model."""
 
     vjm: Vjm
-    metric: Metric  #: What is expected of the compliances.
+    metric: Metric  #: Prior of the compliances.
     data: Dataset
-    level: Array | None = None  #: Gravity in the folder's world if the tracker stands level, (3,).
-    pull: Pull | None = None  #: Where weights pull to, if it is not there; None if nothing says.
-    model: ResidualModel | None = None  #: None where no compliance moves so: only other loads can be right.
+    #: Gravity in the folder's world by a level tracker, a unit vector, (3,) [1]; None if unknown.
+    level: Array | None = None
+    pull: Pull | None = None  #: Gravity from another side than in the folder; None where nothing suggests it.
+    model: ResidualModel | None = None  #: The fitted model; None before the fit, or where no compliance fits.
 
     @property
     def largest(self) -> float:
-        """The largest force [N]."""
+        """Compute the largest force of all runs [N]."""
         return float(np.linalg.norm(self.data.wrench[:, :3], axis=1).max())
 
     def learnt(self, data: Dataset | None = None, h: Array | None = None) -> ResidualModel:
-        """Learn the model from these runs, or from them changed."""
+        """Fit the model to these runs, or to changed ones.
+
+        Args:
+            data: The changed runs; None for these runs.
+            h: Hyperparameters of the prior, learnt from other readings; None to learn them here.
+
+        Returns:
+            The fitted model with its residuals.
+
+        Raises:
+            BenchError: When no compliance moves as the readings do.
+        """
         return residual_model(self.vjm, self.metric, self.data if data is None else data, h)
 
 
 def deflection_scale(vjm: Vjm, metric: Metric, data: Dataset) -> float:
-    """Compute by what factor the readings want the prior's compliances, by least squares.
+    """Compute the factor between the read deflections and those that the prior predicts, by least squares.
+
+    It is y^T A pi / |A pi|^2, with A the whitened observation matrix and pi the expected compliances.
 
     Args:
-        vjm: The model.
-        metric: What is expected of its compliances.
+        vjm: The arm's virtual joint model.
+        metric: Prior of its compliances.
         data: The runs.
 
     Returns:
         The factor [1].
+
+    Raises:
+        BenchError: When there is no run, a number is too large, or a marker is none of the arm's.
     """
     regression = reduce(vjm, metric.structure, data)
     pi = metric.L @ metric.expected
@@ -144,16 +189,23 @@ def deflection_scale(vjm: Vjm, metric: Metric, data: Dataset) -> float:
 
 
 def residual_model(vjm: Vjm, metric: Metric, data: Dataset, h: Array | None = None) -> ResidualModel:
-    """Learn the prior from a dataset, and weigh its readings against it.
+    """Fit the compliances with a prior learnt from the readings, and find residuals and covariance.
+
+    With kappa the ratio of scatter to noise, the inverse covariance of the readings is
+
+        W = (kappa^2 I + H H^T)^-1 = I / kappa^2 - U U^T,    U = `shared`
+
+    H has the columns of compliances, and of backlash and stiffening of sound joints, times their prior
+    standard deviations. The surprise is W (y - A E[pi]), with the prior mean E[pi].
 
     Args:
-        vjm: The model.
-        metric: What is expected of its compliances.
+        vjm: The arm's virtual joint model.
+        metric: Prior of its compliances.
         data: The runs.
-        h: Hyperparameters that others say; None to learn them.
+        h: Hyperparameters of the prior, learnt from other readings; None to learn them here.
 
     Returns:
-        The readings with their residuals and covariance.
+        The fitted model with its residuals and their covariance.
 
     Raises:
         BenchError: When no compliance moves as the readings do.
@@ -180,16 +232,19 @@ def residual_model(vjm: Vjm, metric: Metric, data: Dataset, h: Array | None = No
 
 
 def sound_joint_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array) -> Array:
-    """Compute what joints of sound arms do beyond springs: play, and stiffening.
+    """Compute how backlash and stiffening, as sound joints have them, move the readings.
+
+    A joint with compliance c turns by t = c u under its torque u. Its backlash adds PLAY sign(t), its
+    stiffening STIFFER t |t|.
 
     Args:
-        vjm: The model.
+        vjm: The arm's virtual joint model.
         data: The runs.
-        structure: The compliances.
-        pi: Of them those about which, (n,).
+        structure: The compliances, n of them.
+        pi: Values of the compliances, (n,) [m/N, rad/(N m)].
 
     Returns:
-        Columns, (rows, 2 n) [standard deviations].
+        Two columns per joint, (rows, 2 joints) [standard deviations].
     """
     state, first = straight(vjm, data.q, [Load(data.wrench, data.point)]), 6 * len(vjm.arm.links)
     turn = np.diag(structure.matrix(pi))[first:, None] * state.u[first:]
@@ -201,7 +256,15 @@ def sound_joint_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array
 
 
 def levels(data: Dataset) -> list[Mask]:
-    """Group runs by the size of their force; none where a load is of no size that occurs often enough."""
+    """Group runs by the size of their force.
+
+    Args:
+        data: The runs.
+
+    Returns:
+        One mask of runs per load, (runs,) each, the largest load first. Empty when a run has no force, or
+        when a load occurs in fewer than LEVEL_RUNS runs.
+    """
     force = np.linalg.norm(data.wrench[:, :3], axis=1)
     found: list[Mask] = []
     left = np.ones(len(force), dtype=bool)
@@ -219,10 +282,14 @@ Rows = Sequence[Hypothesis[Loads]]
 def load_issues(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
     """Find the mistakes of loads and deflections that make the readings fit the prior best.
 
+    When gravity plainly comes from another side, the mounting is the only issue. Otherwise, single wrong runs
+    that make all others look noisy are left out first. Mistakes of a size are then weighed by the score test;
+    the others are undone and fitted again.
+
     Args:
-        loads: The runs.
-        every: Rows of the table for mistakes of all loads.
-        runs: Rows for mistakes of single runs.
+        loads: The runs with their prior.
+        every: Hypotheses about all loads.
+        runs: Hypotheses about single runs.
 
     Returns:
         Issues, the likeliest first; none for sound runs.

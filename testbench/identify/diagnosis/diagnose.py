@@ -50,17 +50,20 @@ MENDED = ("frame", "targets")  #: Mistakes that a registration mends: the loads 
 def diagnose(given: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESES) -> list[Issue]:
     """Find what may be wrong with runs.
 
+    The checks come in this order: plain mistakes, frame and kinematics, the sign of the work, then loads,
+    deflections and their order in time.
+
     Args:
         given: The arm and the runs.
-        prior: What the arm's folder expects of its compliances.
+        prior: Prior of the compliances, from the arm's folder.
         hypotheses: The table of mistakes.
 
     Returns:
-        Issues, the likeliest first; none for sound runs. A mistake of all poses or readings stands alone: it
-        spoils what else is seen.
+        Issues, the likeliest first; none for sound runs. A mistake of all poses or of all readings ends the
+        checks, because it would spoil them, unless the registration corrects it.
 
     Raises:
-        BenchError: When the runs are not of this arm, or hold absurd numbers.
+        BenchError: When the runs are of another arm, have no reading or hold absurd numbers.
     """
     found = given.found
     check_runs(found.vjm, found.data)
@@ -122,7 +125,8 @@ def unplaced_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = HYPOTHESES) 
         hypotheses: The table of mistakes.
 
     Returns:
-        The mistake, "kinematics" where none explains them, or None where they fit.
+        The mistake; "kinematics" when the readings do not fit and no hypothesis explains them; None when they
+        fit.
     """
     names = np.zeros(data.runs) if data.station is None else data.station
     every = [select(data, names == name) for name in np.unique(names)]
@@ -140,7 +144,8 @@ def unplaced_series(vjm: Vjm, series: Series, hypotheses: Hypotheses = HYPOTHESE
         hypotheses: The table of mistakes.
 
     Returns:
-        The mistake, "kinematics" where none explains them, or None where they fit.
+        The mistake; "kinematics" when the readings do not fit and no hypothesis explains them; None when they
+        fit.
     """
     return best_hypothesis(of_series(vjm, series), hypotheses.places, "all")[0]
 

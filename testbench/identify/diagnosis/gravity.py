@@ -41,27 +41,27 @@ ROUNDING = 1e-9  #: Of a rotation [1].
 
 
 def pulled_along(data: Dataset, g: Array) -> Dataset:
-    """Turn the loads of runs whose weights pull along g.
+    """Rotate all wrenches from gravity along -z to gravity along g.
 
     Args:
-        data: The runs, their loads as of gravity along -z.
-        g: Where weights pull to in the folder's world, a unit vector, (3,).
+        data: The runs, with loads stated for gravity along -z.
+        g: Direction of gravity in the folder's world, a unit vector, (3,) [1].
 
     Returns:
-        The runs with their wrenches turned.
+        The runs with rotated wrenches.
     """
     return replace(data, wrench=(data.wrench.reshape(-1, 2, 3) @ towards(g).T).reshape(-1, 6))
 
 
 def mounted(vjm: Vjm, g: Array) -> Vjm:
-    """Turn the arm's base so that g becomes -z.
+    """Rotate the arm's base so that gravity along g becomes gravity along -z.
 
     Args:
         vjm: The arm as its folder has it.
-        g: Where weights pull to in the folder's world, a unit vector, (3,).
+        g: Direction of gravity in the folder's world, a unit vector, (3,) [1].
 
     Returns:
-        The arm as it stands.
+        The arm as it is mounted.
     """
     turn = np.eye(4)
     turn[:3, :3] = towards(g).T
@@ -69,7 +69,14 @@ def mounted(vjm: Vjm, g: Array) -> Vjm:
 
 
 def towards(g: Array) -> Array:
-    """Compute the least rotation that takes -z to g, (3, 3); about x where they are opposite."""
+    """Compute the smallest rotation that takes -z to g.
+
+    Args:
+        g: Direction of gravity, a unit vector, (3,) [1].
+
+    Returns:
+        The rotation, (3, 3) [1]; half a turn about x when g is +z.
+    """
     axis = np.cross(DOWN, g)
     size = float(np.linalg.norm(axis))
     angle = float(np.arctan2(size, DOWN @ g))
@@ -77,19 +84,45 @@ def towards(g: Array) -> Array:
 
 
 def angle(a: Array, b: Array) -> float:
-    """Compute the angle between two vectors, (3,) [rad]."""
+    """Compute the angle between two vectors, atan2(|a x b|, a . b).
+
+    Args:
+        a: A vector, (3,).
+        b: Another, (3,), in any unit.
+
+    Returns:
+        The angle, 0 to pi [rad].
+    """
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
 def tracker_level(found: Registered) -> Array | None:
-    """Take gravity in the folder's world from a level tracker, (3,); None without its frames."""
+    """Find the direction of gravity from a tracker that stands level.
+
+    Args:
+        found: The runs with the registration of their stations.
+
+    Returns:
+        Gravity in the folder's world, a unit vector, (3,) [1]. None without a registration, or when stations
+        disagree.
+    """
     if found.frame != "tracker" or found.registration is None:
         return None
     return mean_level(found.registration.frames.values())
 
 
 def mean_level(frames: Iterable[Frame]) -> Array | None:
-    """Gravity in the folder's world by frames that stand level, (3,); None if they do not agree."""
+    """Average the direction of gravity over frames of trackers that stand level.
+
+    Gravity along -z of a frame with rotation R is R^T (0, 0, -1) in the base's world.
+
+    Args:
+        frames: Frames of the trackers, at least one.
+
+    Returns:
+        Gravity in the folder's world, a unit vector, (3,) [1]; None when one differs from the mean by LEVEL
+        or more.
+    """
     own = np.array([DOWN @ frame.rotation for frame in frames])
     mean = own.mean(axis=0) / np.linalg.norm(own.mean(axis=0))
     return mean if max(angle(one, mean) for one in own) < LEVEL else None
@@ -97,41 +130,56 @@ def mean_level(frames: Iterable[Frame]) -> Array | None:
 
 @dataclass(frozen=True)
 class Pull:
-    """Where weights pull to, as loads and a level tracker have it."""
+    """Hold the direction of gravity, as found from the loads and from a level tracker."""
 
-    g: Array  #: Gravity in the folder's world, (3,).
-    level: Array | None = None  #: The same if the tracker stands level, (3,); None if nothing says.
-    explained: float = 0.0  #: Share of the typical deflection that expected compliances explain under it [1].
+    g: Array  #: Gravity in the folder's world, a unit vector, (3,) [1].
+    level: Array | None = None  #: The same by a level tracker, (3,) [1]; None if unknown.
+    explained: float = 0.0  #: Share of the typical deflection that the prior explains with this gravity [1].
 
     @property
     def told(self) -> bool:
-        """Whether a level tracker has gravity there."""
+        """Tell whether a level tracker has gravity within SNAP of this direction."""
         return self.level is not None and bool(angle(self.level, self.g) < SNAP)
 
     @property
     def plain(self) -> bool:
-        """Whether it is far from -z and explains most: no other mistake does."""
+        """Tell whether gravity is more than FAR from -z and explains more than EXPLAINED of the deflections.
+
+        No other mistake does both.
+        """
         return angle(self.g, DOWN) > FAR and self.explained > EXPLAINED
 
 
 def weights_only(data: Dataset) -> bool:
-    """Whether all loads are weights: forces along -z."""
+    """Tell whether all loads are weights: forces within STRAIGHT of -z.
+
+    Args:
+        data: The runs.
+
+    Returns:
+        Whether they are; False when no run has a force.
+    """
     force = data.wrench[:, :3]
     pushed = force.any(axis=1)
     return bool(pushed.any()) and all(angle(one, DOWN) <= STRAIGHT for one in force[pushed])
 
 
 def suspected_pull(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None) -> Pull | None:
-    """Find gravity from another side than the folder has it.
+    """Find gravity that comes from another side than the folder has it.
+
+    The direction is the least-squares x / |x| of d = x_1 d_1 + x_2 d_2 + x_3 d_3, with d_k the deflections
+    under gravity along axis k. A level tracker near it takes precedence.
 
     Args:
-        vjm: The arm.
-        metric: What is expected of its compliances.
+        vjm: The arm's virtual joint model.
+        metric: Prior of its compliances.
         data: Loaded runs.
-        level: Gravity in the folder's world if the tracker stands level, (3,); None if nothing says.
+        level: Gravity in the folder's world if the tracker stands level, a unit vector, (3,) [1]; None if
+            unknown.
 
     Returns:
-        Where weights pull to; None if it is as in the folder, or the readings do not show it.
+        The direction of gravity. None when it is as in the folder, when a load is no weight, or when there
+        are fewer than FEWEST readings.
     """
     if not weights_only(data) or np.count_nonzero(data.seen) < FEWEST:
         return None
@@ -144,14 +192,14 @@ def suspected_pull(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None)
 
 
 def snapped(g: Array, least: float) -> Array:
-    """Snap a direction to that of a ceiling or a wall.
+    """Replace a direction by the nearest one of a ceiling or a wall, if that is near.
 
     Args:
-        g: The direction, (3,).
-        least: Angle from which it is left as it is [rad].
+        g: Direction of gravity, a unit vector, (3,) [1].
+        least: Angle from which the direction is kept as it is [rad].
 
     Returns:
-        The direction, (3,).
+        The nearest of +z, +-x and +-y, or g, (3,) [1].
     """
     nearest = min((*np.eye(3), *-np.eye(3)[:2]), key=lambda side: angle(g, side))
     return nearest if angle(g, nearest) < least else g
@@ -173,16 +221,19 @@ def _by_deflections(vjm: Vjm, metric: Metric, data: Dataset) -> tuple[Array, flo
 
 
 def mounting(vjm: Vjm, pull: Pull, nats: float | None = None) -> Issue:
-    """Describe a base that stands so that gravity is where weights pull to.
+    """Report a base that is mounted so that gravity has the direction of the pull.
 
     Args:
         vjm: The arm as its folder has it.
-        pull: Where weights pull to.
-        nats: By how many nats the readings are likelier so.
+        pull: Direction of gravity.
+        nats: Nats that the readings gain by it; None if they were not compared.
 
     Returns:
-        The issue. Its size is that direction in the base's axes, then the orientation (w, x, y, z) that the
-        base's body has to have in rigid.xml for it, in the body that it stands in there, (7,).
+        The issue. Its size, (7,) [1], holds gravity in the base's axes, then a quaternion (w, x, y, z): the
+        orientation of the base's body in its parent that rigid.xml needs.
+
+    Raises:
+        InputError: When rigid.xml cannot be read.
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 

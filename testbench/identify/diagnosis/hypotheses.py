@@ -638,20 +638,20 @@ def _moved_words(issue: Issue, _: Arm) -> str:
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """The table, by what tells the mistakes of each part."""
+    """Hold the table of hypotheses, grouped by what is needed to test them."""
 
-    plain: tuple[Hypothesis[Submission], ...]  #: Runs as they were read, no fit.
-    registered: tuple[Hypothesis[Submission], ...]  #: Frames and targets of a registration.
-    places: tuple[Hypothesis[Observations], ...]  #: Readings against the kinematics.
-    poses: tuple[Hypothesis[Placed], ...]  #: Single ones that lie off.
-    work: tuple[Hypothesis[Dataset], ...]  #: The work of the force.
-    loads: tuple[Hypothesis[Loads], ...]  #: All deflections.
-    runs: tuple[Hypothesis[Loads], ...]  #: Deflections of single runs.
-    steps: tuple[Hypothesis[Timeline], ...]  #: The order in time.
+    plain: tuple[Hypothesis[Submission], ...]  #: Tested on the runs as read, without a fit.
+    registered: tuple[Hypothesis[Submission], ...]  #: Tested on frames and targets of a registration.
+    places: tuple[Hypothesis[Observations], ...]  #: Tested on readings against the kinematics.
+    poses: tuple[Hypothesis[Placed], ...]  #: Tested on single poses and readings that lie off.
+    work: tuple[Hypothesis[Dataset], ...]  #: Tested on the work of the force.
+    loads: tuple[Hypothesis[Loads], ...]  #: Tested on all deflections.
+    runs: tuple[Hypothesis[Loads], ...]  #: Tested on deflections of single runs.
+    steps: tuple[Hypothesis[Timeline], ...]  #: Tested on the order in time.
 
     @property
     def words(self) -> dict[str, tuple[Callable[[Issue, Arm], str], str]]:
-        """Words and remedy of each mistake, by its name."""
+        """Map the name of each hypothesis to its words and its remedy."""
         parts = (self.steps, self.runs, self.loads, self.work, self.poses, self.places, self.registered)
         return {row.name: (row.words, row.remedy) for part in (*parts, self.plain) for row in part}
 
@@ -803,16 +803,19 @@ def describe(
     columns: Sequence[tuple[str, str]] = (),
     hypotheses: Hypotheses = HYPOTHESES,
 ) -> Doubt:
-    """Put an issue into a sentence.
+    """Describe an issue in one sentence.
 
     Args:
-        issue: What was found.
+        issue: The issue.
         arm: The arm.
-        columns: Name and unit of the column in the file that every joint was read from; none if not known.
-        hypotheses: The table that it was found with.
+        columns: Name and unit of the file's column for every joint, in the arm's order; empty if unknown.
+        hypotheses: The table that the issue was found with.
 
     Returns:
         Name, sentence and nats.
+
+    Raises:
+        KeyError: When neither the table nor OTHERS has words for the issue.
     """
     if issue.name in OTHERS:
         return Doubt(issue.name, OTHERS[issue.name](issue, arm), issue.nats)
@@ -833,7 +836,14 @@ def describe(
 
 
 def length(metres: float) -> str:
-    """Format a length for people: 3.42 mm, 3,420 m."""
+    """Format a length for people: "3.42 mm" below 1 m, "3,420 m" above.
+
+    Args:
+        metres: The length [m].
+
+    Returns:
+        The length with its unit.
+    """
     return f"{MM * metres:.3g} mm" if metres < 1 else f"{metres:,.4g} m"
 
 

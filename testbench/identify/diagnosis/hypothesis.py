@@ -36,69 +36,77 @@ def _nothing() -> Array:
 
 @dataclass(frozen=True)
 class Issue:
-    """Describe what may be wrong with readings; `hypotheses.describe` has the sentence."""
+    """Hold one suspected mistake in readings; `hypotheses.describe` puts it into a sentence."""
 
-    name: str  #: Of the hypothesis, such as "frame".
-    where: tuple[str, ...] = ()  #: Names of what it is in: joints, links, targets, runs, series.
-    size: Array = field(default_factory=_nothing)  #: How large it is, (k,), SI.
-    numbers: Mapping[str, float] = field(default_factory=dict)  #: Others for the sentence, by name, SI.
-    #: By how many nats the readings are likelier with the mistake than without; None for what is plain.
+    name: str  #: Name of the hypothesis, such as "frame".
+    where: tuple[str, ...] = ()  #: Names of the joints, links, targets, runs or series that it concerns.
+    size: Array = field(default_factory=_nothing)  #: Size of the mistake, (k,), SI.
+    #: Other numbers for the sentence, by name, SI.
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    #: Log-likelihood gained by assuming the mistake [nats]; None for a plain mistake.
     nats: float | None = None
 
 
 @dataclass(frozen=True)
 class Change(Generic[Case]):
-    """Undo a mistake in one way. One that has neither `undone` nor `columns` is plain: it needs no fit."""
+    """Hold one way to undo a mistake.
 
-    where: tuple[str, ...] = ()  #: As of an `Issue`.
-    size: Array = field(default_factory=_nothing)  #: As of an `Issue`; a fit adds what it leaves free.
-    numbers: Mapping[str, float] = field(default_factory=dict)  #: As of an `Issue`.
-    undone: Case | None = None  #: What was handed in, without the mistake, to be fitted again.
-    columns: Array | None = None  #: Z on some rows, (rows, z) [standard deviations].
-    rows: tuple[int, int] | None = None  #: The first and the one behind the last of them; None for all.
-    unit: float = 1.0  #: Size of one unit of the parameters of Z, SI.
-    parameters: int = 0  #: Parameters that the choice among such changes counts as.
-    nats: float | None = None  #: Where the change was weighed already.
-    large: Callable[[Array], bool] = lambda _: True  #: Whether a size is larger than what sound arms show.
+    A change with `undone` is fitted again; one with `columns` is weighed by the score test. One that has
+    neither is plain and needs no fit.
+    """
+
+    where: tuple[str, ...] = ()  #: As in `Issue`.
+    size: Array = field(default_factory=_nothing)  #: As in `Issue`; a fit adds its free parameters.
+    numbers: Mapping[str, float] = field(default_factory=dict)  #: As in `Issue`.
+    undone: Case | None = None  #: The data without the mistake, to be fitted again.
+    columns: Array | None = None  #: Z of the score test on `rows`, (rows, z) [standard deviations].
+    rows: tuple[int, int] | None = None  #: First row, and the one after the last; None for all.
+    unit: float = 1.0  #: Size of one unit of the parameters of Z: their prior deviation, SI.
+    parameters: int = 0  #: Number of parameters that the choice of this change counts as.
+    nats: float | None = None  #: As in `Issue`, if the change was weighed already.
+    large: Callable[[Array], bool] = lambda _: True  #: Tells whether a size is larger than on sound arms.
 
 
 @dataclass(frozen=True)
 class Hypothesis(Generic[Case]):
-    """One kind of mistake: a row of the table."""
+    """Define one kind of mistake: a row of the table."""
 
     name: str  #: A word for programs.
-    changes: Callable[[Case], Iterable[Change[Case]]]  #: Ways to undo it in what was handed in.
-    words: Callable[[Issue, Arm], str]  #: What is seen, by how much.
-    remedy: str = ""  #: What to check.
-    nats: float = 0.0  #: By how many the readings have to be likelier, of loads.
+    changes: Callable[[Case], Iterable[Change[Case]]]  #: Ways to undo the mistake in the data.
+    words: Callable[[Issue, Arm], str]  #: Puts an issue into words: what is wrong, by how much.
+    remedy: str = ""  #: What the user should check.
+    nats: float = 0.0  #: Log-likelihood that a mistake of loads has to gain [nats].
     loose: bool = False  #: Whether it has so many parameters that others are preferred to it.
 
 
 @dataclass(frozen=True)
 class Submission:
-    """What a user handed in: an arm and its runs."""
+    """Hold what a user submits: an arm and its runs."""
 
     vjm: Vjm  #: The arm as its folder has it.
     data: Dataset  #: The runs as they were read.
-    found: Registered  #: The same, with frames and targets found from the unloaded readings.
+    found: Registered  #: The runs in the base's frame, with targets found from the unloaded readings.
     declared: bool  #: Whether the frame of the readings was stated, not guessed.
 
     @property
     def filed(self) -> Vjm:
-        """The arm with the targets of its folder, and with others where they were found."""
+        """Build the model with targets where the arm's folder has them.
+
+        Targets that the folder lacks are where the registration found them.
+        """
         own = dict(zip(self.vjm.arm.markers, self.vjm.markers, strict=True))
         return with_markers(self.found.vjm, own)
 
 
 def issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
-    """Collect mistakes that need no fit, or were weighed already.
+    """List the mistakes that need no fit, or that were weighed already.
 
     Args:
-        case: What was handed in, or what is known of it.
+        case: What the hypotheses look at, such as the submitted runs.
         hypotheses: Rows of the table.
 
     Returns:
-        Every change that they see, in the order of the table.
+        One issue per change that they find, in the order of the table.
     """
     return [
         Issue(row.name, one.where, one.size, one.numbers, one.nats)
@@ -108,33 +116,51 @@ def issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
 
 
 def longer_than(*least: float) -> Callable[[Array], bool]:
-    """Ask whether one of the parts of a size, three numbers each, is longer than the least that counts."""
+    """Make a test of whether any vector of a size is longer than its limit.
+
+    Args:
+        least: Limits, one for each three numbers of the size, SI.
+
+    Returns:
+        Function of a size, (3 limits,): whether one vector is longer than its limit.
+    """
     return lambda size: any(np.linalg.norm(size[3 * k : 3 * k + 3]) > one for k, one in enumerate(least))
 
 
 def any_above(least: float) -> Callable[[Array], bool]:
-    """Ask whether one of the numbers of a size is above the least that counts."""
+    """Make a test of whether any number of a size is larger than a limit in magnitude.
+
+    Args:
+        least: The limit, SI.
+
+    Returns:
+        Function of a size, (k,): whether one number is above the limit.
+    """
     return lambda size: bool(np.abs(size).max() > least)
 
 
 @dataclass(frozen=True)
 class Score:
-    """Size and likelihood gain of linear hypotheses, of one or of a batch."""
+    """Hold size and likelihood gain of linear mistakes, for one or for a batch."""
 
-    b: Array  #: Expected sizes, (..., z), in the units of Z.
-    gain: Array  #: Twice what they take away from the loss, g^T M^-1 g, (...).
-    nats: Array  #: Logarithms of the Bayes factors, (...).
+    b: Array  #: Expected sizes, in units of their prior deviation, (..., z) [1].
+    gain: Array  #: Twice the decrease of the loss, g^T (M + I)^-1 g, (...) [1].
+    nats: Array  #: Logarithms of the Bayes factors, (...) [nats].
 
 
 def score_test(g: Array, M: Array) -> Score:
-    """Compare readings with and without linear mistakes, by nats = (g^T M^-1 g - log det M) / 2.
+    """Compare readings with and without a linear mistake b ~ N(0, 1), without a second fit.
+
+    With H = M + I, the expected size is b = H^-1 g, and the logarithm of the Bayes factor is
+
+        nats = (g^T H^-1 g - log det H) / 2
 
     Args:
-        g: Z^T (1 - P) e, whitened, (..., z) [1].
-        M: Z^T (1 - P) Z, (..., z, z) [1].
+        g: Z^T W e, with e the residuals and W = 1 - P on whitened equations, (..., z) [1].
+        M: Z^T W Z, (..., z, z) [1].
 
     Returns:
-        Sizes, gains and nats.
+        Expected sizes, gains g^T H^-1 g and nats (Kass and Raftery 1995).
     """
     own = M + np.eye(g.shape[-1])
     b = np.asarray(np.linalg.solve(own, g[..., None])[..., 0])
@@ -147,16 +173,16 @@ def undo_one_by_one(
     model: Model,
     undo: Callable[[Data, Model], tuple[Sequence[Issue], Data, Model] | None],
 ) -> tuple[list[Issue], Data, Model]:
-    """Find the worst mistake, undo it, fit again, look for the next.
+    """Find the worst mistake, undo it, fit again and look for the next, up to MOST times.
 
     Args:
-        data: What was read.
-        model: Fitted to it.
-        undo: The worst mistake, the data without it and the model fitted to these; None where there is none.
-            Data that are as they were end the search.
+        data: The readings.
+        model: Model fitted to them.
+        undo: Function of data and model. It returns the worst mistakes, the data without them and the model
+            fitted to these; None when it finds no mistake. The search ends when it returns the same data.
 
     Returns:
-        The mistakes in the order in which they were found, data without them and the last model.
+        The mistakes in the order in which they were found, the data without them and the last model.
     """
     found: list[Issue] = []
     for _ in range(MOST):

@@ -38,34 +38,41 @@ Which = Literal["unloaded", "loaded", "all"]
 
 @dataclass(frozen=True)
 class FreeParameters:
-    """What a fit leaves free."""
+    """Select which parameters a fit leaves free."""
 
     frame: bool = False  #: Position and orientation of the arm's base in the frame of the readings.
-    targets: bool = False  #: Places of the targets in the tool's frame.
-    theta: tuple[int, ...] = ()  #: Virtual joints whose constants are free: a joint's zero, a link's end.
+    targets: bool = False  #: Positions of the targets in the tool's frame.
+    theta: tuple[int, ...] = ()  #: Virtual joints with a free constant: a joint's zero, a link's end.
     mirrored: bool = False  #: Whether the frame is left-handed.
-    lost: bool = False  #: Whether nothing is known of the targets: readings far off count too, at first.
+    lost: bool = False  #: Whether the targets are unknown: distant readings then count too, at first.
 
 
 @dataclass(frozen=True)
 class Observations:
-    """Readings of targets in poses, and what is not known of them."""
+    """Hold readings of targets in poses, and what is unknown about them."""
 
-    vjm: Vjm  #: The kinematics.
-    q: Array  #: (poses, n) [rad, m].
+    vjm: Vjm  #: The arm's virtual joint model.
+    q: Array  #: Actuated joints, (poses, n) [rad, m].
     markers: Array  #: Nominal targets in the tool's frame, (m, 3) [m].
-    read: Array  #: (poses, m, 3) [m].
+    read: Array  #: Readings of the targets, (poses, m, 3) [m].
     there: Mask  #: Which were read, (poses, m).
-    names: tuple[str, ...]  #: Of the targets.
+    names: tuple[str, ...]  #: Names of the targets.
     runs: Ids  #: Run of each row, (poses,).
-    poses: Ids  #: Its pose.
-    scale: float  #: How far a sound reading may lie off [m].
+    poses: Ids  #: Pose of each row, (poses,).
+    scale: float  #: Typical distance of a sound reading from the arm's kinematics [m].
     free: FreeParameters = FreeParameters()
-    #: Orientations, (poses, 3, 3), that three targets behind the others stand for; None without.
+    #: Orientations, tracker from target, (poses, 3, 3) [1], held as the last three targets; None if not read.
     rotation: Array | None = None
 
     def rows(self, some: Ids) -> "Observations":
-        """Select rows, (r,)."""
+        """Select some rows.
+
+        Args:
+            some: Indices of rows, (r,).
+
+        Returns:
+            The readings of these rows.
+        """
         rotation = None if self.rotation is None else self.rotation[some]
         return replace(
             self,
@@ -78,13 +85,31 @@ class Observations:
         )
 
     def oriented(self, position: Array, rotation: Array) -> "Observations":
-        """Replace positions of the targets, (poses, m, 3) [m], and orientations, (poses, 3, 3)."""
+        """Replace positions and orientations of the readings.
+
+        An orientation R is held as three more targets, ARM from the first one along the columns of R.
+
+        Args:
+            position: Positions of the m targets, (poses, m, 3) [m].
+            rotation: Orientations, tracker from target, (poses, 3, 3) [1].
+
+        Returns:
+            The readings, (poses, m + 3, 3) [m], with these positions and orientations.
+        """
         more = position[:, :1] + ARM * np.where(self.there[:, -3:, None], rotation.swapaxes(1, 2), 0)
         return replace(self, read=np.concatenate([position, more], axis=1), rotation=rotation)
 
 
 def of_series(vjm: Vjm, series: Series) -> Observations:
-    """Take absolute readings, nothing known of their frame, nor of where any target is."""
+    """Prepare absolute readings whose frame and targets are both unknown.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: The readings.
+
+    Returns:
+        The readings, with frame and targets free. Orientations, if read, are three more targets.
+    """
     there, m = series.seen, len(series.markers)
     if series.rotation is not None:
         there = np.hstack([there, np.repeat(series.turned[:, None] & there[:, :1], 3, axis=1)])
@@ -105,43 +130,60 @@ def of_series(vjm: Vjm, series: Series) -> Observations:
 
 @dataclass(frozen=True)
 class Fit:
-    """The best fit of what is free."""
+    """Hold the best fit of the free parameters."""
 
     frame: Frame  #: From the arm's base to the frame of the readings.
     markers: Array  #: Targets in the tool's frame, (m, 3) [m].
     theta: Array  #: Constants of the virtual joints, (n_theta,) [m, rad].
-    residual: Array  #: (poses, m, 3) [m], zero where nothing was read.
-    loss: float  #: Cauchy's [nats].
-    numbers: int  #: How many were free.
+    residual: Array  #: Fit minus readings, (poses, m, 3) [m]; zero where nothing was read.
+    loss: float  #: Cauchy's loss [nats].
+    numbers: int  #: Number of free parameters.
 
     @property
     def cost(self) -> float:
-        """The loss with what the free numbers have to earn [nats]."""
+        """Compute the loss plus PENALTY for every free number [nats]."""
         return self.loss + PENALTY * self.numbers
 
     def away(self, seen: Observations) -> Array:
-        """Compute distances of all readings from where they should be, (readings,) [m]."""
+        """Compute the distance of every reading from where the fit has its target.
+
+        Args:
+            seen: The readings that were fitted.
+
+        Returns:
+            Distances, (readings,) [m].
+        """
         return np.asarray(np.linalg.norm(self.residual, axis=2)[seen.there])
 
     def typical(self, seen: Observations, share: float = HALF) -> float:
-        """Compute the distance below which that share of the readings lies [m]."""
+        """Compute a quantile of the distances between readings and fit.
+
+        Args:
+            seen: The readings that were fitted.
+            share: The quantile, 0 to 1 [1]; the median by default.
+
+        Returns:
+            The distance below which that share of the readings lies [m].
+        """
         return float(np.quantile(self.away(seen), share))
 
 
 @dataclass(frozen=True)
 class Placed:
-    """Readings, and their fit with the mistake of all of them undone."""
+    """Hold readings with their fit, after a mistake of all of them is undone."""
 
     seen: Observations
     fit: Fit
 
 
 def cauchy(residual: Array, scale: float) -> Array:
-    """Compute Cauchy's loss 3/2 log(1 + |r|^2 / (3 scale^2)): minus a log density in three dimensions.
+    """Compute Cauchy's loss 3/2 log(1 + |r|^2 / (3 scale^2)).
+
+    Its second-order term is that of a Gauss loss; large residuals count only logarithmically.
 
     Args:
-        residual: r, (..., 3) [m].
-        scale: How far a sound reading may lie off [m].
+        residual: Residuals r, (..., 3) [m].
+        scale: Typical distance of a sound reading [m].
 
     Returns:
         Losses, (...) [nats].
@@ -154,14 +196,18 @@ def best_hypothesis(
 ) -> tuple[Issue | None, Fit]:
     """Find the mistake that explains readings best: each is undone, fitted again and compared.
 
+    The gain of a mistake is the cost of the fit as read, minus the cost with the mistake undone, minus
+    PENALTY times its parameters. It has to exceed LEAST, and BETTER per reading.
+
     Args:
-        seen: The readings, and what is free anyway, as in a frame that is not the arm's.
+        seen: The readings, with the parameters that are free in any case, such as an unknown frame.
         hypotheses: Rows of the table.
-        which: Which readings these are.
+        which: Which readings these are, for the sentence.
 
     Returns:
-        The mistake, "kinematics" where none explains readings that do not fit, or None; and all readings with
-        it undone, or as they are.
+        The mistake, and the fit of all readings with it undone. The mistake is "kinematics" when the readings
+        do not fit and no hypothesis explains them, and None when they fit; the fit is then that of the
+        readings as they are.
     """
     few = _thinned(seen)
     start = fit(few)
@@ -222,13 +268,15 @@ def _size(seen: Observations, change: Change[Observations], found: Fit) -> Array
 
 
 def fit(seen: Observations) -> Fit:
-    """Fit what is free: in closed form where a frame is, then refined together.
+    """Fit the free parameters by reweighted least squares for Cauchy's loss.
+
+    A free frame starts from its closed form; up to ROUNDS Gauss-Newton steps then refine all parameters.
 
     Args:
-        seen: The readings.
+        seen: The readings, with their free parameters.
 
     Returns:
-        The best fit of `seen.free`, by reweighted least squares for Cauchy's loss.
+        The best fit.
     """
     free = seen.free
     count = 6 * free.frame + 3 * len(seen.markers) * free.targets + len(free.theta)
@@ -259,7 +307,16 @@ def _judged(seen: Observations, where: Chain, now: Fit) -> Fit:
 
 
 def residuals(seen: Observations, where: Chain, now: Fit) -> Array:
-    """Compute where the arm has the targets minus readings, (poses, m, 3) [m]; 0 where nothing was read."""
+    """Compute the residuals R x(q) + t - y: targets by the fit minus readings.
+
+    Args:
+        seen: The readings y.
+        where: The extended chain in their poses.
+        now: The fit, with frame R, t and targets.
+
+    Returns:
+        Residuals, (poses, m, 3) [m]; 0 where nothing was read.
+    """
     x = where.points(now.markers) @ now.frame.rotation.T + now.frame.translation
     return np.where(seen.there[..., None], x - seen.read, 0.0)
 

@@ -29,14 +29,14 @@ BEHIND = " from row "  #: Ends the name of a series, before the first row of its
 
 
 def places(series: Series, least: int) -> Ids:
-    """List the steps that may be tried.
+    """List the rows at which a step is tried.
 
     Args:
         series: Readings in order of time.
-        least: Poses before and behind each step at least.
+        least: Fewest different poses before, and after, each step.
 
     Returns:
-        First rows behind them, (steps,).
+        Index of the first row after each step, (steps,), ascending.
     """
     before, behind = _poses_so_far(series.pose), _poses_so_far(series.pose[::-1])[::-1]
     steps = np.flatnonzero(np.diff(series.row)) + 1  # rows of one identifier are of one moment
@@ -80,7 +80,14 @@ def _sure(step: Issue) -> bool:
 
 
 def in_time(series: Series) -> Series:
-    """A series with its rows in order of time: of their identifiers."""
+    """Sort the rows of a series by their identifiers, which are in order of time.
+
+    Args:
+        series: The readings.
+
+    Returns:
+        The readings in order of time.
+    """
     return select_rows(series, np.argsort(series.row, kind="stable"))
 
 
@@ -92,16 +99,19 @@ Fitted = tuple[State, Noise]
 def settled(
     series: Parts, fitted: Callable[[Parts], Fitted], elastic: Metric
 ) -> tuple[list[Issue], Parts, Fitted]:
-    """Fit, part where something moved, fit again.
+    """Fit series, divide them where targets or tracker moved, and fit again until nothing moves.
 
     Args:
         series: The readings.
-        fitted: A first fit of some series, without joint errors.
+        fitted: Function that fits geometry and springs to series, without joint errors.
         elastic: Prior of all compliances that there may be.
 
     Returns:
-        What moved, and what that means for series that shared it; series in which nothing moved any more, and
+        Issues of what moved and of series that no longer share a mount or frame; the divided series; and
         their fit.
+
+    Raises:
+        BenchError: When the first fit fails.
     """
 
     def undo(parts: Parts, now: Fitted) -> tuple[list[Issue], Parts, Fitted] | None:

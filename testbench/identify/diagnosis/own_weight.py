@@ -51,14 +51,17 @@ LESS = 0.9  #: Scatter over that of the folder's mounting, above which none is t
 
 
 def by_own_weight(found: Calibration, prior: Prior) -> Issue | None:
-    """Find how the base stands, if gravity from another side explains absolute readings much better.
+    """Find a base mounting under which gravity explains absolute readings much better.
+
+    With scatter s of the readings in n poses, a mounting gains 3 n log(s_folder / s_mounting) nats.
 
     Args:
-        found: The calibration by the arm's folder.
-        prior: What the folder expects of its compliances.
+        found: The calibration with the mounting of the arm's folder.
+        prior: Prior of the compliances, from the folder.
 
     Returns:
-        The mounting; None where the folder's explains the readings as well.
+        The mounting; None when the one of the folder explains the readings as well, or when they scatter too
+        much to tell.
     """
     state = found.state
     level = mean_level(state.frames.values())
@@ -122,18 +125,20 @@ def _tilted(by: Array) -> Array:
 
 
 def hangs(before: Observations, after: Observations, C_theta: Array) -> bool:
-    """Tell whether unloaded readings are bent as a hanging arm is, not as an upright one read wrongly.
+    """Tell whether the unloaded readings sag as those of a hanging arm, not as those of an upright one.
 
-    It is asked where targets move against stated weights. Three mistakes do that: the arm hangs, readings
-    before and after are exchanged, or the force has the other sign.
+    Call it when targets move against stated weights. Three mistakes do that: the arm hangs, readings before
+    and after are exchanged, or the force has the other sign. With RMS distances s of the nearest MOST of the
+    readings in n poses, hanging gains 3 n log(s_upright / s_hanging) nats; s_upright is the smaller one of
+    both readings.
 
     Args:
-        before: Unloaded readings as the file has them.
-        after: Loaded ones.
-        C_theta: Expected compliances in the scale of the readings, (n_theta, n_theta) [m/N, rad/(N m)].
+        before: Unloaded readings, as in the file.
+        after: Loaded readings.
+        C_theta: Expected compliances, scaled to the readings, (n_theta, n_theta) [m/N, rad/(N m)].
 
     Returns:
-        Whether an arm that hangs explains them better by SURE nats; False where the folder has no masses.
+        Whether hanging gains more than SURE nats; False when the folder has no masses.
     """
     vjm = before.vjm
     try:

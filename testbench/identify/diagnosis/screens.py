@@ -41,13 +41,13 @@ LEAST = 3  #: Rows of half a file, and of what slipped.
 
 
 def likely_orders(seen: Observations) -> Iterator[Ids]:
-    """Screen orders of the joints.
+    """Find the likeliest orders of the joints in the file, by a linear form (see the module).
 
     Args:
         seen: The readings.
 
     Yields:
-        The orders that fit best, the best first: joint k is of column order[k], (n,).
+        At most FITTED orders, (n,) each, the likeliest first: joint k has the angles of column order[k].
     """
     n = len(seen.vjm.arm.joints)
     if n <= MAX_JOINTS:
@@ -102,21 +102,21 @@ def _screened(seen: Observations, rows: Ids, orders: Ids) -> Array:
 
 @dataclass(frozen=True)
 class Slip:
-    """Say from which row on all readings belong to another pose."""
+    """Hold the row from which all readings belong to another pose."""
 
-    first: int  #: That row, counted from 0.
-    shift: int  #: 1 for the pose before, -1 for the one after.
+    first: int  #: The row, counted from 0.
+    shift: int  #: 1 if readings belong to the pose before, -1 for the pose after.
     q: Array  #: The joint angles that the readings belong to, (poses, n) [rad, m].
 
 
 def slip(seen: Observations) -> Slip | None:
-    """Find where readings begin to be those of the pose before or after, while the rows before are sound.
+    """Find the row from which readings are those of the pose before or after, with all rows before it sound.
 
     Args:
         seen: The readings, in the order of the file.
 
     Returns:
-        The slip; None where there is none.
+        The slip; None when no slip explains the readings clearly better.
     """
     n, far = len(seen.q), LOST * seen.scale
     head = _half(seen, slice(n // 2))

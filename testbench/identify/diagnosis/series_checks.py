@@ -20,14 +20,18 @@ BETTER = 0.5  #: Scatter over that of the readings as they are, below which they
 def check_last_joint(
     vjm: Vjm, series: Sequence[Series], fitted: Callable[[tuple[Series, ...]], tuple[State, Noise]]
 ) -> None:
-    """Refuse readings that fit much better with the last joint turned the other way, by BenchError.
+    """Refuse readings that fit much better with the last joint's sign reversed.
 
-    With a target near its axis they fit a frame either way. Orientations tell.
+    A target near the last joint's axis lets them fit a frame with either sign. With orientations, which show
+    the sign, nothing is checked here.
 
     Args:
-        vjm: The arm.
+        vjm: The arm's virtual joint model.
         series: The readings.
-        fitted: A first fit of some series.
+        fitted: Function that fits geometry and springs to series, and returns state and noise.
+
+    Raises:
+        BenchError: When the scatter with the sign reversed is below BETTER times the scatter as read.
     """
     if any(one.rotation is not None for one in series):
         return
@@ -46,7 +50,15 @@ def check_last_joint(
 
 
 def check_order(vjm: Vjm, series: Sequence[Series]) -> None:
-    """Refuse a series whose rows slipped against their poses somewhere, by Misfit."""
+    """Refuse a series whose rows slipped against their poses.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: The readings.
+
+    Raises:
+        Misfit: When the rows of one series belong to other poses from some row on.
+    """
     for one in series:
         if found := slip(of_series(vjm, one)):
             first = one.row[found.first]

@@ -35,25 +35,30 @@ ALIKE = 10.0  #: Difference of gains below which two steps explain the readings 
 
 @dataclass(frozen=True)
 class Linear:
-    """Where readings are linear, and what the model may lack."""
+    """Hold the linearised model beside a step: all that it may lack, with its prior."""
 
-    own: Choice  #: What may be lacking.
-    prior: Array  #: Its precision, compliances in the metric, (c, c).
-    state: State  #: The arm.
-    noise: Noise  #: How readings scatter about it.
+    own: Choice  #: Unknowns that the model may lack, c of them.
+    prior: Array  #: Prior precision of the unknowns, compliances in the metric, (c, c).
+    state: State  #: The arm that the equations are linearised about.
+    noise: Noise  #: Noise of the readings about the arm.
 
 
 def nuisance_model(
     state: State, series: tuple[Series, ...], noise: Noise, elastic: Metric, orders: int = ORDERS
 ) -> Linear:
-    """Residuals of series, and what else may explain them.
+    """Build the linear model of everything but a step that may explain the residuals of series.
+
+    It has geometry, periodic joint errors and compliances as unknowns, each with a loose prior.
 
     Args:
         state: The arm without joint errors.
         series: The readings.
-        noise: How they scatter.
+        noise: Noise of the readings about the arm.
         elastic: Prior of all compliances that there may be.
-        orders: Highest order of periodic errors that there may be.
+        orders: Highest order of periodic joint errors, per turn [1].
+
+    Returns:
+        The unknowns with their prior precision, and the arm that they are linearised about.
     """
     errors = JointErrors(tuple(range(1, orders + 1)))
     state = replace(state, errors=errors, n=np.zeros((state.vjm.arm.n_joints, errors.size)))
@@ -64,24 +69,38 @@ def nuisance_model(
 
 
 def chance(step: Issue) -> float:
-    """Compute the chance of a step as clear as this one in readings without one, by Fisher's F."""
+    """Compute the probability of a step as clear as this one in readings without any.
+
+    With z numbers of the step and f independent equations, it is P(F(z, f) > 2 nats / z), Fisher's F test.
+
+    Args:
+        step: A step as `best` returns it.
+
+    Returns:
+        The probability, 0 to 1 [1].
+    """
     z = len(step.size)
     return float(fdtrc(z, step.numbers["free"], 2 * (step.nats or 0.0) / z))
 
 
 def best(at: Linear, series: Series, steps: Ids) -> Issue:
-    """Find the step of greatest gain.
+    """Find the step of a series that explains most of the residuals.
 
     Args:
-        at: What else the model may lack.
+        at: The linear model of everything but the step.
         series: The readings, in order of time.
-        steps: First rows behind the steps that are tried, rising, (steps,).
+        steps: First row after each step that is tried, ascending, (steps,).
 
     Returns:
-        The step. Its name says what moved, its size how far and by what turn, (3 or 6,) [m, rad]. Its numbers
-        are its first row (`place`); the identifiers of the rows `before` and `after` it, which may be
-        `across` a pose; whether the other move explains the readings `alike`; the `share` of the sum of
-        squares that it takes away; and the independent equations that nothing spends (`free`).
+        The step, named "target_moved" or "tracker_moved". Its size is translation and, if six numbers,
+        rotation, (3 or 6,) [m, rad]. Its numbers are:
+
+        - `place`: index of the first row after it;
+        - `before`, `after`: identifiers of the rows on both sides;
+        - `across`: whether both are of one pose;
+        - `alike`: whether a move of the other, target or tracker, explains the readings as well;
+        - `share`: fraction of the sum of squares that it explains [1];
+        - `free`: independent equations left after the fit.
     """
     sums = _sums(at, series, steps)
     return _greatest(_rest(at, (series,), [sums]), series, sums, steps, turns=True)
@@ -90,14 +109,17 @@ def best(at: Linear, series: Series, steps: Ids) -> Issue:
 def most_significant_step(
     at: Linear, series: Sequence[Series], places: Sequence[Ids]
 ) -> Iterator[tuple[Series, Issue]]:
-    """Find the step of every series that chance explains least, which may turn what moves or not.
+    """Find in every series the step that is least likely by chance, with or without a rotation.
 
-    A single row or pose that is off alone may explain the readings better: then there is none.
+    A series is skipped when a single wrong row or pose explains its readings as well.
 
     Args:
-        at: What else the model may lack.
-        series: The readings, in order of time; all tell of the arm.
-        places: Of every series the first rows behind the steps that are tried, rising.
+        at: The linear model of everything but the steps.
+        series: The readings, in order of time; all of them determine the arm.
+        places: First row after each step that is tried, per series, ascending, (steps,).
+
+    Yields:
+        A series and its step, with numbers as in `best`.
     """
     sums = [_sums(at, one, np.arange(1, one.rows)) for one in series]
     rest = _rest(at, series, sums)
@@ -211,16 +233,17 @@ def _equations(at: Linear, series: Series) -> tuple[Array, Array]:
 
 
 def steps_of(at: Linear, series: Series, A: Array, what: str) -> Array:
-    """Compute columns of a rigid step of the tracker or of the targets.
+    """Compute the columns of a rigid move of the tracker or of the targets.
 
     Args:
-        at: The model.
+        at: The linear model, whose unknowns name the columns.
         series: The readings.
-        A: Columns of all unknowns, (s, 3, unknowns + 1, runs).
+        A: Columns of all unknowns, then the residuals, (s, 3, unknowns + 1, rows) [m, rad].
         what: "tracker" or "target".
 
     Returns:
-        Columns, (s, 3, 3 or 6, runs).
+        Columns of translation and rotation, (s, 3, 6, rows); of translation alone, (s, 3, 3, rows), for the
+        mount of one target without orientation.
     """
     if what == "tracker":
         return A[:, :, at.own.unknowns.columns(f"frame {series.frame}")]
@@ -234,15 +257,15 @@ def steps_of(at: Linear, series: Series, A: Array, what: str) -> Array:
 
 
 def with_shift(at: Linear, series: Series, step: Issue) -> Issue:
-    """Add to a step how far it moved the targets where they were read.
+    """Add to a step the RMS distance by which it moves the targets.
 
     Args:
-        at: The model.
+        at: The linear model of everything but the step.
         series: The readings.
         step: The step.
 
     Returns:
-        The step with that distance, RMS [m], as its number `shift`.
+        The step with that distance over all readings, RMS [m], as its number `shift`.
     """
     what = step.name.removesuffix("_moved")
     Z = steps_of(at, series, rows_of(at.own.unknowns, at.state, series), what)

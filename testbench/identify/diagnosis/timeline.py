@@ -37,15 +37,20 @@ NAME = "targets"  #: Of the mount.
 
 @dataclass(frozen=True)
 class Timeline:
-    """Runs in the base's frame, in order of time."""
+    """Hold runs in the base's frame, in order of time."""
 
-    vjm: Vjm  #: The arm, its targets where they are.
-    data: Dataset
-    prior: Prior  #: What the arm's folder expects.
+    vjm: Vjm  #: The arm's virtual joint model, with targets as measured.
+    data: Dataset  #: The runs.
+    prior: Prior  #: Prior of the compliances, from the arm's folder.
 
     @cached_property
     def steps(self) -> list[Issue]:
-        """What moved between two readings, one a station at most; row 2 k is of run k, unloaded."""
+        """Find what moved between two readings, at most one step per station.
+
+        In the numbers `before` and `after`, 2 k is the unloaded reading of run k and 2 k + 1 the loaded one.
+        Only steps count whose chance is below CHANCE divided by twice the number of places. The list is empty
+        when there are too few readings.
+        """
         series = tuple(_in_time(in_order(self.data, evenly(np.arange(self.data.runs)))))
         steps = [places(one, FEWEST) for one in series]
         if not self.vjm.arm.joints or not any(map(len, steps)):
