@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 LIBRARY = Path(__file__).resolve().parents[1] / "testbench"
-ROOMS = ("arm", "model", "plant", "data", "identify", "design", "correct")
+ROOMS = ("arm", "model", "plant", "data", "identify", "design", "correct", "files")
 NO_VERBS = set("a an the all as at by each how its of that this those what where whether which whose".split())
 ARGS = re.compile(r"^Args:\n((?:(?:    .*)?\n?)*)", re.MULTILINE)
 NAME = re.compile(r"^    \*{0,2}(\w+):", re.MULTILINE)

@@ -23,6 +23,9 @@ ROUNDED = re.compile(r"\d([.,]\d*)?[eE]\+?13|\d{6}0{8}")
 def read_rotations(columns: Columns) -> Array | None:
     """Read the orientation of the target in every row, tracker from target.
 
+    Args:
+        columns: The table.
+
     Returns:
         Rotation matrices, (rows, 3, 3), NaN in rows without one; None if no column states orientations.
 
@@ -136,7 +139,14 @@ def read_torques(columns: Columns, arm: Arm) -> Array | None:
 
 
 def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:
-    """Read temperatures, (rows,) [degree Celsius], or None and a note if a cell is not a number."""
+    """Read the temperature of every row; a cell that is no number never makes the file refused.
+
+    Args:
+        columns: The table.
+
+    Returns:
+        Temperatures, (rows,) [degree Celsius], or None; and a note if a cell is no number.
+    """
     column = columns.get(Slot("temperature"))
     if column is None:
         return None, []
@@ -144,7 +154,15 @@ def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:
 
 
 def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
-    """Read the time since the first row, (rows,) [s], or None and a note if the cells are no times."""
+    """Read the time of every row; cells that are no times never make the file refused.
+
+    Args:
+        columns: The table.
+
+    Returns:
+        Times, (rows,) [s], or None; and a note if the cells are no times. Seconds are taken as they are;
+        dates and times count from the first row.
+    """
     counted, stamp = columns.get(Slot("time", 1)), columns.get(Slot("time"))
     if counted is not None:
         return _if_full(columns, counted)

@@ -27,7 +27,7 @@ TYPICAL = {"sigma": 3e-5, "": 1.0}
 
 
 class Entry(NamedTuple):
-    """A line of a map."""
+    """Hold one line of a map."""
 
     table: str
     key: str
@@ -36,19 +36,33 @@ class Entry(NamedTuple):
 
 
 def unit_of(table: Table, k: int) -> Unit | None:
-    """The unit of a column by its name or the line below the header."""
+    """Find the unit that a column's name states, or else the line below the header.
+
+    Args:
+        table: The export.
+        k: Place of the column.
+
+    Returns:
+        The unit; None if neither states one.
+    """
     parts = split_unit(table.names[k])
     return table.units[k] if parts is None else parts[1]
 
 
 def columns_by_name(table: Table, arm: Arm, length: str, said: Collection[str]) -> Iterator[Entry]:
-    """Joints, positions, scatter, mass: which column, in which unit, where no layout has said it.
+    """Guess the columns of joints, positions, scatter, mass and temperature by their names, with their units.
 
     Args:
         table: The export, with what the log adds.
         arm: The arm.
         length: Unit of lengths that the lines above the header state; "" where they state none.
-        said: Quantities that a layout has said.
+        said: Quantities that a layout states; they are not guessed.
+
+    Yields:
+        Lines of the map, with the reason of each guess.
+
+    Raises:
+        InputError: When no column looks like joints or positions.
     """
     known = dict[str, list[int]]()
     for k, name in enumerate(table.names):
@@ -79,7 +93,15 @@ def columns_by_name(table: Table, arm: Arm, length: str, said: Collection[str]) 
 
 
 def lost_words(table: Table, columns: Sequence[int]) -> list[Entry]:
-    """What stands in columns of positions for lost targets: cells that are no numbers."""
+    """Find the words that columns of positions have for lost targets: cells that are no numbers.
+
+    Args:
+        table: The export.
+        columns: Places of the columns of positions.
+
+    Returns:
+        One line of the map that lists the words; empty if there are none.
+    """
     texts = {text for k in columns for text in table.texts(k)}
     words = sorted(text for text in texts if text and not is_decimal(text.replace(",", ".")))
     return [Entry("words", "lost", words, "no numbers")] if words else []
@@ -164,7 +186,15 @@ def _cells_of(table: Table, k: int, count: int) -> Array:
 
 
 def angle_unit(table: Table, joints: Sequence[int]) -> tuple[str, str]:
-    """The unit of joints whose names have none, by their values, and that in words."""
+    """Guess the unit of joints from their values: degrees if one exceeds TURNS, else radians.
+
+    Args:
+        table: The export.
+        joints: Places of the joints' columns.
+
+    Returns:
+        Suffix of the map's key, "_deg" or "_rad", and the reason.
+    """
     unit, why = _angle(_sizes(table, joints))
     return f"_{unit}", why
 
@@ -190,7 +220,18 @@ def _sizes(table: Table, columns: Sequence[int]) -> Array:
 
 
 def length_unit(table: Table, k: int, alike: Sequence[int], kind: str, length: str) -> tuple[str, str]:
-    """What a key gets behind it where the header has no unit, by the values of columns alike, and why."""
+    """Guess the unit of a column from the values of columns like it, where the header states none.
+
+    Args:
+        table: The export.
+        k: Place of the column.
+        alike: Places of the columns whose values are compared with a typical size.
+        kind: Quantity of the column, such as "mass" or "sigma_x"; "" for a position.
+        length: Unit of lengths that the lines above the header state; "" where they state none.
+
+    Returns:
+        Suffix of the map's key, such as "_mm", and the reason; both "" where no suffix is needed.
+    """
     if unit_of(table, k) or kind in ("axis", "temperature"):
         return "", ""
     if kind == "mass":
@@ -200,7 +241,16 @@ def length_unit(table: Table, k: int, alike: Sequence[int], kind: str, length: s
 
 
 def names_by_cells(table: Table, arm: Arm, said: Mapping[str, str]) -> Iterator[Entry]:
-    """What columns of names say: poses, targets, states, loads, shots."""
+    """Guess from their cells what columns of names hold: poses, targets, states, loads or shots.
+
+    Args:
+        table: The export.
+        arm: The arm, with the names of its markers.
+        said: Quantity of each column that a layout states, by the column's name.
+
+    Yields:
+        Lines of the map, with the reason of each guess.
+    """
     names = [name for name in table.names if meaning(name) in ("name", "state") and name not in said]
     apart = [name for name in table.names if {meaning(name), said.get(name)} & APART]
     every = keys_of(table, [*names, *apart])

@@ -60,11 +60,25 @@ class Columns:
     warnings: tuple[str, ...]  #: Warnings about a log joined by row order, and about unread columns.
 
     def every(self, *what: str) -> list[Column]:
-        """List the columns of some quantities, in the order of the file."""
+        """List the columns of some quantities.
+
+        Args:
+            what: The quantities, such as "force".
+
+        Returns:
+            The columns, in the order of the file.
+        """
         return sorted((c for c in self.found.values() if c.slot.what in what), key=lambda c: c.index)
 
     def get(self, slot: Slot) -> Column | None:
-        """Return the column of a quantity; None if there is none."""
+        """Find the column of a quantity.
+
+        Args:
+            slot: The quantity, with component, target and state.
+
+        Returns:
+            The column; None if there is none.
+        """
         return self.found.get(slot)
 
     @property
@@ -74,7 +88,17 @@ class Columns:
         return tuple(("-" * (c.sign < 0) + c.name, "" if c.unit is None else c.unit.name) for c in own)
 
     def values(self, column: Column) -> Array:
-        """Read a column in SI units, (rows,); NaN where it is blank."""
+        """Read a column in SI units.
+
+        Args:
+            column: The column.
+
+        Returns:
+            Its numbers, (rows,); NaN where a cell is blank.
+
+        Raises:
+            InputError: When a cell is no number, too large, or too close to zero.
+        """
         lost = '; a word for a lost target goes into the map, as [words] lost = "NaN"'
         words = lost if column.slot.what == "reading" else ""
         values = self.table.numbers(column.index, self.mark, words)
@@ -95,7 +119,17 @@ class Columns:
         return values if scale == 1 else scale * values
 
     def full(self, column: Column) -> Array:
-        """Read a column without blank cells in SI units, (rows,); InputError at the first blank cell."""
+        """Read a column without blank cells in SI units.
+
+        Args:
+            column: The column.
+
+        Returns:
+            Its numbers, (rows,).
+
+        Raises:
+            InputError: Names the first cell that is blank or no usable number.
+        """
         values = self.values(column)
         blank = np.isnan(values)
         if blank.any():
@@ -110,11 +144,28 @@ class Columns:
         return values
 
     def said(self, slot: Slot) -> "Column | float | None":
-        """Find the source of a quantity: a column, the map's constant [SI units], or None."""
+        """Find the source of a quantity.
+
+        Args:
+            slot: The quantity, with component, target and state.
+
+        Returns:
+            Its column; else the map's constant in SI units; else None.
+        """
         return self.found.get(slot) or self.constant(slot)
 
     def every_row(self, own: "Column | float | None") -> Array:
-        """Read a source from `said` in every row, (rows,); 0 for None. InputError at the first blank cell."""
+        """Read a source from `said` in every row.
+
+        Args:
+            own: Column, constant in SI units, or None for 0.
+
+        Returns:
+            Values in SI units, (rows,).
+
+        Raises:
+            InputError: Names the first cell of the column that is blank or no usable number.
+        """
         return self.full(own) if isinstance(own, Column) else np.full(self.table.rows, own or 0.0)
 
     def whole(self, wanted: Mapping[str, Slot]) -> list[Column]:
@@ -136,7 +187,17 @@ class Columns:
         return [column for column in found if column]
 
     def together(self, found: Sequence[Column]) -> tuple[Array, Mask]:
-        """Read columns whose cells are blank together, (rows, k), and which rows have them, (rows,)."""
+        """Read columns whose cells are blank together.
+
+        Args:
+            found: The columns, k of them.
+
+        Returns:
+            Their numbers in SI units, (rows, k), NaN where blank; and which rows have them, (rows,).
+
+        Raises:
+            InputError: When a row has only some of the cells.
+        """
         values = np.column_stack([self.values(column) for column in found])
         blank = np.isnan(values)
         part, names = blank & ~blank.all(axis=1, keepdims=True), [column.name for column in found]
@@ -171,7 +232,14 @@ class Columns:
         return self.names.error(self.table.path, place, problem)
 
     def constant(self, slot: Slot) -> float | None:
-        """Return a quantity that the map states, in SI units; None if it does not."""
+        """Read a quantity that the map states for all rows.
+
+        Args:
+            slot: The quantity, with component, target and state.
+
+        Returns:
+            Its value in SI units; None if the map states none.
+        """
         stated = self.names.values.get(slot)
         return None if stated is None else stated[0] * stated[1].scale
 
@@ -367,7 +435,14 @@ def vector(columns: Columns, what: What, count: int = len(XYZ)) -> Array | None:
 
 
 def wrench(columns: Columns) -> Array | None:
-    """Read force and moment of every row, (rows, 6) [N, N m]; missing components are zero, as in `vector`."""
+    """Read force and moment of every row; missing components are zero, as in `vector`.
+
+    Args:
+        columns: The table.
+
+    Returns:
+        Wrenches, (rows, 6) [N, N m]; None if the file states neither.
+    """
     parts = [vector(columns, what) for what in ("force", "moment")]
     if all(part is None for part in parts):
         return None

@@ -43,7 +43,17 @@ ABB = Format("ABB's MOC.cfg", 'cal_offset of "{}"', r"(?m)^MOTOR_CALIB:[^#]*", A
 
 
 def read_controller(file: Path) -> tuple[Format, str]:
-    """Read a controller file and recognise its kind; InputError if it is none."""
+    """Read a controller file and recognise its kind.
+
+    Args:
+        file: The file.
+
+    Returns:
+        The kind, and the text.
+
+    Raises:
+        InputError: When it is of no known kind, or an export wrote it.
+    """
     text = read_bytes(file, MAX_BYTES).decode(BYTES)
     if STAMP in text:
         raise InputError(file, "", "testbench export wrote it; expected the robot's own file")

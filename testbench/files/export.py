@@ -80,7 +80,14 @@ class Draft:
 
 
 def draft_new(state: State) -> Draft:
-    """Make a URDF from scratch: its frames are the bodies of rigid.xml."""
+    """Make a URDF from scratch: its frames are the bodies of rigid.xml.
+
+    Args:
+        state: The calibrated arm.
+
+    Returns:
+        The URDF, not yet written.
+    """
     arm, geometry, one = state.vjm.arm, identified(state), np.eye(4)
     names = [link.name for link in arm.links]
     frames = Frames([*names, arm.tool], one, [one] * len(names), one)
@@ -135,7 +142,14 @@ def export(state: State, draft: Draft, out: Path) -> Row:
 
 
 def beside_of(urdf: Path) -> Path:
-    """Return the path of the JSON that belongs to a URDF."""
+    """Return the path of the JSON that belongs to a URDF.
+
+    Args:
+        urdf: The URDF.
+
+    Returns:
+        The same path with the suffix ".json".
+    """
     return urdf.with_suffix(".json")
 
 

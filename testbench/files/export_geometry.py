@@ -42,7 +42,14 @@ class Frames:
 
 
 def in_order(poses: Iterable[Array]) -> Array:
-    """Multiply poses in order, (4, 4) [m]."""
+    """Multiply poses in order, X_1 X_2 ... X_k.
+
+    Args:
+        poses: Homogeneous poses, (4, 4) [m] each.
+
+    Returns:
+        The product, (4, 4) [m]; the identity for no pose.
+    """
     return np.asarray(reduce(np.matmul, poses, np.eye(4)))
 
 
@@ -61,12 +68,26 @@ def within(frame: Array, pose: Array) -> Array:
 
 
 def drawn(vjm: Vjm) -> Rigid:
-    """Return the nominal geometry of an arm."""
+    """Return the nominal geometry of an arm.
+
+    Args:
+        vjm: The arm's virtual joint model.
+
+    Returns:
+        Base, joint steps and tool of its rigid chain.
+    """
     return Rigid(vjm.base, vjm.placements, vjm.tool)
 
 
 def identified(state: State) -> Rigid:
-    """Compute the geometry with its identified errors: `chain` at theta_0, for every q."""
+    """Compute the geometry with its identified errors: `chain` at theta_0, for every q.
+
+    Args:
+        state: The calibrated arm.
+
+    Returns:
+        Base, joint steps and tool of its rigid chain.
+    """
     vjm, n = state.vjm, state.vjm.arm.n_joints
     links, offsets = state.theta_0[: 6 * n + 6].reshape(-1, 6), state.theta_0[6 * n + 6 :]
     poses = [*vjm.placements, vjm.tool]
@@ -96,7 +117,14 @@ def _pose(R: Array, p: Array) -> Array:
 
 
 def random_joints(vjm: Vjm) -> Array:
-    """Draw poses over the joints' ranges, the same for every export, (POSES, n) [rad, m]."""
+    """Draw poses over the joints' ranges, the same for every export.
+
+    Args:
+        vjm: The arm's virtual joint model, n joints.
+
+    Returns:
+        Actuated joints, (POSES, n) [rad, m].
+    """
     return vjm.arm.drawn(np.random.default_rng(0), POSES)
 
 
@@ -130,6 +158,13 @@ def apart(a: Array, b: Array) -> tuple[float, float]:
 
 
 def far(off: Array) -> tuple[float, float]:
-    """Compute RMS and largest length of displacements, (poses, 3) [m], in millimetres."""
+    """Compute RMS and largest length of displacements.
+
+    Args:
+        off: Displacements, (poses, 3) [m].
+
+    Returns:
+        RMS and maximum [mm].
+    """
     mm = 1e3 * np.linalg.norm(off, axis=1)
     return float(np.sqrt(np.mean(mm**2))), float(mm.max())

@@ -47,7 +47,14 @@ def _rest(state: State, q: Array, loads: list[Load] | None = None) -> Array:
 
 
 def unloaded(moved: dict[str, Array]) -> Array:
-    """Sum the displacements of all kinds except the payload's."""
+    """Sum the displacements of all kinds except the payload's.
+
+    Args:
+        moved: Displacements by kind of error, (poses, 3) [m] each.
+
+    Returns:
+        The sum, (poses, 3) [m].
+    """
     return np.asarray(np.sum([rows for kind, rows in moved.items() if kind != PAYLOAD], axis=0))
 
 

@@ -11,13 +11,27 @@ MARK = "'"
 
 
 def as_cell(text: str) -> str:
-    """Write text from a user's file as a cell of a CSV: on one line, and never a formula."""
+    """Write text from a user's file as a cell of a CSV: on one line, and never a formula.
+
+    Args:
+        text: The text.
+
+    Returns:
+        The cell; text that a spreadsheet would take as a formula begins with MARK.
+    """
     line = shown(text)
     return MARK + line if _is_formula(line) else line
 
 
 def from_cell(text: str) -> str:
-    """Read the text of a cell that `as_cell` wrote."""
+    """Read the text of a cell that `as_cell` wrote.
+
+    Args:
+        text: The cell.
+
+    Returns:
+        The text, without the guard against formulas.
+    """
     return text[1:] if text.startswith(MARK) and _is_formula(text[1:]) else text
 
 

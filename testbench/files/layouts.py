@@ -46,29 +46,29 @@ MORE = "..."  #: Last of the kinds of cells: any others may follow.
 
 
 class Fits(Strict):
-    """How a file of a layout is recognised: all that is said must hold."""
+    """Describe how a file of a layout is recognised: all conditions must hold."""
 
-    #: Names that one line has, beside any others.
+    #: Names that the header has, among others.
     header: list[Text] = Field(default=[], max_length=100)
     #: Words in the lines before the table, or in its comments.
     above: list[Text] = Field(default=[], max_length=100)
-    #: Of every row of a file without a header, one for each of `file.names`.
+    #: Kinds of the cells in every row of a file without a header, one for each of `file.names`.
     cells: list[Kind] = Field(default=[], max_length=100)
-    text: Text | None = None  #: Regular expression of a line, of a robot's program.
+    text: Text | None = None  #: Regular expression of a line of a robot's program.
 
 
 class Program(Strict):
-    """How a language of robots writes joints."""
+    """Describe how a robot language writes joints."""
 
-    comment: Text  #: Begins one.
-    unit: Literal["deg", "rad"]  #: Of the robot's own axes.
+    comment: Text  #: Sign at the beginning of a comment.
+    unit: Literal["deg", "rad"]  #: Unit of the robot's own axes.
     target: str  #: Regular expression of joints, with the groups name, blank for a move, and axes.
-    drop: str = ""  #: What all names may have before them that is no part of the point's name.
-    begin: str = ""  #: What a point's name begins with beside it.
+    drop: str = ""  #: Prefix that is removed from the points' names if all have it.
+    begin: str = ""  #: Prefix that is added to a point's name.
 
 
 class Ordered(Strict):
-    """Columns of joints whose order other columns say, as ROS publishes them."""
+    """Describe columns of joints whose order is stated by other columns, as ROS publishes them."""
 
     names: Text  #: Columns of the joints' names, such as "name{n}".
     values: Text  #: Columns of their positions, such as "position{n}".
@@ -76,14 +76,14 @@ class Ordered(Strict):
 
 
 class ExportLayout(Map):
-    """A known export: a map, and how a file is recognised that it fits."""
+    """Describe a known export: a map, and the conditions under which it fits a file."""
 
-    title: Text  #: For people.
-    source: str  #: Where the facts of the format are from.
+    title: Text  #: Name in reports.
+    source: str  #: Source of the facts about the format.
     holds: list[Literal["positions", "joints"]] = Field(min_length=1)
     fits: Fits
     length: Literal["m", "mm"] | None = None  #: Unit of lengths where neither file nor columns say it.
-    times: list[Text] = Field(default=[], max_length=100)  #: Columns that say together when a row was read.
+    times: list[Text] = Field(default=[], max_length=100)  #: Columns that together state the time of a row.
     joints: Ordered | None = None
     program: Program | None = None
     #: Where the targets of columns X, Y, Z are named: "above" them, or behind this word in a line above.
@@ -103,20 +103,23 @@ class ExportLayout(Map):
 
 @dataclass(frozen=True)
 class Fitting:
-    """A layout that fits a file, and where the file's table is."""
+    """Hold a layout that fits a file, and the place of the table in the file."""
 
-    name: str  #: Of the layout.
+    name: str  #: Name of the layout.
     layout: ExportLayout
     file: Layout  #: How the table is written; columns have names where the header alone does not say them.
-    above: tuple[str, ...] = ()  #: What stands before the table, and its comments.
+    above: tuple[str, ...] = ()  #: Lines before the table, and its comments.
 
 
 @cache
 def known_layouts() -> Mapping[str, ExportLayout]:
-    """Read all layouts by their names.
+    """Read all layouts of the library's folder.
+
+    Returns:
+        The layouts by name.
 
     Raises:
-        InputError: Names the file and key of one that is none.
+        InputError: Names the file and the key that are wrong.
     """
     return {path.stem: _read(path) for path in sorted(FOLDER.glob("*.toml"))}
 
@@ -189,11 +192,16 @@ class _Divided:
 
 
 def every_fitting(path: Path, arm: Arm) -> list[Fitting]:
-    """Find every layout that fits a file; where one asks for less than another, the other counts alone.
+    """Find every layout that fits a file.
+
+    A layout whose conditions are a part of those of another one that fits is left out.
 
     Args:
         path: The file, text or workbook.
         arm: The arm that was measured.
+
+    Returns:
+        The layouts, each with the place of the table.
 
     Raises:
         InputError: When the file cannot be read.
@@ -280,7 +288,15 @@ def _spelled(name: str, arm: Arm) -> list[str]:
 
 
 def numbered(name: str, count: int) -> list[str]:
-    """A name for every joint by its number, {n} from 1 and {n0} from 0; the name alone without these."""
+    """Write a name once for every joint, with {n} replaced by its number from 1, or {n0} from 0.
+
+    Args:
+        name: The name, such as "A{n}".
+        count: Number of joints.
+
+    Returns:
+        The names, `count` of them; the name alone if it has neither {n} nor {n0}.
+    """
     for hole, first in (("{n}", 1), ("{n0}", 0)):
         if hole in name:
             return [name.replace(hole, str(k + first)) for k in range(count)]
@@ -392,6 +408,13 @@ def _last(label: str) -> str:
 
 
 def length_said(above: Sequence[str]) -> str:
-    """The unit of length that lines above a table say, as "Length Units,Meters"; "" where none does."""
+    """Find the unit of length that lines above a table state, as in "Length Units,Meters".
+
+    Args:
+        above: The lines.
+
+    Returns:
+        Name of the first unit of length, such as "m"; "" if there is none.
+    """
     found = (find_unit(word) for line in above for word in LENGTH.findall(line))
     return next((unit.name for unit in found if unit and unit.si == "m"), "")

@@ -129,7 +129,14 @@ class Names:
     load: float | None = None  #: Mass that hangs in loaded rows where nothing says one [kg].
 
     def find(self, header: str) -> Named | None:
-        """Find the meaning of a column; the map has priority over our own names. None if it is unknown."""
+        """Find the meaning of a column; the map has priority over our own names.
+
+        Args:
+            header: Name of the column in the file.
+
+        Returns:
+            The meaning; None if the name is unknown.
+        """
         if found := self.theirs.get(squeeze(header)):
             parts = split_unit(header, brackets=True)
             return replace(found, header=parts[1]) if parts else found
@@ -139,11 +146,25 @@ class Names:
         return None if own is None else Named(*own)
 
     def knows(self, header: str) -> bool:
-        """Tell whether a column with that name is read."""
+        """Tell whether a column with that name is read.
+
+        Args:
+            header: Name of the column in the file.
+
+        Returns:
+            Whether its meaning is known, or the map divides its cells.
+        """
         return self.find(header) is not None or header in self.cells
 
     def maps(self, header: str) -> bool:
-        """Tell whether the map has a column with that name."""
+        """Tell whether the map has a column with that name.
+
+        Args:
+            header: Name of the column in the file, with or without its unit.
+
+        Returns:
+            Whether it has.
+        """
         parts = split_unit(header)
         return any(squeeze(text) in self.theirs for text in [header, *([parts[0]] if parts else [])])
 

@@ -25,23 +25,47 @@ class Place(NamedTuple):
     axis: str
 
     def ours(self, targets: Mapping[str, str]) -> str:
-        """Return our name for the column, with our name of its target."""
+        """Write our name for the column, such as "P1_before_x".
+
+        Args:
+            targets: Our names of the targets, by their plain names.
+
+        Returns:
+            The name; target or state are left out if the column states none.
+        """
         return "_".join(filter(None, (targets[self.target], self.when, self.axis)))
 
 
 def plain(name: str) -> str:
-    """Reduce a name to small letters and digits, without its unit."""
+    """Reduce a name to small letters and digits, without its unit.
+
+    Args:
+        name: Name of a column.
+
+    Returns:
+        The reduced name.
+    """
     return re.sub(r"[\W_]+", "", (split_unit(name) or (name,))[0]).casefold()
 
 
 def meaning(name: str) -> str:
-    """Find the quantity of a column by its name alone; "" for an unknown name, and for positions."""
+    """Find the quantity of a column by its name alone.
+
+    Args:
+        name: Name of the column.
+
+    Returns:
+        The quantity; "" for an unknown name, and for positions.
+    """
     found = ((ours, re.fullmatch(own, plain(name))) for ours, own in KNOWN["columns"].items())
     return next((ours.format(**match.groupdict()) for ours, match in found if match), "")
 
 
 def places(arm: Arm) -> Callable[[str], Place | None]:
     """Make a function that finds target, state and axis in a name, in any order.
+
+    Args:
+        arm: The arm, with the names of its markers.
 
     Returns:
         A function of a name; it returns None if the name is not that of a position.
@@ -66,6 +90,9 @@ def places(arm: Arm) -> Callable[[str], Place | None]:
 
 def joints_of(arm: Arm) -> Callable[[str], tuple[str, int] | None]:
     """Make a function that finds a joint's number in a name, and the family of names to which it belongs.
+
+    Args:
+        arm: The arm, with the names of its joints.
 
     Returns:
         A function of a name; it returns None if the name is not that of a joint.
@@ -113,7 +140,14 @@ def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
 
 
 def overlooked(names: Sequence[str]) -> list[str]:
-    """Write warnings about unread columns that look like orientations, joints, times or loads."""
+    """Write warnings about unread columns that look like orientations, joints, times or loads.
+
+    Args:
+        names: Names of the unread columns.
+
+    Returns:
+        One warning per kind of quantity.
+    """
     left = {name: plain(name) for name in names}
     kinds: dict[str, list[str]] = {}
     for kind, sets in KNOWN["together"].items():

@@ -37,7 +37,14 @@ def _arm_files(folder: Path) -> tuple[str, ...]:
 
 
 def digests(folders: Iterable[Path]) -> dict[str, dict[str, str]]:
-    """SHA-256 of every file of arms, or of models of arms, by the folder's name and the path in it."""
+    """Compute the SHA-256 of every file of arms, or of models of arms.
+
+    Args:
+        folders: Folders of the arms or models.
+
+    Returns:
+        Digests by the folder's name and the file's path in it.
+    """
     found = {}
     for folder in folders:
         model = {name: MAX_ROOT for name in (DOCUMENT, POSTERIOR) if (folder / name).is_file()}

@@ -115,7 +115,14 @@ class Language:
     radians: bool = False  #: Whether it has six hinges in radians; otherwise degrees and millimetres.
 
     def takes(self, name: str) -> bool:
-        """Tell whether a name is valid and unused."""
+        """Tell whether a name is free to use: no reserved word of the language.
+
+        Args:
+            name: The name.
+
+        Returns:
+            False for a reserved word or a pattern of the language.
+        """
         taken = "|".join([*self.words.split(), *self.patterns])
         return re.fullmatch(taken, name, re.IGNORECASE) is None
 
@@ -126,7 +133,13 @@ WRITERS: Mapping[str, Language] = {name: Language(lines, **_DECLARED[name]) for 
 
 
 def format_of(path: Path) -> str:
-    """Find the format of a file by its suffix: "csv" or a key of `WRITERS`.
+    """Find the format of a file by its suffix.
+
+    Args:
+        path: The file.
+
+    Returns:
+        "csv" or a key of `WRITERS`.
 
     Raises:
         BenchError: If the suffix states no format.

@@ -55,7 +55,14 @@ TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+(?i:in)\s+|[\s_]+)([^\s_/,\[\]()]+)$"
 
 
 def find_unit(word: str) -> Unit | None:
-    """Find the unit of a word, whatever its case and its blanks; None for any other word."""
+    """Find the unit of a word, whatever its case and its blanks.
+
+    Args:
+        word: The word, such as "mm".
+
+    Returns:
+        The unit; None for any other word.
+    """
     small = "".join(word.casefold().split()).replace("²", "2")
     return KNOWN.get(OTHER_NAMES.get(small, small))
 
@@ -160,7 +167,14 @@ def columns_of(what: What, when: str = "") -> dict[str, Slot]:
 
 
 def torque_columns(arm: Arm) -> dict[str, Slot]:
-    """List the columns of the joints' torques."""
+    """List the columns of the joints' torques.
+
+    Args:
+        arm: The arm.
+
+    Returns:
+        Quantities by our names of the columns, such as "torque_joint_1_Nm".
+    """
     units = ("N" if joint.prismatic else "Nm" for joint in arm.file_joints)
     both = zip(arm.file_joints, units, strict=True)
     return {f"torque_{joint.name}_{unit}": Slot("torque", k) for k, (joint, unit) in enumerate(both)}
@@ -171,12 +185,26 @@ def _without_unit(every: Mapping[str, Slot]) -> dict[str, Slot]:
 
 
 def squeeze(text: str) -> str:
-    """Remove case, blanks, hyphens and underscores from a name: names are compared in this form."""
+    """Remove case, blanks, hyphens and underscores from a name: names are compared in this form.
+
+    Args:
+        text: The name.
+
+    Returns:
+        The squeezed name.
+    """
     return re.sub(r"[\s_\-]+", "", text).casefold()
 
 
 def our_names(arm: Arm) -> dict[str, Slot]:
-    """List the quantities of an arm's runs by squeezed name, without unit."""
+    """List the quantities of an arm's runs.
+
+    Args:
+        arm: The arm.
+
+    Returns:
+        Quantities by squeezed name, without unit.
+    """
     single: tuple[What, ...] = ("run", "pose", "marker", "station", "state", "loading", "mass", "sigma")
     found: dict[str, Slot] = {name: Slot(name) for name in single}
     found |= {"when": Slot("state"), "axis": Slot("axis"), "position": Slot("reading", WHOLE)}
@@ -199,9 +227,15 @@ def our_names(arm: Arm) -> dict[str, Slot]:
 
 
 def series_names(arm: Arm) -> dict[str, Slot]:
-    """List the quantities of absolute readings by squeezed name: those of `our_names` and further ones.
+    """List the quantities of absolute readings: those of `our_names` and further ones.
 
     The further ones are orientations, noise by axis, torques, temperature and time.
+
+    Args:
+        arm: The arm.
+
+    Returns:
+        Quantities by squeezed name, without unit.
     """
     found = {"payload": Slot("mass"), "timestamp": Slot("time")}
     found |= {name: Slot(name) for name in ("series", "series_frame", "series_target")}
@@ -220,7 +254,14 @@ def series_names(arm: Arm) -> dict[str, Slot]:
 
 
 def program_names(arm: Arm) -> dict[str, Slot]:
-    """List the quantities of a robot's program by squeezed name, without unit."""
+    """List the quantities of a robot's program.
+
+    Args:
+        arm: The arm.
+
+    Returns:
+        Quantities by squeezed name, without unit.
+    """
     shared = ("joint", "mass", "force", "moment", "point", *ROTATIONS)
     kept = {name: slot for name, slot in series_names(arm).items() if slot.what in shared and not slot.when}
     found = {name: Slot("label") for name in ("label", "point", "name")}

@@ -108,7 +108,14 @@ class Program(Displayed):
 
 
 def unread(program: Program) -> tuple[str, ...]:
-    """Write a sentence, without full stop, on each kind of unread columns; those like loads come first."""
+    """Describe each kind of unread columns; those that look like loads come first.
+
+    Args:
+        program: The program.
+
+    Returns:
+        Sentences, without full stop.
+    """
     like = {name: _load_like(name) for name in program.other}
     found = [
         f"Not read though its unit is that of a load: {name}{near and f' ({near}?)'}; it counts for nothing"

@@ -43,7 +43,14 @@ LONGEST = 2_000  #: Letters of a line above a table that is looked at.
 
 
 def map_text(entries: Sequence[Entry]) -> str:
-    """Lines as TOML, by their tables; of one key the first."""
+    """Write entries as a TOML map, grouped by table; of several entries with one key, the first counts.
+
+    Args:
+        entries: Lines of the map.
+
+    Returns:
+        The text; guesses carry their reason as a comment.
+    """
     tables: dict[str, dict[str, str]] = {}
     for table, key, value, why in entries:
         name, said = (json.dumps(x, ensure_ascii=False) for x in (key, value))
@@ -56,25 +63,32 @@ def map_text(entries: Sequence[Entry]) -> str:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A map that is proposed, and what it is from."""
+    """Hold a proposed map, and the layouts that it is based on."""
 
     entries: tuple[Entry, ...]
     layouts: tuple[str, ...]  #: Layouts that fit the export and its log, with their titles.
 
     def map(self) -> Map:
-        """The map that the entries say."""
+        """Build the map from the entries.
+
+        Returns:
+            The map.
+        """
         return Map.model_validate(tomllib.loads(map_text(self.entries)))
 
 
 def propose(path: Path, arm: Arm, log: Path | None, beside: Path, layout: str | None = None) -> Proposal:
-    """Propose the map of an export, in the folder `beside`, and of the robot's log that belongs to it.
+    """Propose the map of an export, and of the robot's log that belongs to it.
 
     Args:
         path: The export.
         arm: The arm that was measured.
         log: The robot's log with its joints; None where the export has them.
-        beside: The folder where the map will be.
+        beside: The folder where the map will be; the path of the log is relative to it.
         layout: Name of the layout that the export has; None for the one that fits.
+
+    Returns:
+        The map's lines, and the layouts that fit.
 
     Raises:
         InputError: When a file is no table, fits several layouts, lacks joints or positions, or cannot be
@@ -128,7 +142,7 @@ def _layout_entries(table: str, fits: Fitting | None) -> list[Entry]:
 
 @dataclass
 class Stated:
-    """What layouts say of a table."""
+    """Hold what layouts state about a table."""
 
     entries: list[Entry] = field(default_factory=list)
     what: set[str] = field(default_factory=set)  #: Quantities, such as "joint" and "reading".
@@ -167,7 +181,13 @@ class Stated:
         self.names |= dict.fromkeys(layout.cells, "")
 
     def order(self, fits: Fitting, table: Table, arm: Arm) -> None:
-        """Add the joints of a table whose order the table itself says."""
+        """Add the joints of a table that itself states their order.
+
+        Args:
+            fits: The layout that fits the table.
+            table: The table.
+            arm: The arm that was measured.
+        """
         if fits.layout.joints:
             self.entries += _ordered(fits.layout.joints, table, arm)
             self.what.add("joint")

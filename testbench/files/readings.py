@@ -49,10 +49,16 @@ def placed(read: Readings, code: Ids, some: Mask | slice = slice(None)) -> Array
 
 
 def markers_only(columns: Columns) -> tuple[Columns, list[str]]:
-    """Drop the rows of points that the map does not count as markers, and note it.
+    """Drop the rows of points that the map does not count as markers.
+
+    Args:
+        columns: The table.
+
+    Returns:
+        The table with the other rows; and a note if rows were dropped.
 
     Raises:
-        InputError: If no rows are left.
+        InputError: When the table has no row.
     """
     table, column = columns.table, columns.get(Slot("marker"))
     if not table.rows:
@@ -177,10 +183,19 @@ def _positions(columns: Columns, triple: list[Column]) -> Array:
 
 
 def averaged(columns: Columns) -> tuple[Columns, list[str]]:
-    """Average the shots of each point to one row, if the map requests it, and note it.
+    """Average the shots of each point to one row, if the map requests it.
 
     Shots of a point are rows with equal names and loads; without a name, with equal joints. The noise of a
     mean is the pooled standard deviation over the root of the number of shots, if nothing else states it.
+
+    Args:
+        columns: The table.
+
+    Returns:
+        The table with one row per point; and a note about the shots and their scatter.
+
+    Raises:
+        InputError: When shots of one point are farther than APART from their mean.
     """
     names, table = columns.names, columns.table
     if not names.map.file.average:

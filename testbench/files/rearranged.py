@@ -114,9 +114,16 @@ def _numbers_apart(
 
 
 def numbers_in(texts: Sequence[str], count: int) -> list[list[str]] | None:
-    """Return the first numbers of cells, (cells, count), as they are written; None unless all have so many.
+    """Find the first numbers of every cell.
 
-    Cells must hold as many numbers each; those after the first `count` must be the same in all cells.
+    Cells must hold equally many numbers; those after the first `count` must be the same in all cells.
+
+    Args:
+        texts: The cells.
+        count: How many numbers to return per cell.
+
+    Returns:
+        The numbers as they are written, (cells, count); None unless all cells have so many.
     """
     for number in NUMBERS if all(len(text) <= LONGEST for text in texts) else ():
         found = [number.findall(text) for text in texts]
@@ -215,7 +222,14 @@ def _check_shared(table: Table, columns: list[int]) -> None:
 
 
 def clock(texts: Sequence[str]) -> Array | None:
-    """Convert dates and times, or times of a day, in one notation to seconds, (n,); None if they are not."""
+    """Convert dates and times, or times of a day, in one notation to seconds.
+
+    Args:
+        texts: The cells, n of them.
+
+    Returns:
+        Times, (n,) [s], from a start that depends on the notation; None if a cell is no time.
+    """
     if texts and all(is_decimal(text) and not STAMP.fullmatch(text) for text in texts):
         values = np.array([float(text) for text in texts])
         return values * next((unit for most, unit in EPOCH if values.max() > most), 1.0)
@@ -241,7 +255,14 @@ def _seconds(form: str, text: str) -> float | None:
 
 
 def seconds(text: str) -> float | None:
-    """Convert a date and time to seconds since 1970; None if the text is neither."""
+    """Convert a date and time to seconds since 1970.
+
+    Args:
+        text: The date and time; UTC if it states no zone.
+
+    Returns:
+        The time [s]; None if the text is no date and time.
+    """
     stamp = STAMP.fullmatch(text)
     try:
         when = datetime.fromisoformat("{}-{}-{}T{}:{}:{}".format(*stamp.groups()) if stamp else text)

@@ -116,7 +116,14 @@ def identifiers(columns: Columns, column: Column) -> tuple[Ids, str]:
 
 
 def same_poses(q: Array) -> Ids:
-    """Number poses from 1 in order of appearance, (rows,): two are the same if they agree in every joint."""
+    """Number poses in order of appearance; two are the same if they agree in every joint.
+
+    Args:
+        q: Actuated joints, (rows, n) [rad, m].
+
+    Returns:
+        Number of the pose of every row, from 1, (rows,).
+    """
     labels = np.zeros(q.shape, dtype=int)
     for k, own in enumerate(q.T):
         order = np.argsort(own, kind="stable")
@@ -125,7 +132,14 @@ def same_poses(q: Array) -> Ids:
 
 
 def number_rows(*parts: Array | Ids | Mask | None) -> Ids:
-    """Number the groups of equal rows, (rows,) or (rows, k) in every part, from 0 in order of appearance."""
+    """Number the groups of equal rows in order of appearance.
+
+    Args:
+        parts: Arrays that are compared together, (rows,) or (rows, k) each; None is left out.
+
+    Returns:
+        Group of every row, from 0, (rows,).
+    """
     known = [part.reshape(len(part), -1) for part in parts if part is not None]
     code = np.zeros(len(known[0]), dtype=int)
     for column in (column for part in known for column in part.T):
@@ -138,12 +152,26 @@ def number_rows(*parts: Array | Ids | Mask | None) -> Ids:
 
 
 def first_rows(code: Ids) -> Ids:
-    """Find the first row of every group, (groups,), for groups numbered in order of appearance."""
+    """Find the first row of every group.
+
+    Args:
+        code: Group of every row, numbered in order of appearance, (rows,).
+
+    Returns:
+        Index of the first row, (groups,).
+    """
     return np.unique(code, return_index=True)[1]
 
 
 def repeats(*parts: Ids) -> Ids:
-    """Count the earlier rows that are equal to each row in all parts, (rows,)."""
+    """Count the earlier rows that are equal to each row in all parts.
+
+    Args:
+        parts: Arrays that are compared together, (rows,) each.
+
+    Returns:
+        The counts, (rows,).
+    """
     code = number_rows(*parts)
     order = np.argsort(code, kind="stable")
     size = np.bincount(code)
@@ -208,7 +236,17 @@ def _load(columns: Columns, own: Column | float | None) -> Array:
 
 
 def load_point(arm: Arm) -> Array:
-    """Find the arm's load point in the tool's frame, (3,) [m]: its body is a child of the tool's."""
+    """Find the arm's load point; its body is a child of the tool's.
+
+    Args:
+        arm: The arm.
+
+    Returns:
+        The point in the tool's frame, (3,) [m].
+
+    Raises:
+        InputError: When rigid.xml has no such body, or its position is not three numbers.
+    """
     body = find_body(arm.rigid, read_mjcf(arm.rigid), arm.load)
     return np.array(numbers(arm.rigid, body, "pos", 3) if "pos" in body.attrib else [0.0] * 3)
 

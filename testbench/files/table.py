@@ -106,19 +106,40 @@ class Table:
             raise self.error(row, name, problem if isinstance(problem, str) else problem(row, *k))
 
     def texts(self, k: int) -> list[str]:
-        """Read the cells of a column as text, without surrounding blanks and guards against formulas."""
+        """Read the cells of a column as text, without surrounding blanks and guards against formulas.
+
+        Args:
+            k: Place of the column.
+
+        Returns:
+            The cells.
+        """
         own = self.cells[k].dictionary_encode("encode")
         words = [from_cell(shown(str(word))) for word in own.dictionary.to_pylist()]
         return [words[place] for place in own.indices.to_numpy().tolist()]
 
     def blank(self, k: int) -> Mask:
-        """Tell which cells of a column are blank, (rows,)."""
+        """Tell which cells of a column are blank.
+
+        Args:
+            k: Place of the column.
+
+        Returns:
+            Mask of the rows, (rows,).
+        """
         if not pa.types.is_string(self.cells[k].type):
             return np.asarray(pc.is_null(self.cells[k]).to_numpy(zero_copy_only=False))
         return np.asarray(pc.equal(self.cells[k], "").to_numpy(zero_copy_only=False))
 
     def take(self, rows: Mask | Ids) -> "Table":
-        """Select rows by a mask or by their places, in any order."""
+        """Select rows, in any order.
+
+        Args:
+            rows: A mask, (rows,), or places of rows.
+
+        Returns:
+            The table with these rows.
+        """
         places = np.arange(self.rows)[rows]
         return replace(self, lines=self.lines[rows], cells=[cells.take(places) for cells in self.cells])
 
@@ -160,7 +181,14 @@ class Table:
         return replace(self, cells=cells)
 
     def filled(self, columns: Sequence[int]) -> "Table":
-        """Fill blank cells of some columns with the value above, as below merged cells."""
+        """Fill blank cells of some columns with the value above, as below merged cells.
+
+        Args:
+            columns: Places of the columns.
+
+        Returns:
+            The filled table.
+        """
         cells = list(self.cells)
         for k in columns:
             own = np.where(self.blank(k), 0, np.arange(self.rows))
@@ -216,13 +244,30 @@ class Table:
         return replace(self, cells=cells)
 
     def counts(self, k: int) -> Ids | None:
-        """Return a column as integers, (rows,); None if a cell holds anything but the digits of one."""
+        """Read a column of digits as integers.
+
+        Args:
+            k: Place of the column.
+
+        Returns:
+            The integers, (rows,); None if a cell holds anything but 1 to 18 digits.
+        """
         if not pc.all(pc.match_substring_regex(self.cells[k], "^[0-9]{1,18}$")).as_py():
             return None
         return np.asarray(pc.cast(self.cells[k], pa.int64()).to_numpy())
 
     def integers(self, k: int) -> Ids:
-        """Read a column as integers of 64 bits, (rows,); InputError names the first other cell."""
+        """Read a column as integers of 64 bits.
+
+        Args:
+            k: Place of the column.
+
+        Returns:
+            The integers, (rows,).
+
+        Raises:
+            InputError: Names the first cell that is no such integer.
+        """
         if (counted := self.counts(k)) is not None:
             return counted
         texts = self.texts(k)
@@ -234,7 +279,14 @@ class Table:
         return np.array([found[text] for text in texts], dtype=int)
 
     def mark(self, columns: Sequence[int]) -> str:
-        """Find the decimal mark: as the map states, or as in most numbers of these columns that have one."""
+        """Find the decimal mark: as the map states, or as in most numbers of these columns that have one.
+
+        Args:
+            columns: Places of the columns.
+
+        Returns:
+            "." or ",".
+        """
         if self.decimal:
             return self.decimal
         count = {",": 0, ".": 0}

@@ -197,7 +197,14 @@ def _without_header(lines: Sequence[str], said: Sequence[int], layout: Layout) -
 
 
 def is_comment(line: str) -> bool:
-    """Tell whether a line is a comment."""
+    """Tell whether a line is a comment.
+
+    Args:
+        line: The line.
+
+    Returns:
+        Whether it begins with the sign of a comment.
+    """
     return line.lstrip(' "').startswith(COMMENTS)
 
 
@@ -257,7 +264,16 @@ def _full(cells: Sequence[str], count: int) -> bool:
 
 
 def units_in(line: str, delimiter: str, count: int) -> list[Unit | None] | None:
-    """Read the units of a line that holds nothing else; None for any other line."""
+    """Read the units of a line that holds nothing but units.
+
+    Args:
+        line: The line below a header.
+        delimiter: What separates its cells.
+        count: Number of columns.
+
+    Returns:
+        The unit of every column, None for a blank cell; None for a line with other words.
+    """
     words = [cell.strip("[]() ") for cell in cells_in(line, delimiter)][:count]
     units = [find_unit(word) for word in words]
     other = [word for word, unit in zip(words, units, strict=True) if unit is None and word.strip("-1")]

@@ -42,6 +42,12 @@ READERS = {"robot": read_urdf, "mujoco": read_mjcf}
 def read_robot(file: Path) -> Robot:
     """Read all bodies of a URDF, or of an MJCF with the files that it names.
 
+    Args:
+        file: The URDF or MJCF.
+
+    Returns:
+        The robot.
+
     Raises:
         InputError: Names the file, the place and what was expected.
     """
@@ -276,7 +282,14 @@ def _fit(chain: Chain, rows: Rows) -> tuple[Chain, Rows]:
 
 
 def fit_names(names: Iterable[str]) -> list[str]:
-    """Make names of letters, digits, `_` and `-`, each different from all others."""
+    """Make names of letters, digits, `_` and `-`, each different from all others.
+
+    Args:
+        names: Names in a user's file.
+
+    Returns:
+        Our names, in the same order.
+    """
     found: list[str] = []
     for name in names:
         fit = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:LONGEST_NAME] or "x"

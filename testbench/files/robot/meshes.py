@@ -45,8 +45,14 @@ class Meshes:
     def load(self, file: Path) -> Mesh:
         """Read the triangles of a file; every file is read once.
 
+        Args:
+            file: The mesh file.
+
+        Returns:
+            The mesh.
+
         Raises:
-            MeshError: If the file cannot be read.
+            MeshError: If the file cannot be read, or all meshes together are too large.
         """
         if file not in self.read:
             kind = file.suffix[1:].lower()
@@ -140,6 +146,9 @@ def _welded(vertices: Array, faces: Faces) -> Surface:
 def distinct(cells: npt.NDArray[np.number]) -> tuple[Faces, Faces]:
     """Group rows of three numbers from 0 to 2 CELLS that are equal after rounding.
 
+    Args:
+        cells: The rows, (k, 3).
+
     Returns:
         The first row of each group, in rising order of the groups, and the group of every row.
     """
@@ -149,7 +158,14 @@ def distinct(cells: npt.NDArray[np.number]) -> tuple[Faces, Faces]:
 
 
 def joined(surfaces: Sequence[Surface]) -> Surface:
-    """Join several surfaces to one."""
+    """Join several surfaces to one.
+
+    Args:
+        surfaces: Vertices, (v, 3), and faces, (f, 3), of each.
+
+    Returns:
+        Vertices and faces of all.
+    """
     import trimesh
 
     vertices, faces = trimesh.util.append_faces([v for v, _ in surfaces], [f for _, f in surfaces])
@@ -157,13 +173,27 @@ def joined(surfaces: Sequence[Surface]) -> Surface:
 
 
 def with_area(faces: Faces) -> Faces:
-    """Keep the triangles whose corners differ."""
+    """Keep the triangles with three different corners.
+
+    Args:
+        faces: Indices of the corners, (f, 3).
+
+    Returns:
+        The triangles that are kept, (g, 3).
+    """
     a, b, c = faces.T
     return np.asarray(faces[(a != b) & (b != c) & (c != a)])
 
 
 def check_size(vertices: Array) -> None:
-    """Refuse a surface that cannot be a robot's in metres with a MeshError."""
+    """Refuse a surface that cannot be a robot's in metres.
+
+    Args:
+        vertices: Its vertices, (v, 3) [m].
+
+    Raises:
+        MeshError: When it is larger than LARGEST, or too far from the origin.
+    """
     size = float(np.ptp(vertices, axis=0).max())
     if not size <= LARGEST or not float(np.abs(vertices).max()) <= 2 * LARGEST:
         raise MeshError(f"{size:.3g} m large; is a scale of 0.001 missing?")

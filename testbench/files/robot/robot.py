@@ -68,7 +68,14 @@ class Shape:
 
 
 def seen(shapes: Sequence[Shape]) -> list[Shape]:
-    """Select the shapes that are drawn; if there are none, those that collide."""
+    """Select the shapes that are drawn; if there are none, those that collide.
+
+    Args:
+        shapes: Shapes of a body.
+
+    Returns:
+        The selected shapes.
+    """
     return [s for s in shapes if s.visual] or [s for s in shapes if s.collides]
 
 
@@ -154,7 +161,14 @@ class Chain:
 
 
 def endless(*, prismatic: bool) -> tuple[float, float]:
-    """Return limits for a joint whose file states none [rad, m]."""
+    """Return limits for a joint whose file states none.
+
+    Args:
+        prismatic: Whether the joint is a slide.
+
+    Returns:
+        Lower and upper limit [rad, m].
+    """
     return (-SLIDE, SLIDE) if prismatic else (-UNLIMITED, UNLIMITED)
 
 

@@ -41,7 +41,14 @@ def primitive(kind: Kind, size: Array) -> Mesh:
 
 
 def hull_of(vertices: Array) -> Surface | None:
-    """Compute corners and faces of the convex hull of points, to within SLACK; None if they are flat."""
+    """Compute the convex hull of points, to within SLACK.
+
+    Args:
+        vertices: The points, (v, 3) [m].
+
+    Returns:
+        Corners and faces of the hull; None if the points are flat.
+    """
     hull = _hull(vertices, _slack(vertices))
     if hull is None:
         return None
@@ -51,16 +58,29 @@ def hull_of(vertices: Array) -> Surface | None:
 
 
 def hull_volume(vertices: Array) -> float:
-    """Compute the volume of the convex hull of points [m^3]; 0 if they are flat."""
+    """Compute the volume of the convex hull of points.
+
+    Args:
+        vertices: The points, (v, 3) [m].
+
+    Returns:
+        The volume [m^3]; 0 if the points are flat.
+    """
     hull = _hull(vertices, _slack(vertices))
     return 0.0 if hull is None else float(hull.volume)
 
 
 def outermost(vertices: Array) -> Array:
-    """Select the corners that span the convex hull of all, (h, 3); all if they are flat.
+    """Select the corners that span the convex hull of all.
 
     For many corners, hulls of subsets are computed first: the time of one hull grows faster than their
     number.
+
+    Args:
+        vertices: The corners, (v, 3) [m].
+
+    Returns:
+        The selected corners, (h, 3) [m]; all if they are flat.
     """
     slack = _slack(vertices)
     while (groups := -(-len(vertices) // AT_ONCE)) > 1:
@@ -98,7 +118,14 @@ def _outward(corners: Array, faces: Faces) -> Faces:
 
 
 def integrals(surface: Surface) -> Weighed:
-    """Compute volume [m^3], centroid [m] and inertia about it at unit density [m^5] of a closed surface."""
+    """Compute volume, centroid and inertia of a closed surface.
+
+    Args:
+        surface: Its vertices [m] and faces.
+
+    Returns:
+        Volume [m^3], centroid, (3,) [m], and inertia about it at unit density, (3, 3) [m^5].
+    """
     import trimesh  # takes as long to import as MuJoCo
 
     found = trimesh.triangles.mass_properties(surface[0][surface[1]])
@@ -106,7 +133,16 @@ def integrals(surface: Surface) -> Weighed:
 
 
 def combined(parts: Sequence[Weighed]) -> Weighed:
-    """Combine bodies to one mass, centre of mass and inertia about it (parallel axes); zero without mass."""
+    """Combine bodies to one mass, centre of mass and inertia, by the parallel axis theorem.
+
+    With d from the common centre to that of a body, it adds I + m (d^T d 1 - d d^T).
+
+    Args:
+        parts: Mass m [kg], centre of mass, (3,) [m], and inertia I about it, (3, 3) [kg m^2], of each body.
+
+    Returns:
+        The same of all bodies; zeros if they have no mass.
+    """
     mass = sum(own for own, _, _ in parts)
     if mass == 0:
         return 0.0, np.zeros(3), np.zeros((3, 3))
@@ -119,7 +155,14 @@ def combined(parts: Sequence[Weighed]) -> Weighed:
 
 
 def plausible(inertia: Array) -> Array:
-    """Compute the nearest inertia that a body can have: no principal moment exceeds the sum of the others."""
+    """Compute the nearest inertia that a body can have: no principal moment exceeds the sum of the others.
+
+    Args:
+        inertia: Any inertia about the centre of mass, (3, 3) [kg m^2].
+
+    Returns:
+        Inertia with positive integrals of x^2, y^2 and z^2 over the mass, (3, 3) [kg m^2].
+    """
     moments, axes = np.linalg.eigh((inertia + inertia.T) / 2)
     least = max(LEAST_INERTIA, 1e-6 * float(np.abs(moments).max()))
     second = np.maximum(moments.sum() / 2 - moments, least / 2)  # integrals of x^2, y^2, z^2

@@ -24,6 +24,12 @@ FIND = re.compile(r"\$\(find ([\w-]+)\)")
 def read_xml(file: Path) -> ET.Element:
     """Read the root element of a file.
 
+    Args:
+        file: The URDF or MJCF.
+
+    Returns:
+        The root element.
+
     Raises:
         InputError: If the file is missing, too large, not well-formed, or has more elements than a robot can.
     """

@@ -46,7 +46,14 @@ def path_to(robot: Robot, body: int) -> list[int]:
 
 
 def named_tips(robot: Robot) -> list[Tip]:
-    """List every body and site that may carry the tool."""
+    """List every body and site that may carry the tool.
+
+    Args:
+        robot: The robot.
+
+    Returns:
+        The places, in the order of the bodies.
+    """
     return [
         Tip(k, site)
         for k, body in enumerate(robot.bodies)
@@ -60,6 +67,12 @@ def usual_tip(robot: Robot) -> Tip:
     A gripper and rods that follow other joints do not count; a link with the name of a flange has priority
     over a longer chain. On the last moving body, or fixed to it, a usual name decides; else a bare frame
     fixed to it; else the body itself.
+
+    Args:
+        robot: The robot.
+
+    Returns:
+        The place.
     """
     bodies, tips = robot.bodies, named_tips(robot)
     carriers = [_carrier(robot, k) for k in range(len(bodies))]

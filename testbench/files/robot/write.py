@@ -38,7 +38,14 @@ MOST_HULLS = 8
 
 
 def drawn_mesh(part: Body) -> tuple[Surface, Array] | None:
-    """Join the drawn shapes of a part to one mesh, with the colour of its largest piece, (4,) [1]."""
+    """Join the drawn shapes of a part to one mesh.
+
+    Args:
+        part: The part.
+
+    Returns:
+        The mesh, and the colour of its largest piece, (4,) [1]; None if no shape is a mesh.
+    """
     meshes = [s for s in seen(part.shapes) if s.kind == "mesh"]
     if not meshes:
         return None
@@ -171,7 +178,14 @@ def _placed(pose: Array) -> dict[str, str]:
 
 
 def numbers_text(values: Array) -> str:
-    """Write numbers to 1e-12, as short as that allows."""
+    """Write numbers to 1e-12, as short as that allows.
+
+    Args:
+        values: The numbers.
+
+    Returns:
+        The numbers, separated by blanks.
+    """
     return " ".join(f"{round(float(x), 12) + 0.0:.12g}" for x in values)
 
 
