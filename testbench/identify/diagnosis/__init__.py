@@ -1,1 +1,1 @@
-"""What may be wrong with readings: one table of hypotheses, each undone, fitted again and compared."""
+"""Find mistakes in readings: one table of hypotheses, each undone, fitted again and compared."""

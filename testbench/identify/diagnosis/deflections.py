@@ -44,26 +44,32 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, marker_points
 
 PLAY, STIFFER = 6e-5, 200.0
-"""Half width of a joint's play or friction [rad, m], and the share by which it turns less, a radian [1/rad].
+"""Half width of a joint's backlash or friction [rad, m], and its relative stiffening per radian [1/rad].
 
-Typical sizes, as of `plant.TYPICAL`, and a little more."""
+Both are a little larger than in `plant.TYPICAL`."""
 LEAST, ONE_OF_MANY = 7.0, 12.0
-"""Nats by which a mistake has to make the readings likelier to be an issue; of a single run or level."""
-CLEAR = 20.0  #: The same where all readings are changed at once: a force along another axis, other levels.
+"""Log-likelihood that a mistake has to gain to be an issue, and that of a single run or level [nats]."""
+CLEAR = 20.0  #: The same for mistakes that change all loads, such as other axes or levels [nats].
 QUIET = 1.3, 2.5
-"""Misfit, and factor between prior and readings, up to which no mistake without a size is looked for."""
+"""Limits of misfit, and of the factor between prior and readings [1].
+
+Above one of them, mistakes without a size are tried."""
 NOISE, SHARE_OF_MOVE = 8.0, 0.005
-"""Misfit, and share of the deflections, from which the stated noise is doubted: models leave that much."""
+"""Misfit, and share of the typical deflection, above which the stated noise raises a warning [1].
+
+Model errors explain smaller ones."""
 FALL, FEWEST = 0.5, 5
-"""Misfit without a run over that with it, from which the run alone is wrong; runs of which one may be."""
-WORTH = 3.0  #: Nats from which a run is left out on trial: strong evidence (Kass and Raftery 1995).
-RIVAL = 0.8  #: Share of another mistake's nats from which a mounting is preferred to it.
-SHARE = 0.5  #: What evidence for a single run counts against that for a mistake of all.
+"""Misfit without a run over that with it, below which that run alone is wrong [1]; fewest runs to tell."""
+WORTH = 3.0  #: Evidence from which a run is left out on trial [nats]: strong (Kass and Raftery 1995).
+RIVAL = 0.8  #: Share of another mistake's nats above which a mounting is preferred to it [1].
+SHARE = 0.5  #: Weight of the evidence for a mistake of one run, beside a mistake of all runs [1].
 SCALES, STIFF, LIGHT = 5.0, 4.5, 0.35
-"""Factors between prior and readings that are absurd, and that are with forces that are light as newtons,
-under LIGHT of the stated payload, and not as kilograms."""
+"""Factors between readings and prior that raise a warning [1].
+
+The first holds for any load. The second holds where the largest load is light as newtons, but not if its
+number were kilograms: light is below LIGHT of the stated payload."""
 LEVEL_RUNS, SAME = 3, 0.02
-"""Runs of a load below which it is no level, and the share by which loads of one level may differ."""
+"""Fewest runs of a load level, and how far its forces may differ, over the largest force [1]."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from testbench.errors import Array
 from testbench.identify.registered import Registered, with_markers
 from testbench.model.vjm import Vjm
 
-MOST = 5  #: Mistakes, or changes of several series at once, that are undone one after the other.
+MOST = 5  #: Most rounds of undoing mistakes one after the other.
 Case = TypeVar("Case")
 Data = TypeVar("Data")
 Model = TypeVar("Model")

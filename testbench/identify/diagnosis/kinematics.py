@@ -21,19 +21,19 @@ from testbench.model.vjm import Chain, Vjm, chain, skew, translation_rows
 
 PRECISE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
 ORIGIN = Frame(np.eye(3), np.zeros(3))
-PENALTY = 4.0  #: Nats that a free number has to earn.
-ROUNDS = 8  #: Most of weights and fits in turn.
-SETTLED = 1e-6  #: Change of the loss after which a round is the last [nats].
-ROWS = 300  #: Rows, evenly out of more, that tell what is wrong.
+PENALTY = 4.0  #: Log-likelihood that a free number has to gain [nats].
+ROUNDS = 8  #: Most rounds of reweighting and fitting.
+SETTLED = 1e-6  #: Change of the loss below which the rounds end [nats].
+ROWS = 300  #: Most rows that are compared, selected evenly.
 HALF, MOST = 0.5, 0.95
-"""Shares of the readings whose distance is reported: of most where half fit in spite of a mistake."""
+"""Quantiles of the reported distance [1]: MOST where half of the readings fit in spite of a mistake."""
 BETTER, LEAST = 0.3, 20.0
-"""Nats per reading, and in all, by which a mistake has to make the readings likelier to be an issue."""
-SHARE = 0.9  #: Share of the gain of a mistake of many numbers from which others are preferred to it.
-LOST = 8.0  #: Median distance over a sound one from which readings do not fit the arm at all.
-ARM = 0.3  #: Distance of the targets that stand for an orientation from the one that has it [m].
+"""Log-likelihood that a mistake has to gain to be an issue, per reading and in total [nats]."""
+SHARE = 0.9  #: Share of the largest gain that a mistake has to reach to be an issue [1].
+LOST = 8.0  #: Median distance, over `scale`, above which readings do not fit the arm [1].
+ARM = 0.3  #: Distance of the three targets that hold an orientation from the first target [m].
 Which = Literal["unloaded", "loaded", "all"]
-"""Which readings are looked at."""
+"""Selects the readings that are compared."""
 
 
 @dataclass(frozen=True)

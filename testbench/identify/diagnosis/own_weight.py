@@ -41,13 +41,13 @@ STUCK = (
     0.05  #: Compliance over the folder's below which a joint that carries weight would rather be negative.
 )
 CARRIES = 0.05  #: Typical torque of a joint over the largest from which it carries weight.
-FAR = 5e-3  #: Scatter over the reach from which more is wrong than where gravity comes from [1].
+FAR = 5e-3  #: Scatter, over the reach, above which more than the mounting is wrong [1].
 SURE, MOST = 8.0, 0.8
-"""Nats by which own weight tells that an arm hangs, and share of the readings, the nearest, that tell."""
+"""Log-likelihood from which an arm hangs [nats]; share of the readings, the nearest, that count [1]."""
 PROBE = np.deg2rad(15.0)  #: Tilt at which the scatter is probed for where it is least [rad].
 CLEAR, LEVELLED = 20.0, 7.0
-"""Nats a mounting has to gain; the same where a level tracker says so."""
-LESS = 0.9  #: Scatter over that of the folder's mounting, above which none is told.
+"""Log-likelihood that a mounting has to gain, and the same where a level tracker agrees [nats]."""
+LESS = 0.9  #: Ratio of scatter to that with the folder's mounting, above which no mounting is reported [1].
 
 
 def by_own_weight(found: Calibration, prior: Prior) -> Issue | None:

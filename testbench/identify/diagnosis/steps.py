@@ -25,12 +25,12 @@ from testbench.identify.metric import Metric
 from testbench.identify.rows import rows_of
 from testbench.model.joint_errors import JointErrors
 
-ORDERS = 8  #: Periodic errors beside a step: those that the poses of a part of a series may share.
-LACKING = 3.0  #: Size of errors beside a step, over the usual one: what part of them is left is not known.
-BATCH = 3_000_000  #: Numbers of the equations that are in memory at a time.
+ORDERS = 8  #: Highest order of periodic errors that the poses of a part of a series may share.
+LACKING = 3.0  #: Prior size of errors beside a step, over their usual size [1]: how much is left is unknown.
+BATCH = 3_000_000  #: Most numbers of the equations in memory at a time.
 FREE = 6
 """Independent equations of a pose at most: its targets and loads share what the model leaves open there."""
-ALIKE = 10.0  #: Difference of gains below which two steps explain the readings alike.
+ALIKE = 10.0  #: Difference of gains, over the variance, below which two steps explain readings alike.
 
 
 @dataclass(frozen=True)
