@@ -14,7 +14,7 @@ import numpy as np
 from measure import Row, at_most, note
 from scipy.linalg.lapack import dgeqrf
 
-from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.prior import cad_prior
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import build_cell
@@ -32,10 +32,12 @@ def measured(poses: int) -> dict[str, float]:
     series, _ = simulate_series(cell, AbsoluteCampaign(poses=poses, orientations=True), seed=SEED)
     base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     start = time.perf_counter()
-    found = calibrate(cell.vjm, series, cad_prior(cell.arm), Options(orders=ORDERS, only=EVERYTHING))
+    found = calibrate(
+        cell.vjm, series, cad_prior(cell.arm), CalibrationOptions(orders=ORDERS, only=EVERYTHING)
+    )
     seconds = time.perf_counter() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return {"seconds": seconds, "unknowns": len(found.own.columns), "megabytes": peak - base}
+    return {"seconds": seconds, "unknowns": len(found.active.columns), "megabytes": peak - base}
 
 
 def calibrating_by_absolute_poses() -> list[Row]:

@@ -7,7 +7,7 @@ from measure import Row, at_most, note
 from programs import NASTY, random_regression, with_random_prior
 
 from testbench.identify.metric import Case, with_prior_rows
-from testbench.identify.solve import answer, referee
+from testbench.identify.solve import solve_by_reference, solve_with_prior
 
 RANDOM, NASTY_ONES = 10_000, 1_000
 SEED = 20_000
@@ -59,16 +59,16 @@ def rows_of(name: str, found: list[Compared]) -> list[Row]:
 
 def compared(case: Case) -> Compared:
     """GCO with a prior; what is left is told by the step to the best of both, in standard deviations."""
-    own, other = answer("psd", case), referee("psd", case)
-    M, r = with_prior_rows(case.regression, case.belief.metric, case.belief.strength)
-    x = [np.linalg.solve(case.belief.metric.L, pi) for pi in (own.pi, other.pi)]
+    own, other = solve_with_prior("psd", case), solve_by_reference("psd", case)
+    M, r = with_prior_rows(case.regression, case.belief.scaling, case.belief.strength)
+    x = [np.linalg.solve(case.belief.scaling.L, pi) for pi in (own.pi, other.pi)]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
     unit, best = float(np.linalg.norm(r)), x[int(np.argmin(costs))]
-    return Compared(own.own, (costs[0] - costs[1]) / unit, float(np.linalg.norm(M @ (x[0] - best))))
+    return Compared(own.by_our_solver, (costs[0] - costs[1]) / unit, float(np.linalg.norm(M @ (x[0] - best))))
 
 
 def least_squares_off(case: Case) -> float:
     """Standard deviations between least squares with a prior and those of an orthogonal factorisation."""
-    M, _ = with_prior_rows(case.regression, case.belief.metric, case.belief.strength)
-    apart = answer("none", case).pi - referee("none", case).pi
-    return float(np.linalg.norm(M @ np.linalg.solve(case.belief.metric.L, apart)))
+    M, _ = with_prior_rows(case.regression, case.belief.scaling, case.belief.strength)
+    apart = solve_with_prior("none", case).pi - solve_by_reference("none", case).pi
+    return float(np.linalg.norm(M @ np.linalg.solve(case.belief.scaling.L, apart)))

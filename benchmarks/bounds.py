@@ -4,7 +4,7 @@ from measure import MODELS, Row, at_most, note, seconds, spread
 
 from testbench.data.dataset import Dataset
 from testbench.identify import reduce
-from testbench.identify.metric import metric
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
@@ -31,7 +31,7 @@ def bounds_of_deflections() -> list[Row]:
 def row_of(arm: Cell, structure: Structure, data: Dataset, elsewhere: Dataset) -> Row:
     """Both bounds of every marker's deflection along x, y and z in poses never measured."""
     regression = reduce(arm.vjm, structure, data)
-    prior = metric(cad_prior(arm.arm), arm.vjm, structure)
+    prior = scale_by_prior(cad_prior(arm.arm), arm.vjm, structure)
     sets: list[FitSet] = []
     ready = seconds(lambda: sets.append(fit_set(regression, prior, CONFIDENCE)))
     args = (chain(arm.vjm, elsewhere.q), structure, elsewhere.wrench, elsewhere.point)

@@ -12,9 +12,9 @@ from testbench.errors import Array
 from testbench.identify import Estimate, paper_gco, reduce
 from testbench.identify.certify import tie_break
 from testbench.identify.cone import TOLERANCE
-from testbench.identify.conic import by_clarabel, scale_program
+from testbench.identify.conic import scale_program, solve_clarabel
 from testbench.model.structure import Structure, all153
-from testbench.plant.equilibrium import settle_linear
+from testbench.plant.equilibrium import solve_linear_equilibrium
 from testbench.plant.tracker import Tracker, read_orientations, read_positions
 from testbench.studies.estimators.modelled import Entries, cvxpy, solve_modelled, vectorised
 from testbench.workflows.cell import Cell, build_cell
@@ -37,8 +37,8 @@ def full_pose_runs(arm: Cell, seed: int) -> Dataset:
     rng = np.random.default_rng(seed)
     q = np.repeat(feasible_poses(arm, POSES, seed), 6, axis=0)
     wrench, point = np.tile(LOAD * np.eye(6), (POSES, 1)), np.zeros((len(q), 3))
-    before = settle_linear(arm.plant, q, 0 * wrench, point)
-    after = settle_linear(arm.plant, q, wrench, point)
+    before = solve_linear_equilibrium(arm.plant, q, 0 * wrench, point)
+    after = solve_linear_equilibrium(arm.plant, q, wrench, point)
     tracker = Tracker(SIGMA, SIGMA_ROTATION)
     return Dataset(
         markers=arm.arm.markers,
@@ -103,7 +103,7 @@ def rows_of(arm: Cell) -> list[Row]:
     solver: list[float] = []
 
     def alone() -> None:
-        solver.append(by_clarabel(regression, scale_program(regression, tie_break(regression))).seconds)
+        solver.append(solve_clarabel(regression, scale_program(regression, tie_break(regression))).seconds)
 
     wall, _, *others = interleave(
         REPEATS,

@@ -4,12 +4,12 @@ import numpy as np
 from measure import Row, at_most, feasible_poses, interleave, note, spread
 
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, Points, asked
-from testbench.correct.newton import solve as corrected
-from testbench.correct.rest import rest
+from testbench.correct.newton import Aim, Points, target_of
+from testbench.correct.newton import solve_inverse_statics as corrected
+from testbench.correct.rest import equilibrium
 from testbench.errors import Array
 from testbench.identify import gco, with_prior
-from testbench.identify.arm_model import bending, of_estimate
+from testbench.identify.arm_model import elastic_state, model_of_estimate
 from testbench.identify.prior import cad_prior
 from testbench.model.load import Load
 from testbench.model.structure import all153
@@ -24,7 +24,7 @@ DRAWN = 300  #: Feasible poses between which paths run.
 def correcting_ten_thousand_points() -> list[Row]:
     """The rows of time and accuracy; paths run between random feasible poses."""
     cell = build_cell(ARM)
-    state = bending(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
+    state = elastic_state(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
     q = _paths(feasible_poses(cell, DRAWN, SEED))
     force = np.random.default_rng(SEED).standard_normal((POINTS, 3))
     force *= FORCE / np.linalg.norm(force, axis=1, keepdims=True)
@@ -32,11 +32,11 @@ def correcting_ten_thousand_points() -> list[Row]:
     found = []
 
     def solve() -> None:
-        target = asked(state, q, "unloaded", np.zeros(3))
+        target = target_of(state, q, "unloaded", np.zeros(3))
         found.append(corrected(Points(state, q, [load], target, Aim(), np.ones(q.shape))))
 
-    own, still = interleave(REPEATS, solve, lambda: rest(state, q, [load]))
-    left = np.linalg.norm(found[-1].left, axis=1).max()
+    own, still = interleave(REPEATS, solve, lambda: equilibrium(state, q, [load]))
+    left = np.linalg.norm(found[-1].position_error, axis=1).max()
     return [
         at_most(f"(m) correcting {POINTS} points", np.median(own), "s", 2, spread(own, digits=2)),
         note(
@@ -55,7 +55,7 @@ def _with_intervals(q: Array, load: Load) -> Row:
     cell = build_cell(ARM)
     data = simulate(cell, seed=SEED).identification
     estimate = with_prior(gco, cad_prior(cell.arm))(cell.vjm, all153(cell.arm), data)
-    model = of_estimate(cell.vjm, estimate, read_weights(cell.arm))
+    model = model_of_estimate(cell.vjm, estimate, read_weights(cell.arm))
     [whole] = interleave(REPEATS, lambda: compensate(model, q, [load]))
     name = f"(m) {POINTS} points with limits and intervals"
     return note(name, np.median(whole), "s", spread(whole, digits=2))

@@ -12,7 +12,12 @@ from mujoco.batch import Batch
 
 from testbench.errors import Array
 from testbench.plant.elastic import DAMPING
-from testbench.plant.equilibrium import STEP_TOLERANCE, Equilibrium, hold, settle
+from testbench.plant.equilibrium import (
+    STEP_TOLERANCE,
+    ArmEquilibrium,
+    fixed_configurations,
+    solve_equilibrium,
+)
 from testbench.plant.state import evaluate, open_row
 from testbench.workflows.cell import Cell, build_cell
 
@@ -47,12 +52,12 @@ def newton_against_forward_passes() -> list[Row]:
     wrench, point = hung(arm.vjm, POSES)
     model, data = arm.plant.model, mujoco.MjData(arm.plant.model)
     data.qpos[arm.plant.joints] = q[0]
-    data.qpos[arm.plant.theta] = settle(arm.plant, q[:1], wrench[:1], point[:1]).theta[0]
+    data.qpos[arm.plant.theta] = solve_equilibrium(arm.plant, q[:1], wrench[:1], point[:1]).theta[0]
     position, velocity = mujoco.mj_fwdPosition, mujoco.mj_fwdVelocity
 
     def pairs() -> None:
-        settle(arm.plant, q)
-        settle(arm.plant, q, wrench, point)
+        solve_equilibrium(arm.plant, q)
+        solve_equilibrium(arm.plant, q, wrench, point)
 
     def passes() -> None:
         for _ in range(FORWARD_PASSES):
@@ -82,12 +87,12 @@ def two_threads(arm: Cell, q: Array) -> list[Row]:
     halves = np.array_split(np.arange(len(q)), 2)
 
     def pairs(some: npt.NDArray[np.int_]) -> None:
-        settle(arm.plant, q[some])
-        settle(arm.plant, q[some], wrench[some], point[some])
+        solve_equilibrium(arm.plant, q[some])
+        solve_equilibrium(arm.plant, q[some], wrench[some], point[some])
 
     batch, row = Batch(arm.plant.model, len(q), nthread=2), open_row(arm.plant)
     batch.bind("qfrc_bias")
-    batch.bind("qpos")[:] = held = hold(arm.plant, q)
+    batch.bind("qpos")[:] = held = fixed_configurations(arm.plant, q)
     with ThreadPoolExecutor(2) as pool:
         one, two, theirs, ours = interleave(
             9,
@@ -122,7 +127,7 @@ class Measured:
     arm: Cell
     q: Array
     force: Array
-    rests: tuple[Equilibrium, Equilibrium]
+    rests: tuple[ArmEquilibrium, ArmEquilibrium]
 
 
 @dataclass(frozen=True)
@@ -202,7 +207,7 @@ def newton_against_stepping() -> list[Row]:
     arm = build_cell(MODELS / "kr500_l480")
     q = feasible_poses(arm, STEPPED_POSES, seed=2)
     wrench, point = hung(arm.vjm, STEPPED_POSES)
-    rests = settle(arm.plant, q), settle(arm.plant, q, wrench, point)
+    rests = solve_equilibrium(arm.plant, q), solve_equilibrium(arm.plant, q, wrench, point)
     measured = Measured(arm, q, wrench[:, :3], rests)
     timestep = arm.plant.model.opt.timestep
     model = stepping_model(arm, DAMPING, timestep)
@@ -240,7 +245,7 @@ def newton_seconds(measured: Measured, pose: int) -> float:
     """Wall time of an unloaded and a loaded equilibrium of one pose [s]."""
     plant, q = measured.arm.plant, np.tile(measured.q[pose], (SETTLED_AT_ONCE, 1))
     wrench, point = hung(measured.arm.vjm, SETTLED_AT_ONCE)
-    pairs = seconds(lambda: (settle(plant, q), settle(plant, q, wrench, point)))
+    pairs = seconds(lambda: (solve_equilibrium(plant, q), solve_equilibrium(plant, q, wrench, point)))
     return pairs / SETTLED_AT_ONCE
 
 

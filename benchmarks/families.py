@@ -5,11 +5,11 @@ from measure import MODELS, Row, at_most, interleave, note, spread
 
 from testbench.errors import Array
 from testbench.identify import reduce
-from testbench.identify.conic import optimum
-from testbench.identify.metric import Belief, Case, metric, rescaled
+from testbench.identify.conic import solve_gco
+from testbench.identify.metric import Case, WeightedPrior, rescale_to_data, scale_by_prior
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import Regression
-from testbench.identify.solve import answer, referee
+from testbench.identify.solve import solve_by_reference, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.studies.estimators.bootstrap import resampler
 from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
@@ -27,7 +27,7 @@ def families_of_fits() -> list[Row]:
     data = simulate(arm, Scenario(arm=ARM, workspace_poses=1), seed=1).identification
     rows = []
     for structure in (template56(arm.arm), mgco68(arm.arm), all153(arm.arm)):
-        best = optimum(reduce(arm.vjm, structure, data))
+        best = solve_gco(reduce(arm.vjm, structure, data))
         draw, rng = resampler(best.regression), np.random.default_rng(1)
         rows += rows_of(arm, structure, [draw(best.pi, rng) for _ in range(FITS)])
     return rows
@@ -36,11 +36,11 @@ def families_of_fits() -> list[Row]:
 def rows_of(arm: Cell, structure: Structure, regressions: list[Regression]) -> list[Row]:
     """GCO with a prior, of every dataset."""
     rows: list[Row] = []
-    prior = rescaled(metric(cad_prior(arm.arm), arm.vjm, structure), regressions[0])
+    prior = rescale_to_data(scale_by_prior(cad_prior(arm.arm), arm.vjm, structure), regressions[0])
     for u in STRENGTHS:
-        cases = [Case(regression, Belief(prior, Strength(u))) for regression in regressions]
-        [together] = interleave(REPEATS, lambda c=cases: [answer("psd", case) for case in c])  # type: ignore[misc]
-        own = [referee("psd", case).seconds for case in cases[:ALONE]]
+        cases = [Case(regression, WeightedPrior(prior, Strength(u))) for regression in regressions]
+        [together] = interleave(REPEATS, lambda c=cases: [solve_with_prior("psd", case) for case in c])  # type: ignore[misc]
+        own = [solve_by_reference("psd", case).seconds for case in cases[:ALONE]]
         rows.append(_row(f"{structure.name}, prior uncertain by {100 * u:g} %", together, own))
     return rows
 

@@ -22,14 +22,14 @@ import testbench as tb
 from testbench.arm.folder import Arm
 from testbench.data.series import Series, select_rows
 from testbench.files.export import draft_new
-from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import model_of
-from testbench.identify.arm_model import bending
+from testbench.identify.arm_model import elastic_state
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
 from testbench.runs import command
 from testbench.runs import provenance as files
-from testbench.workflows.absolute import evenly, score
+from testbench.workflows.absolute import evenly_spaced_rows, position_errors
 from testbench.workflows.cell import build_cell
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,7 +46,7 @@ tasks:
     measurements: {{markers: [{{measurable_dof: [true, true, true, false, false, false]}}]}}
     data: {{source_file: {file}, number_of_samples: {poses}}}
 """
-OURS = {"testbench, all geometry": Options(only=frozenset()), "testbench": Options()}
+OURS = {"testbench, all geometry": CalibrationOptions(only=frozenset()), "testbench": CalibrationOptions()}
 app = typer.Typer(add_completion=False)
 
 
@@ -55,15 +55,18 @@ def main(out: Annotated[Path, typer.Option(help="Folder of results.")] = Path("r
     """Calibrate by both and print mean distances of readings that were not fitted."""
     cell = build_cell("ur10")
     c, a = (_read(name, cell.arm) for name in ("series_C.csv", "series_A_every_8th.csv"))
-    fit = evenly(c, FIT)
+    fit = evenly_spaced_rows(c, FIT)
     (data := out.resolve() / "data").mkdir(parents=True, exist_ok=True)
-    _write(data, cell.vjm, (c, fit), (a, evenly(a, FRAME)))
+    _write(data, cell.vjm, (c, fit), (a, evenly_spaced_rows(a, FRAME)))
     rows = {"FIGAROH, all geometry": _peer(out.resolve(), data)}
     with threadpool_limits(1):
         for name, options in OURS.items():
             found = calibrate(cell.vjm, (select_rows(c, fit),), tb.cad_prior(cell.arm), options)
-            judged = score(model_of(found), [select_rows(c, _others(c, fit))], None)
-            rows[name] = {"c_mm": judged.mean_mm, "a_mm": score(model_of(found), [a], FRAME).mean_mm}
+            judged = position_errors(model_of(found), [select_rows(c, _others(c, fit))], None)
+            rows[name] = {
+                "c_mm": judged.mean_mm,
+                "a_mm": position_errors(model_of(found), [a], FRAME).mean_mm,
+            }
     files.write_json(rows, out / "figaroh.json")
     print(f"mean error after {len(fit)} poses of C, mm: rest of C, then A")
     for name, row in rows.items():
@@ -84,7 +87,7 @@ def _others(series: Series, rows: npt.NDArray[np.int_]) -> npt.NDArray[np.int_]:
 def _write(data: Path, vjm: Vjm, *parts: tuple[Series, npt.NDArray[np.int_]]) -> None:
     """The arm as drawn, the readings and the settings, as FIGAROH reads them."""
     arm = vjm.arm
-    rigid = bending(vjm, np.zeros((vjm.n_theta, vjm.n_theta)), read_weights(arm))
+    rigid = elastic_state(vjm, np.zeros((vjm.n_theta, vjm.n_theta)), read_weights(arm))
     (data / "robot.urdf").write_text(draft_new(rigid).text)
     names = [joint.name for joint in arm.joints]
     for (series, rows), kinds in zip(parts, (("fit", "rest"), ("a_frame", "a_rest")), strict=True):

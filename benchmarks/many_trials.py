@@ -14,7 +14,7 @@ from measure import MODELS, Row, at_least, interleave, note, spread
 from testbench.identify import gco
 from testbench.runs.cores import on_cores
 from testbench.runs.engine import run_study
-from testbench.runs.experiment import Experiment
+from testbench.runs.experiment import TrialPlan
 from testbench.runs.store import open_store, write_parquet
 from testbench.studies.paper import single_link
 from testbench.workflows.cell import build_cell
@@ -54,7 +54,7 @@ def study(workers: int, shares: list[float]) -> None:
     """The study from an empty folder to its Parquet file; appends the share of the time spent in trials."""
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as name:
-        asked = Experiment("many_trials", {}, SEEDS)
+        asked = TrialPlan("many_trials", {}, SEEDS)
         with open_store(Path(name), asked, row=Draw, resume=False) as store:
             for _ in run_study(draws, store, partial(on_cores, workers=workers), size=CHUNK):
                 pass
@@ -67,7 +67,7 @@ def draws(seeds: Sequence[int]) -> list[list[Draw]]:
     """Draws of noise on the single link, identified by certified GCO; each with its share of the time."""
     start = time.perf_counter()
     cell = build_cell(MODELS / single_link.NAME)
-    asked = single_link.Settings()
+    asked = single_link.SingleLinkSettings()
     structure = single_link.models(cell)[-1].structure
     found = [gco(cell.vjm, structure, single_link.measure(cell, asked, s).identification) for s in seeds]
     each = (time.perf_counter() - start) / len(seeds)

@@ -4,13 +4,13 @@ import numpy as np
 from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, spread
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.design.criteria import Criterion, Linear, mean_square
-from testbench.design.exchange import BETTER, SWEEPS, exchange
+from testbench.design.criteria import Criterion, LinearCriterion, mean_square
+from testbench.design.exchange import MIN_GAIN, SWEEPS, exchange
 from testbench.design.planning import make_plan
-from testbench.design.refine import Reach
+from testbench.design.refine import Feasibility
 from testbench.design.rows import (
-    Experiment,
-    Problem,
+    DesignProblem,
+    MeasurementSetup,
     Specification,
     Tasks,
     information,
@@ -18,7 +18,7 @@ from testbench.design.rows import (
     task_rows,
 )
 from testbench.errors import Array, Ids
-from testbench.identify.metric import metric
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import cad_prior
 from testbench.model.load import Load
 from testbench.model.structure import mgco68
@@ -35,13 +35,13 @@ def specification(poses: Array, count: int) -> Specification:
     """So many poses under a weight, for tasks among those given, (poses, n) [rad]."""
     cell = build_cell(MODELS / ARM)
     load = Load(np.array([0, 0, -WEIGHT * GRAVITY, 0, 0, 0]), cell.vjm.load)
-    experiment = Experiment(
-        cell.vjm, metric(cad_prior(cell.arm), cell.vjm, mgco68(cell.arm)), cell.vjm.markers, 50e-6
+    experiment = MeasurementSetup(
+        cell.vjm, scale_by_prior(cad_prior(cell.arm), cell.vjm, mgco68(cell.arm)), cell.vjm.markers, 50e-6
     )
     return Specification(experiment, (load,), Tasks(poses[:TASKS], load), poses[:TASKS], 0.3, count)
 
 
-def try_everything(problem: Problem, criterion: Criterion, start: Ids) -> Ids:
+def try_everything(problem: DesignProblem, criterion: Criterion, start: Ids) -> Ids:
     """The exchange by its definition: every candidate in every place, until a sweep changes nothing."""
     plan = start.copy()
     value = criterion.information(information(problem, plan))
@@ -49,7 +49,7 @@ def try_everything(problem: Problem, criterion: Criterion, start: Ids) -> Ids:
         before = value
         for k in range(len(plan)):
             reached = criterion.after(information(problem, np.delete(plan, k)), problem.rows)
-            if reached.max() > (1 + BETTER) * value:
+            if reached.max() > (1 + MIN_GAIN) * value:
                 plan[k], value = int(reached.argmax()), float(reached.max())
         if value == before:
             break
@@ -59,7 +59,7 @@ def try_everything(problem: Problem, criterion: Criterion, start: Ids) -> Ids:
 def planning_of_many_poses() -> list[Row]:
     """A row for poses, for candidates, and for the exchange alone."""
     q = feasible_poses(build_cell(MODELS / ARM), 2 * CANDIDATES, seed=1)
-    reach = Reach(lambda tried: np.ones(len(tried), dtype=bool))
+    reach = Feasibility(lambda tried: np.ones(len(tried), dtype=bool))
 
     def plan(poses: int, candidates: int) -> None:
         make_plan(specification(q, poses), "test", q[:candidates], reach, np.random.default_rng(1))
@@ -72,7 +72,7 @@ def planning_of_many_poses() -> list[Row]:
     )
     spec = specification(q, MANY)
     problem = problem_of(spec, q[:CANDIDATES], np.zeros(CANDIDATES, dtype=int))
-    criterion = Linear(mean_square(task_rows(spec) @ problem.lift))
+    criterion = LinearCriterion(mean_square(task_rows(spec) @ problem.lift))
     start = np.random.default_rng(2).integers(0, CANDIDATES, MANY)
     fast, slow = interleave(
         REPEATS,

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from testbench.identify.metric import Belief, Case, Metric
+from testbench.identify.metric import Case, PriorScaling, WeightedPrior
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression, Term, regression_of
 from testbench.model.structure import Structure
@@ -71,7 +71,7 @@ def _term(kind: str, pi: np.ndarray, rows: int, rng: np.random.Generator) -> Ter
         np.c_[A, scale * y] / (NOISE * abs(scale) * (size or 1.0) * math.sqrt(rows / 3)), mode="r"
     )
     T[: len(R)] = R
-    return Term(R=T[:n, :n], z=T[:n, n], rest=float(T[n, n] ** 2), equations=rows)
+    return Term(R=T[:n, :n], z=T[:n, n], unexplained=float(T[n, n] ** 2), equations=rows)
 
 
 def with_random_prior(regression: Regression, uncertainty: float, rng: np.random.Generator) -> Case:
@@ -81,5 +81,5 @@ def with_random_prior(regression: Regression, uncertainty: float, rng: np.random
     L = np.zeros((s.n, s.n))
     L[s.parameter, np.arange(s.n)] = np.where(row == column, 1.0, math.sqrt(0.5)) * 10 ** rng.uniform(-1, 1)
     one = np.where(row == column, 1.0, 0.0)
-    metric = Metric("random", s, L, one, tuple(len(block) for block in s.blocks))
-    return Case(regression, Belief(metric, Strength(uncertainty)))
+    metric = PriorScaling("random", s, L, one, tuple(len(block) for block in s.blocks))
+    return Case(regression, WeightedPrior(metric, Strength(uncertainty)))

@@ -11,7 +11,7 @@ from testbench.data.dataset import Dataset
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.metric import Case
 from testbench.identify.prior import Strength, cad_prior
-from testbench.identify.solve import referee
+from testbench.identify.solve import solve_by_reference
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
 
@@ -47,7 +47,7 @@ def rows_of(cell: Cell, fit: Fit, data: Dataset) -> list[Row]:
     """Ratio and time of a fit, the reduction of the dataset included."""
     structure, regression = fit.structure(cell.arm), reduce(cell.vjm, fit.structure(cell.arm), data)
     method = with_prior(gco, cad_prior(cell.arm), STRENGTH)
-    belief = method(cell.vjm, structure, data).belief
+    belief = method(cell.vjm, structure, data).weighted_prior
     assert belief is not None
     own: list[float] = []
 
@@ -55,7 +55,7 @@ def rows_of(cell: Cell, fit: Fit, data: Dataset) -> list[Row]:
         return lambda: [run() for _ in range(TIMES)]
 
     def alone() -> None:
-        own.append(referee("psd", Case(regression, belief)).seconds)
+        own.append(solve_by_reference("psd", Case(regression, belief)).seconds)
 
     times = interleave(
         REPEATS,

@@ -22,16 +22,23 @@ from testbench.errors import Array
 from testbench.identify import gco, with_prior
 from testbench.identify.closed_form import kabsch
 from testbench.identify.evaluate import deflections, score
-from testbench.identify.prior import Strength, cad_prior, distorted
-from testbench.identify.registered import in_base, registered, unloaded
+from testbench.identify.prior import Strength, cad_prior, perturbed
+from testbench.identify.registered import register_dataset, transform_to_base, unloaded_series
 from testbench.identify.registration import Frame, register
 from testbench.model.structure import mgco68
 from testbench.model.vjm import Vjm, tool_pose
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.workflows.absolute_truth import by_trackers
-from testbench.workflows.cell import Cell, Scenario, build_cell, draw_poses, hanging, measure
+from testbench.workflows.cell import (
+    Cell,
+    Scenario,
+    build_cell,
+    draw_poses,
+    measure_markers,
+    poses_with_weight,
+)
 
 ARM, PLACE, POSES, MASS = "kr500_l480", (2.2, -4.0, 1.6), 10, 460.3
 ROUGH, NOISE = 0.03, 1e-3  #: Of nominal targets, and of readings where the covariance is judged [m].
@@ -42,18 +49,18 @@ def of_model(cell: Cell, seed: int, errors: float) -> Array:
     """RMS error over the workspace in every case, (3,) [m]; joints off by `errors` [m, rad]."""
     if errors:
         geometry = Disturbances(own_weight=True, geometry=GeometryErrors(errors, errors))
-        cell = replace(cell, truth=disturb(cell.plant, geometry, stream(seed, 9)))
+        cell = replace(cell, truth=disturb(cell.plant, geometry, trial_rng(seed, 9)))
     setup = Scenario(arm=ARM, workspace_poses=100)
     poses = draw_poses(cell, setup, seed)
     clean, truth = (
-        measure(cell, setup, hanging(cell, q, np.arange(len(q)), MASS))
+        measure_markers(cell, setup, poses_with_weight(cell, q, np.arange(len(q)), MASS))
         for q in (poses.station[:POSES], poses.anywhere)
     )
     data = by_trackers(clean, [PLACE], seed)
-    off = stream(seed, 5).standard_normal(cell.vjm.markers.shape)
+    off = trial_rng(seed, 5).standard_normal(cell.vjm.markers.shape)
     off *= ROUGH / np.linalg.norm(off, axis=1, keepdims=True)
     rough = replace(cell.vjm, markers=cell.vjm.markers + off)
-    prior = distorted(cad_prior(cell.arm), scale=2, shape=0.3, rng=np.random.default_rng([seed, 7]))
+    prior = perturbed(cad_prior(cell.arm), scale=2, shape=0.3, rng=np.random.default_rng([seed, 7]))
     fit, structure = with_prior(gco, prior, Strength(0.3)), mgco68(cell.arm)
 
     def error(vjm: Vjm, runs: Dataset) -> float:
@@ -64,7 +71,10 @@ def of_model(cell: Cell, seed: int, errors: float) -> Array:
     )  # the tracker's noise is 1e-5 of the distances
     turn, shift = kabsch(at, seen)
     frame = {"station 1": Frame(turn, shift)}
-    known, found = in_base(register(cell.vjm, unloaded(data), {}, frame), data), registered(rough, data)
+    known, found = (
+        transform_to_base(register(cell.vjm, unloaded_series(data), {}, frame), data),
+        register_dataset(rough, data),
+    )
     return np.array([error(cell.vjm, known), error(found.vjm, found.data), error(rough, known)])
 
 
@@ -81,7 +91,7 @@ def of_frame(cell: Cell, seed: int) -> float:
     ids, zero = np.arange(len(q)), np.zeros((len(q), 6))
     data = Dataset(cell.arm.markers, ids, ids, q, zero, zero[:, :3], y, y, 50e-6, station=stations)
     rough = dict(zip(cell.arm.markers, vjm.markers + 0.02 * rng.standard_normal((3, 3)), strict=True))
-    found = register(vjm, unloaded(data), rough)
+    found = register(vjm, unloaded_series(data), rough)
     e = np.concatenate([*_off(found.frames.values(), R, t), (found.targets - vjm.markers).ravel()])
     return float(e @ np.linalg.solve(found.covariance, e)) / len(e)
 

@@ -19,7 +19,7 @@ def estimate(kinematics, structure, data, prior):
     expected, block = structure.entries(prior.C_theta) / size, structure.block_of[structure.a]
     blocks = np.arange(block.max() + 1)[:, None] == block
     H, g = size[:, None] * (A.T @ A) * size, size * (A.T @ y)
-    total = y @ y + sum(term.equations / 3 * term.rest for term in regression.terms)
+    total = y @ y + sum(term.equations / 3 * term.unexplained for term in regression.terms)
     scale = np.full(len(blocks), expected @ g / (expected @ H @ expected))
     scatter, noise = FIRST * scale**2, 1.0
     for _ in range(STEPS):

@@ -1,7 +1,7 @@
 """GCO with a log-determinant prior: no compliance becomes zero, however little the readings ask for it."""
 
 import testbench as tb
-from testbench.identify.metric import metric, rescaled
+from testbench.identify.metric import rescale_to_data, scale_by_prior
 from testbench.identify.prior import Strength
 from testbench.studies.estimators.stein import gco_stein
 
@@ -11,5 +11,5 @@ def estimate(kinematics, structure, data, prior):
     if prior is None:
         raise NotImplementedError("needs a prior")
     regression = tb.reduce(kinematics, structure, data)
-    own = rescaled(metric(prior, kinematics, structure), regression)
+    own = rescale_to_data(scale_by_prior(prior, kinematics, structure), regression)
     return gco_stein(regression, own, Strength(0.3)).pi

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from testbench.identify.absolute.fit import calibrate as calibrate
     from testbench.identify.arm_model import ArmModel as ArmModel
     from testbench.identify.estimate import Certificate as Certificate
-    from testbench.identify.evaluate import Score as Score
+    from testbench.identify.evaluate import DeflectionErrors as DeflectionErrors
     from testbench.identify.evaluate import deflections as deflections
     from testbench.identify.evaluate import score as score
     from testbench.identify.method import Method as Method
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from testbench.identify.prior import Prior as Prior
     from testbench.identify.prior import Strength as Strength
     from testbench.identify.prior import cad_prior as cad_prior
-    from testbench.identify.registered import registered as registered
+    from testbench.identify.registered import register_dataset as register_dataset
     from testbench.identify.regression import Regression as Regression
     from testbench.model.load import Load as Load
     from testbench.model.load import weight as weight
@@ -87,7 +87,7 @@ HOMES = {
     "Series": "data.series",
     "read_series": "files.read_series",
     "Structure": "model.structure",
-    "registered": "identify.registered",
+    "register_dataset": "identify.registered",
     "least_squares": "identify",
     "completed_least_squares": "identify",
     "gco": "identify",
@@ -132,7 +132,7 @@ HOMES = {
     "Program": "files.program",
     "PublicCampaign": "workflows.load_dataset",
     "Regression": "identify.regression",
-    "Score": "identify.evaluate",
+    "DeflectionErrors": "identify.evaluate",
     "SeriesExport": "files.read_series",
     "Stiffness": "correct.stiffness",
     "Strength": "identify.prior",

@@ -28,7 +28,7 @@ SPREADSHEETS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 PLAIN = "expected a file, got a folder or a device"
 
 
-def shown(text: str) -> str:
+def printable(text: str) -> str:
     """Make a text from outside safe to show: one line, without control of the terminal or of text direction.
 
     Blanks and line ends of any kind become a blank. Every other character that does not print is replaced,
@@ -46,7 +46,7 @@ def shown(text: str) -> str:
     return "".join(c if c.isprintable() else " " if c.isspace() else unseen for c in text)
 
 
-def word(path: Path) -> str:
+def shell_word(path: Path) -> str:
     """Quote a path as a word of a command line that people copy: for the shell, and never taken for a flag.
 
     Args:
@@ -87,7 +87,7 @@ def stem_of(path: Path) -> str:
     return f"{file.stem} {sheet}".strip()
 
 
-def cut(text: str, most: int) -> str:
+def shorten(text: str, most: int) -> str:
     """Shorten a text; three dots stand for the rest.
 
     Args:
@@ -114,9 +114,9 @@ class InputError(BenchError):
     """
 
     def __init__(self, file: Path, place: str, problem: str) -> None:
-        name = cut(str(file), MAX_MESSAGE // 2)
+        name = shorten(str(file), MAX_MESSAGE // 2)
         message = f"{name}: {place}: {problem}" if place else f"{name}: {problem}"
-        super().__init__(cut(shown(message), MAX_MESSAGE))
+        super().__init__(shorten(printable(message), MAX_MESSAGE))
 
 
 class Interrupted(BenchError):

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from testbench.correct.newton import Aim, Points, solve
-from testbench.correct.rest import rest
+from testbench.correct.newton import Aim, Points, solve_inverse_statics
+from testbench.correct.rest import equilibrium
 from testbench.data.dataset import Dataset
-from testbench.identify.arm_model import bending
+from testbench.identify.arm_model import elastic_state
 from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, observation, parameter_rows
@@ -17,7 +17,7 @@ SIGMA, SIGMA_ROTATION = 25e-6, 250e-6  #: Of a reading along an axis [m, rad].
 
 def at_rest(cell, C_theta, q, wrench, point):
     """Virtual joints of the arm without weight under a load, (runs, n_theta) [m, rad]."""
-    return rest(bending(cell.vjm, C_theta, no_weights(cell.arm)), q, [Load(wrench, point)]).theta
+    return equilibrium(elastic_state(cell.vjm, C_theta, no_weights(cell.arm)), q, [Load(wrench, point)]).theta
 
 
 def random_q(cell, rng, runs):
@@ -71,4 +71,4 @@ def axis_loads(cell, rng, *, noise=1.0, poses=18):
 def correct(state, q, loads, target, aim=None):
     """Joints for which the loaded tool is on its target, all of them free."""
     every = [load.over(len(q)) for load in loads]
-    return solve(Points(state, q, every, target, aim or Aim(), np.ones(q.shape)))
+    return solve_inverse_statics(Points(state, q, every, target, aim or Aim(), np.ones(q.shape)))

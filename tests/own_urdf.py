@@ -5,7 +5,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.files.export_geometry import drawn, within
+from testbench.files.export_geometry import nominal_rigid, relative_pose
 
 EXTRA = """
   <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
@@ -47,20 +47,20 @@ def origin(pose, digits=17):
 
 def own_urdf(vjm, rng, *, tip=True, digits=17):
     """The text, the pose of its first link in the model's world, and of its tip in the model's tool."""
-    model, arm = drawn(vjm), vjm.arm
+    model, arm = nominal_rigid(vjm), vjm.arm
     root = some_pose(rng, 2.0)
-    frames, parts, link = [within(vjm.base, root)], ['  <link name="base"/>'], "base"
+    frames, parts, link = [relative_pose(vjm.base, root)], ['  <link name="base"/>'], "base"
     for k, (step, axis, joint) in enumerate(zip(model.steps, vjm.axes, arm.joints, strict=True)):
         theirs = np.eye(3)[k % 3] if k != 1 else np.array([0.6, 0.0, -0.8])
         frames.append(onto(axis, theirs, rng.uniform(-0.2, 0.2)))
-        whole = within(frames[-2], step @ frames[-1])
+        whole = relative_pose(frames[-2], step @ frames[-1])
         if k % 2:  # a fixed link in between
             between = some_pose(rng)
             parts.append(
                 f'  <link name="between_{k}"/><joint name="fix_{k}" type="fixed">{origin(between, digits)}'
             )
             parts.append(f'    <parent link="{link}"/><child link="between_{k}"/></joint>')
-            whole, link = within(between, whole), f"between_{k}"
+            whole, link = relative_pose(between, whole), f"between_{k}"
         kind = "prismatic" if joint.prismatic else ("continuous", "revolute")[k % 2]
         twice = " ".join(str(2 * x) for x in theirs)
         limit = f'<limit lower="{joint.lower}" upper="{joint.upper}" effort="9" velocity="9"/>'
@@ -81,4 +81,4 @@ def own_urdf(vjm, rng, *, tip=True, digits=17):
         last, link = last @ fixed, name
     extra = EXTRA.format(tip=link, first=arm.joints[0].name)
     text = f'<?xml version="1.0" ?>\n<robot name="own">\n{chr(10).join(parts)}{extra}</robot>\n'
-    return text, root, within(model.tool, frames[-1] @ last)
+    return text, root, relative_pose(model.tool, frames[-1] @ last)

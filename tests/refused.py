@@ -2,13 +2,13 @@
 
 import pytest
 
-from testbench.errors import InputError, shown
+from testbench.errors import InputError, printable
 
 
 def one_line(err, file):
     """What an error says of a file: one line of bearable length that begins with the file's name."""
     line = str(err)
-    assert line.startswith(shown(str(file)))
+    assert line.startswith(printable(str(file)))
     assert len(line.splitlines()) == 1
     assert len(line) <= 2000
     return line

@@ -17,7 +17,7 @@ from testbench.report.gains import share
 from testbench.report.markdown import grid, lines, titled
 from testbench.report.report import LISTS, PARTS, Report, read_report
 from testbench.studies import find_study
-from testbench.studies.rivals import SAME
+from testbench.studies.rivals import DEFAULT_WITHOUT_CONE
 from testbench.workflows.model_selection import DEFAULT
 
 FROM = re.compile(r"(<!-- from (\w+): ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -111,7 +111,7 @@ def expected() -> str:
     models = {row["model"]: row for row in _table("gravity_calibration/models.csv")}
     every = next(r for r in _table("model_error/noisy.csv") if r["disturbance"] == "all together")
     real = {row["model"]: row for row in _table("real_ur10/models.csv")}
-    methods = (DEFAULT, SAME, "Joints", "MLS56 + prior", "MLS56")
+    methods = (DEFAULT, DEFAULT_WITHOUT_CONE, "Joints", "MLS56 + prior", "MLS56")
     rows = [
         ["with every disturbance", *(_spread(every, name, 1e-3) for name in methods)],
         ["undisturbed", *(_spread(models[name], "RMS workspace, true, mm", 1.0) for name in methods)],
@@ -121,8 +121,8 @@ def expected() -> str:
         ours, springs, least = (real[f"+ {name}"][key] for name in names)
         rows.append([f"real UR10, {what}", ours, "", springs, "", least])
     heads = ["", "default", "without its cone", "joint stiffness only", "LS + prior", "LS"]
-    won = float(models[SAME]["conservative"].rstrip(" %")) / 100
-    names = ("Joints", SAME, DEFAULT, "MGCO56", "MGCO56 (paper)", "Ridge", "MLS56")
+    won = float(models[DEFAULT_WITHOUT_CONE]["conservative"].rstrip(" %")) / 100
+    names = ("Joints", DEFAULT_WITHOUT_CONE, DEFAULT, "MGCO56", "MGCO56 (paper)", "Ridge", "MLS56")
     joints, same, cone, gco, papers, ridge, least = (
         models[name]["RMS workspace, true, mm"] for name in names
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.report.gains import wilson
 from testbench.workflows.cell import build_cell
 
@@ -41,7 +41,7 @@ def judge(seed, planted, only):
     found = [("sound", kind, first(own))]
     for name in only if seed in planted else ():
         if MISTAKES[name].possible(own):
-            found.append((name, kind, first(MISTAKES[name].plant(own, stream(seed, 40)))))
+            found.append((name, kind, first(MISTAKES[name].plant(own, trial_rng(seed, 40)))))
     return found
 
 

@@ -24,8 +24,8 @@ from testbench.errors import BenchError
 from testbench.identify import gco
 from testbench.identify.evaluate import deflections, score
 from testbench.model.structure import template56
-from testbench.plant.tracker import stream
-from testbench.plant.true_arms import CALLED, FAMILY, member
+from testbench.plant.tracker import trial_rng
+from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed
 from testbench.runs.spread import median_interval
 from testbench.studies.campaign.disturbances import ALL, disturbances
 from testbench.studies.campaign.disturbed import disturbed
@@ -33,7 +33,7 @@ from testbench.studies.campaign.trial import cover, reread
 from testbench.studies.estimators.shrunk import ridge
 from testbench.studies.rivals import without_cone
 from testbench.workflows.cell import Scenario, build_cell, draw_poses, simulate_at, true_cell
-from testbench.workflows.model_selection import EVERY, with_priors
+from testbench.workflows.model_selection import ALL_UNKNOWNS, with_priors
 from testbench.workflows.models import JOINTS, named_models
 from testbench.workflows.perturbed_prior import wrong_prior
 
@@ -52,13 +52,13 @@ DRAWS = 4000  #: Of a bootstrap.
 def measured(cell, poses, kind, seed):
     """Readings of a true arm, and what it does in the poses of the workspace."""
     scenario = Scenario(arm=ARM, sigma=SIGMA, workspace_poses=POSES)
-    true = true_cell(cell, member(FAMILY if kind == DISTURBED else kind, seed), seed)
+    true = true_cell(cell, true_arm_of_seed(FAMILY if kind == DISTURBED else kind, seed), seed)
     if kind != DISTURBED:
         campaign = simulate_at(true, scenario, seed, poses)
         return campaign.identification, campaign.truth
     quiet = scenario.model_copy(update={"noise": False, "truth": "linear"})
     clean, truth = disturbed(true, simulate_at(true, quiet, seed, poses), disturbances(1.0)[ALL], seed)
-    return reread(clean, SIGMA, stream(seed, 1)), truth
+    return reread(clean, SIGMA, trial_rng(seed, 1)), truth
 
 
 def judge(cell, poses, kind, seed):
@@ -66,7 +66,7 @@ def judge(cell, poses, kind, seed):
     readings, truth = measured(cell, poses, kind, seed)
     prior, template = wrong_prior(cell, seed), template56(cell.arm)
     [joints] = named_models(cell, (JOINTS,))
-    plain = [*named_models(cell, (EVERY,)), without_cone(cell)]
+    plain = [*named_models(cell, (ALL_UNKNOWNS,)), without_cone(cell)]
     default, squares = with_priors(cell.arm, plain, prior)
 
     def fit(model):
@@ -78,7 +78,7 @@ def judge(cell, poses, kind, seed):
     start = process_time()
     own = fit(default)
     seconds, known = process_time() - start, own.average
-    whole, covered = (known.whole if known else own), cover(cell, own, truth)
+    whole, covered = (known.all_parts if known else own), cover(cell, own, truth)
     return {
         "kind": kind,
         "seed": seed,
@@ -91,7 +91,7 @@ def judge(cell, poses, kind, seed):
         "half": covered.half_mm,
         "ideal": covered.ideal_mm,
         "rigid": known.weight if known else 0.0,
-        "ties": known.ties if known else 0.0,
+        "ties": known.ties_weight if known else 0.0,
         "wanders": whole.regression.wander is not None,
         "seconds": seconds,
     }

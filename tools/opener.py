@@ -23,8 +23,8 @@ from shot import write_film
 from testbench.arm.mjcf import GRAVITY
 from testbench.cli.demo import Demo
 from testbench.errors import Array
-from testbench.model.laws import vjm_of
-from testbench.model.vjm import chain, generalised_load, turns
+from testbench.model.laws import model_for
+from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.plant.shapes import elastic_frames, origins
 from testbench.report.colours import CHOICE, GREY, LEAST_SQUARES, LOAD, Colour, hexadecimal
 from testbench.report.colours import JOINTS as BLUE
@@ -116,8 +116,8 @@ def _sags(cell: Cell, campaign: Campaign, found: Sequence[Result], mass: Array) 
 
 def _bent(cell: Cell, model: Result, q: Array, load: tuple[Array, Array]) -> Array:
     """Links and joints as a model bends them, its laws of the joints included, (loads, n_theta) [m, rad]."""
-    vjm = vjm_of(cell.vjm, model.estimate.structure)
-    return turns(vjm, (model.estimate.C_theta @ generalised_load(chain(vjm, q), *load)).T)
+    vjm = model_for(cell.vjm, model.estimate.structure)
+    return joint_law_rotations(vjm, (model.estimate.C_theta @ generalised_load(chain(vjm, q), *load)).T)
 
 
 def _points(cell: Cell, names: Sequence[str], q: Array, theta: Array) -> Array:

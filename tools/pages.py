@@ -24,7 +24,7 @@ from testbench.errors import BenchError
 from testbench.report.figure import save
 from testbench.report.markdown import capital, grid, titled
 from testbench.report.report import Report, read_report
-from testbench.report.schema import Column, Table, narrowed
+from testbench.report.schema import Table, TableColumn, with_fewer_columns
 from testbench.runs import command
 from testbench.runs.spread import Spread
 from testbench.studies import find_study
@@ -139,7 +139,7 @@ def _text(name: str, command: str, found: Report, rows: int, links: list[str]) -
 def _short(table: Table, most: int) -> str:
     """A table's first columns, the headline among them, and its first rows."""
     rows = sorted(table.rows, key=lambda row: table.columns[0].cell(row) != table.bold)[:most]
-    short = replace(narrowed(table), rows=[row for row in table.rows if row in rows])
+    short = replace(with_fewer_columns(table), rows=[row for row in table.rows if row in rows])
     left = len(table.rows) - len(rows)
     more = f"The CSV file has all {len(table.rows)} rows." if left else ""
     return "\n\n".join(filter(None, [f"## {capital(table.title)}" if table.title else "", grid(short), more]))
@@ -164,11 +164,11 @@ def _tables(found: Report, folder: Path) -> Iterator[tuple[str, Table]]:
         yield key, table
 
 
-def _heads(column: Column, spread: bool) -> list[str]:
+def _heads(column: TableColumn, spread: bool) -> list[str]:
     return [column.title, *[f"{column.title} ({end})" for end in ("low", "high") if spread]]
 
 
-def _cells(column: Column, row: object) -> list[str]:
+def _cells(column: TableColumn, row: object) -> list[str]:
     """A number as the report shows it, and the ends of its spread."""
     value = column.value(row)
     if isinstance(value, Spread):

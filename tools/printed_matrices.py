@@ -9,15 +9,15 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import paper_gco, reduce
 from testbench.identify.regression import f_m
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.report.columns import columns
-from testbench.report.schema import Column, Table
+from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
 from testbench.runs.spread import Spread, spread
 from testbench.studies.paper.factorised import every_order
 from testbench.studies.paper.published import EQ_22, EQ_23
 from testbench.studies.paper.single_link import (
-    Settings,
+    SingleLinkSettings,
     eigenvalues,
     models,
     noise_scale,
@@ -26,7 +26,7 @@ from testbench.studies.paper.single_link import (
     rms,
     wrenches_within,
 )
-from testbench.studies.paper.verdicts import judged, verdict_table
+from testbench.studies.paper.verdicts import statement_row, verdict_table
 from testbench.workflows.cell import Cell
 from testbench.workflows.pose_campaign import FullPose
 
@@ -46,7 +46,7 @@ FACTS = {
     f"{OWN}.optimum_prediction.rotation_rms_urad": "rotation error of the optimum, urad",
 }
 """What the table says, by where its number is."""
-OFF = Column("rms_to_eq_23_over_sigma", "RMS distance to Eq. (23)", "sigma/load", ".2f")
+OFF = TableColumn("rms_to_eq_23_over_sigma", "RMS distance to Eq. (23)", "sigma/load", ".2f")
 
 
 def tables(found: Row) -> dict[str, Table]:
@@ -69,11 +69,11 @@ def least_cost(found: Row) -> Row:
     own = found[OWN]
     least, most = own.printed_f_m_within_rounding
     holds = least <= own.optimum_f_m + (own.optimum_f_m_excess_bound or 0.0)
-    row = judged("F_M of Eq. (23) is the least of a conservative matrix", holds, None)
+    row = statement_row("F_M of Eq. (23) is the least of a conservative matrix", holds, None)
     return Row(row, published=Spread(own.printed_f_m, least, most), found=own.optimum_f_m)
 
 
-def printed_matrices(cell: Cell, asked: Settings, truth: Dataset) -> Row:
+def printed_matrices(cell: Cell, asked: SingleLinkSettings, truth: Dataset) -> Row:
     """What the printed Eq. (22) and (23) tell of the paper's experiment, under noise-free check loads."""
     return Row(
         pinning=_pinning(cell, asked.campaign),
@@ -94,7 +94,7 @@ def with_eigenvalues(C: Array) -> Row:
 def _pinning(cell: Cell, campaign: FullPose) -> Row:
     """Which loads the paper had, and whose its sigma is: errors of Eq. (22) over sigma / load."""
     e = (np.array(EQ_22) - cell.arm.C_theta) / noise_scale(campaign)
-    total, rng = float((e**2).sum()), stream(0)
+    total, rng = float((e**2).sum()), trial_rng(0)
     W = wrenches_within(6 * DRAWS, 1.0, 1.0, rng).reshape(-1, 6, 6)
     random = np.sqrt((np.linalg.solve(W, rng.standard_normal(W.shape)) ** 2).mean(axis=(1, 2)))
     expected = {
@@ -119,7 +119,7 @@ def _pinning(cell: Cell, campaign: FullPose) -> Row:
 
 def _expected(cell: Cell, campaign: FullPose, factor: float) -> Row:
     """How often C read directly has a negative eigenvalue, with so many times the noise."""
-    noise = noise_scale(campaign) * stream(0).standard_normal((DRAWS, 6, 6))
+    noise = noise_scale(campaign) * trial_rng(0).standard_normal((DRAWS, 6, 6))
     C = cell.arm.C_theta + factor * noise
     matrix, symmetric = np.linalg.eigvals(C).real, np.linalg.eigvalsh((C + C.swapaxes(1, 2)) / 2)
     return Row(
@@ -128,7 +128,7 @@ def _expected(cell: Cell, campaign: FullPose, factor: float) -> Row:
     )
 
 
-def _papers_own_data(cell: Cell, asked: Settings, truth: Dataset) -> Row:
+def _papers_own_data(cell: Cell, asked: SingleLinkSettings, truth: Dataset) -> Row:
     """Least squares of axis loads reads C column by column, so Eq. (22) is the paper's dataset."""
     campaign, ours = asked.campaign, np.array(EQ_23)
     load = np.diag([campaign.force] * 3 + [campaign.moment] * 3)
@@ -163,7 +163,7 @@ def _papers_own_data(cell: Cell, asked: Settings, truth: Dataset) -> Row:
 def _rounded(C: Array) -> Array:
     """Symmetric matrices that round to three printed digits of C, (DRAWS, 6, 6)."""
     half = 10.0 ** (np.floor(np.log10(np.abs(C))) - 2) / 2
-    change = np.triu(half * stream(0).uniform(-1, 1, (DRAWS, 6, 6)))
+    change = np.triu(half * trial_rng(0).uniform(-1, 1, (DRAWS, 6, 6)))
     return np.asarray(C + change + np.triu(change, 1).swapaxes(1, 2))
 
 

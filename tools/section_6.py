@@ -24,22 +24,29 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, make_estimate, reduce
 from testbench.identify.evaluate import deflections, score
-from testbench.plant.tracker import stream
-from testbench.plant.true_arms import FAMILY, member
+from testbench.plant.tracker import trial_rng
+from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.report.columns import columns
 from testbench.report.report import read_report
-from testbench.report.schema import Column, Table
+from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row, Trials, aligned
 from testbench.runs import command
 from testbench.runs.spread import Spread, middle, spread
 from testbench.studies.paper.factorised import Factorised, cost, factorise, parameters, random_start
 from testbench.studies.paper.published import SECTION_6
-from testbench.studies.paper.verdicts import LEVEL, comparison, judged, nearly, number, verdict_table
+from testbench.studies.paper.verdicts import (
+    TEST_LEVEL,
+    comparison,
+    nearly,
+    number,
+    statement_row,
+    verdict_table,
+)
 from testbench.studies.rivals import IN_PAPER, as_in_paper
 from testbench.workflows.cell import (
     Campaign,
+    CampaignPoses,
     Cell,
-    Poses,
     Scenario,
     build_cell,
     draw_poses,
@@ -65,17 +72,17 @@ WORDS = {
     "check_max_relative_percent": "largest relative check error, %",
 }
 ERROR = (
-    Column("fit_mm", "RMS fit", "mm", ".3f"),
-    Column("check_mm", "RMS check, readings", "mm", ".3f"),
-    Column("as_small", "check at most 0.136 mm", "%", ".0f"),
+    TableColumn("fit_mm", "RMS fit", "mm", ".3f"),
+    TableColumn("check_mm", "RMS check, readings", "mm", ".3f"),
+    TableColumn("as_small", "check at most 0.136 mm", "%", ".0f"),
 )
 
 STOPPED = (
-    Column("fit_56_mm", "MGCO56, RMS fit (paper 0.240)", "mm", ".3f"),
-    Column("fit_47_mm", "MGCO47, RMS fit (0.152)", "mm", ".3f"),
-    Column("fit_68_mm", "MGCO68, RMS fit (0.119)", "mm", ".3f"),
-    Column("check_68_mm", "MGCO68, RMS check (0.136)", "mm", ".3f"),
-    Column("both", "campaigns with MGCO56 at least 0.240 and MGCO68 at most 0.136", "%", ".0f"),
+    TableColumn("fit_56_mm", "MGCO56, RMS fit (paper 0.240)", "mm", ".3f"),
+    TableColumn("fit_47_mm", "MGCO47, RMS fit (0.152)", "mm", ".3f"),
+    TableColumn("fit_68_mm", "MGCO68, RMS fit (0.119)", "mm", ".3f"),
+    TableColumn("check_68_mm", "MGCO68, RMS check (0.136)", "mm", ".3f"),
+    TableColumn("both", "campaigns with MGCO56 at least 0.240 and MGCO68 at most 0.136", "%", ".0f"),
 )
 
 app = typer.Typer(add_completion=False)
@@ -150,7 +157,7 @@ def _errors(cell: Cell, seed: int) -> tuple[Array, list[bool]]:
 
     And whether residuals of MGCO68 and MLS32 over all readings pass the test of Lilliefors at 5 %.
     """
-    true = true_cell(cell, member(FAMILY, seed), seed)
+    true = true_cell(cell, true_arm_of_seed(FAMILY, seed), seed)
     asked = Scenario(arm=ARM, workspace_poses=1)
     poses = draw_poses(cell, asked, seed)
     runs: dict[float | None, Campaign] = {}
@@ -172,14 +179,14 @@ def _errors(cell: Cell, seed: int) -> tuple[Array, list[bool]]:
 
 def _stopped(cell: Cell, seed: int) -> Array:
     """Errors of a search over b that is stopped early, (starts, budgets, models, fit and check) [m]."""
-    true = true_cell(cell, member(FAMILY, seed), seed)
+    true = true_cell(cell, true_arm_of_seed(FAMILY, seed), seed)
     asked = Scenario(arm=ARM, workspace_poses=1)
     own = simulate_at(true, asked, seed, draw_poses(cell, asked, seed))
     found = np.empty((len(SIZES), len(BUDGETS), len(GCO_MODELS), 2))
     for k, size in enumerate(SIZES.values()):
         for j, name in enumerate(GCO_MODELS):
             problem = factorise(reduce(true.vjm, MODELS[name](true).structure, own.identification))
-            start = size * random_start(problem, stream(seed, 91))
+            start = size * random_start(problem, trial_rng(seed, 91))
             for i, b in enumerate(_path(problem, start)):
                 pi = parameters(problem, b)
                 estimate = make_estimate(problem.regression, pi, method="GCO (factorised)")
@@ -226,17 +233,17 @@ def stopped_rows(errors: Array) -> list[Row]:
 
 def _as_normal(cell: Cell, estimate: Estimate, data: Dataset, seed: int) -> bool:
     residuals = (data.deflection - deflections(cell.vjm, estimate, data)).ravel()
-    found = goodness_of_fit(norm, residuals, statistic="ks", n_mc_samples=999, rng=stream(seed, 92))
-    return bool(found.pvalue >= LEVEL)
+    found = goodness_of_fit(norm, residuals, statistic="ks", n_mc_samples=999, rng=trial_rng(seed, 92))
+    return bool(found.pvalue >= TEST_LEVEL)
 
 
-def _near(cell: Cell, poses: Poses, asked: Scenario, near: float | None, seed: int) -> Poses:
+def _near(cell: Cell, poses: CampaignPoses, asked: Scenario, near: float | None, seed: int) -> CampaignPoses:
     """The poses of a campaign, the check poses so near to fitted ones [deg]."""
     if near is None:
         return poses
     fitted = poses.station[: asked.identification_poses]
     own = fitted[: asked.check_poses]
-    own = own + np.deg2rad(near) * stream(seed, 90).uniform(-1, 1, own.shape)
+    own = own + np.deg2rad(near) * trial_rng(seed, 90).uniform(-1, 1, own.shape)
     return replace(poses, station=np.vstack([fitted, np.clip(own, *cell.arm.limits)]))
 
 
@@ -250,7 +257,7 @@ def _fit(cell: Cell, data: Dataset, one: Candidate, seed: int) -> Estimate:
         value, gradient = cost(problem, b)
         return value + one.weight * level * float(b @ b), gradient + 2 * one.weight * level * b
 
-    start = one.size * random_start(problem, stream(seed, 91))
+    start = one.size * random_start(problem, trial_rng(seed, 91))
     solver: Any = minimize
     options = {"maxiter": one.steps, "maxfun": 2 * one.steps, "maxcor": 50, "ftol": 1e-12, "gtol": 1e-9}
     end = solver(weighed, start, jac=True, method="L-BFGS-B", options=options)
@@ -308,7 +315,7 @@ def _judged(f: Row, trials: Trials) -> Iterator[Row]:
     yield number("accuracy of a GCO model (conclusion; ours MGCO56), mm", own["MGCO56"].check.rms_mm, 0.197)
     share = {name: middle(own[name].conservative) for name in SECTION_6}
     only_gco = all(share[name] == (own[name].constraint == "psd") for name in SECTION_6)
-    yield judged("MLS32 and MLS56 are not conservative, the GCO models are", only_gco, only_gco)
+    yield statement_row("MLS32 and MLS56 are not conservative, the GCO models are", only_gco, only_gco)
 
 
 def _check(trials: Trials) -> dict[str, Array]:

@@ -23,11 +23,11 @@ from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import rpy_of
 from testbench.errors import Array, BenchError, InputError, read_bytes
 from testbench.files.controller_files import MAX_BYTES, STAMP
-from testbench.files.export import BEGINS, Draft, beside_of, export
+from testbench.files.export import BEGINS, Draft, companion_path, export
 from testbench.files.export_controller import six_axes
-from testbench.files.export_geometry import identified
-from testbench.files.export_own import chain_of, own_origins, place
-from testbench.identify.absolute.state import State
+from testbench.files.export_geometry import identified_rigid
+from testbench.files.export_own import chain_of, place_frames, robot_origins
+from testbench.identify.absolute.state import ArmState
 from testbench.runs.place import Kind, check_file
 from testbench.workflows.arm_models import load_model
 
@@ -61,7 +61,7 @@ def find(file: Path, text: str) -> Mapping[str, re.Match[str]]:
     return {key: found[key] for key in KEYS}
 
 
-def draft(state: State, file: Path) -> Draft:
+def draft(state: ArmState, file: Path) -> Draft:
     """Draft the driver's file with the identified geometry; InputError when it is not the arm's."""
     arm, text = six_axes(TITLE, state), read_bytes(file, MAX_BYTES).decode(BYTES)
     if STAMP in text:
@@ -73,8 +73,8 @@ def draft(state: State, file: Path) -> Draft:
 
     urdf = as_urdf(text)
     own = chain_of(file, urdf, parse_xml(file, urdf), arm, FRAMES[-1])
-    frames, off = place(own, state)
-    poses = own_origins(own, frames, identified(state))
+    frames, off = place_frames(own, state)
+    poses = robot_origins(own, frames, identified_rigid(state))
     names = tuple(joint.name for joint in arm.joints)
     rows = [x for name in names for x in (*poses[name][:3, 3], *rpy_of(poses[name][:3, :3]))]
     new = text
@@ -106,7 +106,10 @@ def main() -> None:
     parser.add_argument("--force", action="store_true", help="replace any file")
     asked = parser.parse_args()
     out = asked.out or Path(f"{asked.file.stem}_calibrated{asked.file.suffix}")
-    kinds = {out: Kind("such a file", rb"(?s).*?" + STAMP.encode()), beside_of(out): Kind("its JSON", BEGINS)}
+    kinds = {
+        out: Kind("such a file", rb"(?s).*?" + STAMP.encode()),
+        companion_path(out): Kind("its JSON", BEGINS),
+    }
     try:
         for path, kind in kinds.items():
             check_file(path, kind, inputs=[asked.model, asked.file], force=asked.force)
@@ -114,7 +117,7 @@ def main() -> None:
         done = export(state, draft(state, asked.file), out)
     except BenchError as err:
         sys.exit(f"error: {err}")
-    print(f"{out}, and {beside_of(out)}: read back within {done.read_back.position_um:.3g} um")
+    print(f"{out}, and {companion_path(out)}: read back within {done.read_back.position_um:.3g} um")
 
 
 if __name__ == "__main__":

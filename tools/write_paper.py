@@ -80,7 +80,7 @@ def _kept(value: object) -> str:
 
 def printed(seed: int = 1000) -> dict[str, object]:
     """Tables of what the printed matrices of section 5.1 tell, under the check loads of a seed."""
-    cell, asked = build_cell(find_arm(single_link.NAME)), single_link.Settings()
+    cell, asked = build_cell(find_arm(single_link.NAME)), single_link.SingleLinkSettings()
     numbers = printed_matrices(cell, asked, single_link.measure(cell, asked, seed).truth)
     return {"tables": tables(numbers)}
 

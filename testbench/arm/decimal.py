@@ -12,12 +12,12 @@ NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
 INTEGER = r"^[+-]?[0-9]{1,19}$"
 WRITTEN = "such as 12, -0.5 or 2e-3"
 DECIMAL, WHOLE = re.compile(NUMBER), re.compile(INTEGER)
-LONGEST = 400  #: Most characters of a number: 17 digits hold all that a double does.
+MAX_CHARACTERS = 400  #: Most characters of a number: 17 digits hold all that a double does.
 
 
 def is_decimal(text: str) -> bool:
-    """Tell whether a text is a decimal number in ASCII digits, at most `LONGEST` characters long."""
-    return len(text) <= LONGEST and DECIMAL.fullmatch(text) is not None
+    """Tell whether a text is a decimal number in ASCII digits, at most `MAX_CHARACTERS` characters long."""
+    return len(text) <= MAX_CHARACTERS and DECIMAL.fullmatch(text) is not None
 
 
 def is_integer(text: str) -> bool:

@@ -19,7 +19,7 @@ class Strict(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-SHOWN = 80  #: Most characters of a name or value that a message repeats.
+MAX_SHOWN = 80  #: Most characters of a name or value that a message repeats.
 UNFIT = "=+-@'"
 """Characters that no name begins with: spreadsheets compute such a cell, and commands take it for a flag."""
 
@@ -111,11 +111,11 @@ def parse_xml(path: Path, text: str) -> ET.Element:
     for e in root.iter():
         for key, value in e.attrib.items():
             if "nan" in [word.lstrip("+-") for word in value.lower().split()] and key != "name":
-                raise InputError(path, place_of(e), f"{key}: expected numbers, got {value[:SHOWN]!r}")
+                raise InputError(path, place_of(e), f"{key}: expected numbers, got {value[:MAX_SHOWN]!r}")
     return root
 
 
 def place_of(e: ET.Element) -> str:
     """Name an XML element for a message, by its tag and name attribute."""
-    name = e.get("name", "")[:SHOWN]
+    name = e.get("name", "")[:MAX_SHOWN]
     return f"<{e.tag} name={name!r}>" if name else f"<{e.tag}>"

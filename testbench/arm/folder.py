@@ -30,8 +30,8 @@ from testbench.errors import (
     check_array,
     check_least,
     check_type,
-    cut,
-    shown,
+    printable,
+    shorten,
 )
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -73,7 +73,7 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Joint:
+class ArmJoint:
     """Describe an actuated joint, a hinge or a slide, with its spring in series."""
 
     name: str  #: Name of the hinge or slide in rigid.xml.
@@ -136,7 +136,7 @@ class Arm(Displayed):
     title: str  #: Title for people.
     rigid: Path  #: Path of the rigid MJCF.
     links: tuple[Link, ...]  #: From the base to the flange, n + 1.
-    joints: tuple[Joint, ...]  #: From the base to the flange, n.
+    joints: tuple[ArmJoint, ...]  #: From the base to the flange, n.
     tool: str  #: Body of the tool's centre point, a child of the last link.
     load: str  #: Body at whose origin a hung weight acts: the load point.
     markers: tuple[str, ...]  #: Bodies that the tracker reads, the markers.
@@ -175,7 +175,7 @@ class Arm(Displayed):
         return C
 
     @property
-    def file_joints(self) -> tuple[Joint, ...]:
+    def file_joints(self) -> tuple[ArmJoint, ...]:
         """Return the joints as files, programs and pendants count them, m of them.
 
         Without a joint map they are `joints`. With one their compliance is NaN.
@@ -184,7 +184,7 @@ class Arm(Displayed):
             return self.joints
         ends = file_limits(self.joint_map, self.joints).T.tolist()
         rows = zip(self.joint_map.names, ends, self.joint_map.prismatic, strict=True)
-        return tuple(Joint(name, low, high, math.nan, slides) for name, (low, high), slides in rows)
+        return tuple(ArmJoint(name, low, high, math.nan, slides) for name, (low, high), slides in rows)
 
     def to_model(self, q: Array) -> Array:
         """Convert file joints to chain joints, q = L q_file + q_0.
@@ -345,14 +345,14 @@ class Arm(Displayed):
         return q
 
 
-KINDS = "hinge", "slide"
+JOINT_KINDS = "hinge", "slide"
 COMPLIANCE_UNIT = "rad/(N m)", "m/N"
 """MJCF's types of joints, and the units of their compliances."""
 
 FARTHEST = 1000.0  #: Largest joint limit or offset [rad, m].
 LONGEST_TITLE = 200  #: Most characters of a title.
 REDRAWN = 300  #: Most times that poses with a dependent joint beyond its limits are drawn again.
-LONGEST = 3.0  #: Largest length of a tube over that of the whole arm [1].
+MAX_TUBE_RATIO = 3.0  #: Largest length of a tube over that of the whole arm [1].
 
 
 def load_arm(folder: str | Path) -> Arm:
@@ -372,8 +372,8 @@ def load_arm(folder: str | Path) -> Arm:
     elastic, root = read_elastic(toml_path), read_mjcf(rigid)
     spring = elastic.compensator
     arm = Arm(
-        name=shown(folder.resolve().name),
-        title=cut(shown(elastic.title), LONGEST_TITLE),
+        name=printable(folder.resolve().name),
+        title=shorten(printable(elastic.title), LONGEST_TITLE),
         rigid=rigid,
         links=tuple(_link(toml_path, i, link) for i, link in enumerate(elastic.link)),
         joints=tuple(
@@ -390,7 +390,7 @@ def load_arm(folder: str | Path) -> Arm:
         place = toml_place(toml_path, ["compensator"])
         raise InputError(toml_path, place, "expected an arm whose link 1 and link 2 a hinge joins")
     _check_chain(rigid, root, arm)
-    _check_lengths(toml_path, elastic, stretched(rigid, root, arm))
+    _check_lengths(toml_path, elastic, chain_length(rigid, root, arm))
     return _mapped(toml_path, elastic, arm)
 
 
@@ -413,14 +413,14 @@ def _mapped(path: Path, elastic: Elastic, arm: Arm) -> Arm:
             raise InputError(path, place, f"expected offsets up to {FARTHEST:g} rad or m")
     place = toml_place(path, ["joints"])
     try:
-        found = build_map(arm.joints, rows, q_0)
-        if found is None:
+        joint_map = build_map(arm.joints, rows, q_0)
+        if joint_map is None:
             return arm
-        limits = narrowed(found, arm.joints).T.tolist()
+        limits = narrowed(joint_map, arm.joints).T.tolist()
     except BenchError as err:
         raise InputError(path, place, str(err)) from err
     joints = [replace(j, lower=low, upper=high) for j, (low, high) in zip(arm.joints, limits, strict=True)]
-    return replace(arm, joints=tuple(joints), joint_map=found)
+    return replace(arm, joints=tuple(joints), joint_map=joint_map)
 
 
 def _link(path: Path, index: int, link: LinkEntry) -> Link:
@@ -439,7 +439,7 @@ def _link(path: Path, index: int, link: LinkEntry) -> Link:
     return Link(link.name, beam_frame(path, index, link), C)
 
 
-def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> Joint:
+def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> ArmJoint:
     found = find_body(rigid, root, body).findall("joint")
     names = [j.get("name") for j in found]
     if names != [joint.name]:
@@ -451,7 +451,7 @@ def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> Joint
     lower, upper = (x * unit for x in numbers(rigid, own, "range", 2))
     moved = "pos" in own.attrib and any(numbers(rigid, own, "pos", 3))
     problems = {
-        f"expected a hinge or a slide, got {own.get('type')!r}": own.get("type", "hinge") not in KINDS,
+        f"expected a hinge or a slide, got {own.get('type')!r}": own.get("type", "hinge") not in JOINT_KINDS,
         "expected no pos: the body's origin lies on the joint": moved,
         "axis: expected a direction, got zero": not any(numbers(rigid, own, "axis", 3)),
         f"range: expected lower < upper, got {own.get('range')!r}": not lower < upper,
@@ -462,10 +462,10 @@ def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> Joint
     if wrong := [problem for problem, there in problems.items() if there]:
         raise InputError(rigid, f"<joint name={joint.name!r}>", wrong[0])
     if joint.compliance.unit != COMPLIANCE_UNIT[prismatic]:
-        problem = f"expected {COMPLIANCE_UNIT[prismatic]} for a {KINDS[prismatic]}"
+        problem = f"expected {COMPLIANCE_UNIT[prismatic]} for a {JOINT_KINDS[prismatic]}"
         place = f"joint ({joint.name}) compliance.unit"
         raise InputError(rigid.with_name("elastic.toml"), place, f"{problem}, got {joint.compliance.unit}")
-    return Joint(joint.name, lower, upper, joint.compliance.value, prismatic)
+    return ArmJoint(joint.name, lower, upper, joint.compliance.value, prismatic)
 
 
 def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
@@ -490,7 +490,7 @@ def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
         raise InputError(rigid, "<joint>", f"expected the joints {expected} and no other, got {names}")
 
 
-def stretched(rigid: Path, root: ET.Element, arm: Arm) -> float:
+def chain_length(rigid: Path, root: ET.Element, arm: Arm) -> float:
     """Compute the length of the chain from the base to the tool, with its slides fully extended.
 
     Args:
@@ -509,7 +509,7 @@ def stretched(rigid: Path, root: ET.Element, arm: Arm) -> float:
 
 def _check_lengths(path: Path, elastic: Elastic, whole: float) -> None:
     for index, link in enumerate(elastic.link):
-        if link.tube is not None and link.tube.length.value > LONGEST * whole > 0:
+        if link.tube is not None and link.tube.length.value > MAX_TUBE_RATIO * whole > 0:
             got = f"got {link.tube.length.value:g} m; the whole arm is {whole:.3g} m long"
             place = link_place(path, index, link, "tube", "length")
-            raise InputError(path, place, f"expected at most {LONGEST * whole:.3g} m, {got}")
+            raise InputError(path, place, f"expected at most {MAX_TUBE_RATIO * whole:.3g} m, {got}")

@@ -11,11 +11,12 @@ from typing import Protocol
 
 import numpy as np
 
-from testbench.errors import Array, BenchError, Ids, check_array, cut
+from testbench.errors import Array, BenchError, Ids, check_array, shorten
 
-ROUNDING = 1e-9  #: Singular value over the largest, or coefficient, below which it counts as zero [1].
-LARGEST = 1000.0  #: Largest coefficient of a file joint [1].
-LISTED = 100  #: Most characters of joint names in a message.
+#: Singular value over the largest, or coefficient, below which it counts as zero [1].
+ZERO_COEFFICIENT = 1e-9
+MAX_COEFFICIENT = 1000.0  #: Largest coefficient of a file joint [1].
+MAX_LISTED = 100  #: Most characters of joint names in a message.
 
 
 class Coordinate(Protocol):
@@ -197,7 +198,7 @@ def build_map(
 
     Raises:
         BenchError: When the rows do not determine every file joint, one would turn a hinge and move a slide,
-            or a coefficient is larger than `LARGEST` or not finite.
+            or a coefficient is larger than `MAX_COEFFICIENT` or not finite.
     """
     # names of file joints, in the order of the chain
     known = {joint.name: k for k, joint in enumerate(joints)}
@@ -213,13 +214,13 @@ def build_map(
     if names == tuple(known) and np.array_equal(L, np.eye(len(names))) and not offsets.any():
         return None
     L, offsets = check_array(L, (None, None), "coefficients"), check_array(offsets, (None,), "offsets")
-    if np.abs(L).max(initial=0.0) > LARGEST:
-        raise BenchError(f"expected coefficients up to {LARGEST:g}, got {np.abs(L).max():g}")
+    if np.abs(L).max(initial=0.0) > MAX_COEFFICIENT:
+        raise BenchError(f"expected coefficients up to {MAX_COEFFICIENT:g}, got {np.abs(L).max():g}")
     # free chain joints: m independent rows of L, those that are a file joint of their own first
     alone = [k for k, (name, row) in enumerate(own.items()) if [n for n, c in row.items() if c] == [name]]
     free = _independent(L, sorted(range(len(L)), key=lambda k: k not in alone))
     if not names or len(free) < len(names):
-        listed = cut(", ".join(names), LISTED) or "none"
+        listed = shorten(", ".join(names), MAX_LISTED) or "none"
         raise BenchError(f"expected file joints that the chain tells apart, got {listed}: rows depend")
     slides = np.array([joint.prismatic for joint in joints], dtype=bool)
     for j, name in enumerate(names):
@@ -229,7 +230,7 @@ def build_map(
     inverse = np.asarray(np.linalg.inv(L[free]), dtype=np.float64) + 0.0
     moves = np.zeros((len(L), len(L)))
     moves[:, free] = L @ inverse
-    moves[np.abs(moves) <= ROUNDING] = 0.0
+    moves[np.abs(moves) <= ZERO_COEFFICIENT] = 0.0
     prismatic = tuple(bool(slides[L[:, j] != 0][0]) for j in range(len(names)))
     return JointMap(names, prismatic, tuple(slides.tolist()), L, offsets, free, inverse, moves)
 
@@ -240,33 +241,34 @@ def _independent(L: Array, order: Sequence[int]) -> Ids:
     for k in order:
         rows = L[[*found, k]]
         s = np.linalg.svd(rows, compute_uv=False)
-        if len(rows) <= L.shape[1] and s[-1] > ROUNDING * max(1.0, s[0]):
+        if len(rows) <= L.shape[1] and s[-1] > ZERO_COEFFICIENT * max(1.0, s[0]):
             found.append(k)
     return np.array(sorted(found), dtype=int)
 
 
-def file_limits(found: JointMap, joints: Sequence[Coordinate]) -> Array:
+def file_limits(joint_map: JointMap, joints: Sequence[Coordinate]) -> Array:
     """Compute the least and the largest value of every file joint within the limits of the free chain joints.
 
     Args:
-        found: The joint map.
+        joint_map: The joint map.
         joints: Joints of the chain, n.
 
     Returns:
         Lower and upper values, (2, m) [rad, m].
     """
     ends = (
-        np.array([[joint.lower, joint.upper] for joint in joints])[found.free] - found.q_0[found.free, None]
+        np.array([[joint.lower, joint.upper] for joint in joints])[joint_map.free]
+        - joint_map.q_0[joint_map.free, None]
     )
-    parts = found.inverse[:, :, None] * ends
+    parts = joint_map.inverse[:, :, None] * ends
     return np.array([parts.min(axis=2).sum(axis=1), parts.max(axis=2).sum(axis=1)])
 
 
-def narrowed(found: JointMap, joints: Sequence[Coordinate]) -> Array:
+def narrowed(joint_map: JointMap, joints: Sequence[Coordinate]) -> Array:
     """Narrow the limits of free joints so that joints that follow one of them stay within theirs.
 
     Args:
-        found: The joint map.
+        joint_map: The joint map.
         joints: Joints of the chain, n.
 
     Returns:
@@ -276,19 +278,19 @@ def narrowed(found: JointMap, joints: Sequence[Coordinate]) -> Array:
         BenchError: When nothing is left between the limits of a joint.
     """
     limits = np.array([[joint.lower, joint.upper] for joint in joints]).T
-    D = found.moves
-    for k in np.setdiff1d(np.arange(len(D)), found.free):
+    D = joint_map.moves
+    for k in np.setdiff1d(np.arange(len(D)), joint_map.free):
         drivers = np.flatnonzero(D[k])
         # a joint that follows several others narrows none of them
         if len(drivers) > 1:
             continue
         if not len(drivers):
-            if not limits[0, k] <= found.q_0[k] <= limits[1, k]:
+            if not limits[0, k] <= joint_map.q_0[k] <= limits[1, k]:
                 raise BenchError(f"{joints[k].name}: it is held beyond its limits")
             continue
         j = int(drivers[0])
         # its limits as values of the one joint that it follows
-        ends = found.q_0[j] + (limits[:, k] - found.q_0[k]) / D[k, j]
+        ends = joint_map.q_0[j] + (limits[:, k] - joint_map.q_0[k]) / D[k, j]
         low, high = max(limits[0, j], ends.min()), min(limits[1, j], ends.max())
         if not low < high:
             raise BenchError(f"{joints[j].name}: no angle of it is within the limits of {joints[k].name} too")

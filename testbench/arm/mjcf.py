@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from testbench.arm.decimal import WRITTEN, read_decimals
-from testbench.arm.document import SHOWN, inside, parse_xml, place_of
+from testbench.arm.document import MAX_SHOWN, inside, parse_xml, place_of
 from testbench.errors import InputError, read_text
 
 PLACED = "pos quat axisangle euler xyaxes zaxis"  #: Attributes that place an element.
@@ -37,10 +37,10 @@ NUMBERS = {
     **{"diaginertia": 3, "fullinertia": 6},
 }
 """Count of numbers of each attribute that places a body or gives its inertia."""
-LARGEST = 1e6
+MAX_NUMBER = 1e6
 """Largest angle, mass or inertia of an arm [deg, rad, kg, kg m^2]; beyond it an exponent is wrong."""
 LENGTH = 1000.0  #: Largest length [m].
-MOST = 20_000  #: Most elements of an arm.
+MAX_ELEMENTS = 20_000  #: Most elements of an arm.
 MAX_BYTES = 4_000_000  #: Largest size of an arm's MJCF [byte].
 MAX_DEPTH = 64  #: Most nested elements.
 GRAVITY = 9.81  #: Gravitational acceleration along -z of every cell [m/s^2]; MuJoCo's default.
@@ -82,8 +82,8 @@ def _check_elements(path: Path, root: ET.Element) -> None:
         level = [child for e in level for child in e]
     if level:
         raise InputError(path, "", f"expected at most {MAX_DEPTH} nested elements")
-    if count > MOST:
-        raise InputError(path, "", f"expected at most {MOST} elements, got {count}")
+    if count > MAX_ELEMENTS:
+        raise InputError(path, "", f"expected at most {MAX_ELEMENTS} elements, got {count}")
 
 
 def _read(text: str, count: int, largest: float) -> list[float] | None:
@@ -98,7 +98,7 @@ def _read(text: str, count: int, largest: float) -> list[float] | None:
 def _check_values(path: Path, e: ET.Element) -> None:
     known = ATTRIBUTES.get(e.tag)
     if known is not None and (extra := [key for key in e.attrib if key not in known]):
-        problem = f"{extra[0][:SHOWN]!r} is not allowed; allowed are {sorted(known)}"
+        problem = f"{extra[0][:MAX_SHOWN]!r} is not allowed; allowed are {sorted(known)}"
         raise InputError(path, place_of(e), problem)
     if e.tag == "default" and e.find("joint") is not None:
         raise InputError(path, place_of(e), "no defaults for joints: write them at the joint")
@@ -115,7 +115,7 @@ def _check_values(path: Path, e: ET.Element) -> None:
             raise InputError(path, place_of(e), f"mass: expected more than 0 kg, got {mass}")
     for key, count in NUMBERS.items() if e.tag in ("body", "inertial") else ():
         if key in e.attrib:
-            numbers(path, e, key, count, LENGTH if key == "pos" else LARGEST)
+            numbers(path, e, key, count, LENGTH if key == "pos" else MAX_NUMBER)
 
 
 def _check_files(path: Path, root: ET.Element) -> None:
@@ -172,7 +172,7 @@ def assets(path: Path, root: ET.Element) -> list[str]:
     return sorted(found)
 
 
-def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = LARGEST) -> list[float]:
+def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = MAX_NUMBER) -> list[float]:
     """Read an attribute of an element as a fixed count of numbers.
 
     Args:
@@ -193,7 +193,7 @@ def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = LA
         raise InputError(path, place_of(e), f"expected an attribute {key} of {count} number(s)")
     values = _read(text, count, largest)
     if values is None or len(values) != count:
-        problem = f"expected {count} number(s) up to {largest:g}, {WRITTEN}, got {text[:SHOWN]!r}"
+        problem = f"expected {count} number(s) up to {largest:g}, {WRITTEN}, got {text[:MAX_SHOWN]!r}"
         raise InputError(path, place_of(e), f"{key}: {problem}")
     return values
 

@@ -85,7 +85,7 @@ def tube_compliance(tube: Tube) -> Array:
     return C
 
 
-def turned(C: Array, axis: Array, angle: float) -> Array:
+def rotated_compliance(C: Array, axis: Array, angle: float) -> Array:
     """Express the compliance of a turned beam in the axes before the turn, diag(R, R) C diag(R, R)^T.
 
     R is the rotation about the axis by the angle (Rodrigues).

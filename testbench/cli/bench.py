@@ -5,12 +5,12 @@ from pathlib import Path
 
 from testbench.report.terminal import plain_console
 from testbench.studies.bench.study import STUDY
-from testbench.studies.bench.trial import Options
+from testbench.studies.bench.trial import BenchOptions
 from testbench.studies.run import run
 from testbench.workflows.options import Common, takes
 
 
-@takes(Common, Options)
-def command(common: Common, options: Options) -> None:
+@takes(Common, BenchOptions)
+def command(common: Common, options: BenchOptions) -> None:
     """Rank estimators in frozen tasks."""
     run(STUDY, replace(common, out=common.out or Path("runs/bench")), options, plain_console())

@@ -15,22 +15,29 @@ from testbench.cli.arguments import plain
 from testbench.errors import BenchError, PoseError, sheet_of
 from testbench.identify.absolute import fit
 from testbench.identify.absolute.posterior import model_of
-from testbench.identify.registration import POSES
+from testbench.identify.registration import MIN_POSES
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report import scene as draw
 from testbench.report.badge import decide
 from testbench.report.colours import GCO, MEASURED, NOMINAL, Look
 from testbench.report.columns import columns
-from testbench.report.leave import Asked, leave
+from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, bullets, say
 from testbench.report.schema import Table
 from testbench.report.table import Row
-from testbench.report.terminal import looked_at, plain_console, print_words
+from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import claim_folder
 from testbench.runs.provenance import digest
 from testbench.workflows import calibration_numbers as counted
-from testbench.workflows.absolute import Calibrated, File, calibrated, files_of, read_all, score
+from testbench.workflows.absolute import (
+    Calibrated,
+    File,
+    calibrate_with_masses,
+    files_of,
+    position_errors,
+    read_all,
+)
 from testbench.workflows.arm_models import read_model, write_model
 from testbench.workflows.campaign_flags import ArmName, SigmaUm, mass
 from testbench.workflows.cell import Cell, build_cell
@@ -54,12 +61,12 @@ TABLES = {
     "outliers": ("Readings that hardly count", "series row marker error_mm pull"),
 }
 """Titles and columns of the report's tables."""
-LONGEST, BENT = 0.3, 0.12  #: Length of most arrows and of most sags over the reach [1].
+ARROW_LENGTH, BENT = 0.3, 0.12  #: Length of most arrows and of most sags over the reach [1].
 LOOKS = {"as drawn": Look(NOMINAL, 1, prior=True), "calibrated": Look(GCO, 0, prior=True)}
 
 
 @dataclass(frozen=True)
-class Options:
+class CalibrateOptions:
     """Flags of the command."""
 
     arm: ArmName
@@ -81,24 +88,27 @@ class Options:
     ] = None
     orders: Annotated[
         int, typer.Option(min=1, max=400, metavar="N", help="Highest order of periodic errors.")
-    ] = fit.ORDERS
+    ] = fit.MAX_ORDER
     least_squares: Annotated[
         bool, typer.Option("--least-squares", help="Use least squares instead of GCO.")
     ] = False
-    score: Annotated[bool, typer.Option("--score", help="Print how a calibrated ARM fits new readings.")] = (
-        False
-    )
+    score: Annotated[
+        bool,
+        typer.Option("--score", help="Print how a calibrated ARM fits new readings."),
+    ] = False
     frame_poses: Annotated[
-        int | None, typer.Option(min=POSES, metavar="N", help="With --score: poses that fit the frame only.")
+        int | None,
+        typer.Option(min=MIN_POSES, metavar="N", help="With --score: poses that fit the frame only."),
     ] = None
     at_most: Annotated[
-        float | None, typer.Option(min=0, metavar="MM", help="With --score: exit 1 above this mean error.")
+        float | None,
+        typer.Option(min=0, metavar="MM", help="With --score: exit 1 above this mean error."),
     ] = None
     force: Force = False
 
 
-@takes(Options)
-def command(asked: Options) -> None:
+@takes(CalibrateOptions)
+def command(asked: CalibrateOptions) -> None:
     """Calibrate an arm by where a tracker saw its tool, and write the model; or score one."""
     if not asked.score and (asked.frame_poses or asked.at_most is not None):
         raise BenchError("--frame-poses, --at-most: expected --score with them")
@@ -112,9 +122,9 @@ def command(asked: Options) -> None:
         series, notes = read_all(files, cell.arm)
         with of_flag("--without"):
             without = frozenset(asked.without or ())
-            tried = fit.Options("none" if asked.least_squares else "psd", asked.orders, without)
-        found = calibrated(cell.vjm, series, tried, notes)
-        left, more, console = counted.left_of(found), None, plain_console()
+            tried = fit.CalibrationOptions("none" if asked.least_squares else "psd", asked.orders, without)
+        found = calibrate_with_masses(cell.vjm, series, tried, notes)
+        left, more, console = counted.remaining_errors(found), None, plain_console()
         with suppress(PoseError):  # an arm that can be nowhere has no workspace
             more = gain_of_more(cell, model_of(found.calibration), series[0].sigma)
         said, lines = report(found, left, more), [f"- {note}" for note in found.notes]
@@ -125,20 +135,20 @@ def command(asked: Options) -> None:
         flags = plain(asked, read="readings", without=("arm", "score", "frame_poses", "at_most"))
         assert isinstance(flags["readings"], dict)
         write = partial(write_model, found.calibration, flags["readings"], said.numbers["doubts"])
-        run = Asked(COMMAND, cell.arm.name, flags, [cell.arm.rigid.parent], PICTURE, more=write)
-        leave(asked.out, run, said, seen(cell, found, left))
+        run = RunRequest(COMMAND, cell.arm.name, flags, [cell.arm.rigid.parent], PICTURE, more=write)
+        write_run(asked.out, run, said, seen(cell, found, left))
         places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE))
-        lines += [f"model      {asked.out / 'model.json'}", f"report     {places}", *looked_at(asked.out)]
+        lines += [f"model      {asked.out / 'model.json'}", f"report     {places}", *viewing_lines(asked.out)]
         print_words(console, said, [said.tables["steps"]], lines)
 
 
-def _score(asked: Options, files: Sequence[File]) -> None:
+def _score(asked: CalibrateOptions, files: Sequence[File]) -> None:
     """Print how far readings are from a calibrated arm; of a new series fit frame and target only."""
     model = read_model(Path(asked.arm))
     series, notes = read_all(files, model.arm)
     if any(digest(sheet_of(file.path)[0]) in model.about.data.values() for file in files):
         notes += ("these readings were fitted: only other readings can validate the model",)
-    found = score(model, series, asked.frame_poses)
+    found = position_errors(model, series, asked.frame_poses)
     failed = asked.at_most is not None and not found.mean_mm <= asked.at_most
     verdict = f"{'Do not use' if failed else 'Holds'}: mean {found.mean_mm:.3f} mm, limit {asked.at_most} mm"
     sizes = f"{found.mean_mm:.3f} mm mean, {found.rms_mm:.3f} mm RMS, 95 % below {found.p95_mm:.3f} mm"
@@ -153,7 +163,9 @@ def _score(asked: Options, files: Sequence[File]) -> None:
         raise typer.Exit(1)
 
 
-def report(found: Calibrated, left: counted.Left, more: tuple[float, float] | None = None) -> Report:
+def report(
+    found: Calibrated, left: counted.RemainingErrors, more: tuple[float, float] | None = None
+) -> Report:
     """Report a calibration; see `numbers` for the arguments."""
     f, chosen = counted.numbers(found, left, more), found.calibration.chosen
     plain_mm, own_mm = (MM * np.sqrt(3) * x for x in chosen.held_out)
@@ -172,11 +184,13 @@ def report(found: Calibrated, left: counted.Left, more: tuple[float, float] | No
         question=say("How far is {arm} from its drawing, and how far once calibrated?", f),
         title=say("{arm}, {total_after.n:counted position} of {k} series", f, k=len(f.series)),
         answer=say(answer, every=every, alone=alone),
-        claims=[say("**{name}**: {text}", name=name, text=text) for name, text in counted.doubts(f)],
+        claims=[
+            say("**{name}**: {text}", name=name, text=text) for name, text in counted.calibration_doubts(f)
+        ],
         numbers=f,
         tables=tables,
         body=[*tables, *lists, Markdown("What each table means: docs/calibration.md, *The report*.")],
-        badge=decide(("calibrated", own_mm), rival, "block held out", counted.unusable(f)),
+        badge=decide(("calibrated", own_mm), rival, "block held out", counted.reason_against_use(f)),
     )
 
 
@@ -218,13 +232,13 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
         yield f"expected error after {f.more.poses} more poses of a plan, mm", f.more.after_mm
 
 
-def seen(cell: Cell, found: Calibrated, left: counted.Left) -> draw.Seen:
+def seen(cell: Cell, found: Calibrated, left: counted.RemainingErrors) -> draw.PageContent:
     """Draw the readings on the arm: from where the arm should have its targets to where they were read."""
-    known = np.flatnonzero((size := counted.largest_left(found, left)) >= 0)
-    rows, reach = counted.rows_of(found, left, draw.picked(size, known)), cell.vjm.reach
+    known = np.flatnonzero((size := counted.largest_remaining_error(found, left)) >= 0)
+    rows, reach = counted.rows_of(found, left, draw.largest_and_even(size, known)), cell.vjm.reach
     sizes = [MM * np.nanmax(np.linalg.norm(x, axis=2), axis=1) for x in (rows.before, rows.after)]
-    marks = [draw.Line(name, look, mm) for (name, look), mm in zip(LOOKS.items(), sizes, strict=True)]
-    A = draw.arrow_scale(rows.before, LONGEST * reach)
+    marks = [draw.ModelLine(name, look, mm) for (name, look), mm in zip(LOOKS.items(), sizes, strict=True)]
+    A = draw.arrow_scale(rows.before, ARROW_LENGTH * reach)
     straight, soft = rigid_frames(cell.room, rows.q), bool(rows.sag.any())
     moved = elastic_frames(cell.plant, rows.q, rows.sag).positions - straight.positions
     M = draw.arrow_scale(moved[:, -1], BENT * reach)
@@ -232,7 +246,7 @@ def seen(cell: Cell, found: Calibrated, left: counted.Left) -> draw.Seen:
         draw.Layer(f"error {name}", look.colour, "arrows", rows.read - A * error, rows.read)
         for (name, look), error in zip(LOOKS.items(), (rows.before, rows.after), strict=True)
     ]
-    group = draw.Poses(
+    group = draw.PoseGroup(
         name="Readings",
         names=[f"{name}, row {row}" for name, row in zip(rows.name, rows.row, strict=True)],
         words=[
@@ -249,4 +263,4 @@ def seen(cell: Cell, found: Calibrated, left: counted.Left) -> draw.Seen:
     labels, note = [str(k) for k in rows.row], draw.of_all(len(rows.q), len(known), "poses")
     chart = draw.RunChart("Pose by pose (mm)", 0, "row of the file", labels, marks, note=note)
     errors = draw.PlaceMap("Distance of reading and arm, worst target (mm)", 0, rows.tool, marks)
-    return draw.Seen(draw.Scene(cell, title, [group]), errors, [chart])
+    return draw.PageContent(draw.Scene(cell, title, [group]), errors, [chart])

@@ -9,22 +9,22 @@ import numpy as np
 import typer
 
 from testbench.arm.elastic import JointEntry, LinkEntry
-from testbench.arm.folder import Joint, find_arm
+from testbench.arm.folder import ArmJoint, find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.cli.arguments import ShownFolder
-from testbench.errors import Array, word
+from testbench.errors import Array, shell_word
 from testbench.files.elastic_mjcf import write_elastic
 from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
 from testbench.plant.shapes import RING, elastic_frames, rigid_frames
 from testbench.report.colours import GREY, LOAD, NOMINAL
 from testbench.report.columns import columns
-from testbench.report.leave import Asked, leave
+from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, ended
 from testbench.report.report import Report, bullets, say
-from testbench.report.scene import Layer, Poses, Scene, Seen, arrow_scale
-from testbench.report.schema import Column, Table, show
+from testbench.report.scene import Layer, PageContent, PoseGroup, Scene, arrow_scale
+from testbench.report.schema import Table, TableColumn, show
 from testbench.report.table import Row
-from testbench.report.terminal import looked_at, plain_console, print_words
+from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import Kind, check_file, claim_folder
 from testbench.workflows.arm_check import Checked, check
 from testbench.workflows.campaign_flags import ArmName
@@ -32,13 +32,13 @@ from testbench.workflows.options import Force, takes
 
 COMMAND = "testbench check"  #: As manifest.json names it.
 ELASTIC = Kind("an elastic arm", rb"<mujoco [^>]*model=\"[^\"]*_elastic\"")
-SHOWN = 0.01  #: Least contribution to the sag of what is listed [1].
+MIN_SHOWN_SHARE = 0.01  #: Least contribution to the sag of what is listed [1].
 BENT, ARROW, AXIS = 0.12, 0.2, 0.12  #: Lengths of sag, of the load's arrow and of axes over the reach [1].
 SPOKES = 4  #: Lines along a tube.
 
 
 @dataclass(frozen=True)
-class Options:
+class CheckOptions:
     """Flags of the command."""
 
     arm: ArmName
@@ -49,8 +49,8 @@ class Options:
     force: Force = False
 
 
-@takes(Options)
-def command(asked: Options) -> None:
+@takes(CheckOptions)
+def command(asked: CheckOptions) -> None:
     """Read an arm with MuJoCo and Pinocchio, compare, list what to confirm and warnings."""
     folder, springs = find_arm(asked.arm), asked.elastic
     if springs is not None:
@@ -72,11 +72,13 @@ def command(asked: Options) -> None:
         if springs is not None:
             write_elastic(checked.cell.arm, springs)
             lines.append(
-                f"springs    {springs}; open it with: python -m mujoco.viewer --mjcf={word(springs)}"
+                f"springs    {springs}; open it with: python -m mujoco.viewer --mjcf={shell_word(springs)}"
             )
         if asked.out is not None:
-            leave(asked.out, Asked(COMMAND, said.scenario, {}, [folder], "arm.png"), said, seen(checked))
-            lines += [f"picture    {asked.out / 'arm.png'}", *looked_at(asked.out, arm=asked.arm)]
+            write_run(
+                asked.out, RunRequest(COMMAND, said.scenario, {}, [folder], "arm.png"), said, seen(checked)
+            )
+            lines += [f"picture    {asked.out / 'arm.png'}", *viewing_lines(asked.out, arm=asked.arm)]
         print_words(console, said, [said.tables["sag"]], lines)
 
 
@@ -85,7 +87,7 @@ def report(checked: Checked) -> Report:
     arm, sag = checked.cell.arm, checked.sag
     names = [*(link.name for link in arm.links), *(joint.name for joint in arm.joints)]
     parts = [Row(part=n, sag_share_percent=100 * s) for n, s in zip(names, sag.shares.tolist(), strict=True)]
-    listed = [item for item in checked.items if item.share >= SHOWN]
+    listed = [item for item in checked.items if item.share >= MIN_SHOWN_SHARE]
     confirm = [Row(number=item.words, hangs_percent=100 * item.share) for item in listed]
     per = 1e3 * (arm.payload or 1.0) * np.sort(sag.size)
     low, middle, high = np.quantile(per, [0.05, 0.5, 0.95]).tolist()
@@ -103,11 +105,11 @@ def report(checked: Checked) -> Report:
         contents=contents(checked),
     )
     sizes = {"low": "5 %", "median": "median", "high": "95 %", "most": "largest"}
-    ends = [Column(key, heading, "mm", ".3g") for key, heading in sizes.items()]
-    where = (Column("at", "tool there, m"), Column("joints", "joints there"))
+    ends = [TableColumn(key, heading, "mm", ".3g") for key, heading in sizes.items()]
+    where = (TableColumn("at", "tool there, m"), TableColumn("joints", "joints there"))
     row = Row(f.sag_mm, load=f.what, at=_place(np.array(f.place_m)), joints=f.joints)
     tables = {
-        "sag": Table((Column("load", "payload"), *ends), [row], "Deflection of the tool over the poses"),
+        "sag": Table((TableColumn("load", "payload"), *ends), [row], "Deflection of the tool over the poses"),
         "worst": Table(where, [row], "Where it is largest"),
         "confirm": Table(columns("number hangs_percent"), confirm, "To confirm"),
         "parts": Table(columns("part sag_share_percent"), parts, "What sags"),
@@ -143,9 +145,9 @@ def contents(checked: Checked) -> list[str]:
         lines.append(f"  {link.name}: {_link(link)}")
         if k < arm.n_joints:
             lines.append(f"  {arm.joints[k].name}: {_joint(arm.joints[k], elastic.joint[k])}")
-    if found := arm.joint_map:
-        lines.append(f"  joints of files: {', '.join(found.names)}")
-        rows = [f"{joint.name} = {found.words(k)}" for k, joint in enumerate(arm.joints)]
+    if joint_map := arm.joint_map:
+        lines.append(f"  joints of files: {', '.join(joint_map.names)}")
+        rows = [f"{joint.name} = {joint_map.words(k)}" for k, joint in enumerate(arm.joints)]
         lines += [
             f"    {row}"
             for row, joint in zip(rows, arm.joints, strict=True)
@@ -172,7 +174,7 @@ def _link(link: LinkEntry) -> str:
     )
 
 
-def _joint(joint: Joint, entry: JointEntry) -> str:
+def _joint(joint: ArmJoint, entry: JointEntry) -> str:
     low, high = (joint.shown * end for end in (joint.lower, joint.upper))
     c = entry.compliance
     value = show(1e6 * c.value, ".3g")
@@ -183,7 +185,7 @@ def _place(point: Array) -> str:
     return " ".join(f"{x:.3g}" for x in np.round(point, 3) + 0.0)
 
 
-def seen(checked: Checked) -> Seen:
+def seen(checked: Checked) -> PageContent:
     """What the page of an arm draws."""
     cell, q = checked.cell, checked.poses
     theta = _sag(checked)
@@ -192,7 +194,7 @@ def seen(checked: Checked) -> Seen:
     M = arrow_scale(moved, BENT * cell.vjm.reach)
     said = f"joints at {cell.arm.words(q[0])}", f"joints at {cell.arm.words(q[1])}"
     payload = "1 kg" if cell.arm.payload is None else f"{cell.arm.payload:g} kg"
-    group = Poses(
+    group = PoseGroup(
         name="Poses",
         names=["Zero, or as near as the limits let", "Pose of median sag"],
         words=[f"{words[0].upper()}{words[1:]}." for words in said],
@@ -202,7 +204,7 @@ def seen(checked: Checked) -> Seen:
         first=1,
     )
     title = f"Sag under {payload} by the folder's compliances x {M:g}. Tubes at their true diameter."
-    return Seen(scene=Scene(cell, title, [group]))
+    return PageContent(scene=Scene(cell, title, [group]))
 
 
 def _sag(checked: Checked) -> Array:

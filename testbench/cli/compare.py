@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from testbench.errors import BenchError
-from testbench.plant.true_arms import CALLED, TRUTHS, member
+from testbench.plant.true_arms import CALLED, TRUTHS, true_arm_of_seed
 from testbench.report import terminal
 from testbench.report.colours import look
 from testbench.report.join import (
@@ -21,11 +21,11 @@ from testbench.report.join import (
     models_of,
     numbers_compared,
 )
-from testbench.report.leave import Asked, leave
+from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
-from testbench.report.scene import Seen
-from testbench.report.schema import Column, Table
+from testbench.report.scene import PageContent
+from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
 from testbench.runs.manifest import Finished, read_run
 from testbench.runs.place import claim_folder
@@ -34,14 +34,14 @@ from testbench.workflows.options import Force, takes
 
 COMMAND = "testbench compare"  #: As manifest.json names it.
 DIFFER = "Inputs that differ"
-SHOWN = 200  #: Numbers beside the models that are listed.
-LONGEST, PRINTED = 60, 20  #: Letters of an input in the report, and in a terminal.
+MAX_NUMBERS = 200  #: Numbers beside the models that are listed.
+MAX_INPUT_LENGTH, PRINTED = 60, 20  #: Letters of an input in the report, and in a terminal.
 VIEWS = (".md", ".html", ".png", ".rrd", "manifest.json", "report.json", "run.log")
 """Ends of files in the folder of a model that only show it."""
 
 
 @dataclass(frozen=True)
-class Options:
+class CompareOptions:
     """Flags of the command."""
 
     a: Annotated[Path, typer.Argument(metavar="RUN_A", help="Folder of the first run.")]
@@ -56,8 +56,8 @@ class Options:
     force: Force = False
 
 
-@takes(Options)
-def command(asked: Options) -> None:
+@takes(CompareOptions)
+def command(asked: CompareOptions) -> None:
     """Compare inputs and models of two runs; write the folder."""
     out = asked.out
     with claim_folder(out, COMMAND, own=frozenset(), inputs=[asked.a, asked.b], force=asked.force):
@@ -67,12 +67,12 @@ def command(asked: Options) -> None:
                 refuse_unlike([a, b])
             said = report(a, b)
         flags = {"A": {str(a.folder): a.digest}, "B": {str(b.folder): b.digest}}
-        leave(out, Asked(COMMAND, "runs", flags, [], "compare.png"), said, Seen())
+        write_run(out, RunRequest(COMMAND, "runs", flags, [], "compare.png"), said, PageContent())
         lines = [
             *terminal.as_plain(said.title).split("; "),
             f"numbers    {out / 'report.json'}, {out / 'report.md'}",
             f"picture    {out / 'compare.png'}",
-            *terminal.looked_at(out),
+            *terminal.viewing_lines(out),
         ]
         tables = [_printed(table) for name, table in said.tables.items() if name != "others"]
         terminal.print_words(terminal.plain_console(), said, tables, lines)
@@ -101,34 +101,38 @@ def report(a: Finished, b: Finished) -> Report:
         raise BenchError(f"{kinds}: no models and no numbers of the same names: nothing to compare")
     badge = None if lead is None else badge_of(lead, a, b)
     inputs = inputs_differ(a, b)
-    led = [own for own in models if lead is not None and own.kind == lead.kind]
-    apart = [own for own in values if own.verdict != "same"]
-    far = sum(own.verdict in ("smaller", "larger") for own in values)
+    led = [row for row in models if lead is not None and row.kind == lead.kind]
+    apart = [row for row in values if row.verdict != "same"]
+    far = sum(row.verdict in ("smaller", "larger") for row in values)
     answer = say("{far} of {all} numbers differ by more than 2 %.", far=far, all=len(values))
     if lead is not None:
         answer = say("{name} {where}: {a:.3f} mm in A, {b:.3f} mm in B.", lead, where=KINDS[lead.kind])
-    rest = [own for own in models if own not in led]
-    names = [{own.name for own in models_of(run).values()} for run in (a, b)]
+    rest = [row for row in models if row not in led]
+    names = [{row.name for row in models_of(run).values()} for run in (a, b)]
     only = sorted(names[0] ^ names[1])
-    looks = {own.name: look(own.structure, own.constraint, bool(own.prior)) for own in led if own.constraint}
-    ratio = Column("ratio", "B / A", form=".2f", short="B / A")
-    sides = Column("a", "A", "mm"), Column("b", "B", "mm")
-    told = Column("verdict", "B is"), Column("by", "judged by")
-    kind = Column("kind", "where", called=KINDS)
-    plain = (Column("what", "number"), *(Column(k, k.upper(), form=",.5g", exact=True) for k in "ab"), ratio)
-    texts = Column("what", "input"), Column("a", "A"), Column("b", "B")
+    looks = {row.name: look(row.structure, row.constraint, bool(row.prior)) for row in led if row.constraint}
+    ratio = TableColumn("ratio", "B / A", form=".2f", short="B / A")
+    sides = TableColumn("a", "A", "mm"), TableColumn("b", "B", "mm")
+    columns = TableColumn("verdict", "B is"), TableColumn("by", "judged by")
+    kind = TableColumn("kind", "where", called=KINDS)
+    plain = (
+        TableColumn("what", "number"),
+        *(TableColumn(k, k.upper(), form=",.5g", exact=True) for k in "ab"),
+        ratio,
+    )
+    texts = TableColumn("what", "input"), TableColumn("a", "A"), TableColumn("b", "B")
     where = f"RMS error {KINDS[lead.kind]}" if lead else ""
     tables = {
         "models": Table(
-            (Column("name", "model"), *sides, ratio, *told),
+            (TableColumn("name", "model"), *sides, ratio, *columns),
             led,
             where,
             bold=lead.name if lead else "",
             headline="ratio",
             looks=looks,
         ),
-        "others": Table((Column("name", "model"), kind, *sides, ratio, *told), rest, "Other errors"),
-        "numbers": Table(plain, [] if led else apart[:SHOWN], "Numbers that differ"),
+        "others": Table((TableColumn("name", "model"), kind, *sides, ratio, *columns), rest, "Other errors"),
+        "numbers": Table(plain, [] if led else apart[:MAX_NUMBERS], "Numbers that differ"),
         "inputs": Table(texts, inputs, DIFFER),
     }
     tables = {name: table for name, table in tables.items() if table.rows}
@@ -142,7 +146,7 @@ def report(a: Finished, b: Finished) -> Report:
             runs=[str(a.folder), str(b.folder)],
             inputs=inputs,
             models=models,
-            numbers=values[:SHOWN],
+            numbers=values[:MAX_NUMBERS],
             equal=a.digest == b.digest,
             worse=bool(lead and lead.verdict == "larger") or bool(badge and badge.verdict == "do not use"),
         ),
@@ -181,7 +185,7 @@ def _inputs(run: Finished) -> dict[str, str]:
     }
     whole = {"command": m.command, "settings": m.scenario, "seeds": seeds(run), **arms}
     whole |= {"version": m.versions, "commit": m.git}
-    return {key: json.dumps(value).strip('"')[:LONGEST] for key, value in leaves(whole)}
+    return {key: json.dumps(value).strip('"')[:MAX_INPUT_LENGTH] for key, value in leaves(whole)}
 
 
 def refuse_unlike(runs: Sequence[Finished]) -> None:
@@ -212,4 +216,4 @@ def _true_arms(run: Finished) -> frozenset[str]:
     if len(named) != 1 or not isinstance(family := named.pop(), str) or not manifest.seeds:
         return frozenset()
     own = range(manifest.seed, manifest.seed + min(manifest.seeds, len(TRUTHS)))
-    return frozenset(CALLED.get(name, name) for name in (member(family, seed) for seed in own))
+    return frozenset(CALLED.get(name, name) for name in (true_arm_of_seed(family, seed) for seed in own))

@@ -19,16 +19,16 @@ from testbench.report import scene as draw
 from testbench.report.badge import Badge, decide
 from testbench.report.colours import GCO, LOAD, MEASURED, TASK, Look
 from testbench.report.columns import columns
-from testbench.report.leave import Asked, leave
+from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.markdown import counted as number_of
 from testbench.report.report import Report, say
 from testbench.report.schema import Table
 from testbench.report.table import Row
-from testbench.report.terminal import looked_at, plain_console, print_words
+from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import check_file, claim_folder
 from testbench.runs.provenance import digest
-from testbench.runs.spread import ENOUGH
+from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.runs.whole import whole_file
 from testbench.workflows import correction_numbers as counted
 from testbench.workflows import program as programs
@@ -40,15 +40,17 @@ from testbench.workflows.plan_input import joints_of, payload_of
 from testbench.workflows.program import CorrectedProgram
 
 COMMAND, WRITTEN = "testbench compensate", ("report.md", "report.json", "compensation.png")
-SURE = 0.95  #: Chance that the median point gets better from which on the correction is sure to help [1].
+#: Chance that the median point gets better from which on the correction is sure to help [1].
+SURE_PROBABILITY = 0.95
 BEFORE, CORRECTED = "uncorrected program", "corrected program"
 WITHIN, EXPECTED, AFTER = f"{BEFORE}, within (95 %)", f"{BEFORE}, expected", f"{CORRECTED}, within (95 %)"
 LOOKS = dict.fromkeys((EXPECTED, WITHIN), Look(MEASURED, 1, prior=True)) | {AFTER: Look(GCO, 0, prior=True)}
-SHARE, LEAST, FORCE = 0.15, 0.3, 0.25  #: Most errors over the path's size, its least [m], the force's arrow.
+#: Most errors over the path's size, its least [m], the force's arrow.
+ERROR_LENGTH, MIN_ERROR_LENGTH, FORCE_LENGTH = 0.15, 0.3, 0.25
 
 
 @dataclass(frozen=True)
-class Options:
+class CompensateOptions:
     """Flags of the command."""
 
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
@@ -81,11 +83,11 @@ class Options:
     force: Force = False
 
 
-@takes(Options)
-def command(asked: Options) -> None:
+@takes(CompensateOptions)
+def command(asked: CompensateOptions) -> None:
     """Correct a program for what the process load does to the arm; write it, and a page beside it."""
     with of_flag("--out"):
-        form, kind, folder = programs.destination(asked.out, asked.report)
+        form, kind, folder = programs.output_paths(asked.out, asked.report)
     given = [asked.model, asked.program, *([asked.mapping] if asked.mapping else [])]
     check_file(asked.out, kind, inputs=given, force=asked.force)
     with claim_folder(folder, COMMAND, own=frozenset(), inputs=given, force=asked.force):
@@ -98,18 +100,18 @@ def command(asked: Options) -> None:
         hung = partial(payload_of, model.arm, asked.payload, "--load")
         program, notes = programs.with_payload(model, program, hung)
         start = None if asked.start is None else joints_of(asked.start, model.arm)
-        found = programs.correct_program(model, program, aim, cell.room, start=start)
+        corrected_program = programs.correct_program(model, program, aim, cell.room, start=start)
         if not asked.keep_unreachable:
-            programs.refuse_unreached(found)
-        said = report(found, asked.tolerance)
+            programs.refuse_unreached(corrected_program)
+        said = report(corrected_program, asked.tolerance)
         flags, arm = plain(asked, read="program", without=("model",)), cell.arm.rigid.parent
         with whole_file(asked.out) as part:
-            programs.write_corrected(found, part, form)
+            programs.write_corrected(corrected_program, part, form)
             more = {"corrected": {asked.out.name: digest(part)}}  # a kill may leave the earlier one
-            run = Asked(COMMAND, program.path.name, flags, [arm], WRITTEN[-1], more=lambda _: more)
-            leave(folder, run, said, seen(cell, found, said))
+            run = RunRequest(COMMAND, program.path.name, flags, [arm], WRITTEN[-1], more=lambda _: more)
+            write_run(folder, run, said, seen(cell, corrected_program, said))
         places = ", ".join(str(folder / name) for name in WRITTEN)
-        lines = [*notes, f"corrected  {asked.out}", f"report     {places}", *looked_at(folder)]
+        lines = [*notes, f"corrected  {asked.out}", f"report     {places}", *viewing_lines(folder)]
         print_words(plain_console(), said, [said.tables["worst"]], lines)
     if any(row.verdict == "fail" for row in said.numbers["rows"]):
         raise typer.Exit(1)
@@ -152,10 +154,10 @@ def badge_of(f: Row) -> Badge | None:
     why = "the correction may make the error larger" if f.harmful else ""
     if not why and f.tolerance and f.tolerance.failed:
         why = f"{number_of(f.tolerance.failed, 'point')} may be off by more than {f.tolerance.mm:g} mm"
-    own = decide((CORRECTED, sizes[0]), (BEFORE, sizes[1]), "point", why)
-    own = replace(own, what="95 % bound")
-    likely = own.verdict == "holds" and f.chance < SURE
-    return replace(own, verdict="likely", chance=f.chance) if likely else own
+    badge = decide((CORRECTED, sizes[0]), (BEFORE, sizes[1]), "point", why)
+    badge = replace(badge, what="95 % bound")
+    likely = badge.verdict == "holds" and f.chance < SURE_PROBABILITY
+    return replace(badge, verdict="likely", chance=f.chance) if likely else badge
 
 
 def _tables(f: Row) -> dict[str, Table]:
@@ -164,7 +166,7 @@ def _tables(f: Row) -> dict[str, Table]:
     if f.most_mm is None:
         errors = {EXPECTED: f.before_mm, AFTER: None}
     off = [Row({f"{k}_mm": mm for k, mm in (own or {}).items()}, what=name) for name, own in errors.items()]
-    sizes = columns(f"what median_mm {'p95_mm' if f.loaded >= ENOUGH else ''} max_mm")
+    sizes = columns(f"what median_mm {'p95_mm' if f.loaded >= MIN_PERCENTILE_TRIALS else ''} max_mm")
     turn, reason = "turn_left_mrad" if f.turned else "", "reason" if f.corrected < f.points else ""
     verdict, key = ("verdict", "most_mm") if f.tolerance else ("", "before_mm")
     points = columns(f"line label before_mm before_most_mm most_mm {verdict} {turn} {reason}")
@@ -202,15 +204,15 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
         yield "its joint and line", f"{f.jump.joint}, line {f.jump.line}"
 
 
-def seen(cell: Cell, found: CorrectedProgram, said: Report) -> draw.Seen:
+def seen(cell: Cell, found: CorrectedProgram, said: Report) -> draw.PageContent:
     """Draw the path, where loads draw the tool off it, and the arm that does so."""
     points, tolerance = said.numbers["rows"], said.numbers["tolerance"]
-    some = draw.picked(np.linalg.norm(found.found.before, axis=1), np.arange(len(points)), far=1)
+    some = draw.largest_and_even(np.linalg.norm(found.found.before, axis=1), np.arange(len(points)), far=1)
     rows = [points[k] for k in some]
     bounded = any(row.most_mm is not None for row in rows)  # bound beside bound: a residual is no success
     keys = {WITHIN: "before_most_mm"} if bounded else {EXPECTED: "before_mm"}
     errors = [
-        draw.Line(name, LOOKS[name], np.array([row[key] for row in rows], dtype=float))
+        draw.ModelLine(name, LOOKS[name], np.array([row[key] for row in rows], dtype=float))
         for name, key in (keys | {AFTER: "most_mm"}).items()
     ]
     note, labels = draw.of_all(len(some), len(points), "points"), [row.label for row in rows]
@@ -219,20 +221,22 @@ def seen(cell: Cell, found: CorrectedProgram, said: Report) -> draw.Seen:
     scale, near = _path(cell, found, rows, some)
     groups = [replace(near, bent=None), replace(near, name="Whole arm", near=None)]
     title = f"What is off, and how the arm bends, x {scale:g}."
-    return draw.Seen(draw.Scene(cell, title, groups), runs=runs)
+    return draw.PageContent(draw.Scene(cell, title, groups), runs=runs)
 
 
-def _path(cell: Cell, found: CorrectedProgram, rows: Sequence[Row], some: Ids) -> tuple[float, draw.Poses]:
+def _path(
+    cell: Cell, found: CorrectedProgram, rows: Sequence[Row], some: Ids
+) -> tuple[float, draw.PoseGroup]:
     """The arm along its program, seen from near; how much is magnified."""
-    own, q = found.found, found.found.start[some]
-    asked = own.target.position[some]
-    size = max(LEAST, float(np.linalg.norm(np.ptp(asked, axis=0))))
-    M = draw.arrow_scale(own.before[some], SHARE * size)
-    off, back = (asked + M * metres[some] for metres in (own.before, own.after))
+    compensated, q = found.found, found.found.start[some]
+    asked = compensated.target.position[some]
+    size = max(MIN_ERROR_LENGTH, float(np.linalg.norm(np.ptp(asked, axis=0))))
+    M = draw.arrow_scale(compensated.before[some], ERROR_LENGTH * size)
+    off, back = (asked + M * metres[some] for metres in (compensated.before, compensated.after))
     force = np.sum([load.wrench[some, :3] for load in found.loads], axis=0)
     most = float(np.linalg.norm(force, axis=1).max()) or 1.0
     ways = {"path asked": (asked, TASK), BEFORE: (off, MEASURED), f"{CORRECTED}, by the model": (back, GCO)}
-    half = M * np.where(np.isfinite(own.half[some]), own.half[some], np.nan)
+    half = M * np.where(np.isfinite(compensated.half_width[some]), compensated.half_width[some], np.nan)
     spans = half[:, None, :] * np.eye(3)  # along each axis of the world
     low, high = ((back[:, None] + side * spans).reshape(1, -1, 3) for side in (-1, 1))
     layers = [
@@ -240,21 +244,25 @@ def _path(cell: Cell, found: CorrectedProgram, rows: Sequence[Row], some: Ids) -
         *(draw.Layer(name, colour, "lines", x[None, :-1], x[None, 1:]) for name, (x, colour) in ways.items()),
         draw.Layer("tool asked", TASK, "dots", asked[:, None]),
         draw.Layer("tool drawn off", MEASURED, "arrows", asked[:, None], off[:, None]),
-        draw.Layer("force", LOAD, "arrows", (off - FORCE * size / most * force)[:, None], off[:, None]),
+        draw.Layer(
+            "force", LOAD, "arrows", (off - FORCE_LENGTH * size / most * force)[:, None], off[:, None]
+        ),
     ]
     for verdict, colour in (("pass", GCO), ("fail", MEASURED)):
         if judged := [k for k, row in enumerate(rows) if row.verdict == verdict]:
             name, at = f"{CORRECTED}, points that {verdict}", asked[None, judged]
             layers.append(draw.Layer(name, colour, "specks" if verdict == "pass" else "dots", at))
-    return M, draw.Poses(
+    return M, draw.PoseGroup(
         name="Path, from near",
         names=[f"Point {row.label}, line {row.line}" for row in rows],
         words=[_words(row) for row in rows],
         rigid=rigid_frames(cell.room, q),
-        bent=elastic_frames(cell.plant, q, M * counted.bent(found, some)),
+        bent=elastic_frames(cell.plant, q, M * counted.predicted_bending(found, some)),
         layers=layers,
         first=int(np.argmax([row.before_mm for row in rows])),
-        near=np.vstack([asked, off, asked.mean(axis=0) + LEAST / 2 * np.vstack([np.eye(3), -np.eye(3)])]),
+        near=np.vstack(
+            [asked, off, asked.mean(axis=0) + MIN_ERROR_LENGTH / 2 * np.vstack([np.eye(3), -np.eye(3)])]
+        ),
     )
 
 

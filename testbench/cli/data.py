@@ -18,32 +18,32 @@ from testbench.files.layouts import fitting
 from testbench.files.mapping import Map
 from testbench.files.propose_map import Proposal, map_text, propose
 from testbench.files.read_series import read_series
-from testbench.identify.registered import Registered
+from testbench.identify.registered import RegisteredDataset
 from testbench.plant.shapes import rigid_frames
 from testbench.report import scene as draw
 from testbench.report.colours import LOAD, MEASURED, NOMINAL, SERIES, Look
 from testbench.report.columns import columns
-from testbench.report.leave import Asked, leave
+from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.report import Report, bullets, say
 from testbench.report.schema import NUMBER, Table, plain, show, written_out
 from testbench.report.table import Row
-from testbench.report.terminal import looked_at, plain_console, print_words
+from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import Kind, check_file, claim_folder
 from testbench.runs.whole import whole_file
 from testbench.workflows.absolute import kinematic_misfit
-from testbench.workflows.campaign_flags import ArmName, Readings
+from testbench.workflows.campaign_flags import ArmName, ReadingOptions
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.file_contents import column_rows, contents, farthest_off, nominal_targets, shown_runs
 from testbench.workflows.options import Force, takes
 from testbench.workflows.project import ProjectCommand
-from testbench.workflows.read_runs import files_read, look_at, read, register
+from testbench.workflows.read_runs import diagnose_runs, files_read, read_export_file, register_export
 from testbench.workflows.registration_notes import registration_notes
 from testbench.workflows.rows import MM, UM
 
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
-MOST = 6  #: Loads and names that are listed.
+MAX_LISTED = 6  #: Loads and names that are listed.
 SHARE, ARROW = 0.15, 0.2  #: Length of deflections and of the load's arrow over the reach [1].
 COLUMNS = columns("quantity file_columns unit values rows")
 LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's joints, if apart.")]
@@ -54,7 +54,7 @@ group = typer.Typer(no_args_is_help=True)
 
 
 @dataclass(frozen=True)
-class Options:
+class DataOptions:
     """Flags of `data check`."""
 
     log: LogFile = None
@@ -64,8 +64,8 @@ class Options:
 
 
 @group.command("check", cls=ProjectCommand)
-@takes(Readings, Options)
-def check(runs: Readings, asked: Options) -> None:
+@takes(ReadingOptions, DataOptions)
+def check(runs: ReadingOptions, asked: DataOptions) -> None:
     """Say which column is which quantity, what was assumed, and show the runs on the arm."""
     given = [find_arm(runs.arm), *files_read(runs), *([asked.log] if asked.log else [])]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
@@ -74,28 +74,30 @@ def check(runs: Readings, asked: Options) -> None:
         if isinstance(mapping, Map) and not _pairs(runs.dataset, filed, mapping):
             _show_series(console, filed, runs.dataset, mapping)
             return
-        export = read(filed, runs, mapping)
+        export = read_export_file(filed, runs, mapping)
         found = contents(export)
         found["columns"] = [Row(row, values=_written(row)) for row in found.columns]
         try:
-            cell, registered = register(filed, export, runs)
+            cell, registered = register_export(filed, export, runs)
         except BenchError:
             console.print("\n".join(_lines(found)), soft_wrap=True)  # it helps where no frame is found
             raise
-        doubts, scale = look_at(filed, export, registered, runs)
-        found.update(dataset=runs.dataset.name, scale=scale, doubts=[own.sentence for own in doubts])
+        doubts, scale = diagnose_runs(filed, export, registered, runs)
+        found.update(dataset=runs.dataset.name, scale=scale, doubts=[doubt.sentence for doubt in doubts])
         said = report(found, registered)
         lines = _lines(Row(said.numbers), registration_notes(registered))
         if asked.out is not None:
             name, flags = runs.dataset.name, {"data": runs.dataset.name, "flags": runs.words}
-            run = Asked(COMMAND, name, flags, [cell.arm.rigid.parent], "data.png")
-            leave(asked.out, run, said, seen(cell, registered))
-            opened = looked_at(asked.out, arm=runs.arm, data=runs.dataset)
+            run = RunRequest(COMMAND, name, flags, [cell.arm.rigid.parent], "data.png")
+            write_run(asked.out, run, said, seen(cell, registered))
+            opened = viewing_lines(asked.out, arm=runs.arm, data=runs.dataset)
             lines += [f"picture    {asked.out / 'data.png'}", *opened]
         print_words(console, said, lines=lines)
 
 
-def _map_of_layout(console: Console, cell: Cell, runs: Readings, asked: Options) -> Path | Map | None:
+def _map_of_layout(
+    console: Console, cell: Cell, runs: ReadingOptions, asked: DataOptions
+) -> Path | Map | None:
     """The map that is given, else that of the layout that fits, which is printed; None without either."""
     if runs.mapping and (asked.log or asked.layout):
         raise BenchError("--map: expected no --log or --layout beside a map, which says both")
@@ -160,7 +162,10 @@ def _show_series(console: Console, cell: Cell, dataset: Path, mapping: Path | Ma
     """Show what a map reads of a file, and how well that fits the arm."""
     export = read_series(dataset, cell.arm, mapping)
     rows = [Row(row, values=_written(row)) for row in column_rows(export.columns)]
-    notes = [*(f"- {note}" for note in export.notes), f"{sum(one.rows for one in export.series)} readings"]
+    notes = [
+        *(f"- {note}" for note in export.notes),
+        f"{sum(series.rows for series in export.series)} readings",
+    ]
     console.print("\n".join([*column_lines(rows), "", *notes]), soft_wrap=True)
     off = MM * kinematic_misfit(cell.vjm, export.series)
     console.print(f"They fit the arm as drawn to {off:.3g} mm (median).")
@@ -178,7 +183,10 @@ def _written(row: Row) -> str:
 
 def column_lines(rows: Sequence[Row]) -> list[str]:
     """Lay out columns of a file below one another, of any width."""
-    table = [[own.heading for own in COLUMNS], *([row[own.key] for own in COLUMNS] for row in rows)]
+    table = [
+        [column.heading for column in COLUMNS],
+        *([row[column.key] for column in COLUMNS] for row in rows),
+    ]
     widths = [2 + max(map(len, cells)) for cells in zip(*table, strict=True)]
     return ["".join(map(str.ljust, cells, widths)).rstrip() for cells in table]
 
@@ -193,8 +201,8 @@ def _others(f: Row) -> Iterator[tuple[str, str]]:
     """Numbers of the file and its runs, with their units."""
 
     def few(names: Sequence[str], mark: str = ", ") -> str:
-        more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
-        return (mark.join(names[:MOST]) or "none") + more
+        more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+        return (mark.join(names[:MAX_LISTED]) or "none") + more
 
     yield "rows, runs, poses, stations", f"{f.rows}, {f.runs}, {f.poses}, {f.stations}"
     yield "markers", f"{len(f.markers)}: {few(f.markers)}"
@@ -211,7 +219,7 @@ def _others(f: Row) -> Iterator[tuple[str, str]]:
         yield "measured deflections over those predicted by the arm's folder", f"{f.scale:.2f}"
 
 
-def report(found: Row, registered: Registered) -> Report:
+def report(found: Row, registered: RegisteredDataset) -> Report:
     """Report a file of measured runs.
 
     Args:
@@ -240,53 +248,55 @@ def report(found: Row, registered: Registered) -> Report:
     )
 
 
-def seen(cell: Cell, registered: Registered) -> draw.Seen:
+def seen(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
     """Draw the arm run by run, its targets as read and as they should be."""
     data = registered.data
     hidden = np.where(data.seen, 0.0, np.nan)
     moved = MM * np.linalg.norm(data.deflection, axis=2) + hidden
     away = MM * np.linalg.norm(data.before - nominal_targets(registered), axis=2) + hidden
-    some = draw.picked(np.nan_to_num(moved).max(axis=1), np.flatnonzero(data.seen.any(axis=1)))
+    some = draw.largest_and_even(np.nan_to_num(moved).max(axis=1), np.flatnonzero(data.seen.any(axis=1)))
     if not len(some):
-        return draw.Seen()
+        return draw.PageContent()
     M = draw.arrow_scale(data.deflection[some] + hidden[some][..., None], SHARE * cell.vjm.reach)
     labels, note = [str(data.run[k]) for k in some], draw.of_all(len(some), data.runs, "runs")
     looks = [Look(SERIES[k % len(SERIES)], k, prior=True) for k in range(len(data.markers))]
     charts = [
-        draw.RunChart(title, 0, "run", labels, [*map(draw.Line, data.markers, looks, mm[some].T)], note=note)
+        draw.RunChart(
+            title, 0, "run", labels, [*map(draw.ModelLine, data.markers, looks, mm[some].T)], note=note
+        )
         for title, mm in (
             ("How far loads moved each target (mm)", moved),
             ("Unloaded reading from where the arm without sag has the target (mm)", away),
         )
     ]
     title = f"Deflections x {M:g}; loads are arrows of one length."
-    return draw.Seen(scene=draw.Scene(cell, title, [_runs(cell, registered, some, M)]), runs=charts)
+    return draw.PageContent(scene=draw.Scene(cell, title, [_runs(cell, registered, some, M)]), runs=charts)
 
 
-def _runs(cell: Cell, registered: Registered, some: Ids, M: float) -> draw.Poses:
+def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> draw.PoseGroup:
     """The arm in its runs, its targets where they should be, were read, and went under load."""
-    data, found, at = registered.data, registered.registration, shown_runs(registered, some)
-    tool = np.broadcast_to(at.tool, at.nominal.shape)
-    hung = at.hook + ARROW * cell.vjm.reach * at.way
+    data, registration, row = registered.data, registered.registration, shown_runs(registered, some)
+    tool = np.broadcast_to(row.tool, row.nominal.shape)
+    hung = row.hook + ARROW * cell.vjm.reach * row.way
     layers = [
-        draw.Layer("targets of the arm without sag", NOMINAL, "dots", at.nominal),
-        draw.Layer("from the tool", NOMINAL, "lines", tool, at.nominal),
-        draw.Layer("read unloaded", MEASURED, "dots", at.before),
-        draw.Layer("deflection", MEASURED, "arrows", at.before, at.before + M * data.deflection[some]),
-        draw.Layer("load", LOAD, "arrows", at.hook, hung),
+        draw.Layer("targets of the arm without sag", NOMINAL, "dots", row.nominal),
+        draw.Layer("from the tool", NOMINAL, "lines", tool, row.nominal),
+        draw.Layer("read unloaded", MEASURED, "dots", row.before),
+        draw.Layer("deflection", MEASURED, "arrows", row.before, row.before + M * data.deflection[some]),
+        draw.Layer("load", LOAD, "arrows", row.hook, hung),
     ]
-    if registered.frame == "tracker" and found is not None:
-        stands = np.array([-one.rotation.T @ one.translation for one in found.frames.values()])
+    if registered.frame == "tracker" and registration is not None:
+        stands = np.array([-frame.rotation.T @ frame.translation for frame in registration.frames.values()])
         names = [f"tracker {k + 1}" for k in range(len(stands))]
         layers.append(draw.Layer("tracker", MEASURED, "dots", stands[None], labels=names))
-    return draw.Poses(
+    return draw.PoseGroup(
         name="Runs",
         names=[f"Run {run}, pose {pose}" for run, pose in zip(data.run[some], data.pose[some], strict=True)],
         words=[_words(cell, data, int(k)) for k in some],
         rigid=rigid_frames(cell.room, data.q[some]),
         bent=None,
         layers=layers,
-        first=int(np.nan_to_num(np.linalg.norm(at.before - at.nominal, axis=2)).max(axis=1).argmax()),
+        first=int(np.nan_to_num(np.linalg.norm(row.before - row.nominal, axis=2)).max(axis=1).argmax()),
     )
 
 

@@ -15,9 +15,9 @@ from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.errors import BenchError, InputError
 from testbench.files.controller_files import ABB, STAMP, read_controller
-from testbench.files.export import BEGINS, Draft, beside_of, draft_new, draft_own, export
+from testbench.files.export import BEGINS, Draft, companion_path, draft_new, draft_robot_urdf, export
 from testbench.files.export_controller import export_offsets
-from testbench.files.export_geometry import POSES
+from testbench.files.export_geometry import RANDOM_POSES
 from testbench.files.export_left import BestOffsets, Sizes
 from testbench.identify.arm_model import ArmModel
 from testbench.report.terminal import plain_console
@@ -34,7 +34,7 @@ CONTROLLER = Kind("such a file that testbench export wrote", rb"(?s).*?" + STAMP
 
 
 @dataclass(frozen=True)
-class Options:
+class ExportOptions:
     """Flags of the command."""
 
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
@@ -52,8 +52,8 @@ class Options:
     force: Force = False
 
 
-@takes(Options)
-def command(asked: Options) -> None:
+@takes(ExportOptions)
+def command(asked: ExportOptions) -> None:
     """Write a model into a URDF or a controller's file, what that cannot hold as JSON beside it."""
     if asked.urdf is not None and asked.into is None:
         _write_urdf(asked, asked.urdf)
@@ -63,7 +63,7 @@ def command(asked: Options) -> None:
         raise BenchError("expected --urdf or --into, one of the two; --tip is for --urdf")
 
 
-def _write_urdf(asked: Options, urdf: Path) -> None:
+def _write_urdf(asked: ExportOptions, urdf: Path) -> None:
     own = look(urdf) is not None and not (_new(urdf) and asked.out is None)  # with --out it is as any other
     if not own and (asked.out or asked.tip):
         problem = "expected the robot's own URDF; to write one from scratch leave --out and --tip away"
@@ -72,10 +72,10 @@ def _write_urdf(asked: Options, urdf: Path) -> None:
     if out.suffix.lower() != ".urdf":
         raise InputError(out, "", "expected the name of a URDF, ending with .urdf")
     model = _read(asked, out, URDF, [urdf] if own else [])
-    _export(model, draft_own(model.state, urdf, asked.tip) if own else draft_new(model.state), out)
+    _export(model, draft_robot_urdf(model.state, urdf, asked.tip) if own else draft_new(model.state), out)
 
 
-def _write_into(asked: Options, file: Path) -> None:
+def _write_into(asked: ExportOptions, file: Path) -> None:
     out, (form, _) = asked.out or Path(f"{file.stem}_calibrated{file.suffix}"), read_controller(file)
     try:
         gears = read_decimals(word.strip() for word in asked.gears.split(",") if asked.gears)
@@ -87,11 +87,11 @@ def _write_into(asked: Options, file: Path) -> None:
     _say(model, _offset_words(model.arm, out, *export_offsets(model.state, file, out, gears)))
 
 
-def _read(asked: Options, out: Path, kind: Kind, files: list[Path]) -> ArmModel:
+def _read(asked: ExportOptions, out: Path, kind: Kind, files: list[Path]) -> ArmModel:
     """The model, once both files may be written."""
     inputs = [asked.model, *files]
     check_file(out, kind, inputs=inputs, force=asked.force)
-    check_file(beside_of(out), BESIDE, inputs=inputs, force=asked.force)
+    check_file(companion_path(out), BESIDE, inputs=inputs, force=asked.force)
     model = load_model(asked.model)
     if not asked.force:
         _refuse_another(out, model.arm.name)
@@ -120,7 +120,7 @@ def _new(urdf: Path) -> bool:
 def _refuse_another(out: Path, arm: str) -> None:
     """Refuse to replace what an earlier call wrote of another arm, as the JSON beside it says."""
     with contextlib.suppress(InputError):
-        found = read_plain(beside_of(out))
+        found = read_plain(companion_path(out))
         other = found.get("arm") if isinstance(found, dict) else None
         if isinstance(other, str) and other != arm:
             raise BenchError(f"{out}: testbench export wrote it of another arm, {other}; {INSTEAD}")
@@ -131,7 +131,7 @@ def _words(arm: str, draft: Draft, out: Path, done: Row, *, replaced: bool) -> l
     back, new = done.read_back, draft.drawing_off is None
     lines = [
         f"written    {out}" + ", from scratch, without shapes" * new + ", replaced" * replaced,
-        f"beside     {beside_of(out)}: compliances, joint errors and laws, weights",
+        f"beside     {companion_path(out)}: compliances, joint errors and laws, weights",
         f"arm        {arm}, tool {draft.frames.names[-1]!r}",
         f"read back  {back.poses} poses, at most {max(back.position_um, 0.001):.3g} um and "
         f"{max(back.rotation_urad, 0.001):.3g} urad from the model",
@@ -162,7 +162,7 @@ def _offset_words(arm: Arm, out: Path, best: BestOffsets, off: float) -> list[st
     return [
         f"written    {out}",
         f"arm        {arm.name}, offsets in deg: {', '.join(shown)}",
-        f"read back  {POSES} poses, at most {max(1e6 * off, 0.001):.3g} um from these offsets",
+        f"read back  {RANDOM_POSES} poses, at most {max(1e6 * off, 0.001):.3g} um from these offsets",
         *_sizes({"without these offsets, base and tool fitted again": best.drawn_mm}),
         *_sizes({"with these offsets, base and tool fitted again": best.corrected_mm}),
         *_sizes({f"{what}, not in the file": own for what, own in best.left.items()}),

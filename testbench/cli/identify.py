@@ -15,57 +15,57 @@ from testbench.files.model_folder import DOCUMENT, FITS
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
 from testbench.report import terminal
-from testbench.report.badge import FEWEST, Badge, beside_all, incumbents
+from testbench.report.badge import MIN_PAIRS, Badge, badge_against_all, incumbents
 from testbench.report.columns import columns
 from testbench.report.fitted_runs import seen
-from testbench.report.leave import MAP, Asked, leave
+from testbench.report.leave import MAP, RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, ended, place
 from testbench.report.report import Report, say
-from testbench.report.schema import Column, Table
+from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row, find
 from testbench.report.table import plain as plain_data
 from testbench.runs import provenance as files
 from testbench.runs.place import claim_folder
-from testbench.workflows.arm_check import refuse_doubts
+from testbench.workflows.arm_check import refuse_warnings
 from testbench.workflows.arm_models import write_stiffness
-from testbench.workflows.campaign_flags import Readings
+from testbench.workflows.campaign_flags import ReadingOptions
 from testbench.workflows.cell import build_cell
-from testbench.workflows.fit_numbers import held_out, identifiability, left_by, numbers
-from testbench.workflows.fits import Identified, fit
+from testbench.workflows.fit_numbers import held_out, identifiability, numbers, residuals_by_model
+from testbench.workflows.fits import IdentifyResult, fit_models
 from testbench.workflows.model_selection import asked_models
 from testbench.workflows.options import Force, of_flag, takes
-from testbench.workflows.own_estimator import EstimatorOptions, hired
+from testbench.workflows.own_estimator import EstimatorOptions, estimator_models
 from testbench.workflows.read_runs import files_read, read_runs
 
 COMMAND, PICTURE, OLD = "testbench identify", "identify.png", frozenset((FITS,))
-MOST = 30  #: Runs that are listed, the worst.
+LISTED_RUNS = 30  #: Runs that are listed, the worst.
 MODELS = (
     "name parameters rank conservative check.rms_mm f_m_held_out identification.rms_mm f_m "
     "f_m_floor intervals.half_width_mm elsewhere.half_width_mm elsewhere.apart_mm"
 ).split()
 PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
 WORST = (
-    Column("name", "model"),
-    Column("half_mm", "+- (95 %), median", "mm", none="no bound"),
-    Column("worst_mm", "+- (95 %), worst", "mm", none="no bound"),
-    Column("unbounded", "poses without bound", form="d"),
-    Column("place", "worst place"),
-    Column("joints", "joints there"),
+    TableColumn("name", "model"),
+    TableColumn("half_mm", "+- (95 %), median", "mm", none="no bound"),
+    TableColumn("worst_mm", "+- (95 %), worst", "mm", none="no bound"),
+    TableColumn("unbounded", "poses without bound", form="d"),
+    TableColumn("place", "worst place"),
+    TableColumn("joints", "joints there"),
 )
-SINGLE = Column("quantity", "quantity"), Column("value", "value", form=",.5g")
+SINGLE = TableColumn("quantity", "quantity"), TableColumn("value", "value", form=",.5g")
 HELP = columns("place measure rank expected_error_mm")
 UNSEEN = (
-    Column("why", "hidden by"),
-    Column("parts", "links and joints"),
-    Column("directions", "directions", form="d"),
-    Column("parameters", "parameters of the first"),
+    TableColumn("why", "hidden by"),
+    TableColumn("parts", "links and joints"),
+    TableColumn("directions", "directions", form="d"),
+    TableColumn("parameters", "parameters of the first"),
 )
 LAWS = columns("part stiffer_percent backlash_urad friction_urad strut_percent")
 MEANS = Markdown("What tables, columns and warnings mean: docs/identify.md, *The report*.")
 
 
 @dataclass(frozen=True)
-class Options:
+class IdentifyOptions:
     """Flags of the command."""
 
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")] = Path("runs/identify")
@@ -93,8 +93,8 @@ class Options:
     force: Force = False
 
 
-@takes(Readings, Options, EstimatorOptions)
-def command(readings: Readings, asked: Options, tried: EstimatorOptions) -> None:
+@takes(ReadingOptions, IdentifyOptions, EstimatorOptions)
+def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOptions) -> None:
     """Fit the models, judge them, recommend one, and write it."""
     arm, out = find_arm(readings.arm), asked.out
     with claim_folder(out, COMMAND, own=OLD, inputs=[arm, *files_read(readings)], force=asked.force):
@@ -109,43 +109,45 @@ def command(readings: Readings, asked: Options, tried: EstimatorOptions) -> None
         loss = robust if asked.robust else None
         with of_flag("--model"):
             models = asked_models(cell, asked.model or (), prior, strength, loss=loss)
-        models += hired(tried.own)(cell, prior)
-        found = fit(cell, models, runs, time.perf_counter, widths=not asked.no_intervals)
+        models += estimator_models(tried.own)(cell, prior)
+        identified = fit_models(cell, models, runs, time.perf_counter, widths=not asked.no_intervals)
         if asked.strict:
-            refuse_doubts(readings.arm, found.fits.doubts)
-        left = left_by(cell, found)
-        f = numbers(filed, cell, found, left, widths=not asked.no_intervals)
-        f["badge"] = badge(found, left)
-        f["identifiability"] = identifiability(cell, found) if asked.identifiability else None
+            refuse_warnings(readings.arm, identified.fits.doubts)
+        left = residuals_by_model(cell, identified)
+        f = numbers(filed, cell, identified, left, widths=not asked.no_intervals)
+        f["badge"] = badge(identified, left)
+        f["identifiability"] = identifiability(cell, identified) if asked.identifiability else None
         said, flags = report(f), plain(readings, asked, read="dataset", without=("arm",))
         flags |= {"estimators": {each.name: asdict(each) for each in tried.own}} if tried.own else {}
 
         def more(folder: Path) -> None:
-            files.write_json(plain_data(found.fits), folder / FITS)
-            write_stiffness(cell, found, found.runs, flags["dataset"], folder)  # type: ignore[arg-type]
+            files.write_json(plain_data(identified.fits), folder / FITS)
+            write_stiffness(cell, identified, identified.runs, flags["dataset"], folder)  # type: ignore[arg-type]
 
         title = f"{f.arm} under {f.map.force_N:.0f} N and {f.map.moment_Nm:.0f} N m" if f.map else ""
-        left_by_run = Asked(COMMAND, f.arm, flags, [cell.arm.rigid.parent], PICTURE, more=more, map=title)
-        leave(out, left_by_run, said, seen(filed, found, f, left))
+        left_by_run = RunRequest(
+            COMMAND, f.arm, flags, [cell.arm.rigid.parent], PICTURE, more=more, map=title
+        )
+        write_run(out, left_by_run, said, seen(filed, identified, f, left))
         console = terminal.plain_console()
         console.print(terminal.as_plain(said.title))
         lines = [
-            f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
+            f"model      {out / DOCUMENT}: {identified.fits.recommended}; all others: {out / FITS}",
             f"report     {out / 'report.md'}, {out / 'report.json'}",
             f"figures    {', '.join(str(out / name) for name in (PICTURE, MAP) if (out / name).exists())}",
-            *terminal.looked_at(out),
+            *terminal.viewing_lines(out),
         ]
         tables = [table_of(f, MODELS[:-PAGE]), *([said.tables["help"]] if asked.identifiability else [])]
         terminal.print_words(console, said, tables, lines)
 
 
-def badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
+def badge(found: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
     """Compare the model to take with its strongest rival, by what was held out; None without a rival."""
-    rms, each = held_out(found, left, FEWEST)
+    rms, each = held_out(found, left, MIN_PAIRS)
     taken, fits = found.fits.recommended, found.fits
     rivals = [name for name in incumbents(fits.models, taken) if name in rms]
     why = "first check the runs, see the doubt" if any(x.name != "prior" for x in fits.doubts) else ""
-    own = beside_all(taken, {name: (rms[taken], rms[name], None) for name in rivals}, each, why)
+    own = badge_against_all(taken, {name: (rms[taken], rms[name], None) for name in rivals}, each, why)
     if own and own.interval is None and own.factor and own.winner != taken:  # all readings chose it, not few
         return Badge(**vars(own) | {"winner": taken, "rival": own.winner, "factor": 1 / own.factor})
     return own
@@ -161,7 +163,7 @@ def report(f: Row) -> Report:
     kind, where = ("check", "held-out") if taken.check else ("identification", "fitted")
     sure = (taken.intervals or Row()).get("half_width_mm") is not None
     half = ". 95 % interval of deflections: +- {intervals.half_width_mm:.3f} mm (median)" if sure else ""
-    runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:MOST]
+    runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:LISTED_RUNS]
     laws = tuple(c for c in LAWS if any(c.value(row) is not None for row in f.laws))
     told, rest = "part parameters told_percent decided_by_prior", f.get("identifiability")
     tables = {
@@ -169,7 +171,9 @@ def report(f: Row) -> Report:
         "fit": Table(SINGLE, _fit(f), "The fit"),
         "elsewhere": Table(WORST, [*_elsewhere(f)], "How sure it is elsewhere"),
         "laws": Table(laws, f.laws, "Joints beyond a spring"),
-        "runs": Table(columns("which_run pose moved_mm taken_mm"), runs, f"Residuals, the worst {MOST} runs"),
+        "runs": Table(
+            columns("which_run pose moved_mm taken_mm"), runs, f"Residuals, the worst {LISTED_RUNS} runs"
+        ),
         "told": Table(columns(told), f.seen.blocks, "What the runs tell"),
         "help": Table(HELP, rest.help if rest else [], "What else could be measured"),
         "unseen": Table(UNSEEN, rest.unseen if rest else [], "What the runs do not show"),

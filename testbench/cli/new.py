@@ -1,4 +1,4 @@
-"""testbench new NAME --from FILE: a robot's URDF or MJCF as an arm's folder."""
+"""testbench new ARM_NAME --from FILE: a robot's URDF or MJCF as an arm's folder."""
 
 import json
 import re
@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.decimal import read_decimals
 from testbench.arm.elastic import PAYLOAD_RANGE
-from testbench.errors import Array, BenchError, InputError, check_array, word
+from testbench.errors import Array, BenchError, InputError, check_array, shell_word
 from testbench.files.robot.chain import read_chain
 from testbench.files.robot.robot import pose_of
 from testbench.report.terminal import plain_console
@@ -22,14 +22,15 @@ from testbench.workflows.cell import build_cell
 from testbench.workflows.new_arm import write_arm
 from testbench.workflows.project import NAME as PROJECT
 from testbench.workflows.project import TEMPLATE
-from testbench.workflows.propose import Wishes
+from testbench.workflows.propose import UserInputs
 
 
 def command(
     name: Annotated[Path, typer.Argument(help="Folder to make.")],
     source: Annotated[Path, typer.Option("--from", metavar="FILE", help="The robot as URDF or MJCF.")],
     tip: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Link, body or site of the tool (default: the end).")
+        str | None,
+        typer.Option(metavar="NAME", help="Link, body or site of the tool (default: the end)."),
     ] = None,
     payload_kg: Annotated[
         float | None, typer.Option(metavar="KG", help="Rated payload (default: by the arm's mass).")
@@ -51,7 +52,7 @@ def command(
         raise BenchError(f"NAME: expected the name of a new folder, got {str(name)!r}")
     if project and look(PROJECT) is not None:
         raise BenchError(f"{PROJECT}: exists already; edit it, or leave out --project")
-    wishes = read_wishes(payload_kg, tool, marker or [], load)
+    wishes = read_user_inputs(payload_kg, tool, marker or [], load)
     with new_folder(name) as folder:
         chain = read_chain(source, tip)
         try:
@@ -66,7 +67,7 @@ def command(
     first = f"{name}: {joints}, tool at {chain.tip.name!r}, {chain.mass:.4g} kg"
     if project:
         write_project(name, source)
-    last = f"next       testbench check {word(name)} --out runs/{word(Path(name.name))}"
+    last = f"next       testbench check {shell_word(name)} --out runs/{shell_word(Path(name.name))}"
     for line in (first, *(f"  {note}" for note in notes), last):
         console.print(line, soft_wrap=True)
 
@@ -88,19 +89,19 @@ def write_project(arm: Path, robot: Path) -> None:
         part.write_text(text, encoding="utf-8")
 
 
-LARGEST = 10.0  #: Farthest point from the tip that can be meant in metres [m].
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
+MAX_TIP_DISTANCE = 10.0  #: Farthest point from the tip that can be meant in metres [m].
+ARM_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
 
 
-def read_wishes(
+def read_user_inputs(
     payload_kg: float | None, tool: str | None, markers: Sequence[str], load: str | None
-) -> Wishes:
+) -> UserInputs:
     """The flags as numbers.
 
     Args:
         payload_kg: Rated payload [kg].
         tool: x,y,z of the tool from the tip in m; or with rx,ry,rz in degrees, turns about the tip's x, y, z.
-        markers: NAME=x,y,z in the tool's frame in m, each.
+        markers: ARM_NAME=x,y,z in the tool's frame in m, each.
         load: x,y,z of the load point in the tool's frame in m.
 
     Raises:
@@ -115,7 +116,7 @@ def read_wishes(
         raise BenchError(f"--marker: expected different names, got {', '.join(names)}")
     if 0 < len(named) < 3:
         raise BenchError(f"--marker: expected three markers or more, got {len(named)}")
-    return Wishes(
+    return UserInputs(
         payload=payload_kg,
         tool=None if tool is None else _pose(tool),
         markers=named,
@@ -133,7 +134,7 @@ def _pose(text: str) -> Array:
 
 def _marker(text: str) -> tuple[str, Array]:
     name, equals, place = text.partition("=")
-    if not equals or not NAME.fullmatch(name):
+    if not equals or not ARM_NAME.fullmatch(name):
         raise BenchError(f"--marker: expected NAME=x,y,z with a name of letters and digits, got {text!r}")
     return name, _numbers(f"--marker {name}", place, (3,))
 
@@ -146,6 +147,6 @@ def _numbers(flag: str, text: str, counts: tuple[int, ...]) -> Array:
     if len(values) not in counts:
         wanted = " or ".join(map(str, counts))
         raise BenchError(f"{flag}: expected {wanted} numbers, got {len(values)} in {text!r}")
-    if np.abs(values[:3]).max() > LARGEST:
-        raise BenchError(f"{flag}: expected metres up to {LARGEST:g}, got {text!r}")
+    if np.abs(values[:3]).max() > MAX_TIP_DISTANCE:
+        raise BenchError(f"{flag}: expected metres up to {MAX_TIP_DISTANCE:g}, got {text!r}")
     return values

@@ -13,49 +13,57 @@ from testbench.errors import BenchError
 from testbench.model.load import weight
 from testbench.report import terminal
 from testbench.report.columns import columns
-from testbench.report.leave import Asked, leave
+from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, listed
 from testbench.report.planned_poses import seen
 from testbench.report.report import Report, bullets, say
-from testbench.report.schema import Column, Table
+from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
 from testbench.runs.place import claim_folder
 from testbench.runs.spread import Spread
 from testbench.workflows.cell import build_cell
 from testbench.workflows.options import Force, of_flag, takes
 from testbench.workflows.plan import plan_absolute, plan_for
-from testbench.workflows.plan_flags import Absolute, Options, known_before, settings_of
-from testbench.workflows.plan_input import overloads, read_tasks
+from testbench.workflows.plan_flags import AbsolutePlanOptions, PlanOptions, known_before, settings_of
+from testbench.workflows.plan_input import overload_warnings, read_tasks
 from testbench.workflows.plan_numbers import CURVE, numbers, write_poses, write_tasks
 from testbench.workflows.plan_settings import pull_words, structure
 
 COMMAND = "testbench plan"  #: As manifest.json names it.
-MOST, WORST = 40, 5  #: Rows of the plan that the report shows, tasks of the largest errors.
+MAX_ROWS, WORST_TASKS = 40, 5  #: Rows of the plan that the report shows, tasks of the largest errors.
 MANY = 6  #: With more joints, or pulls, a terminal of 80 columns has no decimals and no travel.
 AROUND = (
-    Column("name", "model"),
-    Column("typical_mm", "expected error, RMS", "mm", none="no bound"),
-    Column("worst_mm", "largest", "mm"),
-    Column("place", "there"),
-    Column("joints", "joints there"),
+    TableColumn("name", "model"),
+    TableColumn("typical_mm", "expected error, RMS", "mm", none="no bound"),
+    TableColumn("worst_mm", "largest", "mm"),
+    TableColumn("place", "there"),
+    TableColumn("joints", "joints there"),
 )
-SINGLE = Column("quantity", "quantity"), Column("value", "value", form=",.5g")
-FILLED = Column("joint", "joint"), Column("unread_percent", "not read", "%", ".0f"), *columns("poses")
-LIMITS = Column("joint", "joint"), Column("margin", "distance", form=".1f"), Column("unit", "unit")
+SINGLE = TableColumn("quantity", "quantity"), TableColumn("value", "value", form=",.5g")
+FILLED = (
+    TableColumn("joint", "joint"),
+    TableColumn("unread_percent", "not read", "%", ".0f"),
+    *columns("poses"),
+)
+LIMITS = (
+    TableColumn("joint", "joint"),
+    TableColumn("margin", "distance", form=".1f"),
+    TableColumn("unit", "unit"),
+)
 MEANS = Markdown("What tables, columns and warnings mean: docs/planning.md, *The report*.")
 HIDDEN = 0.5  #: Share of the expected error that no load reduces, above which a warning names it.
 
 
 @dataclass(frozen=True)
-class Places:
+class PlanOutputs:
     """Where the plan goes."""
 
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the plan.")] = Path("runs/plan")
     force: Force = False
 
 
-@takes(Options, Absolute, Places)
-def command(asked: Options, absolute: Absolute, where: Places) -> None:
+@takes(PlanOptions, AbsolutePlanOptions, PlanOutputs)
+def command(asked: PlanOptions, absolute: AbsolutePlanOptions, where: PlanOutputs) -> None:
     """Choose the poses, judge them, write the folder of the plan."""
     absolute_alone(absolute)
     if not absolute.absolute and asked.task is None:
@@ -71,7 +79,7 @@ def command(asked: Options, absolute: Absolute, where: Places) -> None:
         tasks = asked.task and read_tasks(
             asked.task, cell, weight(cell.vjm, settings.loads_kg[0]), asked.mapping
         )
-        for doubt in overloads(cell.arm, (0.0, *settings.loads_kg), settings.pulls_n):
+        for doubt in overload_warnings(cell.arm, (0.0, *settings.loads_kg), settings.pulls_n):
             console.print(f"Doubt: {doubt}", soft_wrap=True)
         known = None if tasks else known_before(cell, asked, absolute)
         made = plan_for(cell, settings, tasks) if tasks else plan_absolute(cell, settings, known)
@@ -85,15 +93,15 @@ def command(asked: Options, absolute: Absolute, where: Places) -> None:
 
         flags = {"arm": f.arm, **({"task": asked.task.name} if asked.task else {}), **vars(settings)}
         seeds, title = range(f.seed, f.seed + 1), f"{f.arm}, {f.poses} poses"
-        left = Asked(COMMAND, f.arm, flags, [folder], "plan.png", seeds, more, stem="plan", map=title)
-        leave(out, left, said, seen(made, f))
+        left = RunRequest(COMMAND, f.arm, flags, [folder], "plan.png", seeds, more, stem="plan", map=title)
+        write_run(out, left, said, seen(made, f))
         console.print(terminal.as_plain(said.title))
         beside = f", {out / 'tasks_expected.csv'}" if tasks else ""
         lines = [
             f"plan       {out / 'plan.csv'}, all {settings.poses} poses; report {out / 'plan.md'}",
             f"numbers    {out / 'plan.json'}{beside}",
             f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
-            *terminal.looked_at(out, absolute.given or (), arm=asked.arm),
+            *terminal.viewing_lines(out, absolute.given or (), arm=asked.arm),
         ]
         terminal.print_words(console, said, [printed(said), said.tables["beside"]], lines, "in plan.md")
 
@@ -129,21 +137,21 @@ def _tables(f: Row, where: str) -> dict[str, Table]:
     """Tabulate the poses, plans beside this one, tasks, the workspace, directions, joints and candidates."""
     rows = [
         Row(r, error_there_mm=Spread(r.expected_error_mm, r.expected_error_p05_mm, r.expected_error_p95_mm))
-        for r in (*f.plan[:MOST], *f.get("tasks", ()))
+        for r in (*f.plan[:MAX_ROWS], *f.get("tasks", ()))
     ]
-    plan, tasks = rows[: len(f.plan[:MOST])], rows[len(f.plan[:MOST]) :]
-    worst = sorted(tasks, key=lambda row: -float(row.expected_error_mm))[:WORST]
+    plan, tasks = rows[: len(f.plan[:MAX_ROWS])], rows[len(f.plan[:MAX_ROWS]) :]
+    worst = sorted(tasks, key=lambda row: -float(row.expected_error_mm))[:WORST_TASKS]
     moved = "expected_sag_mm" if f.absolute else "load expected_deflection_mm"
     slid = "travel_mm" if "mm" in f.units else ""
     joints = [
-        Column(f"q_shown.{k}", name, unit, ".2f", short=f"q{k + 1}\n{unit}")
+        TableColumn(f"q_shown.{k}", name, unit, ".2f", short=f"q{k + 1}\n{unit}")
         for k, (name, unit) in enumerate(zip(f.joints, f.units, strict=True))
     ]
     head = (*columns("run"), *joints, *columns(f"{moved} error_there_mm travel_deg {slid} way"))
-    over = Column("mm", f"expected error {where}", "mm", none="no bound")
+    over = TableColumn("mm", f"expected error {where}", "mm", none="no bound")
     return {
         "poses": Table(head, plan, "Poses in the order of measuring", headline="error_there_mm"),
-        "beside": Table((Column("what", "plan"), over), f.beside, "Beside other plans"),
+        "beside": Table((TableColumn("what", "plan"), over), f.beside, "Beside other plans"),
         "tasks": Table(
             columns("task expected_deflection_mm error_there_mm"), worst, "Tasks of the largest errors"
         ),
@@ -164,9 +172,9 @@ def printed(said: Report) -> Table:
     first, *others = (c for c in table.columns if c.key not in left and not c.key.startswith("q_shown"))
     own = [replace(c, exact=True, heading="error") if c.key == "error_there_mm" else c for c in others]
     units = ", ".join(dict.fromkeys(f.units))
-    joints = Column("q_told", f"q1 to q{len(f.joints)}", units, short=f"q1 to q{len(f.joints)}\n{units}")
-    form, told = "5.0f" if many else "6.1f", Column("q_shown", "")
-    rows = [Row(row, q_told=" ".join(format(q, form) for q in told.value(row))) for row in table.rows]  # type: ignore[call-overload]
+    joints = TableColumn("q_told", f"q1 to q{len(f.joints)}", units, short=f"q1 to q{len(f.joints)}\n{units}")
+    form, column = "5.0f" if many else "6.1f", TableColumn("q_shown", "")
+    rows = [Row(row, q_told=" ".join(format(q, form) for q in column.value(row))) for row in table.rows]  # type: ignore[call-overload]
     return replace(table, columns=(first, joints, *own), rows=rows, title="")
 
 

@@ -11,27 +11,33 @@ import typer
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.cli.arguments import ArmCheck, plain
-from testbench.correct.rest import rest
+from testbench.correct.rest import equilibrium
 from testbench.errors import Array, Ids
 from testbench.model.poses import WorkArea
-from testbench.model.vjm import turns
+from testbench.model.vjm import joint_law_rotations
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report import scene as draw
 from testbench.report.colours import GCO, MEASURED, NOMINAL, Look
 from testbench.report.columns import columns
-from testbench.report.leave import Asked, leave
+from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.report import Report, say
 from testbench.report.schema import Table
 from testbench.report.table import Row
-from testbench.report.terminal import looked_at, plain_console, print_words
+from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import claim_folder
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.campaign_flags import MapFile, Payload
 from testbench.workflows.options import Force, takes
-from testbench.workflows.plan_input import box, overloads, payload_of
+from testbench.workflows.plan_input import overload_warnings, parse_work_area, payload_of
 from testbench.workflows.prediction_numbers import TABLE, numbers, write_predictions
-from testbench.workflows.program import FORCE, Predicted, direction_words, predicted, read_asked
+from testbench.workflows.program import (
+    DEFAULT_FORCE,
+    Predicted,
+    direction_words,
+    predict_file,
+    read_pose_file,
+)
 from testbench.workflows.rows import MM
 
 COMMAND, PICTURE = "testbench predict", "predict.png"
@@ -44,7 +50,7 @@ TOOL = Look(GCO, 0, prior=True)
 
 
 @dataclass(frozen=True)
-class Options:
+class PredictOptions:
     """Flags of the command."""
 
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
@@ -61,28 +67,28 @@ class Options:
     force: Force = False
 
 
-@takes(Options)
-def command(asked: Options) -> None:
+@takes(PredictOptions)
+def command(asked: PredictOptions) -> None:
     """Predict where loads bring the tool, with intervals; map how stiff it is."""
     given = [asked.model, asked.poses, *([asked.mapping] if asked.mapping else [])]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
-        area = None if asked.box is None else WorkArea(*box(asked.box))
+        area = None if asked.box is None else WorkArea(*parse_work_area(asked.box))
         model = load_model(asked.model, asked.arm)
-        poses = read_asked(
+        poses = read_pose_file(
             asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.payload, "--load")
         )
-        push = asked.push or (GRAVITY * model.arm.payload if model.arm.payload else FORCE)
-        made = predicted(model, poses, push, area)
+        push = asked.push or (GRAVITY * model.arm.payload if model.arm.payload else DEFAULT_FORCE)
+        made = predict_file(model, poses, push, area)
         said, flags = report(made), plain(asked, read="poses") | {"model": asked.model.name}
         write = partial(write_predictions, made)
-        run = Asked(COMMAND, poses.path.name, flags, [model.arm.rigid.parent], PICTURE, more=write)
-        leave(asked.out, run, said, seen(made))
+        run = RunRequest(COMMAND, poses.path.name, flags, [model.arm.rigid.parent], PICTURE, more=write)
+        write_run(asked.out, run, said, seen(made))
         places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE))
         lines = [
-            *(f"- {words}" for words in overloads(model.arm, poses.hung.tolist())),
+            *(f"- {words}" for words in overload_warnings(model.arm, poses.hung.tolist())),
             f"poses      {asked.out / TABLE}",
             f"report     {places}",
-            *looked_at(asked.out, model=asked.model),
+            *viewing_lines(asked.out, model=asked.model),
         ]
         print_words(plain_console(), said, [printed(said)], lines)
 
@@ -166,54 +172,58 @@ def printed(said: Report) -> Table:
     return replace(table, columns=own, rows=table.rows[:5])
 
 
-def seen(made: Predicted) -> draw.Seen:
+def seen(made: Predicted) -> draw.PageContent:
     """Draw the arm bent by its loads in the poses of the file, and where it is soft."""
-    some = draw.picked(made.found.size[:, 0], np.arange(len(made.found.size)))
-    reach, field, give = made.cell.vjm.reach, made.map, made.stiffness.give[some, :1]
+    some = draw.largest_and_even(made.found.size[:, 0], np.arange(len(made.found.size)))
+    reach, field, give = made.cell.vjm.reach, made.map, made.stiffness.displacement_per_force[some, :1]
     M = draw.arrow_scale(made.found.deflection[some, :1], MOVED * reach)
     G = draw.arrow_scale(field.force * give * made.stiffness.softest[some], GIVE * reach)
     title = f"Deflections x {M:g}; green: how far {field.force:,.0f} N move the loaded tool, x {G:g}."
     size, half = MM * made.found.size[some, 0], MM * made.found.widest[some, 0]
     half = np.where(np.isfinite(half), half, np.nan)
-    tool = draw.Line("tool", TOOL, size, (np.maximum(size - half, 0), size + half))
+    tool = draw.ModelLine("tool", TOOL, size, (np.maximum(size - half, 0), size + half))
     labels = [made.asked.labels[k] for k in some]
     moves = "How far the tool moves in each pose, 95 % intervals (mm)"
     note = draw.of_all(len(some), len(made.asked.q), "poses")
     where = f"How far {field.force:,.0f} N in the worst direction move the tool (mm)"
-    soft = draw.Line("tool", TOOL, MM * field.worst)
-    return draw.Seen(
+    soft = draw.ModelLine("tool", TOOL, MM * field.worst)
+    return draw.PageContent(
         scene=draw.Scene(made.cell, title, [_poses(made, some, M, G), _places(made)]),
         map=draw.PlaceMap(where, 1, field.position, [soft], heading="Where it is soft"),
         runs=[draw.RunChart(moves, 0, "pose", labels, [tool], note=note)],
     )
 
 
-def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.Poses:
+def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
     """The poses of the file, bent by what acts there."""
-    found, state, q, tool = made.found, made.model.state, made.asked.q[some], made.stiffness
-    theta = rest(state, q, [load.of(some) for load in made.asked.loads]).theta - rest(state, q).theta
-    start = found.position[some] - found.deflection[some]
-    end = start + M * found.deflection[some]
-    ways = G * made.map.force * (tool.give[some][:, None] * tool.axes[some])
+    prediction, state, q, tool = made.found, made.model.state, made.asked.q[some], made.stiffness
+    theta = (
+        equilibrium(state, q, [load.of(some) for load in made.asked.loads]).theta
+        - equilibrium(state, q).theta
+    )
+    start = prediction.position[some] - prediction.deflection[some]
+    end = start + M * prediction.deflection[some]
+    ways = G * made.map.force * (tool.displacement_per_force[some][:, None] * tool.axes[some])
     ways = ways.transpose(0, 2, 1)  # a row an axis
     words = [
-        f"The tool moves {MM * found.size[k, 0]:.3f} mm, {_bound(MM * found.widest[k, 0])}. "
-        f"{made.map.force:,.0f} N move it up to {MM * made.map.force * tool.give[k, 0]:.3f} mm, "
+        f"The tool moves {MM * prediction.size[k, 0]:.3f} mm, {_bound(MM * prediction.widest[k, 0])}. "
+        f"{made.map.force:,.0f} N move it up to "
+        f"{MM * made.map.force * tool.displacement_per_force[k, 0]:.3f} mm, "
         f"{direction_words(tool.softest[k])}. {made.model.arm.words(made.asked.q[k])}."
         for k in some
     ]
-    return draw.Poses(
+    return draw.PoseGroup(
         name="Poses of the file",
         names=[f"Pose {made.asked.labels[k]}" for k in some],
         words=words,
         rigid=rigid_frames(made.cell.room, q),
-        bent=elastic_frames(made.cell.plant, q, M * turns(state.vjm, theta)),
+        bent=elastic_frames(made.cell.plant, q, M * joint_law_rotations(state.vjm, theta)),
         layers=[
             draw.Layer("tool and markers, unloaded", NOMINAL, "dots", start),
             draw.Layer("deflection", MEASURED, "arrows", start, end),
             draw.Layer("where a force moves it", GCO, "lines", end[:, :1] - ways, end[:, :1] + ways),
         ],
-        first=int(found.size[some, 0].argmax()),
+        first=int(prediction.size[some, 0].argmax()),
     )
 
 
@@ -221,7 +231,7 @@ def _bound(half: float) -> str:
     return f"+- {half:.3f} mm" if np.isfinite(half) else "not determined by the data"
 
 
-def _places(made: Predicted) -> draw.Poses:
+def _places(made: Predicted) -> draw.PoseGroup:
     """The arm all over the workspace, and its softest direction there."""
     field, reach = made.map, made.cell.vjm.reach
     way: Array = field.worst[:, None] * field.direction

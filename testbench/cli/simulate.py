@@ -18,26 +18,33 @@ from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
 from testbench.plant.gear import GearErrors
 from testbench.plant.site import check_poses, check_position
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.report.terminal import plain_console
 from testbench.runs.place import Kind, check_file
 from testbench.runs.whole import whole_files
 from testbench.workflows.absolute_truth import AbsoluteCampaign, by_trackers, simulate_series
 from testbench.workflows.campaign_flags import ArmName, MapFile, mass
-from testbench.workflows.candidates import Conditions, build_checks, find
-from testbench.workflows.cell import Cell, Scenario, build_cell, hanging, measure
+from testbench.workflows.candidates import PoseConditions, build_checks, find
+from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
 from testbench.workflows.options import Force, takes
-from testbench.workflows.plan_input import Place, overloads, payload_of, place, read_loads, read_masses
+from testbench.workflows.plan_input import (
+    Place,
+    overload_warnings,
+    payload_of,
+    place,
+    read_loads,
+    read_masses,
+)
 
 DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")
 FORCES = "columns force_x_N, force_y_N, force_z_N"
-MOST_POSES = 10_000  #: Random poses that are drawn at most.
-MOST_RUNS = 50_000  #: Equilibria that are sought at most, poses times loads times set-ups.
+MAX_POSES = 10_000  #: Random poses that are drawn at most.
+MAX_RUNS = 50_000  #: Equilibria that are sought at most, poses times loads times set-ups.
 
 
 @dataclass(frozen=True)
-class Options:
+class SimulateOptions:
     """Flags of the command."""
 
     arm: ArmName
@@ -45,7 +52,7 @@ class Options:
     file: Annotated[Path | None, typer.Argument(help="Poses (JOINT_deg or JOINT_rad), or a plan.csv.")] = None
     poses: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST_POSES, metavar="N", help="Number of random poses, instead of a file."),
+        typer.Option(min=1, max=MAX_POSES, metavar="N", help="Number of random poses, instead of a file."),
     ] = None
     payload_kg: Annotated[
         float | None,
@@ -70,7 +77,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Absolute:
+class AbsoluteReadingOptions:
     """Flags of absolute readings: where targets are, not how far a load moved them."""
 
     absolute: Annotated[bool, typer.Option("--absolute", help="Write positions, not deflections.")] = False
@@ -87,8 +94,8 @@ class Absolute:
         absolute_alone(self)
 
 
-@takes(Options, Absolute)
-def command(asked: Options, absolute: Absolute) -> None:
+@takes(SimulateOptions, AbsoluteReadingOptions)
+def command(asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
     """Settle the true arm, read the markers, write the dataset."""
     inputs = [find_arm(asked.arm), *filter(None, [asked.file, asked.mapping])]
     kind = READINGS if absolute.absolute else DATASET
@@ -101,7 +108,7 @@ def command(asked: Options, absolute: Absolute) -> None:
         _read_deflections(cell, asked)
 
 
-def _read_absolutely(cell: Cell, asked: Options, absolute: Absolute) -> None:
+def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
     console = plain_console()
     masses = _one_after_the_other(cell, asked)
     q = _given_poses(cell, asked, len(masses) * absolute.series)
@@ -109,12 +116,12 @@ def _read_absolutely(cell: Cell, asked: Options, absolute: Absolute) -> None:
     found, _ = simulate_series(cell, _campaign(cell, asked, absolute, masses), asked.seed, q)
     paths = _files(asked.out, absolute.series)
     with whole_files(paths) as parts:
-        for path, part, own in zip(paths, parts, found, strict=True):
+        for path, part, series in zip(paths, parts, found, strict=True):
             name = path.stem  # of the frame and the mount too
-            write_series(part, cell.arm, replace(own, name=name, frame=name, target=name))
-    for path, own in zip(paths, found, strict=True):
-        poses, targets = len(np.unique(own.pose)), ", ".join(own.markers)
-        console.print(f"{path}: {own.rows} rows in {poses} poses, targets {targets}", soft_wrap=True)
+            write_series(part, cell.arm, replace(series, name=name, frame=name, target=name))
+    for path, series in zip(paths, found, strict=True):
+        poses, targets = len(np.unique(series.pose)), ", ".join(series.markers)
+        console.print(f"{path}: {series.rows} rows in {poses} poses, targets {targets}", soft_wrap=True)
 
 
 def _files(out: Path, series: int) -> list[Path]:
@@ -122,7 +129,9 @@ def _files(out: Path, series: int) -> list[Path]:
     return [out] if series == 1 else [out.with_stem(f"{out.stem}_{k + 1}") for k in range(series)]
 
 
-def _campaign(cell: Cell, asked: Options, flags: Absolute, masses: Sequence[float]) -> AbsoluteCampaign:
+def _campaign(
+    cell: Cell, asked: SimulateOptions, flags: AbsoluteReadingOptions, masses: Sequence[float]
+) -> AbsoluteCampaign:
     """What is measured where these masses hang, one after the other [kg]."""
     geometry = GeometryErrors(*[asked.geometry_mm / 1e3] * 2) if asked.geometry_mm else None
     gear = GearErrors(sigma=flags.gear_urad / 1e6) if flags.gear_urad else None
@@ -139,7 +148,7 @@ def _campaign(cell: Cell, asked: Options, flags: Absolute, masses: Sequence[floa
     )
 
 
-def _one_after_the_other(cell: Cell, asked: Options) -> tuple[float, ...]:
+def _one_after_the_other(cell: Cell, asked: SimulateOptions) -> tuple[float, ...]:
     """What hangs in every pose, nothing at first [kg]."""
     stated, pulls = (None, None) if asked.file is None else read_loads(asked.file)
     if asked.file is not None and pulls is not None:
@@ -153,23 +162,23 @@ def _one_after_the_other(cell: Cell, asked: Options) -> tuple[float, ...]:
     return (0.0, *masses[0].tolist())
 
 
-def _read_deflections(cell: Cell, asked: Options) -> None:
+def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     q = _given_poses(cell, asked, 1 if asked.loads is None else len(read_masses(asked.loads)))
     if q is None:
-        q = find(build_checks(cell, Conditions()), asked.poses or 0, stream(asked.seed, 0)).q
+        q = find(build_checks(cell, PoseConditions()), asked.poses or 0, trial_rng(asked.seed, 0)).q
     masses = _masses(cell, asked, len(q))
     pulls = None if asked.file is None else read_loads(asked.file)[1]
     scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()) or None, sigma=_sigma(asked))
     if asked.geometry_mm:
         errors = Disturbances(own_weight=True, geometry=GeometryErrors(*[asked.geometry_mm / 1e3] * 2))
-        cell = replace(cell, truth=disturb(cell.plant, errors, stream(asked.seed, 3)))
+        cell = replace(cell, truth=disturb(cell.plant, errors, trial_rng(asked.seed, 3)))
     trackers = _trackers(asked)
     pose = np.repeat(np.arange(len(q)), masses.shape[1])
-    loaded = hanging(cell, q[pose], pose + 1, masses.ravel())
+    loaded = poses_with_weight(cell, q[pose], pose + 1, masses.ravel())
     if pulls is not None:  # they act at the same point
         sideways = np.hstack([pulls, np.zeros_like(pulls)])
         loaded = replace(loaded, wrench=loaded.wrench + sideways[pose])
-    data = measure(cell, scenario, loaded, None if trackers else stream(asked.seed, 1))
+    data = measure_markers(cell, scenario, loaded, None if trackers else trial_rng(asked.seed, 1))
     if trackers:
         data = by_trackers(data, trackers, asked.seed, None if asked.sigma_um is None else _sigma(asked))
     write_csv(data, cell.arm, asked.out)
@@ -185,12 +194,12 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
     console.print(text, soft_wrap=True)
 
 
-def _sigma(asked: Options) -> float:
+def _sigma(asked: SimulateOptions) -> float:
     """Noise of a reading along an axis, without a tracker's own [m]."""
     return (50.0 if asked.sigma_um is None else asked.sigma_um) / 1e6
 
 
-def _trackers(asked: Options) -> list[Place]:
+def _trackers(asked: SimulateOptions) -> list[Place]:
     """Where trackers stand, each in the world [m]; BenchError for what is far away."""
     found = list(map(place, asked.tracker or []))
     for own in found:
@@ -201,25 +210,25 @@ def _trackers(asked: Options) -> list[Place]:
 def _say_overload(
     console: Console, cell: Cell, masses: Iterable[float], pulls: Iterable[Sequence[float]] = ()
 ) -> None:
-    for doubt in overloads(cell.arm, masses, pulls):
+    for doubt in overload_warnings(cell.arm, masses, pulls):
         console.print(f"Doubt: {doubt}", soft_wrap=True)
 
 
-def _given_poses(cell: Cell, asked: Options, times: int) -> Array | None:
+def _given_poses(cell: Cell, asked: SimulateOptions, times: int) -> Array | None:
     """Those of the file, (poses, n) [rad, m], each of which is run so often; None for random ones."""
     if (asked.file is None) == (asked.poses is None):
         raise BenchError("poses: expected either a file of poses or --poses NUMBER")
     q = None if asked.file is None else read_poses(asked.file, cell.arm, asked.mapping)
     poses = (asked.poses or 0) if q is None else len(q)
-    if poses * times > MOST_RUNS:
-        most = f"expected at most {MOST_RUNS} runs, poses times loads times series"
+    if poses * times > MAX_RUNS:
+        most = f"expected at most {MAX_RUNS} runs, poses times loads times series"
         raise BenchError(f"{asked.file or '--poses'}: {most}, got {poses} times {times}")
     if q is not None:
         check_poses(cell.room, q)
     return q
 
 
-def _masses(cell: Cell, asked: Options, poses: int) -> Array:
+def _masses(cell: Cell, asked: SimulateOptions, poses: int) -> Array:
     """What hangs in every pose, one after the other, (poses, loads) [kg]."""
     if asked.loads is not None and asked.payload_kg is not None:
         raise BenchError("--loads: expected no --payload-kg with it")

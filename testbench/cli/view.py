@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from testbench.cli.arguments import RunFolder
-from testbench.errors import BenchError, word
+from testbench.errors import BenchError, shell_word
 from testbench.report.recording import viewer
 from testbench.workflows.options import takes
 
@@ -15,15 +15,15 @@ PAGE = "report.html"
 
 
 @dataclass(frozen=True)
-class Options:
+class ViewOptions:
     """Flags of the command."""
 
     folder: RunFolder
     web: Annotated[bool, typer.Option("--web", help="Open it in a browser; print its address.")] = False
 
 
-@takes(Options)
-def command(asked: Options) -> None:
+@takes(ViewOptions)
+def command(asked: ViewOptions) -> None:
     """Open it."""
     file = viewer.newest(asked.folder)
     if not asked.web and not viewer.has_display():
@@ -36,4 +36,4 @@ def _other_ways(folder: Path, file: Path) -> str:
     """Say what there is without a display."""
     page = file.with_name(PAGE)
     more = f", {page} opens anywhere" if page.is_file() else ""
-    return f"`testbench view {word(folder)} --web` shows it in a browser{more}"
+    return f"`testbench view {shell_word(folder)} --web` shows it in a browser{more}"

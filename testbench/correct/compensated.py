@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.correct.newton import Aim, Asked, Corrected, Points, Target, asked, solve
-from testbench.correct.rest import put, rest
-from testbench.correct.uncertainty import Poses, half_widths
+from testbench.correct.newton import Aim, Asked, Corrected, Points, Target, solve_inverse_statics, target_of
+from testbench.correct.rest import assign_rows, equilibrium
+from testbench.correct.uncertainty import LoadedPoses, half_widths
 from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Mask, check_array, check_items, check_type
 from testbench.identify.arm_model import ArmModel
@@ -43,11 +43,11 @@ class Compensated(Displayed):
     target: Target  #: Poses that the program asks for.
     before: Array  #: Predicted minus asked position without correction, world, (points, 3) [m].
     after: Array  #: Predicted minus asked position with it, world, (points, 3) [m].
-    turned: Array  #: Remaining rotation, a rotation vector, world, (points, 3) [rad].
-    half: Array  #: Half width of the error's 95 % interval, world, (points, 3) [m]; infinite if unseen.
-    held: Mask  #: Joints that a limit stopped, (points, n).
+    rotation_error: Array  #: Remaining rotation, a rotation vector, world, (points, 3) [rad].
+    half_width: Array  #: Half width of the error's 95 % interval, world, (points, 3) [m]; infinite if unseen.
+    stopped: Mask  #: Joints that a limit stopped, (points, n).
     refused: tuple[Refusal | None, ...]  #: Why a point is refused; None for a corrected one.
-    asked: Asked  #: Meaning that the program's joints were given.
+    reference: Asked  #: Meaning that the program's joints were given.
 
     def about(self) -> dict[str, object]:
         """Summarise the correction: points, refused points, and errors of position before and after."""
@@ -96,29 +96,31 @@ def compensate(
         raise BenchError("q [rad, m]: expected at least one point")
     aim, loads = aim or Aim(), [load.over(len(q)) for load in loads]
     point = np.array(aim.point)
-    meant: Asked = aim.asked or ("drawn" if model.absolute else "unloaded")
+    meant: Asked = aim.reference or ("drawn" if model.absolute else "unloaded")
     # the target of the program, and how far the uncorrected tool is from it
-    target = asked(model.state, q, meant, point)
-    before = rest(model.state, q, loads).at(point) - target.position
+    target = target_of(model.state, q, meant, point)
+    before = equilibrium(model.state, q, loads).at(point) - target.position
     found, held = within_limits(model, q, loads, target, aim)
     refused = _refused(model.arm, found, q, room)
     bad = np.array([reason is not None for reason in refused], dtype=bool)
     # refused points keep their joints, and their error before correction
-    left = np.where(bad[:, None], before, -found.left)
+    left = np.where(bad[:, None], before, -found.position_error)
     corrected = np.where(bad[:, None], q, found.q)
     acts = np.asarray(before.any(axis=1))
     corrected = np.where(acts[:, None], corrected, q)  # where nothing acts, as it was to the last digit
     # interval of the error: of a position, or of the motion from the programmed to the corrected pose
-    start = None if model.absolute and meant == "drawn" else Poses(q)
-    end = Poses(corrected, loads, heavy=meant == "drawn")
+    start = None if model.absolute and meant == "drawn" else LoadedPoses(q)
+    end = LoadedPoses(corrected, loads, heavy=meant == "drawn")
     half = half_widths(model, end, start, point[None])[:, 0]
-    return Compensated(corrected, q, target, before, left, found.turned, half, held, tuple(refused), meant)
+    return Compensated(
+        corrected, q, target, before, left, found.rotation_error, half, held, tuple(refused), meant
+    )
 
 
 def within_limits(
     model: ArmModel, q: Array, loads: Sequence[Load], target: Target, aim: Aim
 ) -> tuple[Corrected, Mask]:
-    """Solve all points as `solve` does, with joints kept inside their limits.
+    """Solve all points as `solve_inverse_statics` does, with joints kept inside their limits.
 
     A joint that would pass its limit is held there, and the points are solved again with the other joints,
     until no further joint passes its limit.
@@ -136,33 +138,33 @@ def within_limits(
     arm, (lower, upper) = model.arm, model.arm.limits
     free_joints = True if arm.moves is None else arm.moves.any(axis=0)
     points = Points(model.state, q, loads, target, aim, np.ones(q.shape))
-    found = solve(points)
+    corrected = solve_inverse_statics(points)
     for _ in range(arm.n_joints):
-        beyond = ((found.q < lower) | (found.q > upper)) & (points.free > 0) & free_joints
-        some = np.flatnonzero(beyond.any(axis=1) & found.solved)
+        beyond = ((corrected.q < lower) | (corrected.q > upper)) & (points.free > 0) & free_joints
+        some = np.flatnonzero(beyond.any(axis=1) & corrected.solved)
         if not len(some):
             break
         # hold the joints that passed a limit there, and solve these points again
-        free = points.free * ~(beyond & found.solved[:, None])
-        start = arm.followed(np.where(free > 0, points.start, np.clip(found.q, lower, upper)))
+        free = points.free * ~(beyond & corrected.solved[:, None])
+        start = arm.followed(np.where(free > 0, points.start, np.clip(corrected.q, lower, upper)))
         points = replace(points, start=start, free=free)
-        put(found, some, solve(points.of(some)))
-    return found, points.free == 0
+        assign_rows(corrected, some, solve_inverse_statics(points.of(some)))
+    return corrected, points.free == 0
 
 
-def _refused(arm: Arm, found: Corrected, q: Array, room: Site | None) -> list[Refusal | None]:
+def _refused(arm: Arm, corrected: Corrected, q: Array, room: Site | None) -> list[Refusal | None]:
     """Find why points cannot be corrected: reach, equilibrium, a limit, or a collision that is new."""
     lower, upper = arm.limits
     reasons: list[Refusal | None] = [None] * len(q)
-    for k in np.flatnonzero(~found.solved):
-        away = float(np.linalg.norm(found.left[k]))
+    for k in np.flatnonzero(~corrected.solved):
+        away = float(np.linalg.norm(corrected.position_error[k]))
         reasons[k] = Refusal("reach", size=away) if np.isfinite(away) else Refusal("equilibrium")
-    for k, j in np.argwhere((found.q < lower - 1e-12) | (found.q > upper + 1e-12)):
-        beyond = float(max(lower[j] - found.q[k, j], found.q[k, j] - upper[j]))
+    for k, j in np.argwhere((corrected.q < lower - 1e-12) | (corrected.q > upper + 1e-12)):
+        beyond = float(max(lower[j] - corrected.q[k, j], corrected.q[k, j] - upper[j]))
         reasons[k] = reasons[k] or Refusal("limit", (arm.joints[j].name,), beyond)
     if room is not None:
         good = np.flatnonzero([reason is None for reason in reasons])
-        for k, pair in zip(good, collisions(room, found.q[good]), strict=True):
+        for k, pair in zip(good, collisions(room, corrected.q[good]), strict=True):
             if pair and collisions(room, q[k : k + 1])[0] != pair:
                 reasons[k] = Refusal("collision", pair)
     return reasons

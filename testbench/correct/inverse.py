@@ -1,10 +1,10 @@
 """Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits.
 
-`reach` puts the tool into poses by damped Newton steps within limits, all poses at once. A path has supports,
-a stride apart. They are guessed at once; then every one is solved again from its left neighbour until none
-changes. That gives the same joints as one after the other, because only supports behind a change are solved
-again. The points between start from joints interpolated between their supports. `compensate` uses such joints
-for programs in Cartesian coordinates.
+`solve_poses` puts the tool into poses by damped Newton steps within limits, all poses at once. A path has
+supports, a stride apart. They are guessed at once; then every one is solved again from its left neighbour
+until none changes. That gives the same joints as one after the other, because only supports behind a change
+are solved again. The points between start from joints interpolated between their supports. `compensate` uses
+such joints for programs in Cartesian coordinates.
 """
 
 import math
@@ -13,21 +13,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.correct.newton import Target
-from testbench.correct.rest import replaced
-from testbench.data.dataset import in_order, joined
+from testbench.correct.rest import with_rows
+from testbench.data.dataset import in_order, join_rows
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.model.tool_motion import tool_motion, turn_between
 from testbench.model.vjm import Vjm
 
-THERE = 1e-9  #: Distance and angle to its pose within which the tool has reached it [m, rad].
-TINY = 1e-12  #: Error, rotation times lever included, below which a pose takes no further step [m].
+POSE_TOLERANCE = 1e-9  #: Distance and angle to its pose within which the tool has reached it [m, rad].
+STOP_ERROR = 1e-12  #: Error, rotation times lever included, below which a pose takes no further step [m].
 LEVER = 0.25  #: Radius that turns an angle of orientation into a length, over the arm's reach [1].
 DAMPING = 1e-2  #: Damping of the first step over the squared error [1]: it fades as the tool comes near.
-FLOOR = 1e-14  #: Damping that stays, over the square of the lever [1].
-LARGEST = 0.5  #: Largest motion of a joint in one step [rad, m].
+MIN_DAMPING = 1e-14  #: Damping that stays, over the square of the lever [1].
+MAX_STEP = 0.5  #: Largest motion of a joint in one step [rad, m].
 STALLED, PATIENCE = 1e-4, 4
 """Relative gain below which a step counts as stalled [1], and stalled steps in a row that end a pose."""
-MOST = 60  #: Most steps.
+MAX_STEPS = 60  #: Most steps.
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class Reached:
     angle: Array  #: Angle between the tool's orientation and its target, (poses,) [rad].
 
     @property
-    def there(self) -> Mask:
-        """Tell which poses are reached within `THERE`, (poses,)."""
-        return np.asarray((self.distance <= THERE) & (self.angle <= THERE))
+    def converged(self) -> Mask:
+        """Tell which poses are reached within `POSE_TOLERANCE`, (poses,)."""
+        return np.asarray((self.distance <= POSE_TOLERANCE) & (self.angle <= POSE_TOLERANCE))
 
 
-def reach(vjm: Vjm, target: Target, start: Array) -> Reached:
+def solve_poses(vjm: Vjm, target: Target, start: Array) -> Reached:
     """Find joints near others that put the tool's origin into poses; where none do, as near as these lead.
 
     It minimises the squared error by damped least squares, d = J^T (J J^T + weight 1)^-1 e, whose motion is
@@ -64,12 +64,12 @@ def reach(vjm: Vjm, target: Target, start: Array) -> Reached:
     q = vjm.arm.within(start)
     e, J = _error(vjm, lever, q, target)
     cost, damping, dull = _square(e), np.full(len(q), DAMPING), np.zeros(len(q), dtype=int)
-    for _ in range(MOST):
-        some = np.flatnonzero((cost > TINY**2) & (dull < PATIENCE))
+    for _ in range(MAX_STEPS):
+        some = np.flatnonzero((cost > STOP_ERROR**2) & (dull < PATIENCE))
         if not len(some):
             break
         # Levenberg's damping, in proportion to the squared error
-        weight = damping[some] * cost[some] + FLOOR * lever**2
+        weight = damping[some] * cost[some] + MIN_DAMPING * lever**2
         trial = vjm.arm.within(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits))
         e_trial, J_trial = _error(vjm, lever, trial, in_order(target, some))
         gain = 1 - _square(e_trial) / cost[some]
@@ -97,7 +97,7 @@ def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Arr
 
 
 def _step(J: Array, e: Array, weight: Array, q: Array, limits: Array) -> Array:
-    """Compute the damped step, blocked joints held, each joint's at most `LARGEST`, (poses, n) [rad, m]."""
+    """Compute the damped step, blocked joints held, each joint's at most `MAX_STEP`, (poses, n) [rad, m]."""
     step = _damped(J, e, weight)
     # a joint at its limit that would leave it is held, and the others take the step
     blocked = ((q <= limits[0]) & (step < 0)) | ((q >= limits[1]) & (step > 0))
@@ -105,7 +105,7 @@ def _step(J: Array, e: Array, weight: Array, q: Array, limits: Array) -> Array:
     if len(some):
         step[some] = _damped(J[some] * ~blocked[some][:, None], e[some], weight[some])
     size = np.abs(step).max(axis=1, keepdims=True)
-    return np.asarray(step * np.minimum(1, LARGEST / np.maximum(size, LARGEST)))
+    return np.asarray(step * np.minimum(1, MAX_STEP / np.maximum(size, MAX_STEP)))
 
 
 def _damped(J: Array, e: Array, weight: Array) -> Array:
@@ -115,7 +115,7 @@ def _damped(J: Array, e: Array, weight: Array) -> Array:
     return np.asarray((J.swapaxes(1, 2) @ np.linalg.solve(A, e[..., None]))[..., 0])
 
 
-STRIDE, TURN = 0.1, 0.2
+STRIDE, FAR_ROTATION = 0.1, 0.2
 """Distance between supports of a path over the arm's reach [1], and the rotation that counts as far [rad]."""
 STEADY, FASTEST = 0.1, 3.0
 """Motion between two points that is no jump: this one [rad, m] beyond twice that of the joints interpolated
@@ -124,11 +124,13 @@ REPEATS = 4  #: Most repairs of a path.
 SEEDS = 256  #: Random configurations from which the first point is solved.
 TRIED = 8  #: Configurations of the first point with which the path is tried.
 SAMPLE = 400  #: Most points of the path that such a trial uses.
-CLEAR = 0.05
+LIMIT_CLEARANCE = 0.05
 """Distance to the limits that the first point should keep, and between configurations to try [rad, m]."""
-SAME = 0.05  #: Largest difference of joints that count as one configuration [rad, m].
-APART = 0.5  #: Motion of a joint between two supports from which one is added between them [rad, m].
-CLOSER = 0.9  #: Share of its error to which an unreached pose must come for new joints to replace it [1].
+SAME_CONFIGURATION = 0.05  #: Largest difference of joints that count as one configuration [rad, m].
+#: Motion of a joint between two supports from which one is added between them [rad, m].
+MAX_SUPPORT_MOTION = 0.5
+#: Share of its error to which an unreached pose must come for new joints to replace it [1].
+MIN_IMPROVEMENT = 0.9
 HALVINGS = 20  #: Most rounds that add supports: more than the points between two supports allow.
 
 
@@ -161,7 +163,7 @@ def joints_along(
     target = Target(position, rotation)
     if start is not None and np.ndim(start) > 1:
         near = check_array(start, (len(position), vjm.arm.n_joints), "start [rad, m]")
-        return reach(vjm, target, near)
+        return solve_poses(vjm, target, near)
     if not len(position):
         raise BenchError("position [m]: expected at least one point")
     tries = _first(vjm, in_order(target, slice(1)), start)
@@ -175,7 +177,7 @@ def _chosen(vjm: Vjm, target: Target, tries: Array) -> Array:
     some = np.arange(0, len(target.position), math.ceil(len(target.position) / SAMPLE))
     counts: list[int] = []
     for q in tries:
-        counts.append(int(_pass(vjm, in_order(target, some), q)[0].there.sum()))
+        counts.append(int(_pass(vjm, in_order(target, some), q)[0].converged.sum()))
         if counts[-1] == len(some):
             break
     return np.asarray(tries[int(np.argmax(counts))])
@@ -186,21 +188,23 @@ def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
     arm, (lower, upper) = vjm.arm, vjm.arm.limits
     if start is not None:
         start = check_array(start, (arm.n_joints,), "start [rad, m]")
-        own = reach(vjm, target, start[None])
-        if own.there.all():
-            return own.q
+        reached = solve_poses(vjm, target, start[None])
+        if reached.converged.all():
+            return reached.q
     near = arm.within(np.zeros(arm.n_joints) if start is None else start)
     seeds = arm.drawn(np.random.default_rng(0), SEEDS)
-    many = reach(vjm, in_order(target, np.zeros(SEEDS, dtype=int)), seeds)
-    if not many.there.any():
+    many = solve_poses(vjm, in_order(target, np.zeros(SEEDS, dtype=int)), seeds)
+    if not many.converged.any():
         return many.q[[np.argmin(many.distance + vjm.reach * many.angle)]]
-    q = _unwound(vjm, many.q[many.there], near)
+    q = _unwound(vjm, many.q[many.converged], near)
     away = np.linalg.norm(q - near, axis=1)
-    tight = np.minimum(q - lower, upper - q).min(axis=1) < CLEAR
+    tight = np.minimum(q - lower, upper - q).min(axis=1) < LIMIT_CLEARANCE
     order = np.lexsort((away, tight))
     kept: list[Array] = []
     for own_q in q[order]:
-        if len(kept) < (TRIED if start is None else 1) and all(np.abs(own_q - k).max() > CLEAR for k in kept):
+        if len(kept) < (TRIED if start is None else 1) and all(
+            np.abs(own_q - k).max() > LIMIT_CLEARANCE for k in kept
+        ):
             kept.append(own_q)
     return np.array(kept)
 
@@ -219,7 +223,7 @@ def _track(vjm: Vjm, target: Target, first: Array) -> Reached:
     before it. Then the rest is solved again from these points. If that leads nowhere, the points before are
     solved again, backwards from the support.
     """
-    found, rough = _pass(vjm, target, first)
+    reached, rough = _pass(vjm, target, first)
     tried = -1
     for _ in range(REPEATS):
         i = next((i for i in rough.tolist() if i > tried), None)
@@ -227,33 +231,33 @@ def _track(vjm: Vjm, target: Target, first: Array) -> Reached:
             break
         tried, after = i, np.arange(i, len(target.position))
         # forwards: the rest of the path from the joints before the jump
-        rest, more = _pass(vjm, in_order(target, after), found.q[i])
-        if rest.there.sum() >= found.there[after].sum() and 0 not in more:
-            found, rough = replaced(found, after, rest), i + more
+        rest, more = _pass(vjm, in_order(target, after), reached.q[i])
+        if rest.converged.sum() >= reached.converged[after].sum() and 0 not in more:
+            reached, rough = with_rows(reached, after, rest), i + more
             continue
         # backwards: from the joints behind the jump to where both branches meet
         before = np.arange(i + 1, -1, -1)
-        back, _ = _pass(vjm, in_order(target, before), found.q[i + 1])
-        gap = np.abs(back.q[::-1][1:] - found.q[: i + 1]).max(axis=1)
+        back, _ = _pass(vjm, in_order(target, before), reached.q[i + 1])
+        gap = np.abs(back.q[::-1][1:] - reached.q[: i + 1]).max(axis=1)
         meet = int(np.argmin(gap)) + 1
         own = np.arange(meet, i + 2)
-        if gap[meet - 1] < STEADY and back.there[: len(own)].sum() >= found.there[own].sum():
-            found = replaced(found, own, in_order(back, i + 1 - own))
-    return found
+        if gap[meet - 1] < STEADY and back.converged[: len(own)].sum() >= reached.converged[own].sum():
+            reached = with_rows(reached, own, in_order(back, i + 1 - own))
+    return reached
 
 
 def _pass(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
     """Find joints along a path once, and the points, (jumps,), behind which they jump."""
     turn = np.linalg.norm(turn_between(target.rotation[:-1], target.rotation[1:]), axis=1)
     step = np.linalg.norm(np.diff(target.position, axis=0), axis=1)
-    way = np.concatenate([[0.0], np.cumsum(step / (STRIDE * vjm.reach) + turn / TURN + 1e-9)])
-    places, q = supported(vjm, target, _strides(way), first)
+    way = np.concatenate([[0.0], np.cumsum(step / (STRIDE * vjm.reach) + turn / FAR_ROTATION + 1e-9)])
+    places, q = path_supports(vjm, target, _strides(way), first)
     start = np.stack([np.interp(way, way[places], own) for own in q.T], axis=1)
     # a motion well beyond the interpolated one is a jump to another branch
     steady = STEADY + np.minimum(2 * np.abs(np.diff(start, axis=0)), FASTEST * np.diff(way)[:, None])
-    found = _again(vjm, target, reach(vjm, target, start))
-    jumps = (np.abs(np.diff(found.q, axis=0)) > steady).any(axis=1)
-    return found, np.flatnonzero(jumps & found.there[1:] & found.there[:-1])
+    reached = _again(vjm, target, solve_poses(vjm, target, start))
+    jumps = (np.abs(np.diff(reached.q, axis=0)) > steady).any(axis=1)
+    return reached, np.flatnonzero(jumps & reached.converged[1:] & reached.converged[:-1])
 
 
 def _strides(way: Array) -> Ids:
@@ -264,20 +268,20 @@ def _strides(way: Array) -> Ids:
     return np.array(found)
 
 
-def _again(vjm: Vjm, target: Target, found: Reached) -> Reached:
+def _again(vjm: Vjm, target: Target, reached: Reached) -> Reached:
     """Try unreached points once more from the nearest points that were reached."""
-    there = np.flatnonzero(found.there)
-    lost = np.flatnonzero(~found.there)
+    there = np.flatnonzero(reached.converged)
+    lost = np.flatnonzero(~reached.converged)
     if not len(there) or not len(lost):
-        return found
+        return reached
     right = np.minimum(np.searchsorted(there, lost), len(there) - 1)
     left = np.maximum(right - 1, 0)
     nearer = np.where(np.abs(there[left] - lost) < np.abs(there[right] - lost), left, right)
-    other = reach(vjm, in_order(target, lost), found.q[there[nearer]])
-    return replaced(found, lost[other.there], in_order(other, np.flatnonzero(other.there)))
+    other = solve_poses(vjm, in_order(target, lost), reached.q[there[nearer]])
+    return with_rows(reached, lost[other.converged], in_order(other, np.flatnonzero(other.converged)))
 
 
-def settle(vjm: Vjm, target: Target, found: Reached, open_: Ids) -> Reached:
+def solve_path(vjm: Vjm, target: Target, found: Reached, open_: Ids) -> Reached:
     """Solve poses again, each from the one before, until none changes; a reached pose stays reached.
 
     Args:
@@ -291,17 +295,19 @@ def settle(vjm: Vjm, target: Target, found: Reached, open_: Ids) -> Reached:
     """
     while len(open_):
         # solve from the left neighbour; where that changes a pose, the pose behind it is open again
-        own, old = reach(vjm, in_order(target, open_), found.q[open_ - 1]), in_order(found, open_)
-        moved = np.abs(own.q - old.q).max(axis=1) > SAME
-        nearer = own.distance + own.angle * vjm.reach < CLOSER * (old.distance + old.angle * vjm.reach)
-        change = np.where(own.there, moved | ~old.there, nearer & ~old.there)
-        found = replaced(found, open_[change], in_order(own, np.flatnonzero(change)))
+        reached, old = solve_poses(vjm, in_order(target, open_), found.q[open_ - 1]), in_order(found, open_)
+        moved = np.abs(reached.q - old.q).max(axis=1) > SAME_CONFIGURATION
+        nearer = reached.distance + reached.angle * vjm.reach < MIN_IMPROVEMENT * (
+            old.distance + old.angle * vjm.reach
+        )
+        change = np.where(reached.converged, moved | ~old.converged, nearer & ~old.converged)
+        found = with_rows(found, open_[change], in_order(reached, np.flatnonzero(change)))
         open_ = open_[change] + 1
         open_ = open_[open_ < len(found.q)]
     return found
 
 
-def supported(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids, Array]:
+def path_supports(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids, Array]:
     """Find supports of a path and their joints; where joints turn fast, supports are added.
 
     Args:
@@ -313,20 +319,20 @@ def supported(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids,
     Returns:
         Indices of all supports, (supports,), and their joints, (supports, n) [rad, m].
     """
-    found = reach(vjm, in_order(target, places), np.tile(first, (len(places), 1)))
+    found = solve_poses(vjm, in_order(target, places), np.tile(first, (len(places), 1)))
     open_ = np.arange(1, len(places))
     for _ in range(HALVINGS):
         # the supports so far, each from the one before
-        found = settle(vjm, in_order(target, places), found, open_)
-        far = np.abs(np.diff(found.q, axis=0)).max(axis=1, initial=0) > APART
-        wide = np.flatnonzero(far & found.there[1:] & found.there[:-1] & (np.diff(places) > 1))
+        found = solve_path(vjm, in_order(target, places), found, open_)
+        far = np.abs(np.diff(found.q, axis=0)).max(axis=1, initial=0) > MAX_SUPPORT_MOTION
+        wide = np.flatnonzero(far & found.converged[1:] & found.converged[:-1] & (np.diff(places) > 1))
         if not len(wide):
             break
         # halfway between supports whose joints are far apart a new one is added
         between = (places[wide] + places[wide + 1]) // 2
-        own = reach(vjm, in_order(target, between), found.q[wide])
+        reached = solve_poses(vjm, in_order(target, between), found.q[wide])
         order = np.argsort(np.concatenate([places, between]))
         places = np.concatenate([places, between])[order]
-        found = in_order(joined([found, own]), order)
+        found = in_order(join_rows([found, reached]), order)
         open_ = np.flatnonzero(np.isin(places, between)) + 1
     return places, found.q

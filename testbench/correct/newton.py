@@ -1,12 +1,12 @@
 """Joints for which the loaded tool is on its target, solved by Newton's method for many points at once.
 
-Both unknowns move together: the virtual joints theta towards the equilibrium of `rest`, the commanded joints
-q towards the target. Every step evaluates the deflected arm once. It predicts by J_theta where the new theta
-brings the tool, and moves q by the remaining error. What it neglects is a hundredth on heavy arms, so five
-steps reach 1e-10 m. The operator of a step is that of the start, so the directions that are met or damped
-follow from the start of a point alone, and neighbours on a path stay neighbours. Steps have bounded length,
-and get shorter where they do not converge (a damped Newton method). Points that have not converged by then
-get a new operator in every step.
+Both unknowns move together: the virtual joints theta towards the equilibrium of `equilibrium`, the commanded
+joints q towards the target. Every step evaluates the deflected arm once. It predicts by J_theta where the new
+theta brings the tool, and moves q by the remaining error. What it neglects is a hundredth on heavy arms, so
+five steps reach 1e-10 m. The operator of a step is that of the start, so the directions that are met or
+damped follow from the start of a point alone, and neighbours on a path stay neighbours. Steps have bounded
+length, and get shorter where they do not converge (a damped Newton method). Points that have not converged by
+then get a new operator in every step.
 
 A step corrects position first, then as much of the rotation as is asked. With d the joints' motion, J_p and
 J_r the rows of the Jacobian for position and rotation, b_p and b_r the errors, and Z a base of the motions
@@ -16,8 +16,8 @@ that leave the position unchanged:
 
 So the position is met in any pose in which it can be met at all. Near a singular pose of the wrist a rotation
 costs large motions. There every direction z of small singular value s is damped, s / (s^2 + l^2) in place of
-1 / s, with l growing smoothly from zero at s = SMALL (Nakamura & Hanafusa 1986); the remaining rotation is
-reported. Where joints are redundant, d is the shortest.
+1 / s, with l growing smoothly from zero at s = MIN_SINGULAR_VALUE (Nakamura & Hanafusa 1986); the remaining
+rotation is reported. Where joints are redundant, d is the shortest.
 """
 
 from collections.abc import Sequence
@@ -26,25 +26,26 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from testbench.correct.rest import batches, put, rest
-from testbench.data.dataset import in_order, joined
+from testbench.correct.rest import assign_rows, batches, equilibrium
+from testbench.data.dataset import in_order, join_rows
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
-from testbench.identify.absolute.state import State, loads_at, unbent
+from testbench.identify.absolute.state import ArmState, loads_at, unsprung_theta
 from testbench.model.load import Load
 from testbench.model.tool_motion import turn_between, turn_of_axis
 from testbench.model.vjm import Chain, chain, cross, tool_pose
 
 Hold = Literal["pose", "axis", "position"]
 """Part of the tool's pose to correct: all, all but its rotation about the spindle, or its position alone."""
-SMALL = 0.05
+MIN_SINGULAR_VALUE = 0.05
 """Singular value [rad/rad] below which rotations are damped.
 
 There a rotation of one milliradian moves the joints by 20 mrad, more than a degree.
 """
-RANK = 1e-7  #: Singular value of J_p over its largest below which the tool cannot move in a direction [1].
+#: Singular value of J_p over its largest below which the tool cannot move in a direction [1].
+RANK_SHARE = 1e-7
 
 
-def solutions(J: Array, hold: Hold, axis: Array) -> Array:
+def newton_operator(J: Array, hold: Hold, axis: Array) -> Array:
     """Compute the operator G of a Newton step, d = G b, that meets position first and then rotation.
 
     Mathematics: `cor-4`, `cor-5`.
@@ -62,7 +63,7 @@ def solutions(J: Array, hold: Hold, axis: Array) -> Array:
     # position: pseudo-inverse J_p^+ without directions in which the tool cannot move
     U, s, Vt = np.linalg.svd(J[:, :3])
     r = s.shape[1]
-    keep = s > RANK * s[:, :1]
+    keep = s > RANK_SHARE * s[:, :1]
     inverse = np.where(keep, 1 / np.where(keep, s, 1), 0)
     position = (Vt[:, :r].swapaxes(1, 2) * inverse[:, None]) @ U[:, :, :r].swapaxes(1, 2)
     G = np.zeros((len(J), J.shape[2], 6))
@@ -85,19 +86,19 @@ def solutions(J: Array, hold: Hold, axis: Array) -> Array:
 def _damped(B: Array) -> Array:
     """Invert (points, 3, k) matrices, damped where they are nearly singular, (points, k, 3)."""
     U, s, Vt = np.linalg.svd(B, full_matrices=False)
-    scarce = np.maximum(0, 1 - s / SMALL)
-    gain = s / np.maximum(s**2 + (SMALL * scarce) ** 2, np.finfo(float).tiny)
+    scarce = np.maximum(0, 1 - s / MIN_SINGULAR_VALUE)
+    gain = s / np.maximum(s**2 + (MIN_SINGULAR_VALUE * scarce) ** 2, np.finfo(float).tiny)
     return np.asarray((Vt.swapaxes(1, 2) * gain[:, None]) @ U.swapaxes(1, 2))
 
 
 Asked = Literal["unloaded", "drawn"]
 """Meaning of programmed joints: the pose under own weight alone, as taught; or of the nominal rigid arm."""
 TOLERANCE = 1e-10  #: Largest error of a point's position and of its equilibrium [m, rad].
-FEW, MOST = 5, 60  #: Steps that suffice for most points, and most steps.
-SHORTER = 10  #: Number of steps after which steps are halved; after twice as many they are quartered.
-STILL = 1e-9  #: Largest motion of the joints in the last step [rad, m].
-LONGEST = 0.1  #: Largest motion of a joint in one step [rad, m].
-FARTHEST, UNIT = 10.0, 1e-6
+USUAL_STEPS, MAX_STEPS = 5, 60  #: Steps that suffice for most points, and most steps.
+HALVING_STEPS = 10  #: Number of steps after which steps are halved; after twice as many they are quartered.
+MIN_MOTION = 1e-9  #: Largest motion of the joints in the last step [rad, m].
+MAX_MOTION = 0.1  #: Largest motion of a joint in one step [rad, m].
+MAX_COORDINATE, UNIT = 10.0, 1e-6
 """Largest coordinate of a tool point in the tool's frame [m], and rounding of a unit vector's length [1]."""
 SPINDLE = (1.0, 0.0, 0.0)  #: Default axis of the spindle in the tool's frame [1].
 
@@ -116,22 +117,22 @@ class Aim:
 
     hold: Hold = "pose"  #: Part of the pose to correct.
     #: Meaning of programmed joints; None is "drawn" for an absolute model, "unloaded" for any other.
-    asked: Asked | None = None
+    reference: Asked | None = None
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Tool point in the tool's frame, (3,) [m].
     spindle: tuple[float, float, float] = SPINDLE  #: Unit vector of the spindle in the tool's frame, (3,).
 
     def __post_init__(self) -> None:
         """Refuse other words, a point that is none and a spindle of another length, by BenchError."""
-        if self.hold not in get_args(Hold) or self.asked not in (None, *get_args(Asked)):
+        if self.hold not in get_args(Hold) or self.reference not in (None, *get_args(Asked)):
             known = f"{', '.join(get_args(Hold))} and {', '.join(get_args(Asked))}"
-            raise BenchError(f"aim: expected {known}, got {self.hold!r} and {self.asked!r}")
+            raise BenchError(f"aim: expected {known}, got {self.hold!r} and {self.reference!r}")
         point, spindle = check_array(np.array([self.point, self.spindle]), (2, 3), "tool point and spindle")
-        if np.abs(point).max() > FARTHEST or abs(np.linalg.norm(spindle) - 1) > UNIT:
-            problem = f"a tool point within {FARTHEST:g} m and a spindle of length 1"
+        if np.abs(point).max() > MAX_COORDINATE or abs(np.linalg.norm(spindle) - 1) > UNIT:
+            problem = f"a tool point within {MAX_COORDINATE:g} m and a spindle of length 1"
             raise BenchError(f"aim: expected {problem}, got {self.point} and {self.spindle}")
 
 
-def asked(state: State, q: Array, meant: Asked, point: Array) -> Target:
+def target_of(state: ArmState, q: Array, meant: Asked, point: Array) -> Target:
     """Compute the target poses that programmed joints ask for.
 
     Mathematics: `cor-2`.
@@ -153,8 +154,8 @@ def asked(state: State, q: Array, meant: Asked, point: Array) -> Target:
     if meant == "drawn":
         position, rotation = tool_pose(state.vjm, q)
         return Target(position + rotation @ point, rotation)
-    found = rest(state, q)
-    return Target(found.at(point), found.rotation)
+    rest_poses = equilibrium(state, q)
+    return Target(rest_poses.at(point), rest_poses.rotation)
 
 
 @dataclass(frozen=True)
@@ -162,16 +163,17 @@ class Corrected:
     """Hold corrected joints, and the errors that remain."""
 
     q: Array  #: Joints to command, (points, n) [rad, m].
-    left: Array  #: Asked minus predicted position of the tool point, world, (points, 3) [m].
+    position_error: Array  #: Asked minus predicted position of the tool point, world, (points, 3) [m].
     #: Remaining rotation of the tool, or of its spindle's axis: rotation vectors, world, (points, 3) [rad].
-    turned: Array
-    balance: Array  #: Largest distance of a virtual joint from its equilibrium, (points,) [m, rad].
+    rotation_error: Array
+    #: Largest distance of a virtual joint from its equilibrium, (points,) [m, rad].
+    equilibrium_residual: Array
     steps: Ids  #: Evaluations of the deflected arm, (points,).
 
     @property
     def solved(self) -> Mask:
         """Tell which points are met within `TOLERANCE`, (points,); a damped rotation does not count."""
-        far = np.maximum(np.linalg.norm(self.left, axis=1), self.balance)
+        far = np.maximum(np.linalg.norm(self.position_error, axis=1), self.equilibrium_residual)
         return np.asarray(far <= TOLERANCE)
 
 
@@ -179,7 +181,7 @@ class Corrected:
 class Points:
     """Describe the points to solve: start, loads, target and joints that may move."""
 
-    state: State  #: The arm.
+    state: ArmState  #: The arm.
     start: Array  #: Joints to start from, (points, n) [rad, m].
     loads: Sequence[Load]  #: Each with a row a point.
     target: Target  #: Where the tool point has to be.
@@ -200,24 +202,24 @@ class Points:
 
 
 @dataclass(frozen=True)
-class _Off:
+class _Errors:
     """Hold how far points are from their targets and from equilibrium."""
 
-    where: Chain  #: Tool and Jacobian of the deflected arm.
-    left: Array  #: Asked minus predicted position, (points, 3) [m].
-    turned: Array  #: Remaining rotation, (points, 3) [rad].
-    springs: Array  #: Equilibrium of theta under its loads minus theta, (points, n_theta) [m, rad].
+    chain: Chain  #: Tool and Jacobian of the deflected arm.
+    position_error: Array  #: Asked minus predicted position, (points, 3) [m].
+    rotation_error: Array  #: Remaining rotation, (points, 3) [rad].
+    spring_error: Array  #: Equilibrium of theta under its loads minus theta, (points, n_theta) [m, rad].
 
 
-def _off(points: Points, q: Array, theta: Array) -> _Off:
+def _off(points: Points, q: Array, theta: Array) -> _Errors:
     """Evaluate the deflected arm once."""
     state = points.state
     where = chain(state.vjm, q, theta)
     u = loads_at(state, where, points.loads)
-    springs = unbent(state, q, points.loads) + (state.C_theta @ u).T - theta
+    springs = unsprung_theta(state, q, points.loads) + (state.C_theta @ u).T - theta
     position = where.position + where.rotation @ np.array(points.aim.point)
     turned = _turned(points, where.rotation)
-    return _Off(where, points.target.position - position, turned, springs)
+    return _Errors(where, points.target.position - position, turned, springs)
 
 
 def _turned(points: Points, rotation: Array) -> Array:
@@ -228,13 +230,13 @@ def _turned(points: Points, rotation: Array) -> Array:
     return turn_of_axis(rotation @ spindle, points.target.rotation @ spindle)
 
 
-def solve(points: Points) -> Corrected:
+def solve_inverse_statics(points: Points) -> Corrected:
     """Find joints for which the loaded tool is on its target, without regard to joint limits.
 
-    Most points converge in `FEW` steps of the constant operator. Late ones are solved together, whatever
-    batch they come from. Points that still do not converge are tried with an operator renewed in every step,
-    and then for their position alone: where the arm is stretched, rotation may keep the position from being
-    met.
+    Most points converge in `USUAL_STEPS` steps of the constant operator. Late ones are solved together,
+    whatever batch they come from. Points that still do not converge are tried with an operator renewed in
+    every step, and then for their position alone: where the arm is stretched, rotation may keep the position
+    from being met.
 
     Mathematics: `cor-1`, `cor-3`.
 
@@ -245,56 +247,62 @@ def solve(points: Points) -> Corrected:
         The joints and the remaining errors; `Corrected.solved` tells which points were reached.
     """
     # most points, then the late ones together
-    found = _in_batches(points, FEW)
-    late = np.flatnonzero(found.steps > FEW)
+    corrected = _in_batches(points, USUAL_STEPS)
+    late = np.flatnonzero(corrected.steps > USUAL_STEPS)
     if len(late):
-        put(found, late, _in_batches(points.of(late), MOST))
+        assign_rows(corrected, late, _in_batches(points.of(late), MAX_STEPS))
     alone = replace(points.aim, hold="position")
     # what is left: with a renewed operator, then position alone, with the first operator and a renewed one
     for aim, renewed in ((points.aim, True), (alone, False), (alone, True)):
-        bad = np.flatnonzero(~found.solved)
+        bad = np.flatnonzero(~corrected.solved)
         if len(bad):
-            again = _in_batches(replace(points.of(bad), aim=aim), MOST, renewed=renewed)
+            again = _in_batches(replace(points.of(bad), aim=aim), MAX_STEPS, renewed=renewed)
             better = np.flatnonzero(again.solved)
-            put(found, bad[better], in_order(again, better))
-    return found
+            assign_rows(corrected, bad[better], in_order(again, better))
+    return corrected
 
 
 def _in_batches(points: Points, most: int, *, renewed: bool = False) -> Corrected:
     """Solve points in batches with at most so many steps; `steps` is one more where these did not do."""
     some = batches(len(points.start))
-    return joined([_correct(points.of(part), most, renewed=renewed) for part in some])
+    return join_rows([_correct(points.of(part), most, renewed=renewed) for part in some])
 
 
 def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
     """Take at most so many Newton steps, with the operator of the start or renewed in every step."""
     runs = len(points.start)
-    q, theta = points.start.copy(), unbent(points.state, points.start, points.loads)
-    found = Corrected(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
+    q, theta = points.start.copy(), unsprung_theta(points.state, points.start, points.loads)
+    corrected = Corrected(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
     moving, now, moves = np.arange(runs), points, points.state.vjm.arm.moves
     G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))
     for step in range(most):
         # errors of position, rotation and equilibrium at the present q and theta
         off = _off(now, q[moving], theta[moving])
-        found.left[moving], found.turned[moving] = off.left, off.turned
-        found.balance[moving], found.steps[moving] = np.abs(off.springs).max(axis=1), step + 1
+        corrected.position_error[moving], corrected.rotation_error[moving] = (
+            off.position_error,
+            off.rotation_error,
+        )
+        corrected.equilibrium_residual[moving], corrected.steps[moving] = (
+            np.abs(off.spring_error).max(axis=1),
+            step + 1,
+        )
         # the operator of this step; a joint that is held has no column
         if step == 0 or renewed:
-            J = _jacobian(now.aim, off.where, now.state.vjm.own)
+            J = _jacobian(now.aim, off.chain, now.state.vjm.joint_slice)
             J = (J if moves is None else J @ moves) * now.free[:, None]
-            G = solutions(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
+            G = newton_operator(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
         # q by the operator, theta to its springs' equilibrium; points that stand still or diverge drop out
-        move = _move(now, off, q[moving], G, J) / 2 ** min(2, step // SHORTER)
-        still = found.solved[moving] & (np.abs(move).max(axis=1) <= STILL)
-        go = np.flatnonzero(~still & np.isfinite(off.left).all(axis=1))
+        move = _move(now, off, q[moving], G, J) / 2 ** min(2, step // HALVING_STEPS)
+        still = corrected.solved[moving] & (np.abs(move).max(axis=1) <= MIN_MOTION)
+        go = np.flatnonzero(~still & np.isfinite(off.position_error).all(axis=1))
         if not len(go):
-            return found
+            return corrected
         q[moving[go]] += move[go]
-        theta[moving[go]] += off.springs[go]
+        theta[moving[go]] += off.spring_error[go]
         if len(go) < len(moving):
             moving, now, G, J = moving[go], now.of(go), G[go], J[go]
-    found.steps[moving] += 1
-    return found
+    corrected.steps[moving] += 1
+    return corrected
 
 
 def _jacobian(aim: Aim, where: Chain, columns: slice) -> Array:
@@ -304,15 +312,17 @@ def _jacobian(aim: Aim, where: Chain, columns: slice) -> Array:
     return np.ascontiguousarray(np.concatenate([v + cross(omega, arm), omega]).transpose(2, 0, 1))
 
 
-def _move(points: Points, off: _Off, q: Array, G: Array, J: Array) -> Array:
+def _move(points: Points, off: _Errors, q: Array, G: Array, J: Array) -> Array:
     """Compute the step of the joints, (points, n), for the errors left when the springs have followed."""
     # the errors that remain once theta has followed its springs, to first order
-    arm = (off.where.rotation @ np.array(points.aim.point)).T
-    v, omega = np.einsum("xtr,rt->xr", off.where.J_theta, off.springs).reshape(2, 3, -1)
-    left = np.hstack([off.left - (v + cross(omega, arm)).T, off.turned - omega.T])
+    arm = (off.chain.rotation @ np.array(points.aim.point)).T
+    v, omega = np.einsum("xtr,rt->xr", off.chain.J_theta, off.spring_error).reshape(2, 3, -1)
+    left = np.hstack([off.position_error - (v + cross(omega, arm)).T, off.rotation_error - omega.T])
     # the whole motion from the start solves the start's linear equations: q = start + G (errors + J gone)
     gone = q - points.start
     move = np.matvec(G, left + np.matvec(J, gone)) - gone
     if points.state.vjm.arm.moves is not None:  # joints that follow others move as these do
         move = np.matvec(points.state.vjm.arm.moves, move)
-    return np.asarray(move * np.minimum(1, LONGEST / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None])
+    return np.asarray(
+        move * np.minimum(1, MAX_MOTION / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
+    )

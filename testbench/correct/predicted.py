@@ -9,16 +9,16 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.correct.rest import batches, rest
-from testbench.correct.uncertainty import Poses, curvature, half_widths
-from testbench.data.dataset import joined
+from testbench.correct.rest import batches, equilibrium
+from testbench.correct.uncertainty import LoadedPoses, curvature, half_widths
+from testbench.data.dataset import join_rows
 from testbench.display import Displayed, span
 from testbench.errors import Array, check_array, check_items, check_type
 from testbench.identify.arm_model import ArmModel
-from testbench.identify.posterior import CURVED
+from testbench.identify.posterior import CURVATURE_COUNT
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import displacement
-from testbench.model.tool_motion import turn_between, turned
+from testbench.model.tool_motion import rotation_matrices, turn_between
 from testbench.model.vjm import chain
 
 
@@ -30,14 +30,15 @@ class Prediction(Displayed):
     """
 
     deflection: Array  #: Loaded minus unloaded position, world axes, (poses, 1 + m, 3) [m].
-    half: Array  #: Half widths of its 95 % intervals, (poses, 1 + m, 3) [m]; infinite where unobservable.
-    turn: Array  #: Rotation vector from unloaded to loaded tool, world axes, (poses, 3) [rad].
+    #: Half widths of its 95 % intervals, (poses, 1 + m, 3) [m]; infinite where unobservable.
+    half_width: Array
+    rotation_vector: Array  #: Rotation vector from unloaded to loaded tool, world axes, (poses, 3) [rad].
     position: Array  #: Loaded position, world, (poses, 1 + m, 3) [m]; on nominal geometry if not absolute.
     #: Half widths of its 95 % intervals, (poses, 1 + m, 3) [m]; infinite for a model of deflections alone.
-    position_half: Array
+    position_half_width: Array
     rotation: Array  #: Orientation of the loaded tool, world from tool, (poses, 3, 3) [1].
     #: Distance between the loaded tool's origin by Eq. (6) and by Eq. (7), (poses,) [m].
-    apart: Array
+    linearisation_error: Array
     theta: Array  #: Virtual joints of the loaded arm at its equilibrium, (poses, n_theta) [m, rad].
 
     def about(self) -> dict[str, object]:
@@ -57,7 +58,7 @@ class Prediction(Displayed):
     @cached_property
     def widest(self) -> Array:
         """Return the largest half width over the three axes of every point, (poses, 1 + m) [m]."""
-        return np.asarray(self.half.max(axis=2))
+        return np.asarray(self.half_width.max(axis=2))
 
 
 def predict(
@@ -89,14 +90,14 @@ def predict(
     q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
     points = model.vjm.markers if points is None else check_array(points, (None, 3), "points [m]")
     points = np.vstack([np.zeros(3), points])
-    every = Poses(q, loads)
-    return joined([_predict(model, every.of(some), points, linear) for some in batches(len(q))])
+    every = LoadedPoses(q, loads)
+    return join_rows([_predict(model, every.of(some), points, linear) for some in batches(len(q))])
 
 
-def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool) -> Prediction:
+def _predict(model: ArmModel, loaded: LoadedPoses, points: Array, linear: bool) -> Prediction:
     """Predict a few poses, as `predict`."""
-    before, after = rest(model.state, loaded.q), loaded.at_rest(model.state)
-    loaded, free = replace(loaded, rest=after), Poses(loaded.q, rest=before)
+    before, after = equilibrium(model.state, loaded.q), loaded.at_rest(model.state)
+    loaded, free = replace(loaded, equilibrium=after), LoadedPoses(loaded.q, equilibrium=before)
     half = half_widths(model, loaded, free, points)
     turn, straight = turn_between(before.rotation, after.rotation), _linear(model, loaded, points)
     deflection = after.points(points) - before.points(points)
@@ -104,17 +105,17 @@ def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool) -> Pre
     start = before.points(points)
     rotation = after.rotation
     if linear:
-        # Eq. (6) is off by its curvature: once for an absolute model, CURVED times for one of deflections,
-        # whose half width has it once already
+        # Eq. (6) is off by its curvature: once for an absolute model, CURVATURE_COUNT times for one of
+        # deflections, whose half width has it once already
         curved = curvature(model, loaded, free, points)
-        half = np.hypot(half, curved * (1.0 if model.absolute else np.sqrt(CURVED**2 - 1)))
+        half = np.hypot(half, curved * (1.0 if model.absolute else np.sqrt(CURVATURE_COUNT**2 - 1)))
         deflection, turn = straight
-        rotation = turned(turn) @ before.rotation
+        rotation = rotation_matrices(turn) @ before.rotation
     known = half_widths(model, loaded, None, points) if model.absolute else np.full(half.shape, np.inf)
     return Prediction(deflection, half, turn, start + deflection, known, rotation, apart, after.theta)
 
 
-def _linear(model: ArmModel, stand: Poses, points: Array) -> tuple[Array, Array]:
+def _linear(model: ArmModel, stand: LoadedPoses, points: Array) -> tuple[Array, Array]:
     """Compute deflections and rotations to first order, Eq. (6), of the arm that no load has deflected."""
     state = model.state
     where = chain(model.vjm, stand.q, np.tile(state.theta_0, (len(stand.q), 1)))

@@ -9,8 +9,9 @@ import numpy as np
 
 from testbench.errors import Array, BenchError, Mask, check_array
 
-SAME = 1e-7  #: Distance of points that count as one [m]: the tool waits there.
-LEAST = 1e-3  #: Length of a sum of unit vectors, or sine of feed and spindle, that defines no direction [1].
+SAME_POINT = 1e-7  #: Distance of points that count as one [m]: the tool waits there.
+#: Length of a sum of unit vectors, or sine of feed and spindle, that defines no direction [1].
+MIN_DIRECTION_LENGTH = 1e-3
 
 
 def process_wrench(
@@ -43,7 +44,7 @@ def process_wrench(
     feed = tangents(position, np.asarray(along[:, :2].any(axis=1)))
     across = np.cross(spindle, feed)
     sine = np.linalg.norm(across, axis=1)
-    there = sine > LEAST
+    there = sine > MIN_DIRECTION_LENGTH
     across[there] /= sine[there, None]
     untold = (
         ("feed", ~feed.any(axis=1), "the path stands still or turns back"),
@@ -74,7 +75,7 @@ def tangents(position: Array, acts: Mask) -> Array:
     """
     step = np.diff(position, axis=0)
     length = np.linalg.norm(step, axis=1)
-    moves = length > SAME
+    moves = length > SAME_POINT
     group = np.concatenate([[0], np.cumsum(moves)])
     cut = np.bincount(group, acts) > 0
     unit = step[moves] / length[moves, None]
@@ -89,4 +90,4 @@ def _halfway(unit: Array) -> Array:
     both[:-1] += unit
     both[1:] += unit
     size = np.linalg.norm(both, axis=1, keepdims=True)
-    return np.asarray(np.divide(both, size, out=np.zeros_like(both), where=size > LEAST))
+    return np.asarray(np.divide(both, size, out=np.zeros_like(both), where=size > MIN_DIRECTION_LENGTH))

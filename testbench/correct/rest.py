@@ -1,6 +1,6 @@
 """Static equilibrium of the loaded arm in any number of poses, computed in batches that are joined.
 
-All predictions and corrections of this room start from `rest`.
+All predictions and corrections of this room start from `equilibrium`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -8,18 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Rows, arrays, joined
+from testbench.data.dataset import Rows, arrays, join_rows
 from testbench.errors import Array, Ids, check_array
-from testbench.identify.absolute.state import State, equilibrium
+from testbench.identify.absolute.state import ArmState, joint_equilibrium
 from testbench.model.load import Load
 from testbench.model.vjm import on_tool
 from testbench.progress import stepwise
 
-TOGETHER = 512  #: Poses computed side by side: enough for numpy, few for its cache.
+POSES_AT_ONCE = 512  #: Poses computed side by side: enough for numpy, few for its cache.
 
 
 def batches(poses: int) -> Iterator[slice]:
-    """Split poses into slices of at most `TOGETHER`, and report progress; one empty slice for no poses.
+    """Split poses into slices of at most `POSES_AT_ONCE`, and report progress; one empty slice for no poses.
 
     Args:
         poses: Number of poses.
@@ -27,10 +27,12 @@ def batches(poses: int) -> Iterator[slice]:
     Returns:
         The slices, in order.
     """
-    return stepwise([slice(k, k + TOGETHER) for k in range(0, max(poses, 1), TOGETHER)], "solving poses")
+    return stepwise(
+        [slice(k, k + POSES_AT_ONCE) for k in range(0, max(poses, 1), POSES_AT_ONCE)], "solving poses"
+    )
 
 
-def put(rows: Rows, where: Ids, others: Rows) -> None:
+def assign_rows(rows: Rows, where: Ids, others: Rows) -> None:
     """Overwrite some rows of arrays that belong together, in place.
 
     Args:
@@ -42,7 +44,7 @@ def put(rows: Rows, where: Ids, others: Rows) -> None:
         values[where] = arrays(others)[name]
 
 
-def replaced(rows: Rows, where: Ids, others: Rows) -> Rows:
+def with_rows(rows: Rows, where: Ids, others: Rows) -> Rows:
     """Copy arrays that belong together, with some rows overwritten.
 
     Args:
@@ -53,13 +55,13 @@ def replaced(rows: Rows, where: Ids, others: Rows) -> Rows:
     Returns:
         The copy; the input stays as it is.
     """
-    found = joined([rows])
-    put(found, where, others)
+    found = join_rows([rows])
+    assign_rows(found, where, others)
     return found
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestPoses:
     """Hold the equilibrium: virtual joints, and the tool's pose."""
 
     theta: Array  #: Virtual joints, (poses, n_theta) [m, rad].
@@ -89,7 +91,7 @@ class Rest:
         return on_tool((self.position, self.rotation), points)
 
 
-def rest(state: State, q: Array, loads: Sequence[Load] = ()) -> Rest:
+def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> RestPoses:
     """Solve the static equilibrium of every pose under own weight and all loads.
 
     theta = theta_0 + C_theta u(q, theta, loads) + Phi(q) n, with u the generalised loads at theta, geometric
@@ -111,5 +113,5 @@ def rest(state: State, q: Array, loads: Sequence[Load] = ()) -> Rest:
     """
     q = check_array(q, (None, state.vjm.arm.n_joints), "q [rad, m]")
     loads = [load.over(len(q)) for load in loads]
-    found = (equilibrium(state, q[some], [load.of(some) for load in loads]) for some in batches(len(q)))
-    return joined([Rest(one.theta, one.where.position, one.where.rotation) for one in found])
+    found = (joint_equilibrium(state, q[some], [load.of(some) for load in loads]) for some in batches(len(q)))
+    return join_rows([RestPoses(one.theta, one.chain.position, one.chain.rotation) for one in found])

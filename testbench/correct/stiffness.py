@@ -6,12 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.correct.rest import batches, rest
-from testbench.correct.uncertainty import Poses, half_widths
-from testbench.data.dataset import joined
+from testbench.correct.rest import batches, equilibrium
+from testbench.correct.uncertainty import LoadedPoses, half_widths
+from testbench.data.dataset import join_rows
 from testbench.display import Displayed, span
 from testbench.errors import Array, check_items, check_type
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import ArmState
 from testbench.identify.arm_model import ArmModel
 from testbench.model.laws import tangent
 from testbench.model.load import Load, on_joints
@@ -26,19 +26,22 @@ class Stiffness(Displayed):
     #: Compliance C of Eq. (7), twist = C @ wrench, world axes, (poses, 6, 6) [m/N, rad/N, rad/(N m)].
     compliance: Array
     #: Semi-axes of the ellipsoid over which a unit force moves the tool, the longest first, (poses, 3) [m/N].
-    give: Array
+    displacement_per_force: Array
     axes: Array  #: Directions of the semi-axes as columns, world axes, (poses, 3, 3) [1].
 
     def about(self) -> dict[str, object]:
         """Summarise the stiffness: number of poses, least and largest principal stiffness."""
         ends = {"softest_N_per_um": self.principal[:, 0], "stiffest_N_per_um": self.principal[:, -1]}
-        return {"poses": len(self.give), **{name: span(1e-6 * values) for name, values in ends.items()}}
+        return {
+            "poses": len(self.displacement_per_force),
+            **{name: span(1e-6 * values) for name, values in ends.items()},
+        }
 
     @cached_property
     def principal(self) -> Array:
         """Compute the principal stiffnesses, softest first, (poses, 3) [N/m]; infinite along a rigid axis."""
         with np.errstate(divide="ignore"):
-            return np.asarray(1 / self.give)
+            return np.asarray(1 / self.displacement_per_force)
 
     @cached_property
     def softest(self) -> Array:
@@ -72,12 +75,12 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Arra
     """
     check_type(model, ArmModel, "model")
     check_items(loads, Load, "loads")
-    every = Poses(q, loads)
-    theta = rest(model.state, q, every.loads).theta if theta is None else theta
-    return joined([_stiffness(model.state, every.of(some), theta[some]) for some in batches(len(q))])
+    every = LoadedPoses(q, loads)
+    theta = equilibrium(model.state, q, every.loads).theta if theta is None else theta
+    return join_rows([_stiffness(model.state, every.of(some), theta[some]) for some in batches(len(q))])
 
 
-def _stiffness(state: State, poses: Poses, theta: Array) -> Stiffness:
+def _stiffness(state: ArmState, poses: LoadedPoses, theta: Array) -> Stiffness:
     vjm, n = state.vjm, state.vjm.arm.n_theta
     lawful = chain(vjm, poses.q, theta)
     where = replace(lawful, J_theta=lawful.J_theta[:, :n], laws=None)
@@ -91,7 +94,7 @@ def _stiffness(state: State, poses: Poses, theta: Array) -> Stiffness:
     return Stiffness(compliance, give, axes)
 
 
-def give_halves(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Array:
+def compliance_half_widths(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Array:
     """Compute half widths of the 95 % interval of how far a force along each principal axis moves the tool.
 
     Args:
@@ -109,9 +112,9 @@ def give_halves(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Arr
     """
     found, origin = np.empty((len(q), 3)), np.zeros(3)
     for some in batches(len(q)):
-        free = Poses(q[some], rest=rest(model.state, q[some]))
+        free = LoadedPoses(q[some], equilibrium=equilibrium(model.state, q[some]))
         for k in range(3):
             push = force * tool.axes[some, :, k]
-            pushed = Poses(q[some], [Load(np.hstack([push, 0 * push]), origin)])
+            pushed = LoadedPoses(q[some], [Load(np.hstack([push, 0 * push]), origin)])
             found[some, k] = half_widths(model, pushed, free, origin[None])[:, 0].max(axis=1)
     return found

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.correct.rest import Rest, batches, rest
+from testbench.correct.rest import RestPoses, batches, equilibrium
 from testbench.data.dataset import in_order
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import ArmState
 from testbench.identify.arm_model import ArmModel
-from testbench.identify.posterior import CONFIDENCE, conditional, quantile
-from testbench.identify.rows import jacobian, straight
+from testbench.identify.posterior import CONFIDENCE, conditional_covariance, quantile
+from testbench.identify.rows import jacobian, nominal_chain
 from testbench.model.joint_errors import basis
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import displacement
@@ -25,12 +25,12 @@ from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import own_weight
 
 LOOKED_AT = 60  #: Most poses, evenly picked, over which the most uncertain part is found.
-MOST = 0.5  #: Least share of the variance for a part to be named [1].
-LEAD = 1.2  #: Least ratio of its share to that of the next part [1].
+MIN_VARIANCE_SHARE = 0.5  #: Least share of the variance for a part to be named [1].
+MIN_LEAD = 1.2  #: Least ratio of its share to that of the next part [1].
 
 
 @dataclass(frozen=True)
-class Poses:
+class LoadedPoses:
     """Hold poses of the arm and the loads that act in them."""
 
     q: Array  #: Joints as commanded, (poses, n) [rad, m].
@@ -38,13 +38,13 @@ class Poses:
     #: Whether own weight counts as one of the loads for a model of compliances alone: deflections are then
     #: measured from the nominal rigid arm.
     heavy: bool = False
-    rest: Rest | None = None  #: Equilibrium under these loads; None where it is not known yet.
+    equilibrium: RestPoses | None = None  #: Equilibrium under these loads; None where it is not known yet.
 
     def __post_init__(self) -> None:
         """Give every load a row a pose; BenchError where it has another number of them."""
         object.__setattr__(self, "loads", [load.over(len(self.q)) for load in self.loads])
 
-    def of(self, some: slice | Ids) -> "Poses":
+    def of(self, some: slice | Ids) -> "LoadedPoses":
         """Take some of the poses.
 
         Args:
@@ -53,10 +53,10 @@ class Poses:
         Returns:
             k poses with their loads.
         """
-        known = None if self.rest is None else in_order(self.rest, some)
-        return Poses(self.q[some], [load.of(some) for load in self.loads], self.heavy, known)
+        known = None if self.equilibrium is None else in_order(self.equilibrium, some)
+        return LoadedPoses(self.q[some], [load.of(some) for load in self.loads], self.heavy, known)
 
-    def frees(self, other: "Poses") -> bool:
+    def releases(self, other: "LoadedPoses") -> bool:
         """Tell whether these poses are those of others, without loads.
 
         Args:
@@ -67,7 +67,7 @@ class Poses:
         """
         return not (self.loads or self.heavy) and np.array_equal(self.q, other.q)
 
-    def at_rest(self, state: State) -> Rest:
+    def at_rest(self, state: ArmState) -> RestPoses:
         """Return the equilibrium under these loads, solved if it is not known.
 
         Args:
@@ -79,10 +79,10 @@ class Poses:
         Raises:
             NoEquilibrium: When the arm cannot carry the loads; the message names the pose.
         """
-        return self.rest or rest(state, self.q, self.loads)
+        return self.equilibrium or equilibrium(state, self.q, self.loads)
 
 
-def half_widths(model: ArmModel, end: Poses, start: Poses | None, points: Array) -> Array:
+def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, points: Array) -> Array:
     """Compute half widths of 95 % intervals of positions, or of motions from one pose to another.
 
     Mathematics: `int-8`.
@@ -110,9 +110,13 @@ def half_widths(model: ArmModel, end: Poses, start: Poses | None, points: Array)
         rows = rows_between(model, end.of(some), before, points)
         half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:
-            own = end.of(some)
-            free = before if before is not None and before.frees(own) else Poses(own.q)
-            half = np.hypot(half, curvature(model, own, free, points))
+            loaded_poses = end.of(some)
+            free = (
+                before
+                if before is not None and before.releases(loaded_poses)
+                else LoadedPoses(loaded_poses.q)
+            )
+            half = np.hypot(half, curvature(model, loaded_poses, free, points))
         elif start is None:
             half = np.hypot(half, scatter)
         found.append(half)
@@ -124,7 +128,7 @@ def _scatter(model: ArmModel) -> float:
     return quantile(math.inf, (1 + CONFIDENCE) / 2) * model.scatter
 
 
-def fitted_half_widths(model: ArmModel, end: Poses, point: Array) -> Array:
+def fitted_half_widths(model: ArmModel, end: LoadedPoses, point: Array) -> Array:
     """Compute half widths of 95 % intervals of positions relative to each other: a frame is fitted to all.
 
     A tracker does not see the base, only its own frame. So an absolute model is more accurate between places
@@ -157,7 +161,7 @@ def fitted_half_widths(model: ArmModel, end: Poses, point: Array) -> Array:
     return np.asarray(np.hypot(half, _scatter(model)))
 
 
-def rows_between(model: ArmModel, end: Poses, start: Poses | None, points: Array) -> Array:
+def rows_between(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, points: Array) -> Array:
     """Compute positions, or motions from one pose to another, per unit of every uncertain unknown.
 
     Mathematics: `cor-8`.
@@ -180,7 +184,7 @@ def rows_between(model: ArmModel, end: Poses, start: Poses | None, points: Array
     return rows - _rows(model, start, points)
 
 
-def _rows(model: ArmModel, poses: Poses, points: Array) -> Array:
+def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
     """Compute positions per unit of every uncertain unknown, (poses, k, 3, c).
 
     An absolute model uses the deflected arm. A model of compliances alone uses loads on the undeflected arm,
@@ -188,19 +192,19 @@ def _rows(model: ArmModel, poses: Poses, points: Array) -> Array:
     every other; where the data have not shown one of them, that little would become infinite. `curvature`
     covers what is left out.
     """
-    state, told = model.state, straight(model.vjm, poses.q, poses.loads)
+    state, told = model.state, nominal_chain(model.vjm, poses.q, poses.loads)
     if model.absolute:
         theta = poses.at_rest(state).theta
         where = chain(model.vjm, poses.q, theta)
-        told = replace(told, theta=theta, where=where, u=on_joints(where, poses.loads))
+        told = replace(told, theta=theta, chain=where, u=on_joints(where, poses.loads))
     if model.absolute or poses.heavy:
-        told = replace(told, u=own_weight(told.where, state.weights) + told.u)
-    phi = basis(state.errors, model.arm, poses.q, told.u[model.vjm.own], state.torque_scale)
-    A = jacobian(model.unknowns, replace(told, phi=phi), points, turned=False)
+        told = replace(told, u=own_weight(told.chain, state.weights) + told.u)
+    phi = basis(state.errors, model.arm, poses.q, told.u[model.vjm.joint_slice], state.torque_scale)
+    A = jacobian(model.unknowns, replace(told, phi=phi), points, rotations=False)
     return A[:, :, model.columns].transpose(3, 0, 1, 2)
 
 
-def curvature(model: ArmModel, poses: Poses, free: Poses, points: Array) -> Array:
+def curvature(model: ArmModel, poses: LoadedPoses, free: LoadedPoses, points: Array) -> Array:
     """Compute the deflection that a linear model leaves out, which its fit put into other parameters.
 
     Compliances are identified by Eq. (12), which is linear; the equilibrium is not.
@@ -232,7 +236,7 @@ def curvature(model: ArmModel, poses: Poses, free: Poses, points: Array) -> Arra
 
 
 @dataclass(frozen=True)
-class Open:
+class LargestUncertainty:
     """Name the part of a model that causes most of the remaining uncertainty."""
 
     name: str  #: Name of a link or joint, "geometry" or "joint errors".
@@ -240,7 +244,9 @@ class Open:
     joint: bool  #: Whether it is the spring of a joint.
 
 
-def most_open(model: ArmModel, q: Array, loads: Sequence[Load], point: Array, absolute: bool) -> Open | None:
+def largest_uncertainty(
+    model: ArmModel, q: Array, loads: Sequence[Load], point: Array, absolute: bool
+) -> LargestUncertainty | None:
     """Find the part whose exact knowledge would remove most of the remaining uncertainty.
 
     Args:
@@ -251,21 +257,21 @@ def most_open(model: ArmModel, q: Array, loads: Sequence[Load], point: Array, ab
         absolute: Whether positions count, not how far loads move the point.
 
     Returns:
-        The part; None where no single one stands out by `MOST` and `LEAD`.
+        The part; None where no single one stands out by `MIN_VARIANCE_SHARE` and `MIN_LEAD`.
 
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     some = np.unique(np.linspace(0, len(q) - 1, min(LOOKED_AT, len(q))).round().astype(int))
-    end = Poses(q, loads, heavy=absolute).of(some)
-    rows = rows_between(model, end, None if absolute else Poses(q[some]), point[None])
+    end = LoadedPoses(q, loads, heavy=absolute).of(some)
+    rows = rows_between(model, end, None if absolute else LoadedPoses(q[some]), point[None])
     rows = rows.reshape(-1, rows.shape[-1])
     unseen = np.isinf(model.posterior.deviations(rows))
     shares = _unbound(model, rows[unseen]) if unseen.any() else _taken_away(model, rows)
     (best, share), (_, second) = sorted(((k, s) for k, s in shares.items()), key=lambda one: -one[1])[:2]
-    if share < MOST or share < LEAD * second:
+    if share < MIN_VARIANCE_SHARE or share < MIN_LEAD * second:
         return None
-    return Open(best, share, best in [joint.name for joint in model.arm.joints])
+    return LargestUncertainty(best, share, best in [joint.name for joint in model.arm.joints])
 
 
 def _taken_away(model: ArmModel, rows: Array) -> dict[str, float]:
@@ -274,7 +280,7 @@ def _taken_away(model: ArmModel, rows: Array) -> dict[str, float]:
     K = model.posterior.covariance(np.vstack([rows, np.diag(1 / np.where(size > 0, size, 1))]))
     whole, every = float(np.trace(K[:k, :k])), np.arange(k)
     return {
-        name: (whole - float(np.trace(conditional(K, every, k + columns)))) / (whole or 1.0)
+        name: (whole - float(np.trace(conditional_covariance(K, every, k + columns)))) / (whole or 1.0)
         for name, columns in _parts(model)
         if len(columns)
     }

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Shapes = dict[str, tuple[int | None, ...]]
 """Shapes of arrays by name and unit; None for any length."""
 
-SHOWN = 600
+MAX_SHOWN = 600
 """Most runs that are evaluated one by one, evenly out of all."""
 SKEW = 1e-9
 """Largest asymmetry of a matrix, as a share of its size."""
@@ -106,7 +106,7 @@ class Dataset(Displayed):
         """Compute the measured rotation of the tool, world axes, (runs, 3) [rad]; BenchError if not read."""
         if self.rotation_before is None or self.rotation_after is None:
             raise BenchError("dataset: expected orientations, it has positions only")
-        return turn(self.rotation_before, self.rotation_after)
+        return rotation_between(self.rotation_before, self.rotation_after)
 
 
 def read_by(data: Dataset, station: int) -> Mask:
@@ -122,7 +122,7 @@ def read_by(data: Dataset, station: int) -> Mask:
     return np.ones(data.runs, dtype=bool) if data.station is None else data.station == station
 
 
-def turn(before: Array, after: Array) -> Array:
+def rotation_between(before: Array, after: Array) -> Array:
     """Compute the rotation from one orientation to another.
 
     Args:
@@ -197,7 +197,7 @@ def select(data: Dataset, runs: Mask) -> Dataset:
 Rows = TypeVar("Rows", bound="DataclassInstance")
 
 
-def joined(parts: Sequence[Rows]) -> Rows:
+def join_rows(parts: Sequence[Rows]) -> Rows:
     """Concatenate the rows of several parts."""
     every = [arrays(part) for part in parts]
     whole = {name: np.concatenate([own[name] for own in every]) for name in every[0]}
@@ -223,7 +223,7 @@ def in_order(data: Rows, rows: Ids | Mask | slice) -> Rows:
     return replace(data, **{name: own[rows] for name, own in arrays(data).items()})
 
 
-def evenly(runs: Ids, most: int = SHOWN) -> Ids:
+def evenly(runs: Ids, most: int = MAX_SHOWN) -> Ids:
     """Select at most a given number of runs, evenly spaced; the first and the last are among them.
 
     Args:

@@ -14,38 +14,39 @@ from scipy.linalg import block_diag
 
 from testbench.data.series import Series
 from testbench.design.planning import CandidateSet
-from testbench.design.rows import SCALE_UNCERTAINTY, Problem, times
+from testbench.design.rows import SCALE_UNCERTAINTY, DesignProblem, row_products
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.state import State, forward
+from testbench.identify.absolute.state import ArmState, series_equilibrium
 from testbench.identify.absolute.unknowns import Unknowns
-from testbench.identify.metric import Metric, precision_root
+from testbench.identify.metric import PriorScaling, precision_root
 from testbench.identify.prior import Strength
-from testbench.identify.rows import rows_of
+from testbench.identify.rows import series_rows
 from testbench.model.vjm import chain, translation_rows
 
-BATCH = 250  #: Poses whose rows of all unknowns are in memory at a time.
-LOOSE = 1.0
+POSES_AT_ONCE = 250  #: Poses whose rows of all unknowns are in memory at a time.
+FRAME_DEVIATION = 1.0
 """Standard deviation that is expected of frames and mounts, which a few poses find [m, rad]."""
-LITTLE = 1e-3
+LITTLE_INFORMATION = 1e-3
 """Information of a plan of average poses, over the prior's, below which a direction counts as unseen [1]."""
 LITTLE_MORE = 0.5
-"""Value of `LITTLE` for a plan that follows earlier readings [1].
+"""Value of `LITTLE_INFORMATION` for a plan that follows earlier readings [1].
 
 It leaves about a quarter of a thousand unknowns: those about which further readings tell enough.
 """
 
 
 @dataclass(frozen=True)
-class Union:
+class JointUnknowns:
     """Describe all unknowns of an absolute calibration together, and how every pose is read."""
 
     unknowns: Unknowns  #: Layout of the unknowns.
-    state: State  #: Arm with its unknowns at their expected values.
+    state: ArmState  #: Arm with its unknowns at their expected values.
     L: Array  #: Unknowns per unit x of what the prior expects, (size, r).
     #: Readings of one pose: a row per load in the order of reading, with targets and noise.
     pose: Series
     rest: Array  #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
-    little: float = LITTLE  #: Threshold of information over the prior's, see `LITTLE` [1].
+    #: Threshold of information over the prior's, see `LITTLE_INFORMATION` [1].
+    little: float = LITTLE_INFORMATION
 
     @property
     def loads(self) -> int:
@@ -54,7 +55,7 @@ class Union:
 
 
 def expected_root(
-    unknowns: Unknowns, metric: Metric, uncertainty: float, geometry: float, error: float
+    unknowns: Unknowns, metric: PriorScaling, uncertainty: float, geometry: float, error: float
 ) -> Array:
     """Build a root of the prior's covariance: all unknowns per unit of what is expected of them.
 
@@ -68,13 +69,13 @@ def expected_root(
     Returns:
         L with unknowns = L x, block diagonal, (size, size).
     """
-    d = np.full(unknowns.starts["elastic"], LOOSE)
+    d = np.full(unknowns.starts["elastic"], FRAME_DEVIATION)
     d[unknowns.columns("geometry")], d[unknowns.columns("errors")] = geometry, error
     B, _ = precision_root(metric, Strength(uncertainty, SCALE_UNCERTAINTY))
     return np.asarray(block_diag(np.diag(d), np.linalg.solve(B.T, metric.L.T).T))
 
 
-def at(union: Union, q: Array) -> Series:
+def series_at(union: JointUnknowns, q: Array) -> Series:
     """Build the series of readings that poses would give: one row per pose and load, positions still zero.
 
     Args:
@@ -84,21 +85,21 @@ def at(union: Union, q: Array) -> Series:
     Returns:
         The series, poses times loads rows.
     """
-    one, loads = union.pose, union.loads
+    series, loads = union.pose, union.loads
     rows = len(q) * loads
     return replace(
-        one,
+        series,
         row=np.arange(rows),
         pose=np.arange(rows) // loads,
         q=np.repeat(q, loads, axis=0),
-        wrench=np.tile(one.wrench, (len(q), 1)),
-        point=np.tile(one.point, (len(q), 1)),
-        position=np.zeros((rows, len(one.markers), 3)),
-        rotation=None if one.rotation is None else np.tile(np.eye(3), (rows, 1, 1)),
+        wrench=np.tile(series.wrench, (len(q), 1)),
+        point=np.tile(series.point, (len(q), 1)),
+        position=np.zeros((rows, len(series.markers), 3)),
+        rotation=None if series.rotation is None else np.tile(np.eye(3), (rows, 1, 1)),
     )
 
 
-def measured_rows(union: Union, q: Array, onto: Array | None = None) -> Array:
+def measured_rows(union: JointUnknowns, q: Array, onto: Array | None = None) -> Array:
     """Compute whitened rows of poses per unit of x.
 
     Args:
@@ -113,10 +114,10 @@ def measured_rows(union: Union, q: Array, onto: Array | None = None) -> Array:
     if onto is None:
         return np.concatenate([own @ union.L for own in rows])
     scale = union.L @ onto
-    return np.concatenate([times(own, scale) for own in rows])
+    return np.concatenate([row_products(own, scale) for own in rows])
 
 
-def position_rows(union: Union, q: Array) -> Array:
+def position_rows(union: JointUnknowns, q: Array) -> Array:
     """Compute positions of all targets per unit of x, under one load after the other.
 
     Args:
@@ -129,13 +130,13 @@ def position_rows(union: Union, q: Array) -> Array:
     m = len(union.pose.markers)
 
     def rows(some: Array) -> Array:
-        A = rows_of(union.unknowns, union.state, at(union, some))[:m, :, :-1]
+        A = series_rows(union.unknowns, union.state, series_at(union, some))[:m, :, :-1]
         return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(some), -1, A.shape[2]) @ union.L)
 
     return np.concatenate([rows(some) for some in _batches(q)])
 
 
-def realigned(union: Union, rows: Array) -> float:
+def realignment_loss(union: JointUnknowns, rows: Array) -> float:
     """Compute the RMS error of positions before any pose is read, with frame and mount fitted to them.
 
     Args:
@@ -153,7 +154,7 @@ def realigned(union: Union, rows: Array) -> float:
     return float(np.sqrt(3 * np.square(arm).sum() / len(arm)))
 
 
-def joint_rest(union: Union, q: Array) -> Array:
+def joint_rest(union: JointUnknowns, q: Array) -> Array:
     """Compute the RMS displacement of targets by joint errors beyond the model, in every pose.
 
     Args:
@@ -167,7 +168,7 @@ def joint_rest(union: Union, q: Array) -> Array:
     return np.asarray(np.sqrt(np.square(_joint_rows(union, q)[:, : 3 * m]).sum(axis=(1, 2)) / m))
 
 
-def sag(union: Union, q: Array) -> Array:
+def sag_at(union: JointUnknowns, q: Array) -> Array:
     """Compute the RMS displacement of targets by own weight and the last load, at the expected compliances.
 
     Args:
@@ -177,15 +178,15 @@ def sag(union: Union, q: Array) -> Array:
     Returns:
         RMS distance over the targets, (poses,) [m].
     """
-    series, state = at(union, q), union.state
+    series, state = series_at(union, q), union.state
     rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
     points = state.mount(series).points
-    bent, straight = (forward(one, series).where.points(points) for one in (state, rigid))
+    bent, straight = (series_equilibrium(one, series).chain.points(points) for one in (state, rigid))
     moved = np.square(bent - straight).sum(axis=2).mean(axis=1)
     return np.asarray(np.sqrt(moved.reshape(len(q), -1)[:, -1]))
 
 
-def candidate_set(union: Union, q: Array, poses: int) -> CandidateSet:
+def candidate_set(union: JointUnknowns, q: Array, poses: int) -> CandidateSet:
     """Make poses the candidates of a plan, in the directions that such a plan can see.
 
     A direction counts as seen where `poses` average candidates tell more than `union.little` of it.
@@ -212,11 +213,11 @@ def candidate_set(union: Union, q: Array, poses: int) -> CandidateSet:
         raise BenchError("candidates: expected poses that move a target")
     lift, rest = V[:, seen], V[:, ~seen]
     rows = np.concatenate([measured_rows(union, some) @ lift for some in _batches(q)])
-    problem = Problem(rows, np.eye(lift.shape[1]), lift, rest @ rest.T, np.zeros((len(V), 0)))
+    problem = DesignProblem(rows, np.eye(lift.shape[1]), lift, rest @ rest.T, np.zeros((len(V), 0)))
     return CandidateSet(q, np.zeros(len(q), dtype=int), problem)
 
 
-def information_of(union: Union, q: Array) -> Array:
+def information_of(union: JointUnknowns, q: Array) -> Array:
     """Compute the information matrix of readings in some poses, without a prior.
 
     Args:
@@ -231,25 +232,25 @@ def information_of(union: Union, q: Array) -> Array:
 
 
 def _batches(q: Array) -> Iterator[Array]:
-    yield from np.array_split(q, max(1, -(-len(q) // BATCH)))
+    yield from np.array_split(q, max(1, -(-len(q) // POSES_AT_ONCE)))
 
 
-def _whitened(union: Union, q: Array) -> Array:
+def _whitened(union: JointUnknowns, q: Array) -> Array:
     """Compute whitened rows of poses per unit of the unknowns, (poses, k, size) [1/m, 1/rad].
 
     The covariance of a pose's readings is that of the tracker plus that of joint errors beyond the model.
     """
-    one = union.pose
-    A = rows_of(union.unknowns, union.state, at(union, q))[:, :, :-1]
+    series = union.pose
+    A = series_rows(union.unknowns, union.state, series_at(union, q))[:, :, :-1]
     A = A.transpose(3, 0, 1, 2).reshape(len(q), -1, A.shape[2])
-    sigma = np.full((union.loads, A.shape[1] // union.loads), one.sigma)
-    sigma[:, 3 * len(one.markers) :] = one.sigma_rotation or one.sigma
+    sigma = np.full((union.loads, A.shape[1] // union.loads), series.sigma)
+    sigma[:, 3 * len(series.markers) :] = series.sigma_rotation or series.sigma
     G = np.tile(_joint_rows(union, q), (1, union.loads, 1))
     root = np.linalg.cholesky(G @ G.swapaxes(1, 2) + np.diag(sigma.ravel() ** 2))
     return np.asarray(np.linalg.solve(root, A))
 
 
-def _joint_rows(union: Union, q: Array) -> Array:
+def _joint_rows(union: JointUnknowns, q: Array) -> Array:
     """Compute readings per unit of joint errors beyond the model, the arm rigid, (poses, 3 s, n) [m, rad].
 
     They do not depend on the load.

@@ -14,7 +14,7 @@ import numpy as np
 from testbench.design.criteria import mean_square
 from testbench.design.exchange import greedy
 from testbench.design.planning import Plan
-from testbench.design.rows import Problem, information
+from testbench.design.rows import DesignProblem, information
 from testbench.errors import Array, Ids
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.progress import stepwise
@@ -37,7 +37,7 @@ class Observability:
     of: int  #: Directions that the candidates can show.
 
 
-def observability(problem: Problem, chosen: Ids) -> Observability:
+def observability(problem: DesignProblem, chosen: Ids) -> Observability:
     """Compute the observability indices O1 to O5 of a plan.
 
     Mathematics: `pose-13`.
@@ -64,8 +64,8 @@ def observability(problem: Problem, chosen: Ids) -> Observability:
     )
 
 
-RANDOM = 200  #: Random plans per number of poses that the plan is compared with.
-COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses for which errors are reported.
+RANDOM_PLANS = 200  #: Random plans per number of poses that the plan is compared with.
+POSE_COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses for which errors are reported.
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,8 @@ class Baselines:
     """
 
     greedy: Array  #: RMS errors of the greedy plans of 1, 2, ... poses, (largest count,) [m].
-    random: dict[int, Array]  #: RMS errors of `RANDOM` random plans, (RANDOM,) [m], by number of poses.
+    #: RMS errors of `RANDOM_PLANS` random plans, (RANDOM_PLANS,) [m], by number of poses.
+    random: dict[int, Array]
 
 
 @dataclass(frozen=True)
@@ -138,18 +139,18 @@ def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) 
             [error(p) if whole or observability(problem, p).seen == problem.r else np.inf for p in plans]
         )
 
-    counts = sorted({*COUNTS, spec.poses})
+    counts = sorted({*POSE_COUNTS, spec.poses})
     order = greedy(problem, plan.criterion, problem.rows, counts[-1])
     return Baselines(
         greedy=errors(order[: k + 1] for k in range(len(order))),
         random={
-            count: errors([rng.choice(drawn, count, replace=drawn < count) for _ in range(RANDOM)])
+            count: errors([rng.choice(drawn, count, replace=drawn < count) for _ in range(RANDOM_PLANS)])
             for count in stepwise(counts, "drawing random plans")
         },
     )
 
 
-def error_after(problem: Problem, rows: Array) -> Callable[[Ids], float]:
+def error_after(problem: DesignProblem, rows: Array) -> Callable[[Ids], float]:
     """Make a function that predicts the RMS error at some predictions after some candidates were read.
 
     Args:
@@ -163,7 +164,7 @@ def error_after(problem: Problem, rows: Array) -> Callable[[Ids], float]:
     return lambda plan: math.sqrt(hidden + float((np.linalg.inv(information(problem, plan)) * W).sum()))
 
 
-def hidden_square(problem: Problem, rows: Array) -> float:
+def hidden_square(problem: DesignProblem, rows: Array) -> float:
     """Compute the mean square prediction error in directions that no candidate shows.
 
     Args:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.design.rows import Problem, times
+from testbench.design.rows import DesignProblem, row_products
 from testbench.errors import Array, BenchError
 
 CRITERIA = ("D", "A", "E", "G", "I", "test")  #: Names of all criteria; absolute readings have no "test".
@@ -40,7 +40,7 @@ class Tangent:
 
 
 @dataclass(frozen=True)
-class Determinant:
+class DeterminantCriterion:
     """Implement the D-criterion det(M)^(1/r), which measures the volume of the confidence ellipsoid."""
 
     def information(self, M: Array) -> float:
@@ -69,7 +69,7 @@ class Determinant:
         Returns:
             Phi(M + F^T F) of every candidate, (candidates,).
         """
-        seen = times(rows, np.asarray(np.linalg.inv(M))) @ rows.swapaxes(1, 2)
+        seen = row_products(rows, np.asarray(np.linalg.inv(M))) @ rows.swapaxes(1, 2)
         growth = np.linalg.slogdet(np.eye(rows.shape[1]) + seen)[1]
         return np.asarray(self.information(M) * np.exp(growth / len(M)))
 
@@ -89,7 +89,7 @@ class Determinant:
 
 
 @dataclass(frozen=True)
-class Linear:
+class LinearCriterion:
     """Implement the linear criteria 1 / tr(W M^-1): A, I and the test-pose criterion, by their W.
 
     A has W = 1/r, I the W of the workspace, the test-pose criterion that of the tasks.
@@ -141,7 +141,7 @@ class Linear:
 
 
 @dataclass(frozen=True)
-class Largest:
+class LargestCriterion:
     """Implement the minimax criteria G and E: 1 / the largest of k costs, each a cost tr(W_i M^-1).
 
     Where a gradient is needed, a smooth stand-in replaces the maximum: the power mean of the costs with
@@ -205,7 +205,7 @@ class Largest:
         return self.mix(M, share / share.sum())
 
 
-Criterion = Determinant | Linear | Largest  #: An information function.
+Criterion = DeterminantCriterion | LinearCriterion | LargestCriterion  #: An information function.
 
 
 def check_criterion(name: str, *, absolute: bool = False) -> None:
@@ -224,7 +224,9 @@ def check_criterion(name: str, *, absolute: bool = False) -> None:
         raise BenchError(f"no criterion {name!r}{what}; criteria are {', '.join(known)}")
 
 
-def criterion_of(name: str, problem: Problem, workspace: Array, tasks: Array | None = None) -> Criterion:
+def criterion_of(
+    name: str, problem: DesignProblem, workspace: Array, tasks: Array | None = None
+) -> Criterion:
     """Build a criterion from its name.
 
     Args:
@@ -238,16 +240,16 @@ def criterion_of(name: str, problem: Problem, workspace: Array, tasks: Array | N
         The criterion on information matrices (r, r).
     """
     if name == "D":
-        return Determinant()
+        return DeterminantCriterion()
     if name == "A":
-        return Linear(np.eye(problem.r) / problem.r)
+        return LinearCriterion(np.eye(problem.r) / problem.r)
     if name == "E":
         return criterion_e()
     wanted = (workspace if tasks is None or name != "test" else tasks) @ problem.lift
-    return criterion_g(wanted) if name == "G" else Linear(mean_square(wanted))
+    return criterion_g(wanted) if name == "G" else LinearCriterion(mean_square(wanted))
 
 
-def criterion_e() -> Largest:
+def criterion_e() -> LargestCriterion:
     """Build the E-criterion: the least eigenvalue of M, whose costs are the eigenvalues of M^-1."""
 
     def costs(M: Array) -> Array:
@@ -257,10 +259,10 @@ def criterion_e() -> Largest:
         V = np.linalg.eigh(M)[1]
         return np.asarray((V * share) @ V.T)
 
-    return Largest(costs, mix)
+    return LargestCriterion(costs, mix)
 
 
-def criterion_g(rows: Array) -> Largest:
+def criterion_g(rows: Array) -> LargestCriterion:
     """Build the G-criterion: 1 / the worst mean square prediction error of a pose.
 
     Args:
@@ -269,13 +271,13 @@ def criterion_g(rows: Array) -> Largest:
     Returns:
         The criterion on information matrices (r, r); its costs are (poses,) [m^2].
     """
-    every = squares(rows / math.sqrt(_points(rows)))
+    every = gram_matrices(rows / math.sqrt(_points(rows)))
 
     def costs(M: Array) -> Array:
         I = np.linalg.inv(M)  # noqa: E741 - as in the books
         return np.asarray(I.reshape(*I.shape[:-2], -1) @ every.T)
 
-    return Largest(costs, lambda M, share: (share @ every).reshape(M.shape))
+    return LargestCriterion(costs, lambda M, share: (share @ every).reshape(M.shape))
 
 
 def mean_square(rows: Array) -> Array:
@@ -298,7 +300,7 @@ def _points(rows: Array) -> float:
     return float(rows.shape[1] / 3)
 
 
-def squares(rows: Array) -> Array:
+def gram_matrices(rows: Array) -> Array:
     """Compute F^T F of every candidate, each flattened to a row.
 
     Args:
@@ -358,7 +360,7 @@ def gains_of(M: Array, rows: Array, W: Array) -> Gains:
         The gains.
     """
     (count, k, r), I = rows.shape, np.asarray(np.linalg.inv(M))  # noqa: E741
-    P = times(rows, np.hstack([I, I @ W @ I])).reshape(count, 2 * k, r)
+    P = row_products(rows, np.hstack([I, I @ W @ I])).reshape(count, 2 * k, r)
     both = np.ascontiguousarray((P @ rows.swapaxes(1, 2)).transpose(1, 2, 0))
     return Gains(rows, W, M, I, np.eye(k)[:, :, None] + both[0::2], both[1::2])
 
@@ -382,7 +384,7 @@ def grown(gains: Gains, own: Array) -> Gains:
     growth = gains.growth * float(np.linalg.eigvalsh(S)[-1])
     if not growth < GROWN:
         return gains_of(M, gains.rows, gains.W)
-    both = times(gains.rows, np.hstack([U, gains.I @ (gains.W @ U)])).transpose(1, 2, 0)
+    both = row_products(gains.rows, np.hstack([U, gains.I @ (gains.W @ U)])).transpose(1, 2, 0)
     T, R = np.ascontiguousarray(both[:, :k]), both[:, k:]
     X = np.einsum("ilp,lj->ijp", T, np.linalg.inv(S))
     half = np.einsum("ilp,jlp->ijp", X, R - np.einsum("ilp,lj->ijp", X, U.T @ gains.W @ U / 2))

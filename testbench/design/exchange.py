@@ -9,23 +9,23 @@ import itertools
 
 import numpy as np
 
-from testbench.design.criteria import Criterion, Largest, Linear, gains_of, grown
+from testbench.design.criteria import Criterion, LargestCriterion, LinearCriterion, gains_of, grown
 from testbench.design.relaxation import Relaxed, sensitivity
-from testbench.design.rows import Problem, behind, information, total
+from testbench.design.rows import DesignProblem, information, suffix_information, sum_information
 from testbench.errors import Array, Ids
 from testbench.progress import stepwise
 
-STARTS, FEWER, DRAWN = 12, 4, 190
+MAX_STARTS, MAX_STARTS_OF_MAXIMUM, MAX_DRAWN = 12, 4, 190
 """Most random starts from the relaxed weights; the same for G and E, whose trials cost more; and the most
 poses that all random starts have together. The greedy start comes in addition."""
 SHORTLIST = 1000  #: Candidates for the starts of G and E: the most sensitive ones.
 SWEEPS = 30  #: Most passes of the exchange over all poses of a plan.
-BETTER = 1e-7  #: Relative gain of Phi below which an exchange does not count [1].
-STALE = 1 / 8  #: Share of candidates left to try from which an old tangent is taken anew [1].
+MIN_GAIN = 1e-7  #: Relative gain of Phi below which an exchange does not count [1].
+STALE_SHARE = 1 / 8  #: Share of candidates left to try from which an old tangent is taken anew [1].
 
 
-def select(
-    problem: Problem, criterion: Criterion, poses: int, relaxed: Relaxed, rng: np.random.Generator
+def select_poses(
+    problem: DesignProblem, criterion: Criterion, poses: int, relaxed: Relaxed, rng: np.random.Generator
 ) -> Ids:
     """Find the best plan from several starts, each improved by exchange.
 
@@ -44,22 +44,22 @@ def select(
         Indices of the candidates of the plan, sorted, (poses,); a candidate may occur more than once.
     """
     # candidates that the starts may use
-    short, most = relaxed.support, STARTS
-    if isinstance(criterion, Largest):
+    short, most = relaxed.support, MAX_STARTS
+    if isinstance(criterion, LargestCriterion):
         useful = np.argsort(-sensitivity(problem.rows, relaxed.dual), kind="stable")[:SHORTLIST]
-        short, most = np.union1d(useful, short), FEWER
+        short, most = np.union1d(useful, short), MAX_STARTS_OF_MAXIMUM
     # random starts are drawn in proportion to the relaxed weights
     rows, share = problem.rows[short], np.zeros(len(problem.rows))
     share[relaxed.support] = relaxed.weights / relaxed.weights.sum()
     starts = [greedy(problem, criterion, rows, poses)]
-    starts += [rng.choice(len(short), poses, p=share[short]) for _ in range(min(most, DRAWN // poses))]
+    starts += [rng.choice(len(short), poses, p=share[short]) for _ in range(min(most, MAX_DRAWN // poses))]
     plans = [exchange(problem, criterion, rows, start) for start in stepwise(starts, "exchanging poses")]
     # only the best start is exchanged with all candidates
     best = max(plans, key=lambda plan: criterion.information(information(problem, short[plan])))
     return np.sort(exchange(problem, criterion, problem.rows, short[best]))
 
 
-def greedy(problem: Problem, criterion: Criterion, rows: Array, poses: int) -> Ids:
+def greedy(problem: DesignProblem, criterion: Criterion, rows: Array, poses: int) -> Ids:
     """Choose one pose after the other, each the best next one.
 
     Args:
@@ -72,7 +72,7 @@ def greedy(problem: Problem, criterion: Criterion, rows: Array, poses: int) -> I
         Indices into rows in the order of choice, (poses,).
     """
     M, plan = problem.prior, np.zeros(poses, dtype=int)
-    gains = gains_of(M, rows, criterion.W) if isinstance(criterion, Linear) else None
+    gains = gains_of(M, rows, criterion.W) if isinstance(criterion, LinearCriterion) else None
     for k in stepwise(range(poses), "choosing poses"):
         # of a linear criterion the gains follow M; the others are computed from it
         worth = criterion.after(M, rows) if gains is None else gains.after()
@@ -83,7 +83,7 @@ def greedy(problem: Problem, criterion: Criterion, rows: Array, poses: int) -> I
     return plan
 
 
-def exchange(problem: Problem, criterion: Criterion, rows: Array, plan: Ids) -> Ids:
+def exchange(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Ids) -> Ids:
     """Improve a plan by exchanging one pose for one candidate until no exchange helps (Fedorov 1972).
 
     Phi of any M is at most <Z, M> with Z of a tangent taken at any point. A tangent, even one of some
@@ -101,18 +101,18 @@ def exchange(problem: Problem, criterion: Criterion, rows: Array, plan: Ids) -> 
         Indices into rows of the improved plan, (poses,).
     """
     plan, left = plan.copy(), len(plan)
-    M = total(problem.prior, rows[plan])
+    M = sum_information(problem.prior, rows[plan])
     value, Z, fresh = criterion.information(M), criterion.tangent(M).Z, True
-    useful, before, after = sensitivity(rows, Z), problem.prior, behind(rows[plan])
+    useful, before, after = sensitivity(rows, Z), problem.prior, suffix_information(rows[plan])
     # `before` and `after` sum the information of the poses before and behind k: the plan without k
     for k in itertools.islice(itertools.cycle(range(len(plan))), SWEEPS * len(plan)):
         if k == 0:
-            before, after = problem.prior, behind(rows[plan])
+            before, after = problem.prior, suffix_information(rows[plan])
         # hopeful candidates: in place of k they lift the plane, an upper bound of Phi, above Phi of the plan
-        floor, rest = (1 + BETTER) * value, before + after[k + 1]
+        floor, rest = (1 + MIN_GAIN) * value, before + after[k + 1]
         hopeful = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
         # an old plane leaves too many: take it anew at the present M
-        if not fresh and len(hopeful) > STALE * len(rows):
+        if not fresh and len(hopeful) > STALE_SHARE * len(rows):
             Z, fresh = criterion.tangent(M).Z, True
             useful = sensitivity(rows, Z)
             hopeful = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)

@@ -1,7 +1,7 @@
 """Forecast of a plan: the error of predicted deflections to expect after identification, with intervals.
 
-A forecast is linear and normal: the error of a prediction is bias + spread @ N(0, 1). `widened` adds what
-nonlinear arms and wrong priors cost.
+A forecast is linear and normal: the error of a prediction is bias + spread @ N(0, 1). `inflate_intervals`
+adds what nonlinear arms and wrong priors cost.
 """
 
 import math
@@ -10,11 +10,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from testbench.design.rows import Problem
+from testbench.design.rows import DesignProblem
 from testbench.errors import Array, Mask
 
 DRAWS = 4000  #: Draws of the remaining error behind an interval.
-WIDER, BROAD = (0.7, 1.25), 1.2
+INFLATION, BROAD = (0.7, 1.25), 1.2
 """Factors on the ends of a 90 % interval and on a standard deviation, for nonlinear arms and wrong priors.
 
 Measured over the family of true arms and wrong priors, every pair twice (seeds 1 to 72; 8, 12 and 20 poses,
@@ -23,7 +23,7 @@ planned and random, on two grounds; all links and joints identified with a learn
 97 % of the errors of a deflection along one axis were within 1.2 times the normal interval of 95 %; on cast
 links 92 %.
 """
-OUTSIDE = 1e-6  #: Share of a prediction's norm along unseen directions from which it has no bound [1].
+UNSEEN_SHARE = 1e-6  #: Share of a prediction's norm along unseen directions from which it has no bound [1].
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Forecast:
     overall_high: float  #: 95th percentile [m].
 
 
-def widened(forecast: Forecast) -> Forecast:
-    """Widen a forecast's intervals to hold also where the arm is nonlinear and the prior wrong, by `WIDER`.
+def inflate_intervals(forecast: Forecast) -> Forecast:
+    """Widen a forecast's intervals by `INFLATION`, to hold where the arm is nonlinear and the prior wrong.
 
     Mathematics: `pose-11`.
 
@@ -54,7 +54,7 @@ def widened(forecast: Forecast) -> Forecast:
     Returns:
         The forecast with wider intervals; errors and deviations stay.
     """
-    below, above = WIDER
+    below, above = INFLATION
     return replace(
         forecast,
         low=below * forecast.low,
@@ -64,7 +64,7 @@ def widened(forecast: Forecast) -> Forecast:
     )
 
 
-def open_to(problem: Problem, rows: Array) -> Mask:
+def unbounded_rows(problem: DesignProblem, rows: Array) -> Mask:
     """Tell which predictions depend on directions that neither the candidates show nor a prior bounds.
 
     Args:
@@ -75,10 +75,10 @@ def open_to(problem: Problem, rows: Array) -> Mask:
         True where a pose's prediction error has no bound, (poses,).
     """
     open_ = np.linalg.norm(rows @ problem.unseen, axis=(1, 2))
-    return np.asarray(open_ > OUTSIDE * np.linalg.norm(rows, axis=(1, 2)))
+    return np.asarray(open_ > UNSEEN_SHARE * np.linalg.norm(rows, axis=(1, 2)))
 
 
-def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:
+def forecast(problem: DesignProblem, M: Array, rows: Array) -> Forecast:
     """Forecast the errors of predictions after a plan, by a linear model with normal noise.
 
     The covariance of x is lift M^-1 lift^T + hidden; a root of it spreads the predictions.
@@ -97,7 +97,7 @@ def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:
     half = np.linalg.solve(np.linalg.cholesky(M), problem.lift.T)
     values, V = np.linalg.eigh(half.T @ half + problem.hidden)
     found = forecast_of(np.zeros(rows.shape[:2]), rows @ (V * np.sqrt(np.maximum(values, 0))))
-    return without_bound(found, open_to(problem, rows))
+    return without_bound(found, unbounded_rows(problem, rows))
 
 
 def without_bound(forecast: Forecast, where: Mask) -> Forecast:

@@ -3,8 +3,8 @@
 It is a travelling salesman problem. Every pose has two of the chosen legs, and subtours are forbidden as they
 appear (Dantzig, Fulkerson and Johnson 1954). A place at distance zero from all others is where the round trip
 is cut open. Programs over legs to near places come first, and linear relaxations before integer ones: these
-cheaper programs show most subtours, and most surcharges, sooner. More than `EXACT` places use legs to near
-places only.
+cheaper programs show most subtours, and most surcharges, sooner. More than `MAX_EXACT_PLACES` places use legs
+to near places only.
 
 A surcharge of a leg, such as a collision check, is expensive to compute. It is asked only for legs that a
 best trip uses. Without it a trip seems no longer than it is. So the best trip whose legs were all asked is
@@ -21,9 +21,9 @@ from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from testbench.errors import Array, Ids, Mask
 
-NEAR = 12  #: Nearest other places of each place whose legs come first.
-TINY = 1e-7  #: Part of a leg that counts as zero in a linear relaxation [1].
-EXACT = 101  #: Most places whose legs are all tried: 100 poses and the cut.
+MAX_NEIGHBOURS = 12  #: Nearest other places of each place whose legs come first.
+ZERO_LEG = 1e-7  #: Part of a leg that counts as zero in a linear relaxation [1].
+MAX_EXACT_PLACES = 101  #: Most places whose legs are all tried: 100 poses and the cut.
 
 Surcharge = Callable[[int, int], float]
 """Function of two places to the cost of their leg beyond its travel, 0 or more."""
@@ -53,7 +53,7 @@ def shortest_path(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids
         surcharge: Function of two places that gives what their leg costs beyond its length, 0 or more.
 
     Returns:
-        Indices of the places in order, (places,). Optimal up to `EXACT` - 1 places.
+        Indices of the places in order, (places,). Optimal up to `MAX_EXACT_PLACES` - 1 places.
     """
     first = (cost == 0).argmax(axis=1)
     stops = np.unique(first)
@@ -74,7 +74,7 @@ def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
 
     Returns:
         Indices of the places in order, from place 0 to the last one before it, (places,). Optimal up to
-        `EXACT` places; beyond, the shortest that uses legs to near places only.
+        `MAX_EXACT_PLACES` places; beyond, the shortest that uses legs to near places only.
     """
     n = len(cost)
     if n <= 3:
@@ -83,7 +83,7 @@ def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
     price, asked = cost[every[:, 0], every[:, 1]], np.zeros(len(every), dtype=bool)
     parts: list[Mask] = []  # places that no subtour may join, (places,) each
     near = _near(cost)[every[:, 0], every[:, 1]]
-    legs = (near, np.ones_like(near)) if n <= EXACT else (near,)
+    legs = (near, np.ones_like(near)) if n <= MAX_EXACT_PLACES else (near,)
     # near legs relaxed, then whole; all legs relaxed, then whole: each keeps the rules found before
     for chosen, whole in itertools.product(legs, (False, True)):
         while True:
@@ -109,7 +109,7 @@ def _near(cost: Array) -> Mask:
     n = len(cost)
     rank = np.argsort(np.where(np.eye(n, dtype=bool), np.inf, cost), axis=1, kind="stable")
     near = np.zeros((n, n), dtype=bool)
-    near[np.arange(n)[:, None], rank[:, :NEAR]] = True
+    near[np.arange(n)[:, None], rank[:, :MAX_NEIGHBOURS]] = True
     near[np.arange(n), np.roll(np.arange(n), 1)] = True
     return np.asarray(near | near.T)
 
@@ -126,4 +126,4 @@ def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, whole: bool) 
     integrality = np.full(len(legs), int(whole))
     found = milp(price, integrality=integrality, bounds=Bounds(0, 1), constraints=rules)
     assert found.x is not None, found.message  # from each place to the next is a trip
-    return np.flatnonzero(found.x > (0.5 if whole else TINY))
+    return np.flatnonzero(found.x > (0.5 if whole else ZERO_LEG))

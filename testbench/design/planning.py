@@ -11,13 +11,13 @@ from itertools import pairwise
 import numpy as np
 
 from testbench.design.criteria import Criterion, check_criterion, criterion_of
-from testbench.design.exchange import greedy, select
+from testbench.design.exchange import greedy, select_poses
 from testbench.design.forecast import Forecast, forecast
 from testbench.design.order import joint_travel, shortest_path
-from testbench.design.refine import Reach, Search, ascend, refine
+from testbench.design.refine import Feasibility, Search, ascend_poses, refine_plan
 from testbench.design.relaxation import Relaxed, relax, sensitivity
 from testbench.design.rows import (
-    Problem,
+    DesignProblem,
     Specification,
     information,
     measured_rows,
@@ -27,7 +27,7 @@ from testbench.design.rows import (
 )
 from testbench.errors import Array, BenchError, Ids
 
-ASCENTS, CLIMBERS = 2, 60
+MAX_ASCENTS, CLIMBERS = 2, 60
 """Rounds in which the poses with most relaxed weight are improved, and how many poses in a round."""
 DETOUR = 10.0
 """Surcharge on the travel of a leg that would collide [rad]: it is used only where no other is left."""
@@ -39,11 +39,11 @@ class CandidateSet:
 
     q: Array  #: Actuated joints, (candidates, n) [rad, m].
     load: Ids  #: Index into the specification's loads, (candidates,).
-    problem: Problem  #: Their whitened rows, and the prior.
+    problem: DesignProblem  #: Their whitened rows, and the prior.
 
 
 @dataclass(frozen=True, kw_only=True)
-class Chosen:
+class ChosenPoses:
     """Hold the chosen poses in the order of measuring, with the certificate of the choice."""
 
     criterion: Criterion  #: Information function Phi that the plan maximises.
@@ -69,7 +69,7 @@ class Chosen:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan(Chosen):
+class Plan(ChosenPoses):
     """Hold the poses to measure under loads that are hung and taken off, and the specification they serve."""
 
     specification: Specification  #: Specification that the plan serves.
@@ -96,13 +96,13 @@ def candidate_set(spec: Specification, q: Array) -> CandidateSet:
     if spec.uncertainty is None and seen < r:
         raise BenchError(
             f"poses: {spec.poses} poses see at most {seen} of the {r} directions of "
-            f"{spec.experiment.metric.structure.name} that these loads can show, {r - seen} would be lost; "
+            f"{spec.experiment.scaling.structure.name} that these loads can show, {r - seen} would be lost; "
             f"expected at least {-(-r * spec.poses // seen)} poses, or a prior that fills the rest"
         )
     return CandidateSet(every, load, problem)
 
 
-def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.random.Generator) -> Plan:
+def make_plan(spec: Specification, name: str, q: Array, reach: Feasibility, rng: np.random.Generator) -> Plan:
     """Find the best plan by one of `CRITERIA`, certified against all poses examined.
 
     Args:
@@ -124,10 +124,10 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.ra
     arm = spec.experiment.vjm.arm
     search = Search(partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.followed)
     criterion = criterion_of(name, examined.problem, workspace_rows(spec), task_rows(spec))
-    return Plan(specification=spec, **vars(choose(search, criterion, examined)))
+    return Plan(specification=spec, **vars(choose_poses(search, criterion, examined)))
 
 
-def choose(search: Search, criterion: Criterion, examined: CandidateSet) -> Chosen:
+def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -> ChosenPoses:
     """Find the best poses by a criterion, certified against all poses examined.
 
     Args:
@@ -140,17 +140,17 @@ def choose(search: Search, criterion: Criterion, examined: CandidateSet) -> Chos
     """
     # relaxed optimum; its heaviest poses, improved locally, join the candidates
     relaxed = relax(examined.problem, criterion, search.poses)
-    for _ in range(ASCENTS):
+    for _ in range(MAX_ASCENTS):
         examined = _climb(search, examined, relaxed)
         relaxed = relax(examined.problem, criterion, search.poses, relaxed)
     # whole poses by exchange, then a local search in their joint angles
-    chosen = select(examined.problem, criterion, search.poses, relaxed, search.rng)
+    chosen = select_poses(examined.problem, criterion, search.poses, relaxed, search.rng)
     load = examined.load[chosen]
 
     def rows(trial: Array, places: Ids) -> Array:
         return search.measured(trial, load[places], examined.problem.lift)
 
-    q = refine(examined.q[chosen], examined.problem.prior, criterion, rows, search)
+    q = refine_plan(examined.q[chosen], examined.problem.prior, criterion, rows, search)
     # the order of measuring, and the bound over all poses examined, those of the plan among them
     order = _order(q, load, search.reach)
     found = _add(search, examined, q[order], load[order])
@@ -159,7 +159,7 @@ def choose(search: Search, criterion: Criterion, examined: CandidateSet) -> Chos
     return _measured(search, criterion, found, chosen, last)
 
 
-def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet) -> Chosen:
+def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet) -> ChosenPoses:
     """Choose each pose as the best next one of those examined: fast for many unknowns, with a loose bound.
 
     Args:
@@ -181,10 +181,10 @@ def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet
 
 def _measured(
     search: Search, criterion: Criterion, examined: CandidateSet, chosen: Ids, relaxed: Relaxed
-) -> Chosen:
+) -> ChosenPoses:
     """Assemble a plan from some of the poses examined, which are in the order of measuring."""
     q = examined.q[chosen]
-    return Chosen(
+    return ChosenPoses(
         criterion=criterion,
         q=q,
         load=examined.load[chosen],
@@ -205,7 +205,7 @@ def _climb(search: Search, examined: CandidateSet, relaxed: Relaxed) -> Candidat
         rows = search.measured(q, np.resize(load, len(q)), examined.problem.lift)
         return sensitivity(rows, relaxed.dual)
 
-    return _add(search, examined, ascend(examined.q[top], usefulness, search), load)
+    return _add(search, examined, ascend_poses(examined.q[top], usefulness, search), load)
 
 
 def _add(search: Search, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
@@ -215,7 +215,7 @@ def _add(search: Search, examined: CandidateSet, q: Array, load: Ids) -> Candida
     return CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], problem)
 
 
-def _order(q: Array, load: Ids, reach: Reach) -> Ids:
+def _order(q: Array, load: Ids, reach: Feasibility) -> Ids:
     """Order the poses: one load after the other, each on the shortest way through its poses, (poses,)."""
     found: list[int] = []
     for kind in np.unique(load):
@@ -228,7 +228,7 @@ def _order(q: Array, load: Ids, reach: Reach) -> Ids:
     return np.array(found)
 
 
-def promise(plan: Chosen, rows: Array) -> Forecast:
+def forecast_errors(plan: ChosenPoses, rows: Array) -> Forecast:
     """Forecast the errors of predictions after the plan was measured and the model identified.
 
     Args:

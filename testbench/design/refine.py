@@ -12,19 +12,20 @@ import numpy as np
 
 from testbench.design.criteria import Criterion
 from testbench.design.relaxation import sensitivity
-from testbench.design.rows import behind, total
+from testbench.design.rows import suffix_information, sum_information
 from testbench.errors import Array, Ids, Mask
 from testbench.progress import stepwise
 
-NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time by `refine`.
-FEWER = 16  #: Neighbours of a pose that are judged at a time by `ascend`, where many poses climb at once.
-ROUNDS, ASCENT = 22, 14  #: Rounds of `refine` and of `ascend`.
+NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time by `refine_plan`.
+#: Neighbours of a pose that are judged at a time by `ascend_poses`, where many poses climb at once.
+ASCEND_NEIGHBOURS = 16
+REFINE_ROUNDS, ASCEND_ROUNDS = 22, 14  #: Rounds of `refine_plan` and of `ascend_poses`.
 STEP, SHRINK = 0.25, 0.7
 """First standard deviation of a joint's step [rad], and its factor after a round without gain."""
-TRIES = 8  #: Neighbours, the best first, whose feasibility is checked in a round.
-BETTER = 1e-6  #: Relative gain below which a step does not count [1].
+CHECKED_NEIGHBOURS = 8  #: Neighbours, the best first, whose feasibility is checked in a round.
+MIN_GAIN = 1e-6  #: Relative gain below which a step does not count [1].
 
-TOGETHER = 32  #: Poses of the plan whose neighbours' rows are computed together.
+POSES_AT_ONCE = 32  #: Poses of the plan whose neighbours' rows are computed together.
 
 Rows = Callable[[Array, Ids], Array]
 """Function of joints (poses, n) [rad, m] and places in the plan (poses,) to whitened rows (poses, k, r).
@@ -41,7 +42,7 @@ Feasible = Callable[[Array], Mask]
 
 
 @dataclass(frozen=True)
-class Reach:
+class Feasibility:
     """Tell where the arm can go: which poses are feasible, and which ways between two poses are clear."""
 
     feasible: Feasible  #: Which poses (poses, n) [rad, m] the arm can take and the tracker can see.
@@ -56,7 +57,8 @@ class Search:
     measured: Measured  #: Whitened rows of poses, each under its own load, whose index is given.
     poses: int  #: Number of poses to measure.
     limits: Array  #: Lower and upper joint limits, (2, n) [rad, m].
-    reach: Reach  #: Which poses near the candidates are feasible, and which ways between them are clear.
+    #: Which poses near the candidates are feasible, and which ways between them are clear.
+    reach: Feasibility
     rng: np.random.Generator  #: Source of starts and steps.
     #: Function that moves dependent joints of poses, (..., n) [rad, m], to where the others bring them.
     followed: Callable[[Array], Array] = lambda q: q
@@ -75,7 +77,7 @@ class Search:
         return self.followed(np.clip(q + step * self.rng.standard_normal(shape), *self.limits))
 
 
-def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Search) -> Array:
+def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Search) -> Array:
     """Improve the joint angles of every pose of a plan; no step makes the criterion worse.
 
     Args:
@@ -89,10 +91,10 @@ def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Sea
         Improved poses, (poses, n) [rad, m].
     """
     q, step, own = q.copy(), np.full(len(q), STEP), rows(q, np.arange(len(q)))
-    M = total(prior, own)
-    for _ in stepwise(range(ROUNDS), "refining poses"):
-        before, after = prior, behind(own)
-        for places in np.array_split(np.arange(len(q)), -(-len(q) // TOGETHER)):
+    M = sum_information(prior, own)
+    for _ in stepwise(range(REFINE_ROUNDS), "refining poses"):
+        before, after = prior, suffix_information(own)
+        for places in np.array_split(np.arange(len(q)), -(-len(q) // POSES_AT_ONCE)):
             # neighbours of some poses at once, (places, NEIGHBOURS, n), and what they would tell
             trials = search.around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
             seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, NEIGHBOURS))
@@ -111,7 +113,7 @@ def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Sea
 
 
 def _better(criterion: Criterion, M: Array, own: Array, rows: Array, rest: Array) -> Ids:
-    """Find the trials that increase Phi in the place of a pose, the best first, at most `TRIES`.
+    """Find the trials that increase Phi in the place of a pose, the best first, at most `CHECKED_NEIGHBOURS`.
 
     Only trials are computed that a tangent leaves hope: Phi(M') is no more than <Z, M'>.
 
@@ -125,17 +127,17 @@ def _better(criterion: Criterion, M: Array, own: Array, rows: Array, rest: Array
     Returns:
         Indices of trials, (found,).
     """
-    floor, Z = (1 + BETTER) * criterion.information(M), criterion.tangent(M).Z
+    floor, Z = (1 + MIN_GAIN) * criterion.information(M), criterion.tangent(M).Z
     without = (Z * M).sum() - sensitivity(own[None], Z)
     hopeful = np.flatnonzero(without + sensitivity(rows, Z) > floor)
     if not len(hopeful):
         return hopeful
     reached = criterion.after(rest, rows[hopeful])
-    first = np.argsort(-reached)[:TRIES]
+    first = np.argsort(-reached)[:CHECKED_NEIGHBOURS]
     return np.asarray(hopeful[first[reached[first] > floor]])
 
 
-def ascend(q: Array, usefulness: Callable[[Array], Array], search: Search) -> Array:
+def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: Search) -> Array:
     """Improve poses by a measure that judges each pose alone.
 
     Args:
@@ -148,14 +150,14 @@ def ascend(q: Array, usefulness: Callable[[Array], Array], search: Search) -> Ar
         Poses at least as useful as their starts, (poses, n) [rad, m].
     """
     q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
-    for _ in range(ASCENT):
-        trial = search.around(q, np.tile(step[:, None], (FEWER, 1, 1)))
+    for _ in range(ASCEND_ROUNDS):
+        trial = search.around(q, np.tile(step[:, None], (ASCEND_NEIGHBOURS, 1, 1)))
         # every pose is replaced by its most useful neighbour if that is better and feasible; else its step
         # shrinks
-        reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(FEWER, -1)
+        reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(ASCEND_NEIGHBOURS, -1)
         best = reached.argmax(axis=0)
         trial, reached = trial[best, np.arange(len(q))], reached.max(axis=0)
-        better = np.flatnonzero(reached > (1 + BETTER) * value)
+        better = np.flatnonzero(reached > (1 + MIN_GAIN) * value)
         better = better[search.reach.feasible(trial[better])] if len(better) else better
         q[better], value[better] = trial[better], reached[better]
         step[np.setdiff1d(np.arange(len(q)), better)] *= SHRINK

@@ -15,22 +15,22 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from testbench.design.criteria import Criterion, squares
-from testbench.design.rows import Problem, times, total
+from testbench.design.criteria import Criterion, gram_matrices
+from testbench.design.rows import DesignProblem, row_products, sum_information
 from testbench.errors import Array, Ids
 
 FIRST, JOINING = 120, 40  #: Candidates of the first working set, and how many join it in a round.
-ROUNDS = 40  #: Most rounds.
+MAX_ROUNDS = 40  #: Most rounds.
 GAP = 1e-3  #: Relative gap from Phi, or its smooth stand-in, to the bound at which the relaxation ends [1].
-DROPPED = 1e-6  #: Share of the mean weight below which a candidate leaves the working set [1].
-STEPS = 150  #: Most multiplicative steps.
-POWER, GROW, MOST = 0.5, 1.3, 2.0
-"""First exponent of a multiplicative step, and its factor after a step that climbs, up to `MOST`."""
-ENTRY = 0.02  #: Share of all weight given to candidates without any before multiplicative steps [1].
-ENOUGH = 2.5e-4  #: Relative gap within the working set at which multiplicative steps end [1].
+MIN_WEIGHT = 1e-6  #: Share of the mean weight below which a candidate leaves the working set [1].
+MAX_STEPS = 150  #: Most multiplicative steps.
+POWER, GROW, MAX_EXPONENT = 0.5, 1.3, 2.0
+"""First exponent of a multiplicative step, and its factor after a step that climbs, up to `MAX_EXPONENT`."""
+ENTRY_SHARE = 0.02  #: Share of all weight given to candidates without any before multiplicative steps [1].
+INNER_GAP = 2.5e-4  #: Relative gap within the working set at which multiplicative steps end [1].
 RIDGE = 1e-9  #: Ridge on the Newton model's curvature over its mean diagonal [1]; candidates may depend.
-STIFF = 1e3  #: Weight of the equation sum w = N over the root of the curvature's mean diagonal [1].
-SHORTEST = 1e-3  #: Least share of a Newton step that is tried [1].
+EQUALITY_WEIGHT = 1e3  #: Weight of the equation sum w = N over the root of the curvature's mean diagonal [1].
+MIN_STEP = 1e-3  #: Least share of a Newton step that is tried [1].
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,10 @@ def sensitivity(rows: Array, Z: Array) -> Array:
     Returns:
         Sensitivities, (candidates,).
     """
-    return np.asarray(np.einsum("pkr,pkr->p", times(rows, Z), rows))
+    return np.asarray(np.einsum("pkr,pkr->p", row_products(rows, Z), rows))
 
 
-def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | None = None) -> Relaxed:
+def relax(problem: DesignProblem, criterion: Criterion, poses: int, start: Relaxed | None = None) -> Relaxed:
     """Solve the relaxed problem to within `GAP`, and bound Phi of every plan of as many poses.
 
     For G and E, which are not smooth, the bound is within a few per cent.
@@ -77,10 +77,10 @@ def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | N
     S = np.linspace(0, len(problem.rows) - 1, min(FIRST, len(problem.rows))).astype(int)
     S, w = (start.support, start.weights) if start else (S, np.full(len(S), poses / len(S)))
     best: Relaxed | None = None
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         # better weights on the working set S
         w = _climb(problem.prior, criterion, problem.rows[S], w)
-        M = total(problem.prior, np.sqrt(w)[:, None, None] * problem.rows[S])
+        M = sum_information(problem.prior, np.sqrt(w)[:, None, None] * problem.rows[S])
         # the bound over all candidates: <Z, prior> + N max <Z, F^T F>
         plane = criterion.tangent(M)
         g = sensitivity(problem.rows, plane.Z)
@@ -96,7 +96,7 @@ def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | N
 
 def _exchange_members(g: Array, S: Ids, w: Array) -> tuple[Ids, Array]:
     """Drop candidates without weight from the working set; add the most sensitive ones at weight zero."""
-    total, stay = w.sum(), w > DROPPED * w.mean()
+    total, stay = w.sum(), w > MIN_WEIGHT * w.mean()
     new = np.setdiff1d(np.argsort(-g, kind="stable")[:JOINING], S[stay])
     S, w = np.r_[S[stay], new], np.r_[w[stay], np.zeros(len(new))]
     return S, np.asarray(w * total / w.sum())
@@ -114,7 +114,7 @@ def _climb(prior: Array, criterion: Criterion, rows: Array, w: Array) -> Array:
     Returns:
         Weights of the same sum whose Phi, or its stand-in, is no less, (candidates,).
     """
-    every = squares(rows)
+    every = gram_matrices(rows)
     M = prior + (w @ every).reshape(prior.shape)
     plane = criterion.tangent(M)
     if not plane.bend:
@@ -128,7 +128,7 @@ def _climb(prior: Array, criterion: Criterion, rows: Array, w: Array) -> Array:
         return _multiply(prior, criterion, every, w)
     # halve the step until Phi does not fall
     share = 1.0
-    while share > SHORTEST:
+    while share > MIN_STEP:
         trial = w + share * (goal - w)
         if criterion.information(prior + (trial @ every).reshape(prior.shape)) >= plane.height:
             return np.asarray(trial)
@@ -138,7 +138,7 @@ def _climb(prior: Array, criterion: Criterion, rows: Array, w: Array) -> Array:
 
 def _curvature(rows: Array, every: Array, I: Array, Z: Array) -> Array:  # noqa: E741
     """Compute <Z, S_i M^-1 S_j> of all pairs of S = F^T F, with I = M^-1, (candidates, candidates)."""
-    half = times(rows, I).swapaxes(1, 2) @ times(rows, Z)
+    half = row_products(rows, I).swapaxes(1, 2) @ row_products(rows, Z)
     return np.asarray((half + half.swapaxes(1, 2)).reshape(len(rows), -1) @ every.T / 2)
 
 
@@ -147,7 +147,7 @@ def _best_of_model(slope: Array, H: Array, w: Array) -> Array:
     # |L^T x - L^-1 (H w + slope)|^2 is the model but for a constant; one stiff row keeps the sum of x
     size = float(np.trace(H)) / len(H)
     L = np.linalg.cholesky(H + RIDGE * size * np.eye(len(H)))
-    stiff = STIFF * np.sqrt(size)
+    stiff = EQUALITY_WEIGHT * np.sqrt(size)
     A, b = np.vstack([L.T, np.full(len(w), stiff)]), np.r_[np.linalg.solve(L, H @ w + slope), stiff * w.sum()]
     x, _ = nnls(A, b)
     return np.asarray(x * w.sum() / x.sum())
@@ -158,11 +158,11 @@ def _multiply(prior: Array, criterion: Criterion, every: Array, w: Array) -> Arr
     total, power, new = w.sum(), POWER, w == 0
     # a weight of zero stays zero under products: give new candidates some
     if new.any():
-        w = np.where(new, ENTRY * total / new.sum(), (1 - ENTRY) * w)
+        w = np.where(new, ENTRY_SHARE * total / new.sum(), (1 - ENTRY_SHARE) * w)
     plane = criterion.tangent(prior + (w @ every).reshape(prior.shape))
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         g = every @ plane.Z.ravel()
-        if total * g.max() - w @ g <= ENOUGH * plane.height:
+        if total * g.max() - w @ g <= INNER_GAP * plane.height:
             break
         # halve the exponent until the stand-in does not fall; let it grow after a step that climbs
         while power > 1e-3:
@@ -170,7 +170,7 @@ def _multiply(prior: Array, criterion: Criterion, every: Array, w: Array) -> Arr
             trial *= total / trial.sum()
             reached = criterion.tangent(prior + (trial @ every).reshape(prior.shape))
             if reached.height >= plane.height:
-                w, plane, power = trial, reached, min(GROW * power, MOST)
+                w, plane, power = trial, reached, min(GROW * power, MAX_EXPONENT)
                 break
             power /= 2
         else:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.unknowns import compliances
-from testbench.identify.metric import Metric, precision_root
+from testbench.identify.absolute.unknowns import compliance_unknowns
+from testbench.identify.metric import PriorScaling, precision_root
 from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE
-from testbench.identify.rows import jacobian, straight
+from testbench.identify.rows import jacobian, nominal_chain
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, skew
 
@@ -30,11 +30,11 @@ information.
 
 
 @dataclass(frozen=True)
-class Experiment:
+class MeasurementSetup:
     """Describe how every pose is measured: model, unknowns in the prior's metric, targets and noise."""
 
     vjm: Vjm  #: Kinematics of the arm.
-    metric: Metric  #: Unknowns in units x of what the prior expects, pi = L x.
+    scaling: PriorScaling  #: Unknowns in units x of what the prior expects, pi = L x.
     targets: Array  #: Points that the tracker reads, in the tool's frame, (m, 3) [m].
     sigma: float  #: Standard deviation of one reading along one axis [m].
 
@@ -51,7 +51,7 @@ class Tasks:
 class Specification:
     """Specify a plan: the measurement, possible loads, tasks, workspace, prior and number of poses."""
 
-    experiment: Experiment  #: How poses are measured.
+    experiment: MeasurementSetup  #: How poses are measured.
     loads: tuple[Load, ...]  #: Possible loads; a plan chooses one for every pose.
     tasks: Tasks  #: Where predictions are wanted.
     #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
@@ -62,7 +62,7 @@ class Specification:
 
 
 @dataclass(frozen=True)
-class Problem:
+class DesignProblem:
     """Hold candidates in the coordinates a that their loads can show.
 
     The unknowns are x = expected + lift a + a part that no candidate shows. The prior's information on a is
@@ -83,7 +83,7 @@ class Problem:
         return int(self.prior.shape[0])
 
 
-def reading_rows(experiment: Experiment, q: Array, load: Load, onto: Array | None = None) -> Array:
+def reading_rows(experiment: MeasurementSetup, q: Array, load: Load, onto: Array | None = None) -> Array:
     """Compute whitened rows of one loaded and one unloaded reading of all targets in every pose, Eq. (12).
 
     In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist. The
@@ -107,7 +107,7 @@ def reading_rows(experiment: Experiment, q: Array, load: Load, onto: Array | Non
     return _rows(experiment, q, load, G / (math.sqrt(2) * experiment.sigma), onto)
 
 
-def deflection_rows(experiment: Experiment, q: Array, load: Load) -> Array:
+def deflection_rows(experiment: MeasurementSetup, q: Array, load: Load) -> Array:
     """Compute deflections of the targets per unit of x, in the tool's axes.
 
     Args:
@@ -163,7 +163,7 @@ def measured_rows(spec: Specification, q: Array, load: Ids, onto: Array | None =
     return reading_rows(spec.experiment, q, loads_of(spec, load), onto)
 
 
-def problem_of(spec: Specification, q: Array, load: Ids) -> Problem:
+def problem_of(spec: Specification, q: Array, load: Ids) -> DesignProblem:
     """Make poses candidates, each under its own load.
 
     Args:
@@ -180,17 +180,19 @@ def problem_of(spec: Specification, q: Array, load: Ids) -> Problem:
     return build_problem(spec.experiment, measured_rows(spec, q, load), spec.uncertainty)
 
 
-def _rows(experiment: Experiment, q: Array, load: Load, motion: Array, onto: Array | None = None) -> Array:
+def _rows(
+    experiment: MeasurementSetup, q: Array, load: Load, motion: Array, onto: Array | None = None
+) -> Array:
     """Compute motion (k, 6) times the tool's twist per unit of x or a, in the tool's own axes, (poses, k, n).
 
     See `reading_rows`.
     """
-    told, metric = straight(experiment.vjm, q, [load.over(len(q))]), experiment.metric
-    unknowns = compliances(experiment.vjm, metric.structure)
-    A = jacobian(unknowns, told, np.zeros((1, 3)), turned=True)[:, :, :-1]
-    twist = np.einsum("rxy,sxcr->rsyc", told.where.rotation, A, optimize=True)
+    equilibrium, metric = nominal_chain(experiment.vjm, q, [load.over(len(q))]), experiment.scaling
+    unknowns = compliance_unknowns(experiment.vjm, metric.structure)
+    A = jacobian(unknowns, equilibrium, np.zeros((1, 3)), rotations=True)[:, :, :-1]
+    twist = np.einsum("rxy,sxcr->rsyc", equilibrium.chain.rotation, A, optimize=True)
     flat = twist.reshape(len(q), 6, -1)
-    return np.asarray(motion @ (flat @ metric.L if onto is None else times(flat, metric.L @ onto)))
+    return np.asarray(motion @ (flat @ metric.L if onto is None else row_products(flat, metric.L @ onto)))
 
 
 def marker_motion(points: Array) -> Array:
@@ -208,7 +210,7 @@ def marker_motion(points: Array) -> Array:
     return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)
 
 
-def times(rows: Array, X: Array) -> Array:
+def row_products(rows: Array, X: Array) -> Array:
     """Multiply rows by a matrix as one product: one product per pose takes two to three times as long.
 
     Args:
@@ -221,7 +223,7 @@ def times(rows: Array, X: Array) -> Array:
     return np.asarray((rows.reshape(-1, len(X)) @ X).reshape(*rows.shape[:2], -1))
 
 
-def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None) -> Problem:
+def build_problem(experiment: MeasurementSetup, rows: Array, uncertainty: float | None) -> DesignProblem:
     """Restrict candidates to the directions that they can show, and project the prior on these.
 
     Mathematics: `pose-3`.
@@ -247,18 +249,18 @@ def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None
     seen, rest = Vt[:r].T, Vt[r:].T
     if uncertainty is None:
         ridge = RIDGE * float(s[0] ** 2) / len(rows) * np.eye(r)
-        return Problem(times(rows, seen), ridge, seen, np.zeros((n, n)), rest)
-    B, _ = precision_root(experiment.metric, Strength(uncertainty, SCALE_UNCERTAINTY))
+        return DesignProblem(row_products(rows, seen), ridge, seen, np.zeros((n, n)), rest)
+    B, _ = precision_root(experiment.scaling, Strength(uncertainty, SCALE_UNCERTAINTY))
     M = B.T @ B
     # the rest follows the seen part in the prior's mean; its Schur complement is the prior on the seen part
     covariance = np.linalg.inv(rest.T @ M @ rest)
     follow = covariance @ (rest.T @ M @ seen)
     prior = seen.T @ M @ seen - (seen.T @ M @ rest) @ follow
     lift = seen - rest @ follow
-    return Problem(times(rows, seen), prior, lift, rest @ covariance @ rest.T, np.zeros((n, 0)))
+    return DesignProblem(row_products(rows, seen), prior, lift, rest @ covariance @ rest.T, np.zeros((n, 0)))
 
 
-def information(problem: Problem, chosen: Sequence[int] | Ids) -> Array:
+def information(problem: DesignProblem, chosen: Sequence[int] | Ids) -> Array:
     """Compute the information matrix of a plan, M = prior + sum F^T F.
 
     Mathematics: `pose-2`.
@@ -270,10 +272,10 @@ def information(problem: Problem, chosen: Sequence[int] | Ids) -> Array:
     Returns:
         M, prior included, (r, r).
     """
-    return total(problem.prior, problem.rows[np.asarray(chosen, dtype=int)])
+    return sum_information(problem.prior, problem.rows[np.asarray(chosen, dtype=int)])
 
 
-def behind(rows: Array) -> Array:
+def suffix_information(rows: Array) -> Array:
     """Compute the information of the poses from each one on, without the prior: suffix sums of F^T F.
 
     The information without one pose is the sum of what those before and those behind tell. A difference would
@@ -292,7 +294,7 @@ def behind(rows: Array) -> Array:
     return found
 
 
-def total(prior: Array, rows: Array) -> Array:
+def sum_information(prior: Array, rows: Array) -> Array:
     """Compute the information after some rows were read, prior + sum F^T F.
 
     Args:

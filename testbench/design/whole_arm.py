@@ -12,7 +12,7 @@ import numpy as np
 from testbench.design.forecast import Forecast, forecast_of, mean_square_of
 from testbench.design.rows import (
     SCALE_UNCERTAINTY,
-    Experiment,
+    MeasurementSetup,
     Specification,
     deflection_rows,
     loads_of,
@@ -27,18 +27,20 @@ from testbench.model.load import Load
 
 
 @dataclass(frozen=True)
-class Fitted:
+class LinearFit:
     """Hold the affine fit of a model to what a plan reads of an arm that has more unknowns, x_m = K y + k."""
 
-    whole: Experiment  #: The measurement with every unknown of the arm.
+    whole: MeasurementSetup  #: The measurement with every unknown of the arm.
     uncertainty: float  #: Relative uncertainty u of the arm's compliances around their expectation [1].
-    model: Experiment  #: The measurement with the model's unknowns, n of them.
+    model: MeasurementSetup  #: The measurement with the model's unknowns, n of them.
     scatter: Array  #: K of the fit, or a matrix of at most n columns with the same K K^T, (n, columns) [1].
     k: Array  #: Constant k of the fit, (n,) [1].
     gain: Array  #: K A, response of the fit to each of the arm's unknowns, (n, unknowns of the arm) [1].
 
 
-def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array, load: Ids) -> Fitted:
+def fit_of(
+    whole: MeasurementSetup, uncertainty: float, spec: Specification, q: Array, load: Ids
+) -> LinearFit:
     """Fit a specification's model, with or without its prior, to a plan that is measured on the whole arm.
 
     Mathematics: `pose-12`.
@@ -55,10 +57,10 @@ def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array,
     """
     A = _flat(reading_rows(whole, q, loads_of(spec, load)))
     K, k = _fit(spec, _flat(measured_rows(spec, q, load)))
-    return Fitted(whole, uncertainty, spec.experiment, _narrow(K), k, K @ A)
+    return LinearFit(whole, uncertainty, spec.experiment, _narrow(K), k, K @ A)
 
 
-def promise_on(fit: Fitted, q: Array, load: Load) -> Forecast:
+def forecast_on(fit: LinearFit, q: Array, load: Load) -> Forecast:
     """Forecast the errors of the fit's predictions, with intervals.
 
     Mathematics: `pose-12`.
@@ -74,7 +76,7 @@ def promise_on(fit: Fitted, q: Array, load: Load) -> Forecast:
     return forecast_of(*_error(fit, q, load))
 
 
-def error_on(fit: Fitted, q: Array, load: Load) -> Array:
+def error_on(fit: LinearFit, q: Array, load: Load) -> Array:
     """Compute the RMS errors of the fit's predictions without intervals, which take most of the time.
 
     Args:
@@ -88,21 +90,21 @@ def error_on(fit: Fitted, q: Array, load: Load) -> Array:
     return np.sqrt(mean_square_of(*_error(fit, q, load)))
 
 
-def _error(fit: Fitted, q: Array, load: Load) -> tuple[Array, Array]:
+def _error(fit: LinearFit, q: Array, load: Load) -> tuple[Array, Array]:
     """Compute bias and spread of the predictions, as `forecast_of` takes them."""
     # D = T - T_m K A acts on the arm's unknowns, T_m K on the noise
     T, own = (deflection_rows(experiment, q, load) for experiment in (fit.whole, fit.model))
     D = T - own @ fit.gain
-    bias = D @ fit.whole.metric.expected - own @ fit.k
+    bias = D @ fit.whole.scaling.expected - own @ fit.k
     return bias, np.concatenate([fit.uncertainty * D, own @ fit.scatter], axis=2)
 
 
 def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
     """Compute K and k of a fit x = K y + k from whitened rows, (readings, n)."""
-    own = spec.experiment.metric
+    scaling = spec.experiment.scaling
     if spec.uncertainty is None:
-        return np.asarray(np.linalg.pinv(A, rcond=RANK_TOLERANCE)), np.zeros(len(own.expected))
-    B, c = precision_root(own, Strength(spec.uncertainty, SCALE_UNCERTAINTY))
+        return np.asarray(np.linalg.pinv(A, rcond=RANK_TOLERANCE)), np.zeros(len(scaling.expected))
+    B, c = precision_root(scaling, Strength(spec.uncertainty, SCALE_UNCERTAINTY))
     M = A.T @ A + B.T @ B
     return np.asarray(np.linalg.solve(M, A.T)), np.asarray(np.linalg.solve(M, B.T @ c))
 

@@ -7,14 +7,14 @@ import numpy as np
 from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
 from testbench.errors import Array, BenchError, InputError
-from testbench.files.columns import Column, Columns
+from testbench.files.columns import Columns, ReadColumn
 from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
 from testbench.files.rearranged import clock, seconds
 
 UNIT_NORM = 5e-3
 """Largest deviation of a quaternion's norm, or of a matrix times its transpose, from one [1]: rounding in a
 file."""
-MOST = 2.5 * np.pi
+MAX_RADIANS = 2.5 * np.pi
 """Largest angle [rad]: larger ones are in degrees."""
 ROUNDED = re.compile(r"\d([.,]\d*)?[eE]\+?13|\d{6}0{8}")
 """Time rounded by a spreadsheet, such as 2,02011E+13: its hour is lost."""
@@ -32,7 +32,7 @@ def read_rotations(columns: Columns) -> Array | None:
     Raises:
         InputError: If the notation of angles is not stated, a component is missing, or a cell is no rotation.
     """
-    found = [c for c in columns.every(*ROTATIONS) if not c.slot.when]
+    found = [c for c in columns.all_of(*ROTATIONS) if not c.slot.when]
     if not found:
         return None
     kinds = sorted({c.slot.what for c in found})
@@ -41,7 +41,7 @@ def read_rotations(columns: Columns) -> Array | None:
     what = found[0].slot.what
     if what == "rotation":
         return _from_angles(columns, found)
-    own = columns.whole(columns_of(what))
+    own = columns.complete_set(columns_of(what))
     values, there = columns.together(own)
     read = _from_quaternions if what == "quaternion" else _from_matrices
     none = [1.0, 0, 0, 0] if what == "quaternion" else np.eye(3).ravel()
@@ -50,22 +50,22 @@ def read_rotations(columns: Columns) -> Array | None:
     return rotation
 
 
-def _from_angles(columns: Columns, found: list[Column]) -> Array:
+def _from_angles(columns: Columns, found: list[ReadColumn]) -> Array:
     """Convert three angles in the map's notation, or a rotation vector in our own columns."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
 
     notation = columns.names.map.series.rotation or _unsaid(columns, found)
     first = found[0].slot.index // 3 * 3
     ours = "123" if first else "xyz"
-    own = columns.whole({f"rotation_{x}_rad": Slot("rotation", first + k) for k, x in enumerate(ours)})
+    own = columns.complete_set({f"rotation_{x}_rad": Slot("rotation", first + k) for k, x in enumerate(ours)})
     angles, there = columns.together(own)
 
     def problem(row: int, k: int) -> str:
         unit = own[k].unit
         hint = "; are these degrees?" if unit and unit.name == "rad" else ""
-        return f"expected an angle of at most {MOST:.2f} rad, got {angles[row, k]:g} rad{hint}"
+        return f"expected an angle of at most {MAX_RADIANS:.2f} rad, got {angles[row, k]:g} rad{hint}"
 
-    columns.table.refuse(np.abs(angles) > MOST, [column.name for column in own], problem)
+    columns.table.refuse(np.abs(angles) > MAX_RADIANS, [column.name for column in own], problem)
     angles[~there] = 0
     if notation == "vector":
         rotation = Rotation.from_rotvec(angles).as_matrix()
@@ -84,7 +84,7 @@ def _from_angles(columns: Columns, found: list[Column]) -> Array:
     return np.asarray(rotation)
 
 
-def _unsaid(columns: Columns, found: list[Column]) -> str:
+def _unsaid(columns: Columns, found: list[ReadColumn]) -> str:
     """Return "vector" for our own rotation_x, y, z; the notation of other angles must be stated."""
     if all(column.slot.index < len(XYZ) and not columns.names.maps(column.name) for column in found):
         return "vector"
@@ -95,7 +95,7 @@ def _unsaid(columns: Columns, found: list[Column]) -> str:
 def _from_quaternions(columns: Columns, name: str, values: Array) -> Array:
     from scipy.spatial.transform import Rotation  # here: the same
 
-    norm = np.linalg.norm(np.clip(values, -MOST, MOST), axis=1)
+    norm = np.linalg.norm(np.clip(values, -MAX_RADIANS, MAX_RADIANS), axis=1)
     columns.table.refuse(
         np.abs(norm - 1) > UNIT_NORM,
         name,
@@ -105,7 +105,7 @@ def _from_quaternions(columns: Columns, name: str, values: Array) -> Array:
 
 
 def _from_matrices(columns: Columns, name: str, values: Array) -> Array:
-    R = np.clip(values.reshape(-1, 3, 3), -MOST, MOST)
+    R = np.clip(values.reshape(-1, 3, 3), -MAX_RADIANS, MAX_RADIANS)
     off, det = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0), np.linalg.det(R)
 
     def problem(row: int) -> str:
@@ -130,7 +130,7 @@ def read_torques(columns: Columns, arm: Arm) -> Array | None:
     Raises:
         InputError: If a joint has none, or joints follow others: their torques cannot be separated.
     """
-    found = columns.whole(torque_columns(arm))
+    found = columns.complete_set(torque_columns(arm))
     torque = np.column_stack([columns.full(column) for column in found]) if found else None
     try:
         return torque if torque is None or not arm.joint_map else arm.joint_map.torque_to_model(torque)
@@ -180,7 +180,7 @@ def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
     return None, [f"{stamp.name}: expected 20200714163904 or 2020-07-14 16:39:04, got {got}: no time is read"]
 
 
-def _if_full(columns: Columns, column: Column) -> tuple[Array | None, list[str]]:
+def _if_full(columns: Columns, column: ReadColumn) -> tuple[Array | None, list[str]]:
     """Read a column of numbers, (rows,), or explain why it is not read: it never makes a file refused."""
     try:
         return columns.full(column), []

@@ -10,10 +10,19 @@ import numpy as np
 from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
 from testbench.errors import Array, InputError
-from testbench.files.meaning import NUMBER, STATES, Place, joint_family, looks_like, meaning, places, plain
+from testbench.files.meaning import (
+    NUMBER,
+    STATES,
+    Place,
+    column_meaning,
+    joint_family,
+    looks_like,
+    places,
+    plain,
+)
 from testbench.files.names import XYZ, Unit, split_unit, squeeze
 from testbench.files.rearranged import clock, keys_of, numbers_in
-from testbench.files.table import Table
+from testbench.files.table import TableCells
 
 WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
 SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
@@ -35,7 +44,7 @@ class Entry(NamedTuple):
     why: str = ""  #: Where it is a guess.
 
 
-def unit_of(table: Table, k: int) -> Unit | None:
+def unit_of(table: TableCells, k: int) -> Unit | None:
     """Find the unit that a column's name states, or else the line below the header.
 
     Args:
@@ -49,7 +58,7 @@ def unit_of(table: Table, k: int) -> Unit | None:
     return table.units[k] if parts is None else parts[1]
 
 
-def columns_by_name(table: Table, arm: Arm, length: str, said: Collection[str]) -> Iterator[Entry]:
+def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[str]) -> Iterator[Entry]:
     """Guess the columns of joints, positions, scatter, mass and temperature by their names, with their units.
 
     Args:
@@ -66,7 +75,7 @@ def columns_by_name(table: Table, arm: Arm, length: str, said: Collection[str]) 
     """
     known = dict[str, list[int]]()
     for k, name in enumerate(table.names):
-        known.setdefault(meaning(name), []).append(k)
+        known.setdefault(column_meaning(name), []).append(k)
     if "joint" not in said:
         yield from _joints(table, arm)
     readings = dict[str, list[int]]()
@@ -92,7 +101,7 @@ def columns_by_name(table: Table, arm: Arm, length: str, said: Collection[str]) 
     yield from lost_words(table, [k for our, (k, *_) in readings.items() if our != "axis"])
 
 
-def lost_words(table: Table, columns: Sequence[int]) -> list[Entry]:
+def lost_words(table: TableCells, columns: Sequence[int]) -> list[Entry]:
     """Find the words that columns of positions have for lost targets: cells that are no numbers.
 
     Args:
@@ -107,7 +116,7 @@ def lost_words(table: Table, columns: Sequence[int]) -> list[Entry]:
     return [Entry("words", "lost", words, "no numbers")] if words else []
 
 
-def _joints(table: Table, arm: Arm) -> Iterator[Entry]:
+def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
     """The columns of joints by their names."""
     if joints := joint_family(table.names, arm):
         unit, why = angle_unit(table, joints)
@@ -118,13 +127,13 @@ def _joints(table: Table, arm: Arm) -> Iterator[Entry]:
         yield _joint_cells(table, arm)
 
 
-def _unlike(table: Table, what: str) -> InputError:
+def _unlike(table: TableCells, what: str) -> InputError:
     hint = '[columns] of a map by hand says which it is, as x = "X", or before_x and after_x of pairs'
     hint = f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
     return table.header_error(f"no column looks like {what}; columns are {list(table.names)}; {hint}")
 
 
-def _positions(table: Table, arm: Arm) -> tuple[dict[str, list[int]], list[Entry]]:
+def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[Entry]]:
     """The columns of positions by our names for them, and what the map says of their targets.
 
     Names that say a state come before those that do not, names of several targets before those of none.
@@ -154,7 +163,7 @@ def _positions(table: Table, arm: Arm) -> tuple[dict[str, list[int]], list[Entry
     return {p.ours(names): found[p] for p in kept}, said
 
 
-def _joint_cells(table: Table, arm: Arm) -> Entry:
+def _joint_cells(table: TableCells, arm: Arm) -> Entry:
     """The column that holds all joints in one cell; InputError where none does."""
     for k in sorted(range(len(table.names)), key=lambda k: not looks_like(table.names[k], "joints")):
         values = _cells_of(table, k, len(arm.file_joints))
@@ -166,7 +175,7 @@ def _joint_cells(table: Table, arm: Arm) -> Entry:
     raise _unlike(table, arm.file_joints[0].name)
 
 
-def _position_cells(table: Table, length: str) -> Entry:
+def _position_cells(table: TableCells, length: str) -> Entry:
     """The column that holds x, y, z in one cell; InputError where none does."""
     for k in (k for k, name in enumerate(table.names) if not looks_like(name, "joints")):
         if len(values := _cells_of(table, k, len(XYZ))):
@@ -177,7 +186,7 @@ def _position_cells(table: Table, length: str) -> Entry:
     raise _unlike(table, "a position")
 
 
-def _cells_of(table: Table, k: int, count: int) -> Array:
+def _cells_of(table: TableCells, k: int, count: int) -> Array:
     """Numbers of a column's cells, (cells, count), if they are neither all the same nor dates or times."""
     texts = [text for text in dict.fromkeys(table.texts(k)) if text]
     same = table.rows > 1 and len(texts) == 1
@@ -185,7 +194,7 @@ def _cells_of(table: Table, k: int, count: int) -> Array:
     return np.array([[float(x.replace(",", ".")) for x in own] for own in found or []])
 
 
-def angle_unit(table: Table, joints: Sequence[int]) -> tuple[str, str]:
+def angle_unit(table: TableCells, joints: Sequence[int]) -> tuple[str, str]:
     """Guess the unit of joints from their values: degrees if one exceeds TURNS, else radians.
 
     Args:
@@ -213,13 +222,13 @@ def _length(values: Array, kind: str, length: str) -> tuple[str, str]:
     return unit, f"numbers around {middle:.4g}"
 
 
-def _sizes(table: Table, columns: Sequence[int]) -> Array:
+def _sizes(table: TableCells, columns: Sequence[int]) -> Array:
     """The numbers of some columns, those that are none left out."""
     texts = (text.replace(",", ".") for k in columns for text in table.texts(k))
     return np.array([float(text) for text in texts if is_decimal(text)])
 
 
-def length_unit(table: Table, k: int, alike: Sequence[int], kind: str, length: str) -> tuple[str, str]:
+def length_unit(table: TableCells, k: int, alike: Sequence[int], kind: str, length: str) -> tuple[str, str]:
     """Guess the unit of a column from the values of columns like it, where the header states none.
 
     Args:
@@ -240,7 +249,7 @@ def length_unit(table: Table, k: int, alike: Sequence[int], kind: str, length: s
     return f"_{unit}", why
 
 
-def names_by_cells(table: Table, arm: Arm, said: Mapping[str, str]) -> Iterator[Entry]:
+def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iterator[Entry]:
     """Guess from their cells what columns of names hold: poses, targets, states, loads or shots.
 
     Args:
@@ -251,8 +260,8 @@ def names_by_cells(table: Table, arm: Arm, said: Mapping[str, str]) -> Iterator[
     Yields:
         Lines of the map, with the reason of each guess.
     """
-    names = [name for name in table.names if meaning(name) in ("name", "state") and name not in said]
-    apart = [name for name in table.names if {meaning(name), said.get(name)} & APART]
+    names = [name for name in table.names if column_meaning(name) in ("name", "state") and name not in said]
+    apart = [name for name in table.names if {column_meaning(name), said.get(name)} & APART]
     every = keys_of(table, [*names, *apart])
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
     shots = "names stand several times in a row: shots" if again else ""
@@ -266,7 +275,7 @@ def names_by_cells(table: Table, arm: Arm, said: Mapping[str, str]) -> Iterator[
         elif {squeeze(text) for text in texts} <= {*STATES}:
             yield Entry("columns", "state", name)
             yield from _states(distinct)
-        elif meaning(name) == "state":
+        elif column_meaning(name) == "state":
             continue  # in words that nobody knows
         elif 1 < len(distinct) < changes and len(distinct) <= TARGETS:
             yield Entry("columns", "marker", name)

@@ -9,11 +9,11 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.errors import Array, InputError, Mask
 from testbench.files.mapping import Named, Names
-from testbench.files.meaning import overlooked
+from testbench.files.meaning import unread_column_warnings
 from testbench.files.names import (
     DEFLECTION,
-    LARGEST,
-    LEAST,
+    MAX_NUMBERS,
+    MIN_NUMBER,
     ROTATIONS,
     SI,
     XYZ,
@@ -24,7 +24,7 @@ from testbench.files.names import (
     split_unit,
 )
 from testbench.files.rearranged import join_axes, take_apart, with_log
-from testbench.files.table import Table, read_table
+from testbench.files.table import TableCells, read_table
 
 READ: tuple[What, ...] = ("reading", "covariance", "deviation", "turn_deviation", "spread", *ROTATIONS)
 """Quantities whose cells are blank, or hold a word, if a target was lost."""
@@ -38,7 +38,7 @@ LIMITS: Mapping[What, tuple[float, float]] = {
 
 
 @dataclass(frozen=True)
-class Column:
+class ReadColumn:
     """Describe a column that is read."""
 
     index: int  #: Place in the table.
@@ -52,14 +52,14 @@ class Column:
 class Columns:
     """Hold a table with the meaning of its columns."""
 
-    table: Table  #: The cells.
+    table: TableCells  #: The cells.
     names: Names  #: Names of the quantities.
-    found: dict[Slot, Column]  #: Columns that are read, by quantity.
+    found: dict[Slot, ReadColumn]  #: Columns that are read, by quantity.
     ignored: tuple[str, ...]  #: Names of the other columns.
     mark: str  #: The decimal mark.
     warnings: tuple[str, ...]  #: Warnings about a log joined by row order, and about unread columns.
 
-    def every(self, *what: str) -> list[Column]:
+    def all_of(self, *what: str) -> list[ReadColumn]:
         """List the columns of some quantities.
 
         Args:
@@ -70,7 +70,7 @@ class Columns:
         """
         return sorted((c for c in self.found.values() if c.slot.what in what), key=lambda c: c.index)
 
-    def get(self, slot: Slot) -> Column | None:
+    def get(self, slot: Slot) -> ReadColumn | None:
         """Find the column of a quantity.
 
         Args:
@@ -84,10 +84,10 @@ class Columns:
     @property
     def joints(self) -> tuple[tuple[str, str], ...]:
         """List name and unit of every joint's column in the arm's order; a minus marks a reversed column."""
-        own = sorted(self.every("joint"), key=lambda c: c.slot.index)
-        return tuple(("-" * (c.sign < 0) + c.name, "" if c.unit is None else c.unit.name) for c in own)
+        columns = sorted(self.all_of("joint"), key=lambda c: c.slot.index)
+        return tuple(("-" * (c.sign < 0) + c.name, "" if c.unit is None else c.unit.name) for c in columns)
 
-    def values(self, column: Column) -> Array:
+    def values(self, column: ReadColumn) -> Array:
         """Read a column in SI units.
 
         Args:
@@ -104,21 +104,21 @@ class Columns:
         values = self.table.numbers(column.index, self.mark, words)
         if column.unit is None:
             return column.sign * values
-        unit, most = column.unit, LARGEST[column.unit.si] / column.unit.scale
+        unit, most = column.unit, MAX_NUMBERS[column.unit.si] / column.unit.scale
         self.table.refuse(  # NaN where a cell is blank
             (values > most) | (values < -most),
             column.name,
             lambda row: f"expected numbers up to {most:g} {unit.name}, got {values[row]:g}",
         )
         self.table.refuse(
-            (np.abs(values) < LEAST) & (values != 0),
+            (np.abs(values) < MIN_NUMBER) & (values != 0),
             column.name,
-            lambda row: f"expected 0 or numbers of at least {LEAST:g} {unit.name}, got {values[row]:g}",
+            lambda row: f"expected 0 or numbers of at least {MIN_NUMBER:g} {unit.name}, got {values[row]:g}",
         )
         scale = column.sign * unit.scale
         return values if scale == 1 else scale * values
 
-    def full(self, column: Column) -> Array:
+    def full(self, column: ReadColumn) -> Array:
         """Read a column without blank cells in SI units.
 
         Args:
@@ -143,7 +143,7 @@ class Columns:
             self.table.refuse(blank, column.name, f"expected a finite number, got ''; {hint}")
         return values
 
-    def said(self, slot: Slot) -> "Column | float | None":
+    def source_of(self, slot: Slot) -> "ReadColumn | float | None":
         """Find the source of a quantity.
 
         Args:
@@ -154,8 +154,8 @@ class Columns:
         """
         return self.found.get(slot) or self.constant(slot)
 
-    def every_row(self, own: "Column | float | None") -> Array:
-        """Read a source from `said` in every row.
+    def values_of(self, own: "ReadColumn | float | None") -> Array:
+        """Read a source from `source_of` in every row.
 
         Args:
             own: Column, constant in SI units, or None for 0.
@@ -166,9 +166,9 @@ class Columns:
         Raises:
             InputError: Names the first cell of the column that is blank or no usable number.
         """
-        return self.full(own) if isinstance(own, Column) else np.full(self.table.rows, own or 0.0)
+        return self.full(own) if isinstance(own, ReadColumn) else np.full(self.table.rows, own or 0.0)
 
-    def whole(self, wanted: Mapping[str, Slot]) -> list[Column]:
+    def complete_set(self, wanted: Mapping[str, Slot]) -> list[ReadColumn]:
         """List the columns of some quantities: all of them, or none if the file has none.
 
         Args:
@@ -180,17 +180,17 @@ class Columns:
         Raises:
             InputError: Names the missing columns if the file has some of them.
         """
-        found = [self.found.get(slot) for slot in wanted.values()]
-        missing = [name for name, column in zip(wanted, found, strict=True) if column is None]
-        if 0 < len(missing) < len(found):
+        columns = [self.found.get(slot) for slot in wanted.values()]
+        missing = [name for name, column in zip(wanted, columns, strict=True) if column is None]
+        if 0 < len(missing) < len(columns):
             raise self.lack(missing)
-        return [column for column in found if column]
+        return [column for column in columns if column]
 
-    def together(self, found: Sequence[Column]) -> tuple[Array, Mask]:
+    def together(self, columns: Sequence[ReadColumn]) -> tuple[Array, Mask]:
         """Read columns whose cells are blank together.
 
         Args:
-            found: The columns, k of them.
+            columns: The columns, k of them.
 
         Returns:
             Their numbers in SI units, (rows, k), NaN where blank; and which rows have them, (rows,).
@@ -198,9 +198,9 @@ class Columns:
         Raises:
             InputError: When a row has only some of the cells.
         """
-        values = np.column_stack([self.values(column) for column in found])
+        values = np.column_stack([self.values(column) for column in columns])
         blank = np.isnan(values)
-        part, names = blank & ~blank.all(axis=1, keepdims=True), [column.name for column in found]
+        part, names = blank & ~blank.all(axis=1, keepdims=True), [column.name for column in columns]
         self.table.refuse(part, names, "expected a finite number, got ''")
         return values, ~blank[:, 0]
 
@@ -259,7 +259,7 @@ def read_columns(path: Path, names: Names, arm: Arm) -> Columns:
     return find_columns(with_log(table, names), names, arm)
 
 
-def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
+def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
     """Find the quantity of every column of a table.
 
     Args:
@@ -286,7 +286,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     table, named = join_axes(table, named, names)
     named = _chosen(named)
     # One column per quantity, with its unit.
-    found: dict[Slot, Column] = {}
+    found: dict[Slot, ReadColumn] = {}
     for k, own in named.items():
         unit = _unit(table, k, own, arm)
         slot = own.slot
@@ -298,7 +298,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
         if slot in names.values:
             problem = f"expected no value in the map for {table.names[k]!r}, which the file has"
             raise names.error(table.path, "values", problem)
-        found[slot] = Column(k, table.names[k], slot, unit, own.sign)
+        found[slot] = ReadColumn(k, table.names[k], slot, unit, own.sign)
     ignored = tuple(
         name for k, name in enumerate(table.names) if k not in named and name and name not in names.cells
     )
@@ -315,7 +315,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     return Columns(table, names, found, ignored, mark, _warnings(table, names, ignored))
 
 
-def _refuse_blanks(table: Table, columns: Sequence[Column]) -> None:
+def _refuse_blanks(table: TableCells, columns: Sequence[ReadColumn]) -> None:
     """Refuse blank cells of readings in a sheet: they may be errors, or formulas without a result."""
     blank = np.array([table.blank(c.index) for c in columns], dtype=bool).reshape(-1, table.rows).T
     problem = (
@@ -325,19 +325,19 @@ def _refuse_blanks(table: Table, columns: Sequence[Column]) -> None:
     table.refuse(blank, [c.name for c in columns], problem)
 
 
-def _warnings(table: Table, names: Names, ignored: Sequence[str]) -> tuple[str, ...]:
+def _warnings(table: TableCells, names: Names, ignored: Sequence[str]) -> tuple[str, ...]:
     """Write warnings about a log joined by the order of its rows, and about columns that are not read."""
     log = names.map.log
     keys = [] if log is None else [*log.on, *log.to]
     full = {name for k, name in enumerate(table.names) if not table.blank(k).all()}
-    words = overlooked([name for name in ignored if name in full and name not in keys])
+    words = unread_column_warnings([name for name in ignored if name in full and name not in keys])
     if log is not None and log.rows is not None:
         each = f"{log.rows} rows" if log.rows > 1 else "one row"
         words.insert(0, f"warning: {log.file} is joined by the order of its rows, each to {each} of readings")
     return tuple(words)
 
 
-def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:
+def _check_map(table: TableCells, names: Names, named: dict[int, Named]) -> None:
     """Check that every entry of the map has a column in the file."""
     used = {own.mapped for own in named.values()}
     for name, own in names.theirs.items():
@@ -362,16 +362,16 @@ def _chosen(named: dict[int, Named]) -> dict[int, Named]:
     return chosen
 
 
-def _unit(table: Table, k: int, own: Named, arm: Arm) -> Unit | None:
+def _unit(table: TableCells, k: int, named: Named, arm: Arm) -> Unit | None:
     """Find the unit of a column: in its name, in the map, or in the line below the header."""
-    allowed = SI.get(own.slot.what, ())
-    if own.slot.what == "joint":
-        allowed = (arm.file_joints[own.slot.index].unit,)
-    if own.slot.what == "torque":
-        allowed = ("N",) if arm.file_joints[own.slot.index].prismatic else ("Nm",)
+    allowed = SI.get(named.slot.what, ())
+    if named.slot.what == "joint":
+        allowed = (arm.file_joints[named.slot.index].unit,)
+    if named.slot.what == "torque":
+        allowed = ("N",) if arm.file_joints[named.slot.index].prismatic else ("Nm",)
     if not allowed:
         return None
-    said = [unit for unit in (own.unit, own.header, table.units[k]) if unit]
+    said = [unit for unit in (named.unit, named.header, table.units[k]) if unit]
     if not said and (parts := split_unit(table.names[k])):
         said = [parts[1]]
     expected = " or ".join(f"_{u}" for u in allowed)
@@ -384,7 +384,7 @@ def _unit(table: Table, k: int, own: Named, arm: Arm) -> Unit | None:
     return said[0]
 
 
-def axes(columns: Columns, what: What) -> list[Column | float | None]:
+def axes(columns: Columns, what: What) -> list[ReadColumn | float | None]:
     """Find the source of each component of a vector quantity.
 
     Args:
@@ -397,7 +397,7 @@ def axes(columns: Columns, what: What) -> list[Column | float | None]:
     Raises:
         InputError: If one component is missing while the others are given.
     """
-    found = [columns.said(Slot(what, k)) for k in range(len(XYZ))]
+    found = [columns.source_of(Slot(what, k)) for k in range(len(XYZ))]
     missing = [name for name, own in zip(columns_of(what), found, strict=True) if own is None]
     if len(missing) == 1 or (what == "point" and len(missing) == 2):
         raise columns.lack(missing)
@@ -418,19 +418,19 @@ def vector(columns: Columns, what: What, count: int = len(XYZ)) -> Array | None:
     Raises:
         InputError: At the first cell that is blank or too large.
     """
-    found = [columns.said(Slot(what, k)) for k in range(count)]
+    found = [columns.source_of(Slot(what, k)) for k in range(count)]
     if all(own is None for own in found):
         return None
-    (least, most), values = LIMITS[what], np.column_stack([columns.every_row(own) for own in found])
+    (least, most), values = LIMITS[what], np.column_stack([columns.values_of(own) for own in found])
 
     def problem(row: int, k: int) -> str:
         return f"expected {least:g} to {most:g} {SI[what][0]}, got {values[row, k]:g}"
 
     far = (values < least) | (values > most)
-    stated = [not isinstance(own, Column) for own in found]
+    stated = [not isinstance(own, ReadColumn) for own in found]
     if far.any() and stated[np.argwhere(far)[0, 1]]:
         raise columns.map_error("values", problem(*np.argwhere(far)[0]))
-    columns.table.refuse(far, [own.name if isinstance(own, Column) else "" for own in found], problem)
+    columns.table.refuse(far, [own.name if isinstance(own, ReadColumn) else "" for own in found], problem)
     return values
 
 

@@ -16,17 +16,32 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.urdf_text import NEW_STAMP, origin_of, with_origins, words
 from testbench.errors import Array, BenchError
-from testbench.files.export_geometry import Frames, Rigid, apart, far, identified, random_joints, tool_poses
+from testbench.files.export_geometry import (
+    Rigid,
+    UrdfFrames,
+    displacement_statistics,
+    frame_distance,
+    identified_rigid,
+    random_joints,
+    tool_poses,
+)
 from testbench.files.export_left import GEOMETRY, displacements
-from testbench.files.export_own import own_origins, place, read_own
-from testbench.identify.absolute.state import State
+from testbench.files.export_own import place_frames, read_robot_chain, robot_origins
+from testbench.identify.absolute.state import ArmState
 from testbench.model.kinematics import body_pose, urdf_poses
-from testbench.model.laws import BESIDE, PLAY, STICK, STIFFER, TURN, sizes_of
+from testbench.model.laws import (
+    UNIT_BACKLASH_RAD,
+    UNIT_COMPENSATOR,
+    UNIT_FRICTION_RAD,
+    UNIT_ROTATION,
+    UNIT_STIFFENING,
+    sizes_of,
+)
 from testbench.runs import provenance as files
 from testbench.runs.rows import Row
 from testbench.runs.whole import whole_files
 
-NEAR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
+MAX_URDF_ERROR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
 KIND = "what a URDF cannot hold"
 BEGINS = rb'\{\s*"format": 1,\s*"kind": "what a URDF cannot hold"'
 WORDS = {
@@ -42,10 +57,13 @@ WORDS = {
     "and cosine",
     "laws": "sizes s of a joint; beside its compliance, with x the torque times that of elastic.toml, "
     "x_0 of own weight and compensator and x_1 under the load too, it turns by "
-    f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {STIFFER / TURN**2:g} f^3 = x (stiffening), "
-    f"s {PLAY:g} (tanh(x_1 / {PLAY:g}) - tanh(x_0 / {PLAY:g})) (backlash), and "
-    f"-s {STICK:g} clip((x_1 - x_0) / {STICK:g}, -1, 1) (friction) [rad, m], and with the lever r of "
-    f"elastic.toml's compensator over its longest, -s (x_1 - x_0) {BESIDE:g} r^2 / (1 + {BESIDE:g} r^2)",
+    f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {UNIT_STIFFENING / UNIT_ROTATION**2:g} f^3 = x (stiffening), "
+    f"s {UNIT_BACKLASH_RAD:g} (tanh(x_1 / {UNIT_BACKLASH_RAD:g}) - tanh(x_0 / {UNIT_BACKLASH_RAD:g})) "
+    f"(backlash), and "
+    f"-s {UNIT_FRICTION_RAD:g} clip((x_1 - x_0) / {UNIT_FRICTION_RAD:g}, -1, 1) (friction) [rad, m], "
+    f"and with the lever r of "
+    f"elastic.toml's compensator over its longest, -s (x_1 - x_0) {UNIT_COMPENSATOR:g} r^2 / (1 + "
+    f"{UNIT_COMPENSATOR:g} r^2)",
     "weights": "masses [kg] and centres [m] in the frame of urdf_link that the model bends under",
     "joint_map": "only where files count joints otherwise: a joint of the URDF is its row of L times "
     "file_joints, plus its number in q_0 [rad, m]",
@@ -66,7 +84,7 @@ class Draft:
 
     text: str
     joints: tuple[str, ...]  #: Names of its joints, in the arm's order.
-    frames: Frames
+    frames: UrdfFrames
     #: Distance between the robot's own and the arm's drawing [m, rad]; None for a new URDF.
     drawing_off: float | None = None
     as_urdf: Callable[[str], str] = str  #: Function that converts the written text to a URDF.
@@ -79,7 +97,7 @@ class Draft:
         return float(np.linalg.norm(self.frames.tip[:3, 3]))
 
 
-def draft_new(state: State) -> Draft:
+def draft_new(state: ArmState) -> Draft:
     """Make a URDF from scratch: its frames are the bodies of rigid.xml.
 
     Args:
@@ -88,13 +106,13 @@ def draft_new(state: State) -> Draft:
     Returns:
         The URDF, not yet written.
     """
-    arm, geometry, one = state.vjm.arm, identified(state), np.eye(4)
+    arm, geometry, one = state.vjm.arm, identified_rigid(state), np.eye(4)
     names = [link.name for link in arm.links]
-    frames = Frames([*names, arm.tool], one, [one] * len(names), one)
+    frames = UrdfFrames([*names, arm.tool], one, [one] * len(names), one)
     return Draft(_new_urdf(state, geometry), tuple(joint.name for joint in arm.joints), frames)
 
 
-def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
+def draft_robot_urdf(state: ArmState, file: Path, tip: str | None = None) -> Draft:
     """Replace the origins in the robot's own URDF.
 
     Args:
@@ -108,13 +126,15 @@ def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
     Raises:
         InputError: If it is not a URDF of the arm.
     """
-    own = read_own(file, state.vjm.arm, tip)
-    frames, off = place(own, state)
-    text = with_origins(file, own.text, own_origins(own, frames, identified(state)))
-    return Draft(text, tuple(j.name for j in own.joints), frames, off, loose_meshes=own.loose_meshes)
+    robot_chain = read_robot_chain(file, state.vjm.arm, tip)
+    frames, off = place_frames(robot_chain, state)
+    text = with_origins(file, robot_chain.text, robot_origins(robot_chain, frames, identified_rigid(state)))
+    return Draft(
+        text, tuple(j.name for j in robot_chain.joints), frames, off, loose_meshes=robot_chain.loose_meshes
+    )
 
 
-def export(state: State, draft: Draft, out: Path) -> Row:
+def export(state: ArmState, draft: Draft, out: Path) -> Row:
     """Write a URDF, and a JSON of the same stem with what it cannot hold: both or none.
 
     Args:
@@ -131,17 +151,17 @@ def export(state: State, draft: Draft, out: Path) -> Row:
         InputError: If a file cannot be written.
     """
     q = random_joints(state.vjm)
-    with whole_files([out, beside_of(out)]) as (urdf, other):
+    with whole_files([out, companion_path(out)]) as (urdf, other):
         urdf.write_bytes(draft.text.encode(draft.encoding))
         off = read_back(state, draft, out, urdf.read_bytes().decode(draft.encoding))
-        left = {kind: far(rows) for kind, rows in displacements(state, q).items()}
+        left = {kind: displacement_statistics(rows) for kind, rows in displacements(state, q).items()}
         back = Row(poses=len(q), position_um=1e6 * off[0], rotation_urad=1e6 * off[1])
         done = Row(read_back=back, geometry_mm=left.pop(GEOMETRY), left=left)
-        files.write_json(beside(state, draft.frames, urdf, done), other)
+        files.write_json(compared_label(state, draft.frames, urdf, done), other)
     return done
 
 
-def beside_of(urdf: Path) -> Path:
+def companion_path(urdf: Path) -> Path:
     """Return the path of the JSON that belongs to a URDF.
 
     Args:
@@ -153,7 +173,7 @@ def beside_of(urdf: Path) -> Path:
     return urdf.with_suffix(".json")
 
 
-def read_back(state: State, draft: Draft, urdf: Path, text: str) -> tuple[float, float]:
+def read_back(state: ArmState, draft: Draft, urdf: Path, text: str) -> tuple[float, float]:
     """Compare the written file, as Pinocchio reads it, with the model.
 
     Args:
@@ -166,18 +186,18 @@ def read_back(state: State, draft: Draft, urdf: Path, text: str) -> tuple[float,
         Largest difference of the tip [m, rad].
 
     Raises:
-        BenchError: If it exceeds `NEAR`.
+        BenchError: If it exceeds `MAX_URDF_ERROR`.
     """
     q, frames = random_joints(state.vjm), draft.frames
     found = frames.root @ urdf_poses(urdf, draft.as_urdf(text), draft.joints, frames.names[-1], q)
-    off = apart(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
-    if not max(off) <= NEAR:
+    off = frame_distance(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
+    if not max(off) <= MAX_URDF_ERROR:
         got = f"{1e6 * off[0]:.3g} um and {1e6 * off[1]:.3g} urad"
         raise BenchError(f"{urdf.name}, read back, is up to {got} from the model; nothing is written")
     return off
 
 
-def beside(state: State, frames: Frames, urdf: Path, done: Row) -> dict[str, object]:
+def compared_label(state: ArmState, frames: UrdfFrames, urdf: Path, done: Row) -> dict[str, object]:
     """Make the JSON document that belongs to a URDF; it holds the URDF's digest.
 
     Args:
@@ -211,18 +231,18 @@ def beside(state: State, frames: Frames, urdf: Path, done: Row) -> dict[str, obj
 
 def _joint_map(arm: Arm) -> dict[str, object]:
     """How the URDF's joints follow from those of files; nothing where they are the same."""
-    found = arm.joint_map
-    if found is None:
+    joint_map = arm.joint_map
+    if joint_map is None:
         return {}
-    rows = {joint.name: row for joint, row in zip(arm.joints, found.L.tolist(), strict=True)}
-    return {"joint_map": {"file_joints": list(found.names), "L": rows, "q_0": found.q_0.tolist()}}
+    rows = {joint.name: row for joint, row in zip(arm.joints, joint_map.L.tolist(), strict=True)}
+    return {"joint_map": {"file_joints": list(joint_map.names), "L": rows, "q_0": joint_map.q_0.tolist()}}
 
 
 def _pose(pose: Array) -> dict[str, object]:
     return {"rotation": pose[:3, :3].tolist(), "translation_m": pose[:3, 3].tolist()}
 
 
-def _links(state: State, frames: Frames) -> list[dict[str, object]]:
+def _links(state: ArmState, frames: UrdfFrames) -> list[dict[str, object]]:
     vjm = state.vjm
     C, left = state.C_theta, state.C_theta.copy()
     found: list[dict[str, object]] = []
@@ -249,7 +269,7 @@ def _links(state: State, frames: Frames) -> list[dict[str, object]]:
     return found
 
 
-def _joints(state: State) -> list[dict[str, object]]:
+def _joints(state: ArmState) -> list[dict[str, object]]:
     arm, errors = state.vjm.arm, state.errors
     first, orders = 6 * len(arm.links), len(errors.orders)
     found: list[dict[str, object]] = []
@@ -271,7 +291,7 @@ def _joints(state: State) -> list[dict[str, object]]:
     return found
 
 
-def _weights(state: State, frames: Frames) -> list[dict[str, object]]:
+def _weights(state: ArmState, frames: UrdfFrames) -> list[dict[str, object]]:
     poses = (*frames.links, frames.tip)
     rows = zip(frames.names, state.weights.mass, state.weights.centre, poses, strict=True)
     return [
@@ -280,7 +300,7 @@ def _weights(state: State, frames: Frames) -> list[dict[str, object]]:
     ]
 
 
-def _new_urdf(state: State, geometry: Rigid) -> str:
+def _new_urdf(state: ArmState, geometry: Rigid) -> str:
     """The text of a URDF."""
     arm = state.vjm.arm
     robot = ET.Element("robot", name=arm.name)

@@ -17,18 +17,20 @@ from testbench.files.controller_files import (
     read_controller,
     read_numbers,
 )
-from testbench.files.export import NEAR
-from testbench.files.export_geometry import apart, random_joints, tool_poses
+from testbench.files.export import MAX_URDF_ERROR
+from testbench.files.export_geometry import frame_distance, random_joints, tool_poses
 from testbench.files.export_left import BestOffsets, best_offsets
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import ArmState
 from testbench.runs.whole import whole_file
 
 AXES = 6  #: Of a robot whose file is written.
-TURN = 2 * np.pi
+FULL_ROTATION = 2 * np.pi
 """A controller counts whole turns of a motor separately from its angle [rad]."""
 
 
-def export_offsets(state: State, file: Path, out: Path, gears: Sequence[float]) -> tuple[BestOffsets, float]:
+def export_offsets(
+    state: ArmState, file: Path, out: Path, gears: Sequence[float]
+) -> tuple[BestOffsets, float]:
     """Write the joint offsets to a controller file, with comments on what offsets cannot correct.
 
     Args:
@@ -53,21 +55,21 @@ def export_offsets(state: State, file: Path, out: Path, gears: Sequence[float]) 
     offsets = arm.change_to_file(best.offsets)  # a controller counts the pendant's joints
     new = old + turns @ offsets
     said = [f"{rms:.3f} mm RMS, {most:.3f} at most: {kind}" for kind, (rms, most) in best.left.items()]
-    new -= TURN * np.trunc(new / TURN) if form is ABB else 0
+    new -= FULL_ROTATION * np.trunc(new / FULL_ROTATION) if form is ABB else 0
     written = exchanged(form, text, numbers, new.tolist(), "beyond offsets are, at the tool", *said)
     change = read_numbers(form, out, written, keys) - old
-    change -= TURN * np.round((change - turns @ offsets) / TURN) if form is ABB else 0
+    change -= FULL_ROTATION * np.round((change - turns @ offsets) / FULL_ROTATION) if form is ABB else 0
     read = np.asarray(np.linalg.solve(turns, change), dtype=np.float64)
     read = arm.to_model(read) - arm.to_model(np.zeros(AXES))
-    off, _ = apart(tool_poses(state.vjm, q + read), tool_poses(state.vjm, q + best.offsets))
-    if not off <= NEAR:
+    off, _ = frame_distance(tool_poses(state.vjm, q + read), tool_poses(state.vjm, q + best.offsets))
+    if not off <= MAX_URDF_ERROR:
         raise BenchError(f"the offsets, read back, are up to {1e6 * off:.3g} um off; nothing is written")
-    with whole_file(out) as own:
-        own.write_bytes(written.encode(BYTES))
+    with whole_file(out) as path:
+        path.write_bytes(written.encode(BYTES))
     return best, off
 
 
-def six_axes(title: str, state: State) -> Arm:
+def six_axes(title: str, state: ArmState) -> Arm:
     """Check that an arm has six hinges.
 
     Args:

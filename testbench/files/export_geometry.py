@@ -7,10 +7,10 @@ from functools import reduce
 import numpy as np
 
 from testbench.errors import Array
-from testbench.identify.absolute.state import State
-from testbench.model.vjm import Vjm, bend, chain, rotation
+from testbench.identify.absolute.state import ArmState
+from testbench.model.vjm import Vjm, chain, displace_link, rotation
 
-POSES = 1000
+RANDOM_POSES = 1000
 """Random poses in which an export is compared."""
 
 
@@ -32,7 +32,7 @@ class Rigid:
 
 
 @dataclass(frozen=True)
-class Frames:
+class UrdfFrames:
     """Hold the places of a URDF's frames in the model, the same for every q and every geometry."""
 
     names: Sequence[str]  #: Links of the URDF: the first, those behind the joints, the tip; n + 2.
@@ -53,7 +53,7 @@ def in_order(poses: Iterable[Array]) -> Array:
     return np.asarray(reduce(np.matmul, poses, np.eye(4)))
 
 
-def within(frame: Array, pose: Array) -> Array:
+def relative_pose(frame: Array, pose: Array) -> Array:
     """Express a pose in a frame, both given in a third frame.
 
     Args:
@@ -67,7 +67,7 @@ def within(frame: Array, pose: Array) -> Array:
     return _pose(back @ pose[:3, :3], back @ (pose[:3, 3] - frame[:3, 3]))
 
 
-def drawn(vjm: Vjm) -> Rigid:
+def nominal_rigid(vjm: Vjm) -> Rigid:
     """Return the nominal geometry of an arm.
 
     Args:
@@ -79,7 +79,7 @@ def drawn(vjm: Vjm) -> Rigid:
     return Rigid(vjm.base, vjm.placements, vjm.tool)
 
 
-def identified(state: State) -> Rigid:
+def identified_rigid(state: ArmState) -> Rigid:
     """Compute the geometry with its identified errors: `chain` at theta_0, for every q.
 
     Args:
@@ -101,7 +101,7 @@ def identified(state: State) -> Rigid:
 
 def _bent(pose: Array, frame: Array, theta: Array) -> Array:
     """Compute the pose behind a link whose end is moved by constants, (6,) [m, rad]."""
-    p, _, beam = bend(pose[:3, 3:], frame[..., None], theta[None])
+    p, _, beam = displace_link(pose[:3, 3:], frame[..., None], theta[None])
     return _pose(beam[..., 0] @ frame.T @ pose[:3, :3], p[:, 0])
 
 
@@ -123,9 +123,9 @@ def random_joints(vjm: Vjm) -> Array:
         vjm: The arm's virtual joint model, n joints.
 
     Returns:
-        Actuated joints, (POSES, n) [rad, m].
+        Actuated joints, (RANDOM_POSES, n) [rad, m].
     """
-    return vjm.arm.drawn(np.random.default_rng(0), POSES)
+    return vjm.arm.drawn(np.random.default_rng(0), RANDOM_POSES)
 
 
 def tool_poses(vjm: Vjm, q: Array, theta_0: Array | None = None) -> Array:
@@ -143,7 +143,7 @@ def tool_poses(vjm: Vjm, q: Array, theta_0: Array | None = None) -> Array:
     return _pose(where.rotation, where.position)
 
 
-def apart(a: Array, b: Array) -> tuple[float, float]:
+def frame_distance(a: Array, b: Array) -> tuple[float, float]:
     """Compute the largest difference between poses.
 
     Args:
@@ -157,7 +157,7 @@ def apart(a: Array, b: Array) -> tuple[float, float]:
     return float(position), float(np.abs(a[:, :3, :3] - b[:, :3, :3]).max())
 
 
-def far(off: Array) -> tuple[float, float]:
+def displacement_statistics(off: Array) -> tuple[float, float]:
     """Compute RMS and largest length of displacements.
 
     Args:

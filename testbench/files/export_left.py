@@ -7,8 +7,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array
-from testbench.files.export_geometry import far, tool_poses
-from testbench.identify.absolute.state import LOAD_STEPS, State, equilibrium
+from testbench.files.export_geometry import displacement_statistics, tool_poses
+from testbench.identify.absolute.state import LOAD_STEPS, ArmState, joint_equilibrium
 from testbench.model.load import Load, weight
 
 GEOMETRY, WEIGHT, PAYLOAD = "lengths and tilts of axes", "own weight", "payload, if there is one"
@@ -20,7 +20,7 @@ Sizes = dict[str, tuple[float, float]]
 """Motion of the tool by kind of effect over random poses, RMS and largest [mm]."""
 
 
-def displacements(state: State, q: Array) -> dict[str, Array]:
+def displacements(state: ArmState, q: Array) -> dict[str, Array]:
     """Compute how every kind of error moves the tool's origin.
 
     Args:
@@ -42,11 +42,11 @@ def displacements(state: State, q: Array) -> dict[str, Array]:
     return found
 
 
-def _rest(state: State, q: Array, loads: list[Load] | None = None) -> Array:
-    return equilibrium(state, q, loads or [], LOAD_STEPS).where.position
+def _rest(state: ArmState, q: Array, loads: list[Load] | None = None) -> Array:
+    return joint_equilibrium(state, q, loads or [], LOAD_STEPS).chain.position
 
 
-def unloaded(moved: dict[str, Array]) -> Array:
+def all_but_payload(moved: dict[str, Array]) -> Array:
     """Sum the displacements of all kinds except the payload's.
 
     Args:
@@ -73,7 +73,7 @@ class BestOffsets:
     left: Sizes  #: Remainder of every kind of effect.
 
 
-def best_offsets(state: State, q: Array) -> BestOffsets:
+def best_offsets(state: ArmState, q: Array) -> BestOffsets:
     """Fit joint offsets by least squares over the tool's origin.
 
     Args:
@@ -84,7 +84,7 @@ def best_offsets(state: State, q: Array) -> BestOffsets:
         The offsets, and what they leave.
     """
     vjm, n, moved = state.vjm, state.vjm.arm.n_joints, displacements(state, q)
-    wanted = tool_poses(vjm, q)[:, :3, 3] + unloaded(moved)
+    wanted = tool_poses(vjm, q)[:, :3, 3] + all_but_payload(moved)
 
     def off(x: Array) -> Array:  # base, tool, inner joints
         T = tool_poses(vjm, q + np.r_[0, x[9:], 0])
@@ -94,9 +94,14 @@ def best_offsets(state: State, q: Array) -> BestOffsets:
     found = least_squares(off, np.zeros(n + 7), xtol=1e-12, ftol=1e-12)
     J, rest, offsets = np.asarray(found.jac), found.fun.reshape(-1, 3), np.r_[0, found.x[9:], 0]
     left = {kind: rows if kind == PAYLOAD else _beyond(J, rows) for kind, rows in moved.items()}
-    left[GEOMETRY] -= rest + unloaded(left)  # exact at any size
-    drawn = _beyond(J[:, :9], unloaded(moved))
-    return BestOffsets(offsets, far(drawn), far(rest), {kind: far(rows) for kind, rows in left.items()})
+    left[GEOMETRY] -= rest + all_but_payload(left)  # exact at any size
+    drawn = _beyond(J[:, :9], all_but_payload(moved))
+    return BestOffsets(
+        offsets,
+        displacement_statistics(drawn),
+        displacement_statistics(rest),
+        {kind: displacement_statistics(rows) for kind, rows in left.items()},
+    )
 
 
 def _beyond(J: Array, rows: Array) -> Array:

@@ -18,28 +18,28 @@ from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import BEGINS, BEGINS_NEW
 from testbench.errors import Array, InputError, read_text
 from testbench.files.export_geometry import (
-    Frames,
     Rigid,
-    apart,
-    drawn,
+    UrdfFrames,
+    frame_distance,
     in_order,
+    nominal_rigid,
     random_joints,
+    relative_pose,
     tool_poses,
-    within,
 )
 from testbench.files.robot.chain import fit_names
-from testbench.files.robot.robot import Body, Joint, Robot
+from testbench.files.robot.robot import Body, ImportedJoint, Robot
 from testbench.files.robot.source import MAX_BYTES, read_xml
 from testbench.files.robot.tip import path_to, usual_tip
 from testbench.files.robot.urdf import read_tree
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import ArmState
 from testbench.model.kinematics import urdf_poses
 from testbench.model.vjm import rotation, skew
 
-SAME = 1e-4
+MAX_DIFFERENCE = 1e-4
 """Largest difference of a robot's own drawing from the arm's [m, rad]: that of a right angle with five
 digits."""
-STILL = 1e-12
+ROUNDING = 1e-12
 """Size below which a number is rounding [m, 1]."""
 UNTOLD = 1e-4
 """Least singular value that counts, over the largest [1]: rounding does not determine where parallel axes
@@ -47,7 +47,7 @@ end."""
 
 
 @dataclass(frozen=True)
-class Own:
+class RobotChain:
     """Hold the arm's chain in a robot's URDF."""
 
     file: Path
@@ -64,7 +64,7 @@ class Own:
         return [k for k, body in enumerate(self.bodies) if body.joint]
 
     @property
-    def joints(self) -> list[Joint]:
+    def joints(self) -> list[ImportedJoint]:
         """List the moving joints."""
         return [body.joint for body in self.bodies if body.joint]
 
@@ -76,7 +76,7 @@ class Own:
         return Rigid(np.eye(4), np.array(steps), in_order([b.pose for b in self.bodies[cuts[-1] :]]))
 
 
-def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
+def read_robot_chain(file: Path, arm: Arm, tip: str | None = None) -> RobotChain:
     """Read the chain of an arm in a robot's own URDF.
 
     Args:
@@ -99,7 +99,7 @@ def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
     return chain_of(file, text, root, arm, tip)
 
 
-def chain_of(file: Path, text: str, root: ET.Element, arm: Arm, tip: str | None = None) -> Own:
+def chain_of(file: Path, text: str, root: ET.Element, arm: Arm, tip: str | None = None) -> RobotChain:
     """Find the chain of an arm in a URDF that was read.
 
     Args:
@@ -125,7 +125,7 @@ def chain_of(file: Path, text: str, root: ET.Element, arm: Arm, tip: str | None 
     before = {child.get("link", ""): name for child, name in pairs if child is not None}
     names = ("", *(before[body.name] for body in bodies[1:]))
     _check_joints(file, bodies, names, arm)
-    return Own(file, text, bodies[0].name, bodies[-1].name, bodies, names, loose)
+    return RobotChain(file, text, bodies[0].name, bodies[-1].name, bodies, names, loose)
 
 
 def _tip(file: Path, tree: Robot, arm: Arm, asked: str | None) -> int:
@@ -154,49 +154,53 @@ def _check_joints(file: Path, bodies: tuple[Body, ...], names: tuple[str, ...], 
             raise InputError(file, f"<joint name={name!r}>", problem)
 
 
-def place(own: Own, state: State) -> tuple[Frames, float]:
+def place_frames(robot_chain: RobotChain, state: ArmState) -> tuple[UrdfFrames, float]:
     """Find the places of a robot's own frames in the model, and the difference of the two drawings.
 
     Args:
-        own: The robot's chain.
+        robot_chain: The robot's chain.
         state: The identified arm.
 
     Returns:
         The frames, and the largest difference [m, rad].
 
     Raises:
-        InputError: If the drawings differ by more than `SAME`.
+        InputError: If the drawings differ by more than `MAX_DIFFERENCE`.
     """
-    vjm, rigid, model = state.vjm, own.rigid, drawn(state.vjm)
+    vjm, rigid, model = state.vjm, robot_chain.rigid, nominal_rigid(state.vjm)
     slides = [joint.prismatic for joint in vjm.arm.joints]
-    axes = np.array([joint.axis for joint in own.joints])
+    axes = np.array([joint.axis for joint in robot_chain.joints])
     lines = axis_lines(rigid.bodies[1:], axes, slides), axis_lines(model.bodies[1:], vjm.axes, slides)
-    root = align(*lines)
-    links = [within(a, root @ u) for a, u in zip(model.bodies, rigid.bodies, strict=True)]
-    tip = within(model.tool, links[-1] @ rigid.tool)
+    root = align_frames(*lines)
+    links = [relative_pose(a, root @ u) for a, u in zip(model.bodies, rigid.bodies, strict=True)]
+    tip = relative_pose(model.tool, links[-1] @ rigid.tool)
     q = random_joints(vjm)
-    theirs = urdf_poses(own.file, own.text, [joint.name for joint in own.joints], own.tip, q)
-    far = apart(root @ theirs, tool_poses(vjm, q) @ tip)
-    if not max(far) <= SAME:
+    theirs = urdf_poses(
+        robot_chain.file, robot_chain.text, [joint.name for joint in robot_chain.joints], robot_chain.tip, q
+    )
+    far = frame_distance(root @ theirs, tool_poses(vjm, q) @ tip)
+    if not max(far) <= MAX_DIFFERENCE:
         problem = f"its tip is up to {1e3 * far[0]:.3g} mm and {1e3 * far[1]:.3g} mrad from that of"
-        limits = f"{1e3 * SAME:g} mm and mrad"
+        limits = f"{1e3 * MAX_DIFFERENCE:g} mm and mrad"
         why = "it is another robot, or counts its joints otherwise"
-        if re.match(BEGINS_NEW, own.text.encode()):
+        if re.match(BEGINS_NEW, robot_chain.text.encode()):
             why = "testbench export wrote it from scratch, with the geometry of a calibration"
-        raise InputError(own.file, "", f"{problem} {vjm.arm.name} as drawn; expected {limits}: {why}")
+        raise InputError(robot_chain.file, "", f"{problem} {vjm.arm.name} as drawn; expected {limits}: {why}")
     exact = [
         onto_axis(link, theirs, ours, slide=slide)
         for link, theirs, ours, slide in zip(links[1:], axes, vjm.axes, slides, strict=True)
     ]
-    names = [own.root, *(own.bodies[k].name for k in own.moving), own.tip]
-    return Frames(names, root, (links[0], *exact), within(model.tool, exact[-1] @ rigid.tool)), max(far)
+    names = [robot_chain.root, *(robot_chain.bodies[k].name for k in robot_chain.moving), robot_chain.tip]
+    return UrdfFrames(
+        names, root, (links[0], *exact), relative_pose(model.tool, exact[-1] @ rigid.tool)
+    ), max(far)
 
 
-def own_origins(own: Own, placed: Frames, geometry: Rigid) -> dict[str, Array]:
+def robot_origins(robot_chain: RobotChain, placed: UrdfFrames, geometry: Rigid) -> dict[str, Array]:
     """Compute the identified poses of the URDF's joints.
 
     Args:
-        own: The robot's chain.
+        robot_chain: The robot's chain.
         placed: Places of its frames in the model.
         geometry: The identified geometry.
 
@@ -207,19 +211,25 @@ def own_origins(own: Own, placed: Frames, geometry: Rigid) -> dict[str, Array]:
         InputError: If the tool has moved and no fixed joint carries it.
     """
     poses: dict[str, Array] = {}
-    cuts = [1, *(k + 1 for k in own.moving)]
+    cuts = [1, *(k + 1 for k in robot_chain.moving)]
     for i, step in enumerate(geometry.steps):
-        fixed = in_order([body.pose for body in own.bodies[cuts[i] : cuts[i + 1] - 1]])
-        wanted = within(placed.links[i], step @ placed.links[i + 1])
-        poses[own.names[cuts[i + 1] - 1]] = within(fixed, wanted)
-    behind = own.bodies[cuts[-1] :]
+        fixed = in_order([body.pose for body in robot_chain.bodies[cuts[i] : cuts[i + 1] - 1]])
+        wanted = relative_pose(placed.links[i], step @ placed.links[i + 1])
+        poses[robot_chain.names[cuts[i + 1] - 1]] = relative_pose(fixed, wanted)
+    behind = robot_chain.bodies[cuts[-1] :]
     have = in_order([body.pose for body in behind])
-    wanted = within(placed.links[-1], geometry.tool @ placed.tip)
-    moved = np.abs(have - wanted).max() > STILL
+    wanted = relative_pose(placed.links[-1], geometry.tool @ placed.tip)
+    moved = np.abs(have - wanted).max() > ROUNDING
     if moved and not behind:
-        raise InputError(own.file, "", f"expected a fixed joint behind {own.tip!r}: the tool has moved on it")
+        raise InputError(
+            robot_chain.file,
+            "",
+            f"expected a fixed joint behind {robot_chain.tip!r}: the tool has moved on it",
+        )
     if moved:
-        poses[own.names[cuts[-1]]] = wanted @ within(in_order([body.pose for body in behind[1:]]), np.eye(4))
+        poses[robot_chain.names[cuts[-1]]] = wanted @ relative_pose(
+            in_order([body.pose for body in behind[1:]]), np.eye(4)
+        )
     return poses
 
 
@@ -241,7 +251,7 @@ def axis_lines(bodies: Sequence[Array], axes: Array, slides: Sequence[bool]) -> 
     return np.array(found)
 
 
-def align(theirs: Array, ours: Array) -> Array:
+def align_frames(theirs: Array, ours: Array) -> Array:
     """Fit the pose of their frame in ours so that their twists match ours, see `axis_lines`.
 
     The rotation is a least-squares fit (Kabsch 1976) of the axes' directions and of the distances between the
@@ -255,7 +265,7 @@ def align(theirs: Array, ours: Array) -> Array:
     Returns:
         The pose, (4, 4) [m].
     """
-    U, _, V = np.linalg.svd(STILL * np.eye(3) + _vectors(ours).T @ _vectors(theirs))
+    U, _, V = np.linalg.svd(ROUNDING * np.eye(3) + _vectors(ours).T @ _vectors(theirs))
     R = U @ np.diag([1, 1, np.linalg.det(U @ V)]) @ V
     turn, speed = theirs[:, :3] @ R.T, theirs[:, 3:] @ R.T
     J = np.vstack([-skew(w) for w in turn])

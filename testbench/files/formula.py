@@ -2,7 +2,7 @@
 
 import re
 
-from testbench.errors import shown
+from testbench.errors import printable
 
 BEGINS = frozenset("=+-@\uff1d\uff0b\uff0d\uff20")
 FORMULA = re.compile(r"[^+\-]|[+\-](?![\d.,\s]*(?:[eE][+-]?\d+)?\s*$)")
@@ -19,7 +19,7 @@ def as_cell(text: str) -> str:
     Returns:
         The cell; text that a spreadsheet would take as a formula begins with MARK.
     """
-    line = shown(text)
+    line = printable(text)
     return MARK + line if _is_formula(line) else line
 
 

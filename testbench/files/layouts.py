@@ -14,7 +14,7 @@ from testbench.arm.decimal import is_decimal
 from testbench.arm.document import Strict, parse_toml
 from testbench.arm.folder import Arm
 from testbench.errors import InputError, read_text
-from testbench.files.mapping import Layout, Map, Text
+from testbench.files.mapping import FileLayout, Map, Text
 from testbench.files.meaning import places, plain
 from testbench.files.names import XYZ, find_unit, split_unit, squeeze
 from testbench.files.text import (
@@ -91,12 +91,12 @@ class ExportLayout(Map):
 
     @model_validator(mode="after")
     def _recognised(self) -> "ExportLayout":
-        own = self.fits
-        if sum(map(bool, (own.header, own.cells, own.text))) != 1:
+        fits = self.fits
+        if sum(map(bool, (fits.header, fits.cells, fits.text))) != 1:
             raise ValueError("expected one of fits.header, fits.cells and fits.text")
-        if len([kind for kind in own.cells if kind != MORE]) != len(self.file.names):
+        if len([kind for kind in fits.cells if kind != MORE]) != len(self.file.names):
             raise ValueError("expected as many fits.cells as file.names")
-        if bool(own.text) != (self.program is not None):
+        if bool(fits.text) != (self.program is not None):
             raise ValueError("expected fits.text and program together")
         return self
 
@@ -107,7 +107,8 @@ class Fitting:
 
     name: str  #: Name of the layout.
     layout: ExportLayout
-    file: Layout  #: How the table is written; columns have names where the header alone does not say them.
+    #: How the table is written; columns have names where the header alone does not say them.
+    file: FileLayout
     above: tuple[str, ...] = ()  #: Lines before the table, and its comments.
 
 
@@ -148,25 +149,25 @@ def fitting(path: Path, arm: Arm, only: str | None = None) -> Fitting | None:
     """
     if only is not None and only not in known_layouts():
         raise InputError(path, "", f"no layout {only!r}; layouts are {', '.join(known_layouts())}")
-    found = every_fitting(path, arm)
+    fittings = every_fitting(path, arm)
     if only is not None:
-        found = [own for own in found if own.name == only]
-        if not found:
+        fittings = [own for own in fittings if own.name == only]
+        if not fittings:
             raise InputError(path, "", f"the layout {only!r} does not fit: {_asked(known_layouts()[only])}")
-    if len(found) > 1:
-        both = " and ".join(f"{own.name} ({own.layout.title})" for own in found)
+    if len(fittings) > 1:
+        both = " and ".join(f"{own.name} ({own.layout.title})" for own in fittings)
         raise InputError(path, "", f"fits the layouts {both}; choose one by --layout NAME")
-    return found[0] if found else None
+    return fittings[0] if fittings else None
 
 
 def _asked(layout: ExportLayout) -> str:
     """What a file of a layout has, in words."""
-    own = layout.fits
-    if own.header:
-        wanted = f"a line with the names {', '.join(own.header)}"
+    fits = layout.fits
+    if fits.header:
+        wanted = f"a line with the names {', '.join(fits.header)}"
     else:
-        wanted = f"rows of {len(own.cells)} cells without a header" if own.cells else "a program"
-    return f"expected {wanted}" + f", after {' and '.join(map(repr, own.above))}" * bool(own.above)
+        wanted = f"rows of {len(fits.cells)} cells without a header" if fits.cells else "a program"
+    return f"expected {wanted}" + f", after {' and '.join(map(repr, fits.above))}" * bool(fits.above)
 
 
 class _Row(NamedTuple):
@@ -213,14 +214,14 @@ def every_fitting(path: Path, arm: Arm) -> list[Fitting]:
     sheet = how.startswith(SHEET)
     marks = ("\t",) if sheet else DELIMITERS
     divided = [_Divided(mark, [_row(lines[k], k, mark) for k in places], lines) for mark in marks]
-    found = []
+    fittings = []
     for name, layout in known_layouts().items():
         if not layout.program:
-            found += list(islice(_tables(name, layout, divided, arm), 1))
+            fittings += list(islice(_tables(name, layout, divided, arm), 1))
         elif not sheet and re.search(f"^[ \\t]*({layout.fits.text})", text, re.MULTILINE | re.IGNORECASE):
-            found.append(Fitting(name, layout, Layout()))
-    fits = [own.layout.fits for own in found]
-    return [own for own in found if not any(_says_less(own.layout.fits, other) for other in fits)]
+            fittings.append(Fitting(name, layout, FileLayout()))
+    fits = [own.layout.fits for own in fittings]
+    return [own for own in fittings if not any(_says_less(own.layout.fits, other) for other in fits)]
 
 
 def _row(line: str, place: int, mark: str) -> _Row:
@@ -352,7 +353,7 @@ def _with_targets(found: Fitting, header: _Row, divided: _Divided, arm: Arm) -> 
         return []
     below = next((row.line for row in divided.rows if row.line > header.line), header.line)
     units = units_in(divided.lines[below], mark, len(names))
-    length = length_said(found.above)
+    length = stated_length_unit(found.above)
     place, own = places(arm), list(dict.fromkeys(labels.values()))
     known = all((p := place(f"{label} x")) and p.target for label in own)
     short = {label: label if known else f"M{n}" for n, label in enumerate(own, start=1)}
@@ -407,7 +408,7 @@ def _last(label: str) -> str:
     return label.rpartition(":")[2].strip()
 
 
-def length_said(above: Sequence[str]) -> str:
+def stated_length_unit(above: Sequence[str]) -> str:
     """Find the unit of length that lines above a table state, as in "Length Units,Meters".
 
     Args:

@@ -36,7 +36,7 @@ Word = Annotated[str, Field(max_length=200)]  #: Of a cell, which may be blank.
 Words = tuple[str, ...]
 
 
-class Layout(Strict):
+class FileLayout(Strict):
     """Describe the layout of a file, as far as it cannot be found from the file itself."""
 
     #: Between cells; " " for runs of blanks, "  " for runs of at least two.
@@ -54,7 +54,7 @@ class Layout(Strict):
     average: bool = False  #: Whether rows of one point are shots, of which the mean is its reading.
 
 
-class Absolute(Strict):
+class AbsoluteLayout(Strict):
     """Describe the absolute readings of a file; names that are not stated are the file's own."""
 
     frame: Text | None = None  #: Name of the tracker's frame; files that say the same share it.
@@ -74,7 +74,7 @@ class Log(Strict):
     within_s: Annotated[float, Field(gt=0, le=3600)] | None = None
     #: Where nothing says which row belongs to which: how many readings in a row belong to one of the log.
     rows: int | None = Field(default=None, ge=1, le=1000)
-    table: Layout = Layout()  #: How that file is written.
+    table: FileLayout = FileLayout()  #: How that file is written.
 
     @model_validator(mode="after")
     def _keyed(self) -> "Log":
@@ -87,8 +87,8 @@ class Map(Strict):
     """Hold a map as its file states it."""
 
     frame: Frame | None = None
-    file: Layout = Layout()
-    series: Absolute = Absolute()
+    file: FileLayout = FileLayout()
+    series: AbsoluteLayout = AbsoluteLayout()
     log: Log | None = None
     columns: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     optional: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
@@ -137,11 +137,11 @@ class Names:
         Returns:
             The meaning; None if the name is unknown.
         """
-        if found := self.theirs.get(squeeze(header)):
+        if named := self.theirs.get(squeeze(header)):
             parts = split_unit(header, brackets=True)
-            return replace(found, header=parts[1]) if parts else found
-        if (parts := split_unit(header)) and (found := self.theirs.get(squeeze(parts[0]))):
-            return replace(found, header=parts[1])
+            return replace(named, header=parts[1]) if parts else named
+        if (parts := split_unit(header)) and (named := self.theirs.get(squeeze(parts[0]))):
+            return replace(named, header=parts[1])
         own = recognise(header, self.ours)
         return None if own is None else Named(*own)
 
@@ -244,8 +244,10 @@ def _read(path: Path) -> Map:
         first = err.errors(include_url=False, include_context=False)[0]
         place = toml_place(path, first["loc"])
         if first["type"] == "extra_forbidden":
-            tables: dict[str, type[Strict]] = {"series": Absolute, "log": Log}
-            inner = Layout if "table" in first["loc"][:-1] else tables.get(str(first["loc"][0]), Layout)
+            tables: dict[str, type[Strict]] = {"series": AbsoluteLayout, "log": Log}
+            inner = (
+                FileLayout if "table" in first["loc"][:-1] else tables.get(str(first["loc"][0]), FileLayout)
+            )
             keys = Map.model_fields if len(first["loc"]) == 1 else inner.model_fields
             raise InputError(path, place, f"unknown key; keys are {', '.join(keys)}") from err
         problem = first["msg"]

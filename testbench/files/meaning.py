@@ -9,12 +9,12 @@ from typing import NamedTuple
 from testbench.arm.folder import Arm
 from testbench.files.names import XYZ, split_unit, squeeze
 
-KNOWN = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encoding="utf-8"))
-STATES = {squeeze(word): state for state, words in KNOWN["states"].items() for word in words}
+KNOWN_EXPORTS = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encoding="utf-8"))
+STATES = {squeeze(word): state for state, words in KNOWN_EXPORTS["states"].items() for word in words}
 LOADS = ("N", "Nm", "kg")  #: Units of forces, moments and masses.
 NUMBER = re.compile(r"\d+")
 NEVER = "(?!)"  #: Matches nothing.
-LISTED = 9  #: Columns that a warning names.
+MAX_LISTED = 9  #: Columns that a warning names.
 
 
 class Place(NamedTuple):
@@ -48,7 +48,7 @@ def plain(name: str) -> str:
     return re.sub(r"[\W_]+", "", (split_unit(name) or (name,))[0]).casefold()
 
 
-def meaning(name: str) -> str:
+def column_meaning(name: str) -> str:
     """Find the quantity of a column by its name alone.
 
     Args:
@@ -57,7 +57,7 @@ def meaning(name: str) -> str:
     Returns:
         The quantity; "" for an unknown name, and for positions.
     """
-    found = ((ours, re.fullmatch(own, plain(name))) for ours, own in KNOWN["columns"].items())
+    found = ((ours, re.fullmatch(own, plain(name))) for ours, own in KNOWN_EXPORTS["columns"].items())
     return next((ours.format(**match.groupdict()) for ours, match in found if match), "")
 
 
@@ -72,8 +72,8 @@ def places(arm: Arm) -> Callable[[str], Place | None]:
     """
     markers = sorted(filter(None, map(plain, arm.markers)), key=len, reverse=True)
     states = "|".join(map(re.escape, sorted(STATES, key=len, reverse=True)))
-    target = "|".join([*map(re.escape, markers), KNOWN["places"]["target"]])
-    words = re.compile(rf"(?P<target>{target})|(?P<when>{states})|{KNOWN['places']['said']}")
+    target = "|".join([*map(re.escape, markers), KNOWN_EXPORTS["places"]["target"]])
+    words = re.compile(rf"(?P<target>{target})|(?P<when>{states})|{KNOWN_EXPORTS['places']['said']}")
 
     def place(name: str) -> Place | None:
         text = plain(name)
@@ -99,10 +99,10 @@ def joints_of(arm: Arm) -> Callable[[str], tuple[str, int] | None]:
     """
     numbers = {plain(joint.name): k for k, joint in enumerate(arm.file_joints, start=1)}
     spoken = "|".join(map(re.escape, sorted(filter(None, numbers), key=len, reverse=True))) or NEVER
-    named = re.compile(KNOWN["joints"]["named"].replace("NAME", spoken))
+    named = re.compile(KNOWN_EXPORTS["joints"]["named"].replace("NAME", spoken))
 
     def joint(name: str) -> tuple[str, int] | None:
-        text, (kind, _, number) = plain(name), meaning(name).partition(" ")
+        text, (kind, _, number) = plain(name), column_meaning(name).partition(" ")
         if kind == "joint":
             return "#".join(text.rsplit(number, 1)), int(number)
         if own := named.fullmatch(text):
@@ -139,7 +139,7 @@ def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
     return min(whole, key=lambda own: own[0])[1] if whole else []
 
 
-def overlooked(names: Sequence[str]) -> list[str]:
+def unread_column_warnings(names: Sequence[str]) -> list[str]:
     """Write warnings about unread columns that look like orientations, joints, times or loads.
 
     Args:
@@ -150,18 +150,18 @@ def overlooked(names: Sequence[str]) -> list[str]:
     """
     left = {name: plain(name) for name in names}
     kinds: dict[str, list[str]] = {}
-    for kind, sets in KNOWN["together"].items():
+    for kind, sets in KNOWN_EXPORTS["together"].items():
         for words in (own.split() for own in sets):
             found = [name for name, text in left.items() if text in words]
             if {left[name] for name in found} == {*words} and f"q{len(words) + 1}" not in left.values():
                 kinds.setdefault(kind, []).extend(found)
                 left = {name: text for name, text in left.items() if name not in found}
     for name in left:
-        if kind := next((kind for kind in KNOWN["alone"] if looks_like(name, kind)), ""):
+        if kind := next((kind for kind in KNOWN_EXPORTS["alone"] if looks_like(name, kind)), ""):
             kinds.setdefault(kind, []).append(name)
     return [
-        f"warning: these columns look like {kind} and are not read: {', '.join(own[:LISTED])}"
-        + f" and {len(own) - LISTED} more" * (len(own) > LISTED)
+        f"warning: these columns look like {kind} and are not read: {', '.join(own[:MAX_LISTED])}"
+        + f" and {len(own) - MAX_LISTED} more" * (len(own) > MAX_LISTED)
         for kind, own in kinds.items()
     ]
 
@@ -178,4 +178,4 @@ def looks_like(name: str, kind: str) -> bool:
     """
     parts = split_unit(name)
     loaded = kind == "forces" and parts is not None and parts[1].si in LOADS
-    return loaded or re.fullmatch(KNOWN["alone"][kind], plain(name)) is not None
+    return loaded or re.fullmatch(KNOWN_EXPORTS["alone"][kind], plain(name)) is not None

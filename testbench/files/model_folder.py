@@ -23,10 +23,10 @@ def copy_arm(arm: Arm, folder: Path) -> None:
         arm: The arm.
         folder: Folder to copy to.
     """
-    own = arm.rigid.parent
-    for name in _arm_files(own):
+    path = arm.rigid.parent
+    for name in _arm_files(path):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        with open_file(own / name, MESH_BYTES) as source, (folder / name).open("wb") as copy:
+        with open_file(path / name, MESH_BYTES) as source, (folder / name).open("wb") as copy:
             shutil.copyfileobj(source, copy)
 
 

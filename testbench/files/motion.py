@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.folder import Joint
+from testbench.arm.folder import ArmJoint
 from testbench.errors import Array, BenchError, check_array
 from testbench.runs.whole import write_whole
 
@@ -22,7 +22,7 @@ LONGEST_COMMENT = 80
 """Most characters of a label in a comment: a line of a controller's editor."""
 MAIN, EXTERNAL = 6, 6
 """Most robot axes and external axes in KRL and RAPID."""
-ROUNDING = 1e-6
+LIMIT_ROUNDING = 1e-6
 """Largest excess of a joint over its limit, as in files that are read [rad, m]."""
 MARK = "p_"
 """Prefix of a name that the language would not accept."""
@@ -100,7 +100,7 @@ def _urscript(moves: _Moves) -> Iterator[str]:
 
 
 @dataclass(frozen=True)
-class Language:
+class JointSyntax:
     """Describe a robot language."""
 
     lines: Callable[[_Moves], Iterator[str]]
@@ -129,7 +129,9 @@ class Language:
 
 _LINES = {"krl": _krl, "rapid": _rapid, "urscript": _urscript}
 _DECLARED = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-WRITERS: Mapping[str, Language] = {name: Language(lines, **_DECLARED[name]) for name, lines in _LINES.items()}
+WRITERS: Mapping[str, JointSyntax] = {
+    name: JointSyntax(lines, **_DECLARED[name]) for name, lines in _LINES.items()
+}
 
 
 def format_of(path: Path) -> str:
@@ -153,7 +155,7 @@ def format_of(path: Path) -> str:
 
 
 def write_moves(
-    path: Path, language: Language, q: Array, joints: Sequence[Joint], labels: Sequence[str] = ()
+    path: Path, language: JointSyntax, q: Array, joints: Sequence[ArmJoint], labels: Sequence[str] = ()
 ) -> None:
     """Write a program named after its file, whole or not at all.
 
@@ -186,7 +188,7 @@ def write_moves(
     write_whole("".join(f"{line}{language.newline}" for line in language.lines(moves)), path)
 
 
-def _identifier(name: str, language: Language) -> str:
+def _identifier(name: str, language: JointSyntax) -> str:
     """Convert a name to a valid one: letters, digits and `_`, a letter first, not reserved."""
     fit = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "program"
     if not fit[0].isalpha() or not language.takes(fit):
@@ -199,11 +201,11 @@ def _plain(text: str) -> str:
     return re.sub(r"[^ -~]", "?", " ".join(text.split()))[:LONGEST_COMMENT].rstrip(" \\")
 
 
-def _check_moves(q: Array, joints: Sequence[Joint], labels: Sequence[str]) -> Array:
+def _check_moves(q: Array, joints: Sequence[ArmJoint], labels: Sequence[str]) -> Array:
     """Check that joints, (points, n) [rad, m], are within limits and labels as many; else a BenchError."""
     found = check_array(q, (None, len(joints)), "q [rad, m]")
     lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
-    for k, j in np.argwhere((found < lower - ROUNDING) | (found > upper + ROUNDING))[:1]:
+    for k, j in np.argwhere((found < lower - LIMIT_ROUNDING) | (found > upper + LIMIT_ROUNDING))[:1]:
         own = joints[j]
         low, high, got = (own.shown * x for x in (own.lower, own.upper, found[k, j]))
         limits = f"expected {low:.4f} to {high:.4f} {own.shown_unit}, its limits"
@@ -213,7 +215,7 @@ def _check_moves(q: Array, joints: Sequence[Joint], labels: Sequence[str]) -> Ar
     return found
 
 
-def _split_axes(joints: Sequence[Joint]) -> tuple[list[int], list[int]]:
+def _split_axes(joints: Sequence[ArmJoint]) -> tuple[list[int], list[int]]:
     """Divide the joints into robot axes and external axes, as KRL and RAPID count them.
 
     Up to six joints are robot axes. Of more, slides are external first, then the last hinges.

@@ -31,8 +31,8 @@ UNITS = (
     *(Unit(n, "m2", s) for n, s in (("m2", 1.0), ("mm2", 1e-6), ("um2", 1e-12))),
 )
 #: Of what is not zero, in any unit: its square is not zero, nor what is divided by it infinite.
-LEAST = 1e-100
-LARGEST = {"m": 1e6, "rad": 1e6, "N": 1e9, "Nm": 1e9, "kg": 1e6, "m2": 1e6}
+MIN_NUMBER = 1e-100
+MAX_NUMBERS = {"m": 1e6, "rad": 1e6, "N": 1e9, "Nm": 1e9, "kg": 1e6, "m2": 1e6}
 """Largest number of a quantity in SI that is read: beyond it a file is broken."""
 OTHERS = {
     "m": "meter meters metre metres mètre mètres 米",
@@ -48,8 +48,8 @@ OTHERS = {
 }
 OTHER_NAMES = {other: unit for unit, words in OTHERS.items() for other in words.split()}
 """What files write for these, in small letters; both micro signs become the Greek letter."""
-KNOWN = {unit.name.lower(): unit for unit in UNITS}
-LONGEST = 200  #: Letters of the longest name that may end with a unit.
+UNITS_BY_NAME = {unit.name.lower(): unit for unit in UNITS}
+MAX_NAME_LENGTH = 200  #: Letters of the longest name that may end with a unit.
 BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
 TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+(?i:in)\s+|[\s_]+)([^\s_/,\[\]()]+)$")
 
@@ -64,7 +64,7 @@ def find_unit(word: str) -> Unit | None:
         The unit; None for any other word.
     """
     small = "".join(word.casefold().split()).replace("²", "2")
-    return KNOWN.get(OTHER_NAMES.get(small, small))
+    return UNITS_BY_NAME.get(OTHER_NAMES.get(small, small))
 
 
 def split_unit(name: str, *, brackets: bool = False) -> tuple[str, Unit] | None:
@@ -78,7 +78,7 @@ def split_unit(name: str, *, brackets: bool = False) -> tuple[str, Unit] | None:
         Quantity and unit; None if the name does not end with a unit.
     """
     name = " ".join(name.split())  # the patterns take long on runs of blanks
-    if len(name) > LONGEST:
+    if len(name) > MAX_NAME_LENGTH:
         return None
     for pattern in (BRACKETS,) if brackets else (BRACKETS, TAIL):
         if found := pattern.match(name):
@@ -104,7 +104,7 @@ LOADING = ("on", "off")
 ALONG = ("feed", "cross", "axial")
 """Parts of a process force: along the feed, across it, along the spindle."""
 
-WHOLE = -1  #: Index of a position whose axis a column of axes says.
+WHOLE_NUMBER = -1  #: Index of a position whose axis a column of axes says.
 
 Which = Literal["run", "pose", "marker", "station", "loading", "state", "axis", "label"]
 Acting = Literal["joint", "mass", "force", "moment", "point", "set_point", "process"]
@@ -127,7 +127,7 @@ class Slot:
     """Describe the quantity of one column."""
 
     what: What  #: The quantity.
-    index: int = 0  #: Number of the joint from 0, the axis or WHOLE, or the entry of a covariance.
+    index: int = 0  #: Number of the joint from 0, the axis or WHOLE_NUMBER, or the entry of a covariance.
     marker: str = ""  #: Of a reading; empty where a column of markers says it.
     when: str = ""  #: "before", "after" or DEFLECTION; empty where a column of states or the load says it.
 
@@ -207,9 +207,9 @@ def our_names(arm: Arm) -> dict[str, Slot]:
     """
     single: tuple[What, ...] = ("run", "pose", "marker", "station", "state", "loading", "mass", "sigma")
     found: dict[str, Slot] = {name: Slot(name) for name in single}
-    found |= {"when": Slot("state"), "axis": Slot("axis"), "position": Slot("reading", WHOLE)}
+    found |= {"when": Slot("state"), "axis": Slot("axis"), "position": Slot("reading", WHOLE_NUMBER)}
     for when, words in {**STATES, DEFLECTION: (DEFLECTION,)}.items():
-        found |= {word: Slot("reading", WHOLE, when=when) for word in words}
+        found |= {word: Slot("reading", WHOLE_NUMBER, when=when) for word in words}
     for what in ("force", "moment", "point", "covariance"):
         found |= _without_unit(columns_of(what))
     for when in WHEN:

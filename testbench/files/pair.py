@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.errors import Array, Ids
-from testbench.files.readings import Readings, placed
-from testbench.files.rows import SAME_POSE, Conditions, first_rows, number_rows, repeats
-from testbench.files.table import Table
+from testbench.files.readings import FileReadings, readings_by_group
+from testbench.files.rows import SAME_POSE, RowConditions, first_rows, number_rows, repeats
+from testbench.files.table import TableCells
 
 HELD = 2e-4
 """Largest difference of joint coordinates between the readings of a run that is accepted, with a note [rad,
@@ -26,7 +26,7 @@ class Paired:
     notes: tuple[str, ...]  #: Assumptions that were made.
 
 
-def pair(table: Table, conditions: Conditions, read: Readings) -> Paired:
+def pair(table: TableCells, conditions: RowConditions, read: FileReadings) -> Paired:
     """Pair unloaded and loaded readings of a table to runs.
 
     Args:
@@ -48,7 +48,7 @@ def pair(table: Table, conditions: Conditions, read: Readings) -> Paired:
     return _state_by_state(table, conditions, read, marker)
 
 
-def _in_one_row(table: Table, conditions: Conditions, read: Readings, marker: Ids) -> Paired:
+def _in_one_row(table: TableCells, conditions: RowConditions, read: FileReadings, marker: Ids) -> Paired:
     """Pair readings if a row holds both states, of all targets or of one."""
     # Number the runs; without a column of runs repeated markers start a new one.
     own, code = conditions, np.arange(table.rows)
@@ -66,12 +66,12 @@ def _in_one_row(table: Table, conditions: Conditions, read: Readings, marker: Id
         each = f"expected one line for each of {', '.join(read.markers)}; those of a lost target are blank"
         for k in np.flatnonzero(short)[:1]:
             raise table.error(first[k], "", f"run {run[k]}: {each}")
-    before, after = (placed(read, code, read.after == state) for state in (False, True))
+    before, after = (readings_by_group(read, code, read.after == state) for state in (False, True))
     notes = () if own.run is not None else (f"runs are numbered in their order: {len(first)} of them",)
     return Paired(first, run, first[code], before, after, notes)
 
 
-def _state_by_state(table: Table, conditions: Conditions, read: Readings, marker: Ids) -> Paired:
+def _state_by_state(table: TableCells, conditions: RowConditions, read: FileReadings, marker: Ids) -> Paired:
     """Pair readings if a row holds one state; an unloaded one serves its run, or all loads of its pose."""
     own, loaded = conditions, np.zeros(table.rows, dtype=bool)
     loaded[read.row] = read.after
@@ -85,7 +85,7 @@ def _state_by_state(table: Table, conditions: Conditions, read: Readings, marker
         code = _repeated(table, code, marker)
     again = repeats(code, marker) > 0
     table.refuse(again, "", "this marker was read before in the same run, pose, state and load")
-    first, position = first_rows(code), placed(read, code)
+    first, position = first_rows(code), readings_by_group(read, code)
     # Find the unloaded reading of every loaded one; joints must not move in between.
     hung, idle = np.flatnonzero(loaded[first]), np.flatnonzero(~loaded[first])
     row, unloaded = first[hung], _belongs(table, own, first[idle], first[hung])
@@ -99,7 +99,7 @@ def _state_by_state(table: Table, conditions: Conditions, read: Readings, marker
     return Paired(row, number, first[code], position[idle[unloaded]], position[hung], tuple(notes))
 
 
-def _notes(table: Table, idle: Ids, unloaded: Ids) -> list[str]:
+def _notes(table: TableCells, idle: Ids, unloaded: Ids) -> list[str]:
     """Note unloaded readings that serve several runs or none."""
     shared = int((np.bincount(unloaded, minlength=len(idle)) > 1).sum())
     alone = np.setdiff1d(np.arange(len(idle)), unloaded)
@@ -110,7 +110,7 @@ def _notes(table: Table, idle: Ids, unloaded: Ids) -> list[str]:
     return notes
 
 
-def _repeated(table: Table, code: Ids, marker: Ids) -> Ids:
+def _repeated(table: TableCells, code: Ids, marker: Ids) -> Ids:
     """Split groups at a repeated marker, (rows,): the second reading of each marker is a second run."""
     again = repeats(code, marker)
     if not again.any():
@@ -123,25 +123,25 @@ def _repeated(table: Table, code: Ids, marker: Ids) -> Ids:
     return number_rows(code, again)
 
 
-def _belongs(table: Table, own: Conditions, idle: Ids, rows: Ids) -> Ids:
+def _belongs(table: TableCells, conditions: RowConditions, idle: Ids, rows: Ids) -> Ids:
     """Find the unloaded reading of each loaded one, (runs,): that of the run, else of the pose.
 
     Args:
         table: The cells.
-        own: Conditions of every row.
+        conditions: Conditions of every row.
         idle: First rows of the unloaded readings, in the order of the file.
         rows: First rows of the loaded readings.
     """
-    found = _last(number_rows(own.pose, own.station), idle, rows)
+    found = _last(number_rows(conditions.pose, conditions.station), idle, rows)
     of_run = np.full(len(rows), -1)
-    if own.run is not None:
-        of_run = _last(number_rows(own.pose, own.station, own.run), idle, rows)
-    if own.taken_off is not None:
-        for row in rows[own.taken_off[rows] & (of_run < 0)][:1]:
+    if conditions.run is not None:
+        of_run = _last(number_rows(conditions.pose, conditions.station, conditions.run), idle, rows)
+    if conditions.taken_off is not None:
+        for row in rows[conditions.taken_off[rows] & (of_run < 0)][:1]:
             raise table.error(row, "", "loading off: expected an unloaded reading of the same run")
     for row in rows[found < 0][:1]:
-        hint = "" if own.named else "; without a column of poses equal joints are one"
-        problem = f"a loaded reading in pose {own.pose[row]}, which has no unloaded one{hint}"
+        hint = "" if conditions.named else "; without a column of poses equal joints are one"
+        problem = f"a loaded reading in pose {conditions.pose[row]}, which has no unloaded one{hint}"
         raise table.error(row, "", problem)
     return np.where(of_run < 0, found, of_run)
 
@@ -156,7 +156,7 @@ def _last(key: Ids, idle: Ids, rows: Ids) -> Ids:
     return np.where(key[idle[order[at]]] == key[rows], order[at], -1)
 
 
-def _check_held(table: Table, q: Array, row: Ids, idle: Ids) -> list[str]:
+def _check_held(table: TableCells, q: Array, row: Ids, idle: Ids) -> list[str]:
     """Note joints that moved between unloaded and loaded readings; refuse motions beyond HELD."""
     moved = np.abs(q[row] - q[idle]).max(axis=1)
     for k in np.flatnonzero(moved > HELD)[:1]:

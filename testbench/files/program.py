@@ -16,7 +16,7 @@ from testbench.arm.folder import Arm
 from testbench.display import Displayed
 from testbench.errors import Array, Ids, InputError, check_type
 from testbench.files.beside import read_rotations
-from testbench.files.columns import Column, Columns, find_columns, read_columns, vector, wrench
+from testbench.files.columns import Columns, ReadColumn, find_columns, read_columns, vector, wrench
 from testbench.files.mapping import read_map
 from testbench.files.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names, split_unit
 from testbench.files.rows import joint_coordinates
@@ -25,7 +25,7 @@ from testbench.files.table import read_table
 MAX_POINTS = 1_000_000
 CORRECTION = "correction_"
 """Prefix of columns about a correction."""
-LISTED = 12
+MAX_LISTED = 12
 """Most columns that a sentence names."""
 LOADS: Mapping[What, Sequence[str]] = {
     "force": [*(f"force_{axis}" for axis in XYZ), *ALONG],
@@ -35,7 +35,7 @@ LOADS: Mapping[What, Sequence[str]] = {
 """Names of every kind of load."""
 FARTHEST_TURN = math.radians(45)
 """Largest turn of a hinge, or of the tool, from one point to the next [rad]."""
-SAME = 1e-3
+UNIT_ROUNDING = 1e-3
 """Difference between a coordinate and the same one in another unit that rounding explains [deg, mm]."""
 FARTHEST_STEP = 1.0
 """Largest motion of a slide, or of the tool, from one point to the next [m]."""
@@ -92,7 +92,7 @@ class Program(Displayed):
         return len(self.line)
 
     @property
-    def joints(self) -> list[Column | None]:
+    def joints(self) -> list[ReadColumn | None]:
         """Return the column of every file joint; None for a joint without one."""
         return [self.columns.get(Slot("joint", k)) for k in range(len(self.arm.file_joints))]
 
@@ -107,7 +107,7 @@ class Program(Displayed):
         return any(name.startswith(CORRECTION) for name in self.other)
 
 
-def unread(program: Program) -> tuple[str, ...]:
+def unread_columns(program: Program) -> tuple[str, ...]:
     """Describe each kind of unread columns; those that look like loads come first.
 
     Args:
@@ -124,8 +124,8 @@ def unread(program: Program) -> tuple[str, ...]:
     ]
     own = takewhile(lambda name: not name.startswith(CORRECTION), program.other)
     if rest := [name for name in own if like[name] is None]:
-        more = f" and {len(rest) - LISTED} more" if len(rest) > LISTED else ""
-        found.append(f"Not read: {', '.join(rest[:LISTED])}{more}")
+        more = f" and {len(rest) - MAX_LISTED} more" if len(rest) > MAX_LISTED else ""
+        found.append(f"Not read: {', '.join(rest[:MAX_LISTED])}{more}")
     return tuple(found)
 
 
@@ -208,7 +208,7 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
     """
     names = read_map(mapping, arm)
     table = read_table(path, names.knows, names.map.file)
-    read_as = {k: own for k, name in enumerate(table.names) if (own := names.find(name))}
+    read_as = {k: named for k, name in enumerate(table.names) if (named := names.find(name))}
     joints = {k: own for k, own in read_as.items() if own.slot.what == "joint"}
     first = {own.slot: k for k, own in reversed(joints.items())}
     again = {k: own for k, own in joints.items() if k != first[own.slot]}
@@ -218,11 +218,11 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
     if not table.rows:
         raise table.error(0, "", "expected at least one pose")
     in_file = arm.to_file(q)
-    for k, own in again.items():
-        joint, here = arm.file_joints[own.slot.index], in_file[:, own.slot.index]
-        other = here if own.unit is None else own.unit.scale * table.numbers(k, columns.mark)
-        both = f"{table.names[first[own.slot]]} and {table.names[k]}"
-        for i in np.flatnonzero(~(joint.shown * np.abs(here - other) <= SAME))[:1]:
+    for k, named in again.items():
+        joint, here = arm.file_joints[named.slot.index], in_file[:, named.slot.index]
+        other = here if named.unit is None else named.unit.scale * table.numbers(k, columns.mark)
+        both = f"{table.names[first[named.slot]]} and {table.names[k]}"
+        for i in np.flatnonzero(~(joint.shown * np.abs(here - other) <= UNIT_ROUNDING))[:1]:
             got = f"{joint.shown * here[i]:.4f} and {joint.shown * other[i]:g} {joint.shown_unit}"
             place = f"line {table.lines[i]}, columns {both}"  # an edit of one of them counts
             raise InputError(path, place, f"expected the same twice, got {got}")
@@ -232,9 +232,9 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
 def _joints(columns: Columns, arm: Arm) -> Array | None:
     """Read the joints of every point; None if the table has only poses of the tool."""
     stated = any(slot.what == "joint" for slot in columns.names.values)
-    if columns.every("joint") or stated or not arm.joints:
+    if columns.all_of("joint") or stated or not arm.joints:
         return joint_coordinates(columns, arm)
-    if columns.every("set_point"):
+    if columns.all_of("set_point"):
         return None
     missing = [joint.shown_column for joint in arm.file_joints]
     raise columns.lack(missing, "; or x_mm, y_mm, z_mm and an orientation of the tool")
@@ -243,7 +243,7 @@ def _joints(columns: Columns, arm: Arm) -> Array | None:
 def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
     """Read positions and orientations of the tool; None if the table has only joints."""
     rotation = read_rotations(columns)
-    found = columns.whole(wanted := columns_of("set_point"))
+    found = columns.complete_set(wanted := columns_of("set_point"))
     if not found and rotation is None:
         return None, None
     if not found:
@@ -252,7 +252,7 @@ def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
         raise columns.lack(
             list(columns_of("quaternion")), "; or rotation_x_deg ... of a rotation vector, rotation_11 ..."
         )
-    name, blank = columns.every(*ROTATIONS)[0].name, np.isnan(rotation[:, 0, 0])
+    name, blank = columns.all_of(*ROTATIONS)[0].name, np.isnan(rotation[:, 0, 0])
     columns.table.refuse(blank, name, "expected an orientation at every point, got ''")
     position = vector(columns, "set_point")
     assert position is not None

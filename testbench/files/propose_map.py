@@ -27,12 +27,12 @@ from testbench.files.column_guesses import (
     names_by_cells,
     unit_of,
 )
-from testbench.files.layouts import Fitting, Ordered, fitting, length_said, numbered
+from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_length_unit
 from testbench.files.mapping import Log, Map, Named, read_map
-from testbench.files.meaning import joints_of, looks_like, meaning, places
+from testbench.files.meaning import column_meaning, joints_of, looks_like, places
 from testbench.files.names import SI, series_names, squeeze
-from testbench.files.rearranged import NUMBERS, joined, keys_of, nearest, times_of
-from testbench.files.table import Table
+from testbench.files.rearranged import NUMBERS, join_log, keys_of, nearest_times, times_of
+from testbench.files.table import TableCells
 from testbench.files.targets import read_log
 from testbench.files.text import BLANK, read_letters
 
@@ -106,13 +106,13 @@ def propose(path: Path, arm: Arm, log: Path | None, beside: Path, layout: str | 
         other, own = _read(log, arm)
         how, alone = _join(table, other, fits, own)
         table, points = _of_the_arm(table, alone)
-        table = joined(table, other, how)
+        table = join_log(table, other, how)
         said = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
         why = "no names or times in common, but these counts agree"
         entries += [Entry("log", key, value, why * (key == "rows")) for key, value in said.items()]
         entries += _layout_entries("log.table", own)
         every.append((own, other))
-    length = length_said(above) or (fits and fits.layout.length) or ""
+    length = stated_length_unit(above) or (fits and fits.layout.length) or ""
     stated = Stated()
     for one, source in every:
         if one:
@@ -123,12 +123,12 @@ def propose(path: Path, arm: Arm, log: Path | None, beside: Path, layout: str | 
     return Proposal(tuple(entries), tuple(f"{one.name} ({one.layout.title})" for one, _ in every if one))
 
 
-def _read(path: Path, arm: Arm, layout: str | None = None) -> tuple[Table, Fitting | None]:
+def _read(path: Path, arm: Arm, layout: str | None = None) -> tuple[TableCells, Fitting | None]:
     """Read a table by the layout that fits, else by the names of columns that are known."""
     place, joint = places(arm), joints_of(arm)
 
     def known(name: str) -> bool:
-        return bool(meaning(name) or place(name) or joint(name) or looks_like(name, "joints"))
+        return bool(column_meaning(name) or place(name) or joint(name) or looks_like(name, "joints"))
 
     fits = fitting(path, arm, layout)
     return read_log(path, bool if fits else known, fits.file if fits else None), fits
@@ -148,7 +148,7 @@ class Stated:
     what: set[str] = field(default_factory=set)  #: Quantities, such as "joint" and "reading".
     names: dict[str, str] = field(default_factory=dict)  #: Columns, and the quantity that each says.
 
-    def add(self, fits: Fitting, table: Table, arm: Arm, length: str) -> None:
+    def add(self, fits: Fitting, table: TableCells, arm: Arm, length: str) -> None:
         """Add what a layout says of the columns of a table, each with its unit.
 
         Args:
@@ -173,14 +173,14 @@ class Stated:
         said = layout.series.model_dump(exclude_defaults=True)
         self.entries += [Entry("series", *pair) for pair in said.items()]
         if "lost" not in layout.words:
-            readings = [k for k, own in found.items() if own.slot.what == "reading"]
+            readings = [k for k, named in found.items() if named.slot.what == "reading"]
             self.entries += lost_words(table, readings)
-        self.what |= {own.slot.what for own in found.values()}
+        self.what |= {named.slot.what for named in found.values()}
         self.what |= {what for what, word in WHOLES.items() if word in str(layout.cells)}
-        self.names |= {table.names[k]: own.slot.what for k, own in found.items()}
+        self.names |= {table.names[k]: named.slot.what for k, named in found.items()}
         self.names |= dict.fromkeys(layout.cells, "")
 
-    def order(self, fits: Fitting, table: Table, arm: Arm) -> None:
+    def order(self, fits: Fitting, table: TableCells, arm: Arm) -> None:
         """Add the joints of a table that itself states their order.
 
         Args:
@@ -208,20 +208,22 @@ def _by_joint(entry: Entry, arm: Arm) -> list[Entry]:
     ]
 
 
-def _missing_unit(table: Table, columns: Sequence[tuple[int, Named]], length: str) -> tuple[str, str]:
+def _missing_unit(table: TableCells, columns: Sequence[tuple[int, Named]], length: str) -> tuple[str, str]:
     """The unit of columns that neither a layout nor the file says, as "_mm", and how it was guessed."""
-    k, own = columns[0]
-    if own.unit or own.header or unit_of(table, k):
+    k, named = columns[0]
+    if named.unit or named.header or unit_of(table, k):
         return "", ""
-    if own.slot.what == "joint":
+    if named.slot.what == "joint":
         return angle_unit(table, [k for k, _ in columns])
-    kind = {"deviation": "sigma_x", "sigma": "sigma_x", "axis": "axis", "mass": "mass"}.get(own.slot.what, "")
-    if kind or "m" in SI.get(own.slot.what, ()):
+    kind = {"deviation": "sigma_x", "sigma": "sigma_x", "axis": "axis", "mass": "mass"}.get(
+        named.slot.what, ""
+    )
+    if kind or "m" in SI.get(named.slot.what, ()):
         return length_unit(table, k, [k for k, _ in columns], kind, length)
     return "", ""
 
 
-def _ordered(how: Ordered, table: Table, arm: Arm) -> list[Entry]:
+def _ordered(how: Ordered, table: TableCells, arm: Arm) -> list[Entry]:
     """The joints of a table by the names that stand beside them.
 
     Args:
@@ -257,15 +259,15 @@ def _ordered(how: Ordered, table: Table, arm: Arm) -> list[Entry]:
     return [Entry("cells", how.values, f"{pattern[:last]}*" if len(said) > len(own) else pattern, why)]
 
 
-def _lines_above(table: Table) -> tuple[str, ...]:
+def _lines_above(table: TableCells) -> tuple[str, ...]:
     """The lines before a table's header; none where the file has no header."""
     lines = read_letters(table.path, None, ".")[0].splitlines()[: max(table.header - 1, 0)]
     return tuple(line for line in lines if line.strip(BLANK) and len(line) <= LONGEST)
 
 
-def _of_the_arm(table: Table, alone: Mask) -> tuple[Table, list[Entry]]:
+def _of_the_arm(table: TableCells, alone: Mask) -> tuple[TableCells, list[Entry]]:
     """Without rows that have no joints, such as of a nest, where targets have other names there."""
-    names = [name for name in table.names if meaning(name) == "name"] if alone.any() else []
+    names = [name for name in table.names if column_meaning(name) == "name"] if alone.any() else []
     for texts, name in ((np.array(keys_of(table, [name])), name) for name in names):
         targets, others = {*texts[~alone].tolist()}, {*texts[alone].tolist()}
         if not targets & others and len(targets) <= min(TARGETS, len(texts) / 2):
@@ -274,7 +276,7 @@ def _of_the_arm(table: Table, alone: Mask) -> tuple[Table, list[Entry]]:
     return table, []
 
 
-def _join(table: Table, log: Table, *fits: Fitting | None) -> tuple[Log, Mask]:
+def _join(table: TableCells, log: TableCells, *fits: Fitting | None) -> tuple[Log, Mask]:
     """How rows of a log belong to those of a table, by names that it has once each, else by time.
 
     Args:
@@ -291,7 +293,7 @@ def _join(table: Table, log: Table, *fits: Fitting | None) -> tuple[Log, Mask]:
         own = [*map(squeeze, keys_of(table, [ours]))]
         alone = np.array([text not in texts for text in own], dtype=bool)
         if alone.mean() < 0.5 and len({*own}) > 1:
-            same = {meaning(ours), meaning(theirs)} == {"name"} and {*own} == texts
+            same = {column_meaning(ours), column_meaning(theirs)} == {"name"} and {*own} == texts
             if same or not all(map(is_decimal, own)):  # numbers are no names, unless both are called so
                 return Log(file=log.path.name, on=[ours], to=[theirs]), alone
     both = [_times(own, one) for own, one in zip((table, log), fits, strict=True)]
@@ -303,7 +305,7 @@ def _join(table: Table, log: Table, *fits: Fitting | None) -> tuple[Log, Mask]:
             raise InputError(log.path, "", f"{problem}, got {got}")
         return Log(file=log.path.name, rows=count), np.zeros(table.rows, dtype=bool)
     when = [times_of(own, names) for own, names in zip((table, log), both, strict=True)]
-    late = np.abs(when[1][nearest(*when)] - when[0])
+    late = np.abs(when[1][nearest_times(*when)] - when[0])
     alone = late > SOON
     apart = float(late[~alone].max() if alone.mean() < 0.5 else late.max())
     if apart > SOON:
@@ -313,17 +315,17 @@ def _join(table: Table, log: Table, *fits: Fitting | None) -> tuple[Log, Mask]:
     return how, alone
 
 
-def _times(table: Table, fits: Fitting | None) -> list[str]:
+def _times(table: TableCells, fits: Fitting | None) -> list[str]:
     """The columns that say together when a row was read: those of its layout, else by their names."""
     own = [name for name in fits.layout.times if name in table.names] if fits else []
-    return own or [name for name in table.names if meaning(name) == "when"]
+    return own or [name for name in table.names if column_meaning(name) == "when"]
 
 
-def _in_turn(table: Table, count: int) -> bool:
+def _in_turn(table: TableCells, count: int) -> bool:
     """Whether rows stand together: their names are those of the targets in each group, or one name."""
     if count <= 1:
         return count == 1
-    for name in (name for name in table.names if meaning(name) == "name"):
+    for name in (name for name in table.names if column_meaning(name) == "name"):
         texts = keys_of(table, [name])
         groups = [{*texts[k : k + count]} for k in range(0, len(texts), count)]
         one_each = {*map(len, groups)} == {1} and len({*texts}) == len(groups)

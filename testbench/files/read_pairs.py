@@ -12,8 +12,8 @@ from testbench.files.columns import Columns, find_columns, read_columns
 from testbench.files.mapping import Map, read_map
 from testbench.files.names import ENTRIES, Slot, columns_of
 from testbench.files.pair import HELD, Paired, pair
-from testbench.files.readings import Readings, averaged, markers_only, read_readings
-from testbench.files.rows import Conditions, read_conditions
+from testbench.files.readings import FileReadings, average_shots, markers_only, read_readings
+from testbench.files.rows import RowConditions, read_conditions
 from testbench.files.scatter import read_covariances, read_scatter
 from testbench.files.table import table_of
 
@@ -102,7 +102,7 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     """
     # Drop points that are no markers, and average shots.
     columns, dropped = markers_only(columns)
-    columns, shots = averaged(columns)
+    columns, shots = average_shots(columns)
     # Conditions and positions of every row, then pairs of unloaded and loaded readings.
     conditions = read_conditions(columns, arm)
     read = read_readings(columns, arm, conditions.loaded)
@@ -137,7 +137,7 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     return Export(data, columns, notes)
 
 
-def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Readings) -> None:
+def _check_once(columns: Columns, conditions: RowConditions, runs: Paired, read: FileReadings) -> None:
     """Check that conditions of a run are equal in all of its rows."""
     every, lead = {"pose": conditions.pose[:, None], "joint": conditions.q}, runs.leader
     if conditions.taken_off is not None:
@@ -147,8 +147,8 @@ def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Re
         every |= {"mass": conditions.wrench[:, 2:3], "point": conditions.point}
         if conditions.station is not None:
             every["station"] = conditions.station[:, None]
-    turned = [(column, columns.full(column)) for column in columns.every("rotation") if column.slot.when]
-    for column, own in [(c, every[c.slot.what][:, c.slot.index]) for c in columns.every(*every)] + turned:
+    turned = [(column, columns.full(column)) for column in columns.all_of("rotation") if column.slot.when]
+    for column, own in [(c, every[c.slot.what][:, c.slot.index]) for c in columns.all_of(*every)] + turned:
         differs = np.abs(own - own[lead]) > (0.0 if read.paired else HELD)
         columns.table.refuse(differs, column.name, "expected the same value in every row of the run")
 
@@ -163,18 +163,18 @@ def _of_the_file(columns: Columns, index: int, values: Array) -> float:
 def _rotations(columns: Columns, row: Ids) -> tuple[Array, Array] | tuple[None, None]:
     """Read orientations of every run, unloaded and loaded, (runs, 3) [rad]; None if there are none."""
     wanted = columns_of("rotation", "before") | columns_of("rotation", "after")
-    found = columns.whole(wanted)
+    found = columns.complete_set(wanted)
     if not found:
         if Slot("sigma", 1) in columns.found:
             raise columns.lack(list(wanted))
         return None, None
-    if columns.said(Slot("sigma", 1)) is None:
+    if columns.source_of(Slot("sigma", 1)) is None:
         raise columns.lack(["sigma_rad"])
     values = np.column_stack([columns.full(column)[row] for column in found])
     return values[:, :3], values[:, 3:]
 
 
-def _precision(columns: Columns, read: Readings, runs: Paired, lost: Mask) -> Array | None:
+def _precision(columns: Columns, read: FileReadings, runs: Paired, lost: Mask) -> Array | None:
     """Compute inverse covariances, (runs, m, 3, 3) [1/m^2], zero for lost targets; None without columns."""
     table, C = columns.table, read_covariances(columns, "covariance")
     if C is None:

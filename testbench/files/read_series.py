@@ -17,8 +17,14 @@ from testbench.files.mapping import Map, read_map
 from testbench.files.names import ROTATIONS, WHEN, Slot, What, series_names
 from testbench.files.pair import HELD, not_held
 from testbench.files.read_pairs import runs_of
-from testbench.files.readings import Readings, averaged, markers_only, placed, read_readings
-from testbench.files.rows import Conditions, first_rows, number_rows, read_conditions, repeats
+from testbench.files.readings import (
+    FileReadings,
+    average_shots,
+    markers_only,
+    read_readings,
+    readings_by_group,
+)
+from testbench.files.rows import RowConditions, first_rows, number_rows, read_conditions, repeats
 from testbench.files.scatter import Scatter, read_scatter
 
 ALONE = "target"
@@ -27,8 +33,8 @@ APART = 0.02
 """Distance of two readings of one target in one pose beyond which they are of two targets [m]."""
 TURNED_APART = 1e-6
 """Difference of two orientations up to which they count as equal [1]."""
-TOLD = 5  #: Most lines that a note lists.
-BESIDE: tuple[What, ...] = ("time", "temperature", "torque", *ROTATIONS)
+MAX_LISTED_LINES = 5  #: Most lines that a note lists.
+SERIES_QUANTITIES: tuple[What, ...] = ("time", "temperature", "torque", *ROTATIONS)
 """Quantities of absolute readings that pairs do not have."""
 NAMES: tuple[What, ...] = ("series", "station", "series_frame", "series_target")
 """Columns that divide a file into series, or name what series share."""
@@ -72,21 +78,23 @@ def read_series(
     mapping = Path(mapping) if isinstance(mapping, str) else mapping
     names = replace(read_map(mapping, arm, series_names), load=load)
     arm = replace(arm, markers=names.markers)
-    found = _series_of_columns(read_columns(path, names, arm), arm, sigma)
-    if not len(found.lost):
-        return found
-    places = ", ".join(map(str, found.lost[:TOLD].tolist())) + ", ..." * (len(found.lost) > TOLD)
-    lost = f"{len(found.lost)} rows without a reading are left out, of line {places}"
-    return replace(found, notes=(*found.notes, lost))
+    series_export = _series_of_columns(read_columns(path, names, arm), arm, sigma)
+    if not len(series_export.lost):
+        return series_export
+    places = ", ".join(map(str, series_export.lost[:MAX_LISTED_LINES].tolist())) + ", ..." * (
+        len(series_export.lost) > MAX_LISTED_LINES
+    )
+    lost = f"{len(series_export.lost)} rows without a reading are left out, of line {places}"
+    return replace(series_export, notes=(*series_export.notes, lost))
 
 
 def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     """Convert the columns of a table to series."""
-    if any(c.slot.when for c in columns.every("reading")):
+    if any(c.slot.when for c in columns.all_of("reading")):
         return _pairs(columns, arm, sigma)
     # Drop points that are no markers, and average shots.
     columns, notes = markers_only(columns)
-    columns, shots = averaged(columns)
+    columns, shots = average_shots(columns)
     # A file without loads is of unloaded readings, unless a column states loaded ones.
     state = columns.get(Slot("state"))
     words = set() if state is None else set(columns.table.texts(state.index))
@@ -94,7 +102,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     conditions = read_conditions(columns, arm, needs_load=loaded)
     # Without a column of markers all readings are of one target.
     alone = len(arm.markers) > 1 and columns.get(Slot("marker")) is None
-    alone = alone and not any(c.slot.marker for c in columns.every("reading"))
+    alone = alone and not any(c.slot.marker for c in columns.all_of("reading"))
     if alone:
         arm = replace(arm, markers=(ALONE,))
         notes.append(f"no column says a marker: all readings are of one, called {ALONE!r}")
@@ -118,13 +126,13 @@ def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     series = tuple(replace(s, joints=columns.joints) for s in series)
     if said.frame:
         series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
-    unread = [c.name for c in columns.every(*BESIDE) if not c.slot.when]
+    unread = [c.name for c in columns.all_of(*SERIES_QUANTITIES) if not c.slot.when]
     warning = f"warning: these columns are not read beside pairs: {', '.join(unread)}"
     notes = (*export.notes, *[warning] * bool(unread), "a run is two readings, unloaded and loaded")
     return SeriesExport(series, columns, notes, np.array([], dtype=int))
 
 
-def _check_alone(columns: Columns, conditions: Conditions, read: Readings) -> None:
+def _check_alone(columns: Columns, conditions: RowConditions, read: FileReadings) -> None:
     """Refuse several positions in one pose under one load: they are of several targets."""
     key = np.column_stack([conditions.q, conditions.wrench])
     same = (key[1:] == key[:-1]).all(axis=1)
@@ -134,7 +142,7 @@ def _check_alone(columns: Columns, conditions: Conditions, read: Readings) -> No
 
 
 def _assembled(
-    columns: Columns, arm: Arm, conditions: Conditions, read: Readings, scatter: Scatter
+    columns: Columns, arm: Arm, conditions: RowConditions, read: FileReadings, scatter: Scatter
 ) -> tuple[Series, Ids, Ids, list[str]]:
     """Convert all rows of a file to one series without a name, each with a covariance.
 
@@ -148,7 +156,7 @@ def _assembled(
     # Rows of one reading, and their positions by target.
     table, m = columns.table, len(read.markers)
     code = _grouped(columns, conditions, read) if read.long and m > 1 else np.arange(table.rows)
-    first, position = first_rows(code), placed(read, code)
+    first, position = first_rows(code), readings_by_group(read, code)
     own = select_rows(conditions, first)
     lost = np.asarray(np.isnan(position).any(axis=2))
     # Inverse covariance of every position, zero for lost targets.
@@ -186,7 +194,7 @@ def _assembled(
     return select_rows(whole, there), first[there], table.lines[first[~there]], [*warm, *timed]
 
 
-def _grouped(columns: Columns, conditions: Conditions, read: Readings) -> Ids:
+def _grouped(columns: Columns, conditions: RowConditions, read: FileReadings) -> Ids:
     """Number the rows of each reading, (rows,): one row per target, in one pose under one load."""
     table = columns.table
     marker = np.empty(table.rows, dtype=int)
@@ -222,7 +230,7 @@ def _one_each(columns: Columns, rotation: Array, code: Ids, first: Ids) -> Array
     leader[code[rows]] = rows  # the first one is written last
     found = np.where((leader >= 0)[:, None, None], rotation[leader], np.nan)
     differs = np.abs(rotation - found[code]).max(axis=(1, 2)) > TURNED_APART  # NaN differs from nothing
-    name = columns.every(*ROTATIONS)[0].name
+    name = columns.all_of(*ROTATIONS)[0].name
     columns.table.refuse(differs, name, "expected the orientation of the other rows of the reading")
     return found
 

@@ -9,18 +9,18 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.errors import Array, Ids, Mask
-from testbench.files.columns import Column, Columns
-from testbench.files.names import DEFLECTION, KNOWN, STATES, WHEN, XYZ, Slot, columns_of, squeeze
+from testbench.files.columns import Columns, ReadColumn
+from testbench.files.names import DEFLECTION, STATES, UNITS_BY_NAME, WHEN, XYZ, Slot, columns_of, squeeze
 from testbench.files.rows import first_rows, number_rows
 
-OWN = ("reading", "torque", "temperature", "time", "sigma", "deviation", "spread")
+SHOT_QUANTITIES = ("reading", "torque", "temperature", "time", "sigma", "deviation", "spread")
 """Quantities that may differ between shots."""
 APART = 2e-3
 """Distance of a shot from the mean of its point beyond which it is of another point [m]."""
 
 
 @dataclass(frozen=True)
-class Readings:
+class FileReadings:
     """Hold all readings of a file, one marker in one state each."""
 
     markers: tuple[str, ...]  #: Names in order of appearance.
@@ -32,7 +32,7 @@ class Readings:
     paired: bool  #: Whether both states are in one row.
 
 
-def placed(read: Readings, code: Ids, some: Mask | slice = slice(None)) -> Array:
+def readings_by_group(read: FileReadings, code: Ids, some: Mask | slice = slice(None)) -> Array:
     """Arrange readings by group and marker.
 
     Args:
@@ -70,7 +70,7 @@ def markers_only(columns: Columns) -> tuple[Columns, list[str]]:
     return replace(columns, table=table.take(~other)), [words] * bool(other.any())
 
 
-def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> Readings:
+def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> FileReadings:
     """Read all readings of a table.
 
     Args:
@@ -104,13 +104,13 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> Readings:
             position = position + _positions(columns, blocks[name, "before"])
         parts.append((everyone, own, after, position))
     row, marker, loaded, position = (np.concatenate(x) for x in zip(*parts, strict=True))
-    return Readings(kept, row, marker, loaded, position, long, paired)
+    return FileReadings(kept, row, marker, loaded, position, long, paired)
 
 
-def _blocks(columns: Columns) -> dict[tuple[str, str], list[Column]]:
+def _blocks(columns: Columns) -> dict[tuple[str, str], list[ReadColumn]]:
     """List the three columns of every marker and state."""
-    found: dict[tuple[str, str], dict[int, Column]] = {}
-    for column in columns.every("reading"):
+    found: dict[tuple[str, str], dict[int, ReadColumn]] = {}
+    for column in columns.all_of("reading"):
         found.setdefault((column.slot.marker, column.slot.when), {})[column.slot.index] = column
     missing = [
         "_".join(filter(None, (marker, when, XYZ[k], "m")))
@@ -151,7 +151,7 @@ def _states(columns: Columns, loaded: Mask) -> Mask:
 
 
 def _said(
-    columns: Columns, column: Column, known: tuple[str, ...], hint: str, unsaid: Mask | None = None
+    columns: Columns, column: ReadColumn, known: tuple[str, ...], hint: str, unsaid: Mask | None = None
 ) -> list[str]:
     """Translate the cells of a column of words; under the mask `unsaid` they may be blank."""
     texts = columns.table.texts(column.index)
@@ -164,7 +164,7 @@ def _said(
     return found
 
 
-def _positions(columns: Columns, triple: list[Column]) -> Array:
+def _positions(columns: Columns, triple: list[ReadColumn]) -> Array:
     """Read the positions of a target, (rows, 3) [m]; NaN if all three cells are blank.
 
     Three equal coordinates, such as 9999 or 0, are refused: instruments write them for a lost target.
@@ -182,7 +182,7 @@ def _positions(columns: Columns, triple: list[Column]) -> Array:
     return found
 
 
-def averaged(columns: Columns) -> tuple[Columns, list[str]]:
+def average_shots(columns: Columns) -> tuple[Columns, list[str]]:
     """Average the shots of each point to one row, if the map requests it.
 
     Shots of a point are rows with equal names and loads; without a name, with equal joints. The noise of a
@@ -200,13 +200,13 @@ def averaged(columns: Columns) -> tuple[Columns, list[str]]:
     names, table = columns.names, columns.table
     if not names.map.file.average:
         return columns, []
-    keys = [c for c in columns.found.values() if c.slot.what not in (*OWN, "joint")]
+    keys = [c for c in columns.found.values() if c.slot.what not in (*SHOT_QUANTITIES, "joint")]
     if not any(c.slot.what in ("pose", "run") for c in keys):
-        keys += columns.every("joint")
+        keys += columns.all_of("joint")
     code = number_rows(*(np.array(table.texts(c.index)) for c in keys))
     first, count, squares, free = first_rows(code), np.bincount(code), 0.0, 0
     table = table.take(np.isin(np.arange(table.rows), first))
-    for column in columns.every("reading"):
+    for column in columns.all_of("reading"):
         values = columns.table.numbers(column.index, columns.mark)
         there = np.isfinite(values)
         n = np.bincount(code[there], minlength=len(first))
@@ -223,9 +223,9 @@ def averaged(columns: Columns) -> tuple[Columns, list[str]]:
     words = (
         f"{len(code)} shots are {len(first)} readings, their means; they scatter by {1e6 * scatter:.3g} um"
     )
-    silent = columns.said(Slot("sigma")) is None and not columns.every("deviation", "spread")
+    silent = columns.source_of(Slot("sigma")) is None and not columns.all_of("deviation", "spread")
     if free and scatter > 0 and silent:
         sigma = scatter / np.sqrt(shots)
-        names = replace(names, values={**names.values, Slot("sigma"): (sigma, KNOWN["m"])})
+        names = replace(names, values={**names.values, Slot("sigma"): (sigma, UNITS_BY_NAME["m"])})
         words += f", so sigma is {1e6 * sigma:.3g} um: what all shots of a point share is not in it"
     return replace(columns, names=names, table=table), [words]

@@ -14,11 +14,11 @@ import numpy as np
 from testbench.arm.decimal import is_decimal
 from testbench.errors import Array, Ids
 from testbench.files.mapping import Log, Named, Names
-from testbench.files.names import WHOLE, XYZ, Slot, What, recognise, squeeze
-from testbench.files.table import Table
+from testbench.files.names import WHOLE_NUMBER, XYZ, Slot, What, recognise, squeeze
+from testbench.files.table import TableCells
 from testbench.files.targets import read_log
 
-MOST_STARS = 2  #: Wildcards in a pattern: more take long to match.
+MAX_STARS = 2  #: Wildcards in a pattern: more take long to match.
 WHOLE_CELL = re.compile(r"\{(?P<what>joints|position)_(?P<unit>[a-z]+)(?:_(?P<slide>[a-z]+))?\}")
 """Of several numbers in a cell: their unit, and that of joints that slide."""
 NUMBERS = [
@@ -38,7 +38,7 @@ FORMS = ("", *(f"{day} {hour}".strip() for day in DAYS for hour in HOURS))
 """Ways of writing a time, of which the first that fits a whole column counts; "" for seconds and ISO 8601."""
 
 
-def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
+def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
     """Split cells that hold several quantities, such as "P1_loaded", into one column per quantity.
 
     A name that the header has twice is also known with its number, such as "X (2)", if the map uses that.
@@ -67,7 +67,7 @@ def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
         for pattern in patterns:
             parts = re.findall(r"\{(\w+)\}", pattern)
             known = all(recognise(part, names.ours) for part in parts)
-            if not parts or not known or len(set(parts)) < len(parts) or pattern.count("*") > MOST_STARS:
+            if not parts or not known or len(set(parts)) < len(parts) or pattern.count("*") > MAX_STARS:
                 problem = (
                     "expected quantities such as {run}, {pose}, {marker}, each once, * for anything else, "
                     f"got {pattern!r}"
@@ -94,12 +94,12 @@ def _parted_by(wholes: Sequence[re.Pattern[str]]) -> Callable[[str], Mapping[str
 
 
 def _numbers_apart(
-    table: Table, header: str, pattern: re.Match[str], names: Names
-) -> tuple[Table, list[str]]:
+    table: TableCells, header: str, pattern: re.Match[str], names: Names
+) -> tuple[TableCells, list[str]]:
     """Joints, or a position, whose numbers stand in one cell with anything between them."""
     what: What = "joint" if pattern["what"] == "joints" else "reading"
     slots = {slot.index: key for key, slot in names.ours.items() if slot == Slot(what, slot.index)}
-    keys = [slots[n] for n in sorted(slots) if n != WHOLE]
+    keys = [slots[n] for n in sorted(slots) if n != WHOLE_NUMBER]
     slides = names.slides if what == "joint" else frozenset()
     units = [pattern["slide"] or "m" if n in slides else pattern["unit"] for n in range(len(keys))]
     parts = [f"{key}_{unit}" for key, unit in zip(keys, units, strict=True)]
@@ -152,7 +152,9 @@ def _expression(pattern: str) -> re.Pattern[str]:
     return re.compile("".join(a + b for a, b in zip(literal, [*groups, ""], strict=True)), re.IGNORECASE)
 
 
-def join_axes(table: Table, named: dict[int, Named], names: Names) -> tuple[Table, dict[int, Named]]:
+def join_axes(
+    table: TableCells, named: dict[int, Named], names: Names
+) -> tuple[TableCells, dict[int, Named]]:
     """Join the three rows of a point to one row, if a column states the axis of each row.
 
     Args:
@@ -167,7 +169,7 @@ def join_axes(table: Table, named: dict[int, Named], names: Names) -> tuple[Tabl
         InputError: If the three rows of a point are not adjacent, or differ in what they share.
     """
     axis = next((k for k, own in named.items() if own.slot.what == "axis"), None)
-    whole = [k for k, own in named.items() if own.slot.index == WHOLE]
+    whole = [k for k, own in named.items() if own.slot.index == WHOLE_NUMBER]
     if axis is None or not whole:
         for k in whole:
             if named[k].mapped:
@@ -194,7 +196,7 @@ def join_axes(table: Table, named: dict[int, Named], names: Names) -> tuple[Tabl
     return points, found
 
 
-def _rows_of_points(table: Table, axis: int) -> Ids:
+def _rows_of_points(table: TableCells, axis: int) -> Ids:
     """Rows of x, y and z of every point, (points, 3)."""
     texts = [squeeze(text) for text in table.texts(axis)]
     for row, text in enumerate(texts):
@@ -210,7 +212,7 @@ def _rows_of_points(table: Table, axis: int) -> Ids:
     return np.argsort(order, axis=1) + 3 * np.arange(len(order))[:, None]
 
 
-def _check_shared(table: Table, columns: list[int]) -> None:
+def _check_shared(table: TableCells, columns: list[int]) -> None:
     """Check that conditions of a point are equal in its three rows, or blank in the lower ones."""
     for k in columns:
         texts = table.texts(k)
@@ -271,7 +273,7 @@ def seconds(text: str) -> float | None:
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
 
 
-def with_log(table: Table, names: Names) -> Table:
+def with_log(table: TableCells, names: Names) -> TableCells:
     """Join the columns of the log that a map names; points that the map ignores have no row in the log.
 
     Args:
@@ -282,18 +284,18 @@ def with_log(table: Table, names: Names) -> Table:
         The joined table; the table itself if the map names no log.
 
     Raises:
-        InputError: As `joined`, and if the log cannot be read.
+        InputError: As `join_log`, and if the log cannot be read.
     """
     if names.map.log is None:
         return table
-    for k, own in enumerate(map(names.find, table.names)):
-        if own and own.slot == Slot("marker"):
+    for k, named in enumerate(map(names.find, table.names)):
+        if named and named.slot == Slot("marker"):
             table = table.take(np.array([squeeze(text) not in names.ignored for text in table.texts(k)]))
     file = (names.path or table.path).parent / names.map.log.file
-    return joined(table, read_log(file, names.knows, names.map.log.table), names.map.log)
+    return join_log(table, read_log(file, names.knows, names.map.log.table), names.map.log)
 
 
-def joined(table: Table, log: Table, how: Log) -> Table:
+def join_log(table: TableCells, log: TableCells, how: Log) -> TableCells:
     """Join the columns of a log that a table of readings lacks, by row, by name or by nearest time.
 
     Args:
@@ -311,23 +313,23 @@ def joined(table: Table, log: Table, how: Log) -> Table:
     if how.rows is not None:
         return _row_by_row(table, log, how.rows)
     if how.within_s is None:
-        return table.beside(log, _by_name(table, log, keys_of(table, how.on), keys_of(log, to)))
+        return table.with_columns_of(log, _by_name(table, log, keys_of(table, how.on), keys_of(log, to)))
     ours, theirs = times_of(table, how.on), times_of(log, to)
-    rows = nearest(ours, theirs)
+    rows = nearest_times(ours, theirs)
     apart, most = np.abs(theirs[rows] - ours), f"expected a row of {log.path.name} within {how.within_s:g} s"
     table.refuse(apart > how.within_s, "", lambda row: f"{most}, the nearest is {apart[row]:.4g} s away")
-    return table.beside(log, rows)
+    return table.with_columns_of(log, rows)
 
 
-def _row_by_row(table: Table, log: Table, count: int) -> Table:
+def _row_by_row(table: TableCells, log: TableCells, count: int) -> TableCells:
     """So many rows of a table in turn with one of the log; InputError where the counts do not agree."""
     if table.rows != count * log.rows:
         expected = f"{count} times {log.rows} rows of {log.path.name}" if count > 1 else f"{log.rows} rows"
         raise table.error(0, "", f"expected {expected} to join row by row, got {table.rows}")
-    return table.beside(log, np.arange(table.rows) // count)
+    return table.with_columns_of(log, np.arange(table.rows) // count)
 
 
-def nearest(ours: Array, theirs: Array) -> Ids:
+def nearest_times(ours: Array, theirs: Array) -> Ids:
     """Find the nearest of other times for every time.
 
     Args:
@@ -340,7 +342,7 @@ def nearest(ours: Array, theirs: Array) -> Ids:
     return np.array([int(np.abs(theirs - t).argmin()) for t in ours], dtype=np.int64)
 
 
-def times_of(table: Table, columns: Sequence[str]) -> Array:
+def times_of(table: TableCells, columns: Sequence[str]) -> Array:
     """Read times from the text that some columns form together.
 
     Args:
@@ -359,7 +361,7 @@ def times_of(table: Table, columns: Sequence[str]) -> Array:
     return found
 
 
-def keys_of(table: Table, columns: Sequence[str]) -> list[str]:
+def keys_of(table: TableCells, columns: Sequence[str]) -> list[str]:
     """Read the text that some columns form together, row by row.
 
     Args:
@@ -377,7 +379,7 @@ def keys_of(table: Table, columns: Sequence[str]) -> list[str]:
     return [" ".join(own) for own in zip(*(table.texts(table.names.index(n)) for n in columns), strict=True)]
 
 
-def _by_name(table: Table, log: Table, keys: list[str], theirs: list[str]) -> Ids:
+def _by_name(table: TableCells, log: TableCells, keys: list[str], theirs: list[str]) -> Ids:
     place: dict[str, int] = {}
     for row, key in enumerate(map(squeeze, theirs)):
         if place.setdefault(key, row) != row:

@@ -6,23 +6,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.decimal import is_integer
-from testbench.arm.folder import Arm, Joint
+from testbench.arm.folder import Arm, ArmJoint
 from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
 from testbench.errors import Array, Ids, Mask
-from testbench.files.columns import Column, Columns, axes
+from testbench.files.columns import Columns, ReadColumn, axes
 from testbench.files.names import LOADING, WHEN, XYZ, Slot, split_unit, squeeze
 
 SAME_POSE = 1e-6
 """Largest difference of joint coordinates in one pose [rad, m]."""
 ROUNDED = 1e-4
 """Excess over a limit that rounding in a file explains; the coordinate is then set to the limit [rad, m]."""
-POSES = "poses are numbered by equal joint angles"
+POSES_BY_ANGLES = "poses are numbered by equal joint angles"
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
 """Coordinates that only another unit explains, and that unit."""
 
 
 @dataclass(frozen=True)
-class Conditions:
+class RowConditions:
     """Hold the conditions of every row of a table."""
 
     run: Ids | None  #: Identifier of the run, (rows,); None if no column states it.
@@ -41,7 +41,7 @@ class Conditions:
         return np.asarray(self.wrench.any(axis=1))
 
 
-def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> Conditions:
+def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> RowConditions:
     """Read run, pose, station, joints and load of every row.
 
     Args:
@@ -67,9 +67,9 @@ def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> C
     pose, named = ids["pose"], ids["pose"] is not None
     if pose is None:
         pose = same_poses(q)
-        notes.append(f"{POSES}: {len(np.unique(pose))} of them")
+        notes.append(f"{POSES_BY_ANGLES}: {len(np.unique(pose))} of them")
     taken_off = _taken_off(columns)
-    return Conditions(ids["run"], pose, named, ids["station"], taken_off, q, wrench, point, tuple(notes))
+    return RowConditions(ids["run"], pose, named, ids["station"], taken_off, q, wrench, point, tuple(notes))
 
 
 def _taken_off(columns: Columns) -> Mask | None:
@@ -85,7 +85,7 @@ def _taken_off(columns: Columns) -> Mask | None:
     return np.array([squeeze(text) == LOADING[1] for text in texts], dtype=bool)
 
 
-def identifiers(columns: Columns, column: Column) -> tuple[Ids, str]:
+def identifiers(columns: Columns, column: ReadColumn) -> tuple[Ids, str]:
     """Read a column of identifiers as integers.
 
     Names are replaced by the number that each contains, or else by 1, 2, ... in the order of the file.
@@ -182,7 +182,7 @@ def repeats(*parts: Ids) -> Ids:
 
 def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
     """Read the load of every row, (rows, 6) [N, N m]; a blank cell of an unloaded reading is no load."""
-    table, hung = columns.table, columns.said(Slot("mass"))
+    table, hung = columns.table, columns.source_of(Slot("mass"))
     acting = [*axes(columns, "force"), *axes(columns, "moment")]
     acts = any(own is not None for own in acting)
     told = columns.names.load if hung is None and not acts else None
@@ -197,7 +197,7 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
         raise table.header_error("expected a mass or forces, got both")
     if not acts:
         kg = _load(columns, hung)
-        name = hung.name if isinstance(hung, Column) else ""
+        name = hung.name if isinstance(hung, ReadColumn) else ""
         table.refuse(kg < 0, name, lambda row: f"expected a mass of at least 0 kg, got {kg[row]:g}")
         weight = np.zeros((table.rows, 6))
         weight[:, 2] = -GRAVITY * kg
@@ -214,24 +214,24 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
     return wrench, [f"{', '.join(zero)}: no column, taken as 0"] if zero else []
 
 
-def _load(columns: Columns, own: Column | float | None) -> Array:
+def _load(columns: Columns, own: ReadColumn | float | None) -> Array:
     """Read a component of the load, (rows,): zero in an unloaded row and for a blank mass."""
-    values = columns.values(own) if isinstance(own, Column) else columns.every_row(own)
+    values = columns.values(own) if isinstance(own, ReadColumn) else columns.values_of(own)
     state = columns.get(Slot("state"))
     idle = np.zeros(len(values), dtype=bool)
     if state is not None:
         words = columns.table.texts(state.index)
         idle = np.array([columns.names.word(word, WHEN) == "before" for word in words], dtype=bool)
     elif (
-        isinstance(own, Column)
+        isinstance(own, ReadColumn)
         and own.slot.what == "mass"
         and not columns.table.sheet  # a formula without its result
-        and not any(c.slot.when for c in columns.every("reading"))
+        and not any(c.slot.when for c in columns.all_of("reading"))
     ):
         idle = np.isnan(values)  # nothing hangs
     hint = "; say 0 where nothing hangs" if columns.table.sheet else ""
     problem = f"expected a finite number in a loaded row, got ''{hint}"
-    columns.table.refuse(np.isnan(values) & ~idle, own.name if isinstance(own, Column) else "", problem)
+    columns.table.refuse(np.isnan(values) & ~idle, own.name if isinstance(own, ReadColumn) else "", problem)
     return np.where(idle, 0.0, values)
 
 
@@ -256,7 +256,7 @@ def _point(columns: Columns, arm: Arm) -> tuple[Array, list[str]]:
     found, rows = axes(columns, "point"), columns.table.rows
     if all(own is None for own in found):
         return np.tile(load_point(arm), (rows, 1)), [f"the load acts at the arm's load point, {arm.load!r}"]
-    return np.column_stack([columns.every_row(own) for own in found]), []
+    return np.column_stack([columns.values_of(own) for own in found]), []
 
 
 def joint_coordinates(columns: Columns, arm: Arm) -> Array:
@@ -273,8 +273,8 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
         InputError: Names line and column.
     """
     joints = arm.file_joints
-    found = [columns.said(Slot("joint", k)) for k in range(len(joints))]
-    units = {own.unit.si: own.unit.name for own in found if isinstance(own, Column) and own.unit}
+    found = [columns.source_of(Slot("joint", k)) for k in range(len(joints))]
+    units = {own.unit.si: own.unit.name for own in found if isinstance(own, ReadColumn) and own.unit}
     missing = [
         f"{joint.name}_{units.get(joint.unit, joint.unit)}"
         for joint, own in zip(joints, found, strict=True)
@@ -283,7 +283,7 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
     if missing:
         raise columns.lack(missing, _numbered_joints(columns.ignored, len(joints)))
     none = np.empty((columns.table.rows, 0))  # an arm may have no joints
-    q = np.column_stack([none, *(columns.every_row(own) for own in found)])
+    q = np.column_stack([none, *(columns.values_of(own) for own in found)])
     _check_limits(columns, joints, q)
     q = arm.to_model(q)
     _check_chain(columns, arm, q)
@@ -318,7 +318,7 @@ def _check_chain(columns: Columns, arm: Arm, q: Array) -> None:
         raise columns.table.error(i, "", problem)
 
 
-def _check_limits(columns: Columns, joints: Sequence[Joint], q: Array) -> None:
+def _check_limits(columns: Columns, joints: Sequence[ArmJoint], q: Array) -> None:
     """Refuse file joints beyond their limits, with a hint if another unit or sign would fit."""
     lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
     bad = np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))
@@ -337,7 +337,7 @@ def _check_limits(columns: Columns, joints: Sequence[Joint], q: Array) -> None:
     raise columns.table.error(i, column.name if column else joint.name, problem)
 
 
-def _other_columns(columns: Columns, joints: Sequence[Joint], q: Array, k: int) -> str:
+def _other_columns(columns: Columns, joints: Sequence[ArmJoint], q: Array, k: int) -> str:
     """Find what brings a joint's column within the limits: the other sign, or another joint's column."""
     lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
     found = list[str]()

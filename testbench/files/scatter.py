@@ -12,9 +12,9 @@ SIGMA = (50e-6, 2e-4)
 """Standard deviations of positions and of orientations if the file states none [m, rad]."""
 SIGMA_RANGE = (1e-9, 1e-2)
 """Range of standard deviations of instruments [m, rad]: beyond it a unit is wrong."""
-MOST = 1.0
+MAX_DEVIATION = 1.0
 """Largest standard deviation of a row [m, rad]: beyond it nothing was measured."""
-LEAST = (1e-6, 1e-7)
+MIN_DEVIATIONS = (1e-6, 1e-7)
 """Least standard deviations of a row that are accepted [m, rad]: no target is steadier."""
 
 
@@ -42,8 +42,8 @@ def read_scatter(columns: Columns, sigma: float | None) -> Scatter:
     Raises:
         InputError: At a number that no instrument has.
     """
-    deviations, notes = _deviations(columns, "deviation", LEAST[0], "m")
-    turned, more = _deviations(columns, "turn_deviation", LEAST[1], "rad")
+    deviations, notes = _deviations(columns, "deviation", MIN_DEVIATIONS[0], "m")
+    turned, more = _deviations(columns, "turn_deviation", MIN_DEVIATIONS[1], "rad")
     own, said = _read_sigma(columns, 0, sigma, deviations)
     own_turn, said_turn = _read_sigma(columns, 1, None, turned)
     covariance = read_covariances(columns, "spread")
@@ -52,7 +52,7 @@ def read_scatter(columns: Columns, sigma: float | None) -> Scatter:
         covariance = filled[:, :, None] ** 2 * np.eye(3)
     elif (C := covariance) is not None:
         whole = np.asarray(~np.isnan(C).any(axis=(1, 2)))
-        sound = np.asarray(~(np.abs(C) > MOST**2).any(axis=(1, 2)) | ~whole)
+        sound = np.asarray(~(np.abs(C) > MAX_DEVIATION**2).any(axis=(1, 2)) | ~whole)
         sound[whole & sound] = np.linalg.eigvalsh(C[whole & sound])[:, 0] >= SIGMA_RANGE[0] ** 2
         problem = "expected a positive definite covariance below 1 m^2, got {} m^2"
         columns.table.refuse(~sound, "", lambda row: problem.format(C[row].tolist()))
@@ -91,7 +91,7 @@ def _read_sigma(
     if value is not None and not low <= value <= high:
         raise columns.map_error(name, f"expected {low:g} to {high:g}, got {value:g}")
     words = f"orientations: sigma {1e3 * SIGMA[1]:g} mrad" if index else f"sigma {1e6 * SIGMA[0]:g} um"
-    asked = value is None and (not index or bool(columns.every(*ROTATIONS)))
+    asked = value is None and (not index or bool(columns.all_of(*ROTATIONS)))
     notes = [] if stated is None else _unlike(flag, np.array(stated))
     notes += [f"no column gives the noise: {words} is assumed"] * asked
     return np.full(table.rows, SIGMA[index] if value is None else value), notes
@@ -106,14 +106,14 @@ def _unlike(flag: float | None, used: Array) -> list[str]:
 
 def _deviations(columns: Columns, what: What, least: float, unit: str) -> tuple[Array | None, list[str]]:
     """Read standard deviations by axis, (rows, 3) [m, rad], NaN if blank; None without such columns."""
-    found = columns.whole(columns_of(what))
+    found = columns.complete_set(columns_of(what))
     if not found:
         return None, []
     values = np.column_stack([columns.values(column) for column in found])
     columns.table.refuse(
-        (values < 0) | (values > MOST),
+        (values < 0) | (values > MAX_DEVIATION),
         [column.name for column in found],
-        lambda row, k: f"expected 0 to {MOST:g} {unit}, got {values[row, k]:g} {unit}",
+        lambda row, k: f"expected 0 to {MAX_DEVIATION:g} {unit}, got {values[row, k]:g} {unit}",
     )
     middle = float(np.nanmedian(values)) if np.isfinite(values).any() else least
     if middle > SIGMA_RANGE[1]:
@@ -137,7 +137,7 @@ def read_covariances(columns: Columns, what: What) -> Array | None:
     Raises:
         InputError: Where one of the columns is missing.
     """
-    found = columns.whole(columns_of(what))
+    found = columns.complete_set(columns_of(what))
     if not found:
         return None
     C = np.empty((columns.table.rows, 3, 3))

@@ -10,11 +10,11 @@ import pyarrow.compute as pc
 from pyarrow import csv
 
 from testbench.arm.decimal import NUMBER, is_integer
-from testbench.errors import Array, Ids, InputError, Mask, shown
+from testbench.errors import Array, Ids, InputError, Mask, printable
 from testbench.files.formula import from_cell
-from testbench.files.mapping import Layout
+from testbench.files.mapping import FileLayout
 from testbench.files.names import Unit, squeeze
-from testbench.files.text import Header, find_header, read_letters, rows_of, split_lines
+from testbench.files.text import TableHeader, find_header, read_letters, rows_of, split_lines
 from testbench.files.workbook import SHEET
 
 BLOCK = 16_000_000
@@ -29,7 +29,7 @@ GROUPED = {
 
 
 @dataclass(frozen=True)
-class Table:
+class TableCells:
     """Hold the cells of a text file or a sheet."""
 
     path: Path  #: The file.
@@ -115,7 +115,7 @@ class Table:
             The cells.
         """
         own = self.cells[k].dictionary_encode("encode")
-        words = [from_cell(shown(str(word))) for word in own.dictionary.to_pylist()]
+        words = [from_cell(printable(str(word))) for word in own.dictionary.to_pylist()]
         return [words[place] for place in own.indices.to_numpy().tolist()]
 
     def blank(self, k: int) -> Mask:
@@ -131,7 +131,7 @@ class Table:
             return np.asarray(pc.is_null(self.cells[k]).to_numpy(zero_copy_only=False))
         return np.asarray(pc.equal(self.cells[k], "").to_numpy(zero_copy_only=False))
 
-    def take(self, rows: Mask | Ids) -> "Table":
+    def take(self, rows: Mask | Ids) -> "TableCells":
         """Select rows, in any order.
 
         Args:
@@ -143,7 +143,7 @@ class Table:
         places = np.arange(self.rows)[rows]
         return replace(self, lines=self.lines[rows], cells=[cells.take(places) for cells in self.cells])
 
-    def beside(self, other: "Table", rows: Ids) -> "Table":
+    def with_columns_of(self, other: "TableCells", rows: Ids) -> "TableCells":
         """Append the columns of another table that this table lacks; decimal commas become points.
 
         Args:
@@ -166,7 +166,7 @@ class Table:
             notes=(*self.notes, *(f"{other.path.name}: {note}" for note in other.notes)),
         )
 
-    def with_numbers(self, k: int, values: Array) -> "Table":
+    def with_numbers(self, k: int, values: Array) -> "TableCells":
         """Replace the numbers of a column.
 
         Args:
@@ -180,7 +180,7 @@ class Table:
         cells[k] = pa.array(values, pa.float64())
         return replace(self, cells=cells)
 
-    def filled(self, columns: Sequence[int]) -> "Table":
+    def filled(self, columns: Sequence[int]) -> "TableCells":
         """Fill blank cells of some columns with the value above, as below merged cells.
 
         Args:
@@ -197,7 +197,7 @@ class Table:
 
     def with_parts(
         self, k: int, parts: Sequence[str], divide: Callable[[str], Mapping[str, str] | None], expected: str
-    ) -> "Table":
+    ) -> "TableCells":
         """Append one column for each part of the combined cells of a column; a missing part is blank.
 
         Args:
@@ -227,7 +227,7 @@ class Table:
             cells=[*self.cells, *(pa.array(own, pa.string()) for own in cells)],
         )
 
-    def worded(self, columns: Sequence[int], words: Mapping[str, str]) -> "Table":
+    def worded(self, columns: Sequence[int], words: Mapping[str, str]) -> "TableCells":
         """Replace words in some columns by what they stand for.
 
         Args:
@@ -346,7 +346,7 @@ def _parsed(cells: "pa.Array") -> Array:
     return np.asarray(pc.cast(cells, pa.float64()).to_numpy(zero_copy_only=False))
 
 
-def read_table(path: Path, known: Callable[[str], bool], layout: Layout | None = None) -> Table:
+def read_table(path: Path, known: Callable[[str], bool], layout: FileLayout | None = None) -> TableCells:
     """Read the table of a text file or a workbook; the header is the line with most known names.
 
     Args:
@@ -360,11 +360,13 @@ def read_table(path: Path, known: Callable[[str], bool], layout: Layout | None =
     Raises:
         InputError: If the file cannot be read, is empty, or is no table.
     """
-    layout = layout or Layout()
+    layout = layout or FileLayout()
     return table_of(path, read_letters(path, layout.encoding, layout.decimal or "."), known, layout)
 
 
-def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool], layout: Layout) -> Table:
+def table_of(
+    path: Path, letters: tuple[str, str], known: Callable[[str], bool], layout: FileLayout
+) -> TableCells:
     """Split the text of a file into a table.
 
     Args:
@@ -384,7 +386,7 @@ def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool],
         layout = layout.model_copy(update={"delimiter": "\t" if "\t" in text else None})
     lines = split_lines(path, text)
     header = find_header(path, lines, layout, known)
-    return Table(
+    return TableCells(
         path=path,
         names=header.names,
         units=header.units,
@@ -398,7 +400,7 @@ def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool],
     )
 
 
-def _notes(encoding: str, header: Header) -> tuple[str, ...]:
+def _notes(encoding: str, header: TableHeader) -> tuple[str, ...]:
     """Describe how a file was read."""
     between = {"\t": "tabs", " ": "runs of blanks", "  ": "runs of two or more blanks"}.get(
         header.delimiter, f"{header.delimiter!r}"

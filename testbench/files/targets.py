@@ -10,8 +10,8 @@ import numpy as np
 from testbench.arm.decimal import is_decimal
 from testbench.errors import InputError
 from testbench.files.layouts import Program, known_layouts
-from testbench.files.mapping import Layout
-from testbench.files.table import Table, read_table, table_of
+from testbench.files.mapping import FileLayout
+from testbench.files.table import TableCells, read_table, table_of
 from testbench.files.text import read_letters
 from testbench.files.workbook import SHEET
 
@@ -28,7 +28,7 @@ NO_AXIS = 9e8
 ASKED = "save a table with a row for every pose: its name or time, and a column for every joint"
 
 
-def read_log(path: Path, known: Callable[[str], bool], layout: Layout | None = None) -> Table:
+def read_log(path: Path, known: Callable[[str], bool], layout: FileLayout | None = None) -> TableCells:
     """Read a robot's log: a table, or a program whose joint targets become rows.
 
     The columns of a program are the names of its targets, axes A1 to A6, and external axes from A7 on.
@@ -47,9 +47,9 @@ def read_log(path: Path, known: Callable[[str], bool], layout: Layout | None = N
     text, how = read_letters(path, None, ".")
     if not how.startswith(SHEET):
         programs = [own for own in known_layouts().values() if own.program]
-        for own in programs:
-            if _has(own.fits.text or "", text) and own.program:
-                return _read_targets(path, text, own.title, own.program)
+        for export_layout in programs:
+            if _has(export_layout.fits.text or "", text) and export_layout.program:
+                return _read_targets(path, text, export_layout.title, export_layout.program)
         if _has(OTHERS, text):
             titles = ", ".join(own.title for own in programs)
             problem = f"expected a table, or one of {titles}, got a program in another language; {ASKED}"
@@ -61,7 +61,7 @@ def _has(begins: str, text: str) -> bool:
     return re.search(rf"^[ \t]*({begins})", text, re.MULTILINE | re.IGNORECASE) is not None
 
 
-def _read_targets(path: Path, text: str, title: str, language: Program) -> Table:
+def _read_targets(path: Path, text: str, title: str, language: Program) -> TableCells:
     """Read the joint targets of a program: those with a name, else those of its moves in order."""
     code = "\n".join(line.split(language.comment)[0] for line in text.splitlines())
     found = [(m, _axes(m["axes"])) for m in re.finditer(language.target, code, re.IGNORECASE)]
@@ -82,7 +82,7 @@ def _read_targets(path: Path, text: str, title: str, language: Program) -> Table
         for name, (_, axes) in zip(names, found, strict=True)
     ]
     content = "\n".join("\t".join(row) for row in [header, *rows])
-    table = table_of(path, (content, "utf-8"), bool, Layout(skip=0, delimiter="\t", decimal="."))
+    table = table_of(path, (content, "utf-8"), bool, FileLayout(skip=0, delimiter="\t", decimal="."))
     lines = np.array([code.count("\n", 0, m.start("axes")) + 1 for m, _ in found])
     return replace(table, lines=lines, notes=(f"{len(rows)} joint targets of a {title}",))
 

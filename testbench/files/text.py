@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 
-from testbench.errors import InputError, read_bytes, shown
-from testbench.files.mapping import Layout
+from testbench.errors import InputError, printable, read_bytes
+from testbench.files.mapping import FileLayout
 from testbench.files.names import Unit, find_unit
 from testbench.files.workbook import WORKBOOKS, sheet_text
 
@@ -22,7 +22,7 @@ GZIP = b"\x1f\x8b"
 COMMENTS = ("#", "//")
 JOINED = 20
 """Most lines of one quoted cell."""
-LONGEST = 1_000_000
+MAX_ROW_LENGTH = 1_000_000
 """Most letters of a row."""
 BLANK = ' ;,|\t"'
 """Characters of a blank line."""
@@ -104,7 +104,7 @@ def split_lines(path: Path, text: str) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Header:
+class TableHeader:
     """Hold the header of a table."""
 
     line: int  #: Its last line in the file, from 1; 0 if the map names the columns.
@@ -116,7 +116,9 @@ class Header:
     left_out: int  #: Comments and repeated headers among the rows, left out.
 
 
-def find_header(path: Path, lines: Sequence[str], layout: Layout, known: Callable[[str], bool]) -> Header:
+def find_header(
+    path: Path, lines: Sequence[str], layout: FileLayout, known: Callable[[str], bool]
+) -> TableHeader:
     """Find the header: the line with most known names.
 
     Args:
@@ -151,7 +153,7 @@ def find_header(path: Path, lines: Sequence[str], layout: Layout, known: Callabl
     units = units_in(lines[rows[0]], delimiter, len(names)) if rows else None
     if units:
         rows = [k for k in rows if lines[k].strip() != lines[rows[0]].strip()]
-    return Header(
+    return TableHeader(
         line=said[min(at + layout.header, len(said)) - 1] + 1,
         skipped=at,
         delimiter=delimiter,
@@ -162,7 +164,7 @@ def find_header(path: Path, lines: Sequence[str], layout: Layout, known: Callabl
     )
 
 
-def _most_names(lines: Sequence[str], layout: Layout, known: Callable[[str], bool]) -> tuple[int, str]:
+def _most_names(lines: Sequence[str], layout: FileLayout, known: Callable[[str], bool]) -> tuple[int, str]:
     """Find the line with most known names, and the delimiter of its cells."""
     best, at, delimiter = (-1, False, False, 0), 0, ","
     searched = 1 if layout.skip is not None else min(len(lines), SEARCHED)
@@ -178,14 +180,14 @@ def _most_names(lines: Sequence[str], layout: Layout, known: Callable[[str], boo
     return at, delimiter
 
 
-def _without_header(lines: Sequence[str], said: Sequence[int], layout: Layout) -> Header:
+def _without_header(lines: Sequence[str], said: Sequence[int], layout: FileLayout) -> TableHeader:
     """Make the header from the names of the map; the delimiter that splits most rows correctly is used."""
     rows, count = [k for k in said if not is_comment(lines[k])], len(layout.names)
 
     def divided(mark: str) -> int:
         return sum(_full(cells_in(lines[k], mark), count) for k in rows)
 
-    return Header(
+    return TableHeader(
         line=0,
         skipped=0,
         delimiter=layout.delimiter or max(DELIMITERS, key=divided),
@@ -251,7 +253,7 @@ def _names(lines: Sequence[str], delimiter: str) -> list[str]:
         lowest.pop()
     merged = [[*accumulate(row, _kept), *[""] * len(lowest)] for row in upper]
     names = (" ".join(filter(None, column)) for column in zip(*merged, lowest, strict=False))
-    return list(map(shown, names))
+    return list(map(printable, names))
 
 
 def _kept(left: str, own: str) -> str:
@@ -282,7 +284,7 @@ def units_in(line: str, delimiter: str, count: int) -> list[Unit | None] | None:
     return units + [None] * (count - len(units))
 
 
-def rows_of(path: Path, header: Header, lines: Sequence[str]) -> tuple[bytes, str]:
+def rows_of(path: Path, header: TableHeader, lines: Sequence[str]) -> tuple[bytes, str]:
     """Convert the rows below a header to CSV, without surplus blank cells.
 
     Args:
@@ -294,14 +296,17 @@ def rows_of(path: Path, header: Header, lines: Sequence[str]) -> tuple[bytes, st
         The CSV, and the delimiter of its cells.
 
     Raises:
-        InputError: If a row has another number of cells than the header, or more than `LONGEST` letters.
+        InputError: If a row has another number of cells than the header, or more than `MAX_ROW_LENGTH`
+            letters.
     """
     count, (_, mark) = len(header.names), _divided("", header.delimiter)
     blanks, rows = _blanks(header.delimiter), list[str]()
     for k in header.body:
         line = _divided(lines[k], header.delimiter)[0] if blanks else lines[k]
-        if len(line) > LONGEST:
-            raise InputError(path, f"line {k + 1}", f"expected at most {LONGEST} letters, got {len(line)}")
+        if len(line) > MAX_ROW_LENGTH:
+            raise InputError(
+                path, f"line {k + 1}", f"expected at most {MAX_ROW_LENGTH} letters, got {len(line)}"
+            )
         if '"' in line or line.count(mark) != count - 1:
             cells = _cells(line, mark)
             while len(cells) > count and not cells[-1].strip():

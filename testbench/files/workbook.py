@@ -10,7 +10,7 @@ from pathlib import Path
 
 from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum, SheetVisibleEnum
 
-from testbench.errors import InputError, sheet_of, shown
+from testbench.errors import InputError, printable, sheet_of
 
 MAX_UNPACKED = (
     600_000_000  #: Size of all parts of a workbook [byte]: calamine holds each cell, however small.
@@ -102,5 +102,5 @@ def _text(cell: Cell, mark: str) -> str:
         return str(DAY_0 + cell)
     if isinstance(cell, date) and not isinstance(cell, datetime):
         return str(datetime.combine(cell, time()))
-    text = shown(str(cell)).strip()
+    text = printable(str(cell)).strip()
     return '"{}"'.format(text.replace('"', '""')) if '"' in text else text

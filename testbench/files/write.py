@@ -21,7 +21,7 @@ from testbench.files.names import ENTRIES, LOADING, WHEN, What, columns_of, torq
 from testbench.files.program import Program
 from testbench.files.read_series import ALONE
 from testbench.files.rows import load_point, same_poses
-from testbench.files.scatter import LEAST
+from testbench.files.scatter import MIN_DEVIATIONS
 from testbench.runs.whole import write_whole
 
 Table = dict[str, list[str]]
@@ -306,7 +306,7 @@ def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
 
 
 def _torques(arm: Arm, s: Series) -> Array | None:
-    """Convert torques to file joints, (rows, m) [N m, N], the inverse of `beside.read_torques`."""
+    """Convert torques to file joints, (rows, m) [N m, N], the inverse of `compared_label.read_torques`."""
     if s.torque is None or arm.joint_map is None:
         return s.torque
     return arm.joint_map.torque_to_file(s.torque)
@@ -337,7 +337,7 @@ def _scatter_columns(series: Sequence[Series]) -> What | None:
     C = np.concatenate([own[seen] / s.sigma**2 for s in series for own, seen in [_covariances(s)]])
     if np.allclose(C, np.eye(3), rtol=0, atol=1e-12):
         return None
-    least = min((LEAST[0] / s.sigma) ** 2 for s in series)
+    least = min((MIN_DEVIATIONS[0] / s.sigma) ** 2 for s in series)
     diagonal = (C * np.eye(3) == C).all() and (np.diagonal(C, axis1=1, axis2=2) >= least).all()
     return "deviation" if diagonal else "spread"
 

@@ -8,18 +8,18 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.state import State, nominal
+from testbench.identify.absolute.state import ArmState, nominal_state
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior, linearise
-from testbench.model.laws import vjm_of
+from testbench.model.laws import model_for
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights
 
 
 @dataclass(frozen=True)
-class About:
+class ModelOrigin:
     """Hold the origin of a model: method, files of readings, warnings and largest load."""
 
     method: str  #: Method that found it.
@@ -34,11 +34,11 @@ class About:
 class ArmModel:
     """Hold an identified arm: from deflections compliances only, from absolute readings geometry too."""
 
-    state: State  #: theta = theta_0 + C_theta u + Phi(q) n, own weight included.
+    state: ArmState  #: theta = theta_0 + C_theta u + Phi(q) n, own weight included.
     structure: Structure  #: Structure of the uncertain compliances.
     columns: Ids  #: Columns of `unknowns` that are uncertain, (c,).
     posterior: Posterior  #: Posterior of these unknowns.
-    about: About
+    about: ModelOrigin
     #: How absolute readings scatter about it; None where geometry and joint errors were not identified.
     noise: Noise | None = None
 
@@ -74,7 +74,7 @@ class ArmModel:
         return Unknowns(self.vjm, (), {}, self.state.errors, self.structure)
 
 
-def of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights) -> ArmModel:
+def model_of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights) -> ArmModel:
     """Convert an estimate of the compliances of a nominal arm to a model.
 
     Args:
@@ -85,11 +85,11 @@ def of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights) -> ArmModel:
     Returns:
         The model.
     """
-    state = bending(vjm_of(vjm, estimate.structure), estimate.C_theta, weights)
-    return of_compliances(state, estimate.structure, linearise(estimate), About(estimate.method))
+    state = elastic_state(model_for(vjm, estimate.structure), estimate.C_theta, weights)
+    return model_of_compliances(state, estimate.structure, linearise(estimate), ModelOrigin(estimate.method))
 
 
-def bending(vjm: Vjm, C_theta: Array, weights: Weights) -> State:
+def elastic_state(vjm: Vjm, C_theta: Array, weights: Weights) -> ArmState:
     """Make the state of a nominal arm with given compliances.
 
     Args:
@@ -100,10 +100,12 @@ def bending(vjm: Vjm, C_theta: Array, weights: Weights) -> State:
     Returns:
         The state.
     """
-    return replace(nominal(vjm, weights, np.zeros(vjm.arm.n_joints)), C_theta=C_theta)
+    return replace(nominal_state(vjm, weights, np.zeros(vjm.arm.n_joints)), C_theta=C_theta)
 
 
-def of_compliances(state: State, structure: Structure, posterior: Posterior, about: About) -> ArmModel:
+def model_of_compliances(
+    state: ArmState, structure: Structure, posterior: Posterior, about: ModelOrigin
+) -> ArmModel:
     """Make an arm model whose only uncertain unknowns are compliances.
 
     Args:

@@ -17,33 +17,33 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.errors import BenchError, Ids
-from testbench.identify.estimate import Average, Constraint, Estimate, make_estimate
-from testbench.identify.hierarchy import learn, log_evidence_alone
-from testbench.identify.metric import Metric
-from testbench.identify.regression import Regression, f_m, places, some_columns, spread
+from testbench.identify.estimate import Constraint, Estimate, ModelAverage, make_estimate
+from testbench.identify.hierarchy import learn_prior, log_evidence_alone
+from testbench.identify.metric import PriorScaling
+from testbench.identify.regression import Regression, f_m, parameter_places, restrict_to, scatter_to
 from testbench.identify.solve import solve
-from testbench.identify.wander import BACK, size, wandering
+from testbench.identify.wander import EVIDENCE_BACKOFF, stiffness_scatter, with_scatter
 from testbench.model.laws import with_ties, without_ties
 from testbench.model.laws import without_laws as linear
 from testbench.model.structure import Structure
 
-ODDS = 10.0
+JOINTS_ONLY_ODDS = 10.0
 """Of joints alone beforehand: links count half where the readings make them ten times likelier.
 
 Odds of three lose to joints alone, by more than 5 %, in 4 of 54 arms whose links are 10, 30 or 100 times
 stiffer than the folder's, these in none of them; other kinds of arms do not move (`kr500_l480`, seeds 740001
 to 740018, 8 poses)."""
-LINEAR = 10.0
+LINEAR_JOINTS_ODDS = 10.0
 """Odds of linear joints beforehand. On undisturbed arms of the family even odds lose more than 5 % in 18 % of
 arms, these in 5 %; disturbed ones do not mind (`kr500_l480`, seeds 1 to 40, 8 poses)."""
-BEAMS = 20.0
+BEAM_ODDS = 20.0
 """Odds of links as coupled as the prior's over softened ones beforehand. Coupled links and soft bearings have
 a tenth less error by these, and undisturbed arms of the family 1 % more, by odds of 3 5 %; coverage in the
 worst tenth rises by 1 to 3 points of all kinds (`kr500_l480`, seeds 1 to 40, 8 poses)."""
-UNTIED = 10.0
+UNTIED_ODDS = 10.0
 """Odds beforehand of joints that turn each with its own torque alone. With them coupled joints weigh less
-than `OPEN` in all of 19 arms of the family with all disturbances (`kr500_l480`, seeds 5000 to 5018, 8
-poses), and more than half in 11 of 12 arms with coupled neighbours (seeds 9000 to 9011)."""
+than `MIN_LAW_PROBABILITY` in all of 19 arms of the family with all disturbances (`kr500_l480`, seeds 5000 to
+5018, 8 poses), and more than half in 11 of 12 arms with coupled neighbours (seeds 9000 to 9011)."""
 RIGID = 0.25
 """Weight of joints alone where links change with the pose: a few poses do not teach what they do in others.
 
@@ -52,16 +52,19 @@ In the worst twentieth it errs 0.97 times as much as joints alone or more, 1.02 
 0.995 times as large (95 % interval 0.977 to 1.013), with 0.4 they are 1.037 times (`kr500_l480`, seeds 740001
 to 740026 and 790001 to 790013, 8 poses). A weight learnt by leaving poses out is no better in losses, and
 errs up to 15 % more."""
-NEGLIGIBLE = 0.01  #: Weight below which joints alone are left out.
-ROOT = 0.5
+NEGLIGIBLE_WEIGHT = 0.01  #: Weight below which joints alone are left out.
+EVIDENCE_EXPONENT = 0.5
 """Power with which odds of models count in widths, even beforehand: of few readings Laplace's evidence is not
 sure. Coverage in the worst tenth of disturbed arms rises by it from 78 to 84 % (seeds 1 to 40, 11 poses).
 For the two priors it does so by 0 to 3 points. Where links are 30 or 100 times stiffer, intervals that count
 joints alone are 40 % narrower and hold 97 % (seeds 740001 to 740012, 8 poses)."""
-OPEN = 0.05  #: Probability, and weight, below which laws are left out, and above one less it all else.
+#: Probability, and weight, below which laws are left out, and above one less it all else.
+MIN_LAW_PROBABILITY = 0.05
 
 
-def of_two_priors(r: Regression, constraint: Constraint, prior: Metric, softened: Metric) -> Estimate:
+def average_two_priors(
+    r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling
+) -> Estimate:
     """Average estimates under a prior and a softened prior by their evidence, with intervals.
 
     If the readings want links whose compliance varies from pose to pose, they are weighted for it first, see
@@ -81,44 +84,44 @@ def of_two_priors(r: Regression, constraint: Constraint, prior: Metric, softened
     Raises:
         BenchError: When the best common scale of a prior is not above 0.
     """
-    found = _of_two(r, constraint, prior, softened)
-    rho = size(r, found) if r.poses else 0.0
+    estimate = _of_two(r, constraint, prior, softened)
+    rho = stiffness_scatter(r, estimate) if r.poses else 0.0
     if not rho:
-        return found
+        return estimate
     try:
-        first = averaged(wandering(r, found.pi, rho), constraint, prior, widths=False)
-        rho = size(r, first, BACK)
+        first = average_models(with_scatter(r, estimate.pi, rho), constraint, prior, widths=False)
+        rho = stiffness_scatter(r, first, EVIDENCE_BACKOFF)
         if not rho:
-            return found
-        found = _of_two(wandering(r, first.pi, rho), constraint, prior, softened)
+            return estimate
+        estimate = _of_two(with_scatter(r, first.pi, rho), constraint, prior, softened)
     except BenchError:  # readings weighed so want a scale of the prior that is not above 0
-        return found
-    found = _steadied(r, constraint, prior, found)
-    return replace(found, f_m=f_m(some_columns(r, found.structure), found.pi))
+        return estimate
+    estimate = _steadied(r, constraint, prior, estimate)
+    return replace(estimate, f_m=f_m(restrict_to(r, estimate.structure), estimate.pi))
 
 
-def _steadied(r: Regression, constraint: Constraint, prior: Metric, found: Estimate) -> Estimate:
+def _steadied(r: Regression, constraint: Constraint, prior: PriorScaling, estimate: Estimate) -> Estimate:
     """Average a fit with joints alone by `RIGID`; laws and coupled joints keep their weight.
 
     Joints alone are fitted to the readings as they are: weighed for links that change, they err a third more.
     """
-    known = found.average or Average(0.0, found)
-    weight = RIGID * (1 - known.laws) * (1 - known.ties)
+    known = estimate.average or ModelAverage(0.0, estimate)
+    weight = RIGID * (1 - known.laws_weight) * (1 - known.ties_weight)
     if not weight:
-        return found
-    own, bare = _joints(r, prior)
-    rigid = solve(own, constraint, log_evidence_alone(own, bare)[1])
-    pi = (1 - weight) * found.pi + weight * spread(rigid.pi, rigid.structure, found.structure)
+        return estimate
+    regression, bare = _joints(r, prior)
+    rigid = solve(regression, constraint, log_evidence_alone(regression, bare)[1])
+    pi = (1 - weight) * estimate.pi + weight * scatter_to(rigid.pi, rigid.structure, estimate.structure)
     return replace(
-        make_estimate(found.regression, pi, method=found.method, constraint=constraint),
-        belief=found.belief,
-        status=found.status if found.status != "solved" else rigid.status,
-        solver_seconds=found.solver_seconds + rigid.solver_seconds,
+        make_estimate(estimate.regression, pi, method=estimate.method, constraint=constraint),
+        weighted_prior=estimate.weighted_prior,
+        status=estimate.status if estimate.status != "solved" else rigid.status,
+        solver_seconds=estimate.solver_seconds + rigid.solver_seconds,
         average=replace(known, weight=weight + (1 - weight) * known.weight),
     )
 
 
-def _of_two(r: Regression, constraint: Constraint, prior: Metric, softened: Metric) -> Estimate:
+def _of_two(r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling) -> Estimate:
     """Average the fits under both priors, for readings with given weights."""
     first, log_evidence = _of_prior(r, constraint, prior, widths=True)
     if log_evidence is None:
@@ -127,35 +130,39 @@ def _of_two(r: Regression, constraint: Constraint, prior: Metric, softened: Metr
     assert log_other is not None
     # Weights by evidence: for the mean, and for intervals.
     odds = log_other - log_evidence
-    share, likely = _logistic(odds - math.log(BEAMS)), _logistic(ROOT * odds)
-    if not OPEN < likely < 1 - OPEN:
+    share, likely = _logistic(odds - math.log(BEAM_ODDS)), _logistic(EVIDENCE_EXPONENT * odds)
+    if not MIN_LAW_PROBABILITY < likely < 1 - MIN_LAW_PROBABILITY:
         return second if likely > 0.5 else first
-    share = share if share > OPEN else 0.0
+    share = share if share > MIN_LAW_PROBABILITY else 0.0
     likelier, widest = (second if share > 0.5 else first), max(first, second, key=lambda e: e.structure.n)
     # The mean, and the models that it contains.
     pi, weighed = np.zeros(widest.structure.n), ((1 - share, first), (share, second))
-    for weight, own in weighed:
-        pi[: own.structure.n] += weight * own.pi
-    known = [(weight, own.average or Average(0.0, own)) for weight, own in weighed]
+    for weight, estimate in weighed:
+        pi[: estimate.structure.n] += weight * estimate.pi
+    known = [(weight, own.average or ModelAverage(0.0, own)) for weight, own in weighed]
     return replace(
         make_estimate(widest.regression, pi, method=likelier.method, constraint=constraint),
-        belief=likelier.belief,
+        weighted_prior=likelier.weighted_prior,
         status=first.status if first.status != "solved" else second.status,
         solver_seconds=first.solver_seconds + second.solver_seconds,
-        average=Average(
-            weight=sum(weight * own.weight for weight, own in known),
-            whole=known[share > 0.5][1].whole,
-            laws=sum(weight * own.laws for weight, own in known),
-            likely=sum(weight * own.likely for weight, own in known),
-            lawful=next((own.lawful for _, own in known if own.lawful is not None), None),
-            ties=sum(weight * own.ties for weight, own in known),
-            tied=next((own.tied for _, own in known if own.tied is not None), None),
+        average=ModelAverage(
+            weight=sum(weight * average.weight for weight, average in known),
+            all_parts=known[share > 0.5][1].all_parts,
+            laws_weight=sum(weight * average.laws_weight for weight, average in known),
+            laws_probability=sum(weight * average.laws_probability for weight, average in known),
+            with_laws=next(
+                (average.with_laws for _, average in known if average.with_laws is not None), None
+            ),
+            ties_weight=sum(weight * average.ties_weight for weight, average in known),
+            with_ties=next(
+                (average.with_ties for _, average in known if average.with_ties is not None), None
+            ),
             parts=((1 - likely, first), (likely, second)),
         ),
     )
 
 
-def averaged(r: Regression, constraint: Constraint, prior: Metric, *, widths: bool) -> Estimate:
+def average_models(r: Regression, constraint: Constraint, prior: PriorScaling, *, widths: bool) -> Estimate:
     """Fit a dataset with a prior learnt from it, and average the fit with simpler models.
 
     Mathematics: `prior-12`.
@@ -176,80 +183,83 @@ def averaged(r: Regression, constraint: Constraint, prior: Metric, *, widths: bo
 
 
 def _of_prior(
-    r: Regression, constraint: Constraint, prior: Metric, *, widths: bool
+    r: Regression, constraint: Constraint, prior: PriorScaling, *, widths: bool
 ) -> tuple[Estimate, float | None]:
     """Fit under one prior and average with simpler models; also return the evidence, None without one."""
     if not prior.ties.any():
         return _untied(r, constraint, prior, widths=widths)
     bare, tied = (
-        metric_of(prior, own) for own in (without_ties(prior.structure), with_ties(linear(prior.structure)))
+        restrict_scaling(prior, structure)
+        for structure in (without_ties(prior.structure), with_ties(linear(prior.structure)))
     )
-    mean, log_evidence = _untied(some_columns(r, bare.structure), constraint, bare, widths=widths)
+    mean, log_evidence = _untied(restrict_to(r, bare.structure), constraint, bare, widths=widths)
     if log_evidence is None:
         return mean, None
-    coupled = some_columns(r, tied.structure)
-    belief = learn(coupled, tied, widths=widths)
+    coupled = restrict_to(r, tied.structure)
+    belief = learn_prior(coupled, tied, widths=widths)
     assert belief.log_evidence is not None
-    odds = belief.log_evidence - log_evidence - math.log(UNTIED)
+    odds = belief.log_evidence - log_evidence - math.log(UNTIED_ODDS)
     together, share = log_evidence + float(np.logaddexp(0, odds)), _logistic(odds)
-    if share < OPEN:
+    if share < MIN_LAW_PROBABILITY:
         return mean, together
-    share = share if share < 1 - OPEN else 1.0
-    own, known = solve(coupled, constraint, belief), mean.average or Average(0.0, mean)
-    pi = share * spread(own.pi, own.structure, r.structure)
+    share = share if share < 1 - MIN_LAW_PROBABILITY else 1.0
+    estimate, known = solve(coupled, constraint, belief), mean.average or ModelAverage(0.0, mean)
+    pi = share * scatter_to(estimate.pi, estimate.structure, r.structure)
     pi[: len(mean.pi)] += (1 - share) * mean.pi
     found = replace(
-        make_estimate(r, pi, method=own.method, constraint=constraint),
-        belief=belief if share > 0.5 else mean.belief,
-        status=own.status if mean.status == "solved" else mean.status,
-        solver_seconds=mean.solver_seconds + own.solver_seconds,
-        average=replace(known, laws=(1 - share) * known.laws, ties=share, tied=own),
+        make_estimate(r, pi, method=estimate.method, constraint=constraint),
+        weighted_prior=belief if share > 0.5 else mean.weighted_prior,
+        status=estimate.status if mean.status == "solved" else mean.status,
+        solver_seconds=mean.solver_seconds + estimate.solver_seconds,
+        average=replace(
+            known, laws_weight=(1 - share) * known.laws_weight, ties_weight=share, with_ties=estimate
+        ),
     )
     return found, together
 
 
 def _untied(
-    r: Regression, constraint: Constraint, prior: Metric, *, widths: bool
+    r: Regression, constraint: Constraint, prior: PriorScaling, *, widths: bool
 ) -> tuple[Estimate, float | None]:
     """Average models with uncoupled joints, with and without laws; also return the evidence."""
     plain = without_laws(prior)
-    compliances = r if plain is prior else some_columns(r, plain.structure)
+    compliances = r if plain is prior else restrict_to(r, plain.structure)
     straight, log_evidence = _linear(compliances, constraint, plain, widths)
     if plain is prior or log_evidence is None:
         return straight, log_evidence
     # Odds of joint laws, and the mean by them.
-    belief = learn(r, prior, widths=widths)
+    belief = learn_prior(r, prior, widths=widths)
     assert belief.log_evidence is not None
     odds = belief.log_evidence - log_evidence
-    together = log_evidence + float(np.logaddexp(0, odds - math.log(LINEAR)))
-    weight, likely = _logistic(odds - math.log(LINEAR)), _logistic(ROOT * odds)
-    if likely < OPEN:
+    together = log_evidence + float(np.logaddexp(0, odds - math.log(LINEAR_JOINTS_ODDS)))
+    weight, likely = _logistic(odds - math.log(LINEAR_JOINTS_ODDS)), _logistic(EVIDENCE_EXPONENT * odds)
+    if likely < MIN_LAW_PROBABILITY:
         return straight, together
     lawful = solve(r, constraint, belief)
-    if likely > 1 - OPEN:
+    if likely > 1 - MIN_LAW_PROBABILITY:
         weight = likely = 1.0
-    elif weight < OPEN:
+    elif weight < MIN_LAW_PROBABILITY:
         weight = 0.0
     pi = weight * lawful.pi
-    pi[r.structure.a < r.structure.plain] += (1 - weight) * straight.pi
+    pi[r.structure.a < r.structure.n_compliance_rows] += (1 - weight) * straight.pi
     mean = make_estimate(r, pi, method=lawful.method, constraint=constraint)
-    own = straight.average or Average(0.0, straight)
+    average = straight.average or ModelAverage(0.0, straight)
     mean = replace(
         mean,
-        belief=belief if weight > 0.5 else own.whole.belief,
+        weighted_prior=belief if weight > 0.5 else average.all_parts.weighted_prior,
         status=lawful.status if straight.status == "solved" else straight.status,
         solver_seconds=straight.solver_seconds + lawful.solver_seconds,
-        average=replace(own, laws=weight, likely=likely, lawful=lawful),
+        average=replace(average, laws_weight=weight, laws_probability=likely, with_laws=lawful),
     )
     return mean, together
 
 
-def without_laws(metric: Metric) -> Metric:
+def without_laws(metric: PriorScaling) -> PriorScaling:
     """Return the metric of compliances alone, without joint laws."""
-    return metric if not metric.law.any() else metric_of(metric, linear(metric.structure))
+    return metric if not metric.law.any() else restrict_scaling(metric, linear(metric.structure))
 
 
-def metric_of(metric: Metric, structure: Structure) -> Metric:
+def restrict_scaling(metric: PriorScaling, structure: Structure) -> PriorScaling:
     """Restrict a metric to a structure without some joint laws or couplings, which a prior expects to be 0.
 
     Args:
@@ -259,59 +269,64 @@ def metric_of(metric: Metric, structure: Structure) -> Metric:
     Returns:
         The metric of these unknowns.
     """
-    own = places(structure, metric.structure)
+    own = parameter_places(structure, metric.structure)
     row, column = metric.structure.triangles
     wanted = set(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
     found = [pair in wanted for pair in zip(row.tolist(), column.tolist(), strict=True)]
     keep = np.flatnonzero(found)
     sizes = tuple(len(block) for block in structure.blocks)
-    return Metric(metric.prior, structure, metric.L[np.ix_(own, keep)], metric.expected[keep], sizes)
+    return PriorScaling(metric.prior, structure, metric.L[np.ix_(own, keep)], metric.expected[keep], sizes)
 
 
 def _linear(
-    r: Regression, constraint: Constraint, prior: Metric, widths: bool
+    r: Regression, constraint: Constraint, prior: PriorScaling, widths: bool
 ) -> tuple[Estimate, float | None]:
     """Average links and joints with joints only, without laws; also return the evidence, None without one."""
-    belief, joints = learn(r, prior, widths=widths), joint_columns(prior)
+    belief, joints = learn_prior(r, prior, widths=widths), joint_columns(prior)
     whole = solve(r, constraint, belief)
     if belief.log_evidence is None or len(joints) < prior.structure.links - 1:  # of links or joints alone
         return whole, None
-    own, bare = _joints(r, prior)
+    regression, bare = _joints(r, prior)
     try:
-        log_evidence, alone = log_evidence_alone(own, bare)
+        log_evidence, alone = log_evidence_alone(regression, bare)
     except BenchError:  # no joint is loaded, or all turn against their loads: joints alone are no model
         return whole, belief.log_evidence
-    odds = log_evidence - belief.log_evidence + math.log(ODDS)
+    odds = log_evidence - belief.log_evidence + math.log(JOINTS_ONLY_ODDS)
     weight = _logistic(odds)
     together = belief.log_evidence + float(np.logaddexp(0, odds))
-    if weight < NEGLIGIBLE:
+    if weight < NEGLIGIBLE_WEIGHT:
         return whole, together
-    rigid = solve(own, constraint, alone)
+    rigid = solve(regression, constraint, alone)
     pi = (1 - weight) * whole.pi
     pi[joints] += weight * rigid.pi
     mean = replace(
         make_estimate(r, pi, method=whole.method, constraint=constraint),
-        belief=belief,
+        weighted_prior=belief,
         status=whole.status if whole.status != "solved" else rigid.status,
         solver_seconds=whole.solver_seconds + rigid.solver_seconds,
-        average=Average(weight, whole, rigid=_logistic(ROOT * (odds - math.log(ODDS))), alone=rigid),
+        average=ModelAverage(
+            weight,
+            whole,
+            joints_probability=_logistic(EVIDENCE_EXPONENT * (odds - math.log(JOINTS_ONLY_ODDS))),
+            joints_only=rigid,
+        ),
     )
     return mean, together
 
 
-def _joints(r: Regression, prior: Metric) -> tuple[Regression, Metric]:
+def _joints(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
     """A dataset, and the metric of its prior, of joints alone."""
     joints = joint_columns(prior)
-    own = some_columns(r, prior.structure.keep(joints, "Joints"))
+    regression = restrict_to(r, prior.structure.keep(joints, "Joints"))
     entries = np.flatnonzero(np.any(prior.L[joints] != 0, axis=0))
     L, sizes = prior.L[np.ix_(joints, entries)], (1,) * len(joints)
-    return own, Metric(prior.prior, own.structure, L, prior.expected[entries], sizes)
+    return regression, PriorScaling(prior.prior, regression.structure, L, prior.expected[entries], sizes)
 
 
-def joint_columns(metric: Metric) -> Ids:
+def joint_columns(metric: PriorScaling) -> Ids:
     """Find the parameters that are joints of their own, (joints,)."""
     s = metric.structure
-    return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.plain))
+    return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.n_compliance_rows))
 
 
 def _logistic(x: float) -> float:

@@ -15,9 +15,9 @@ import numpy as np
 
 from testbench.errors import Array, Ids, Mask
 from testbench.identify import cone
-from testbench.identify.interior import BOLD, LEAST, SMALL, TINY, Scaling
+from testbench.identify.interior import INITIAL_SIZE, MIN_AIM, MIN_BOUNDARY_SHARE, TINY, Scaling
 
-NEAR = 1e-2
+COST_TOLERANCE = 1e-2
 """Distance from the optimum at which a problem is solved, as a share of its cost [1]."""
 STEPS = 30
 """Most steps."""
@@ -82,7 +82,7 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
             cost = np.vecdot(state.x, gradient + linear) / 2 + problems.half[fold[state.at]]
             missing = gradient - state.s
             left = np.linalg.norm(state.x, axis=1) * np.linalg.norm(missing, axis=1)
-            done = np.vecdot(state.x, state.s) + left <= NEAR * cost
+            done = np.vecdot(state.x, state.s) + left <= COST_TOLERANCE * cost
             found[state.at[done]] = state.x[done]
             freedom[state.at[done]] = R.shape[1] - np.trace(newton.inner[done], axis1=1, axis2=2)
             try:
@@ -104,16 +104,16 @@ def _definite(x: Array, groups: list[Ids]) -> Mask:
 def _moved(state: _State, missing: Array, newton: "_Newton", scalings: list[Scaling]) -> _State:
     """Take one step: predicted to first order, then corrected to second order."""
     x, s, order = state.x, state.s, sum(one.d.shape[1] * one.d.shape[2] for one in scalings)
-    aim = np.maximum((1 - state.step) ** 2, LEAST) * np.vecdot(x, s) / order
+    aim = np.maximum((1 - state.step) ** 2, MIN_AIM) * np.vecdot(x, s) / order
     predicted, w, sums = newton.solve(-s - missing), np.empty_like(x), []
-    for (own, _), one in zip(newton.D, scalings, strict=True):
-        sums.append(np.nan_to_num(one.corrected(aim[:, None, None], one.scaled(predicted))))
-        w[:, own] = cone.svec(one.inverse.swapaxes(-1, -2) @ sums[-1] @ one.inverse)
+    for (own, _), scaling in zip(newton.D, scalings, strict=True):
+        sums.append(np.nan_to_num(scaling.corrected(aim[:, None, None], scaling.scaled(predicted))))
+        w[:, own] = cone.svec(scaling.inverse.swapaxes(-1, -2) @ sums[-1] @ scaling.inverse)
     dx = newton.solve(w - missing)
     step = np.ones(len(x))
-    for one, both in zip(scalings, sums, strict=True):
-        step = np.minimum(step, one.longest(np.nan_to_num(one.scaled(dx)), both))
-    step *= BOLD + (0.99 - BOLD) * step
+    for scaling, both in zip(scalings, sums, strict=True):
+        step = np.minimum(step, scaling.longest(np.nan_to_num(scaling.scaled(dx)), both))
+    step *= MIN_BOUNDARY_SHARE + (0.99 - MIN_BOUNDARY_SHARE) * step
     ds = missing + np.vecmat(np.matvec(newton.R, dx), newton.R)
     return _State(state.at, x + step[:, None] * dx, s + step[:, None] * ds, step)
 
@@ -123,7 +123,7 @@ def _start(problems: Problems, fold: Ids, price: Array, groups: list[Ids]) -> _S
     one = np.concatenate([cone.svec(np.eye(size)) for size in problems.sizes])
     moved = np.vecmat(problems.R @ one, problems.R)
     square = np.maximum(moved @ one, TINY)
-    size = np.maximum(problems.g @ one / square, SMALL * np.sqrt(2 * problems.half / square))[fold]
+    size = np.maximum(problems.g @ one / square, INITIAL_SIZE * np.sqrt(2 * problems.half / square))[fold]
     gradient = size[:, None] * moved[fold] - problems.g[fold] + price
     fit = size**2 * square[fold] / 2 - size * (problems.g @ one)[fold] + problems.half[fold]
     large = [np.abs(np.linalg.eigvalsh(cone.smat(gradient[:, at]))).max(axis=(1, 2)) for at in groups]
@@ -143,8 +143,8 @@ class _Newton:
     @classmethod
     def of(cls, R: Array, groups: list[Ids], scalings: list[Scaling]) -> "_Newton":
         D = [
-            (at, cone.congruence(one.G @ one.G.swapaxes(-1, -2)))
-            for at, one in zip(groups, scalings, strict=True)
+            (at, cone.congruence(scaling.G @ scaling.G.swapaxes(-1, -2)))
+            for at, scaling in zip(groups, scalings, strict=True)
         ]
         RD = np.empty_like(R)
         for at, own in D:

@@ -36,9 +36,9 @@ LENGTH = 0.5
 UNSEEN_SHARE = 1e-2
 """Sensitivity assumed of an axis that no reading observes, as a share of the largest sensitivity [1]."""
 
-LONGEST = 1 + 1e-9
+MAX_DUAL_LENGTH = 1 + 1e-9
 """Length up to which a dual vector counts as a unit vector; the excess is rounding [1]."""
-ROUNDING = 4 * np.finfo(float).eps
+EIGENVALUE_ROUNDING = 4 * np.finfo(float).eps
 """What rounding may take from an eigenvalue of S_i, as a share of the size of what S_i is summed from.
 
 The bounds are exact up to it, and to 1e-12 of F_M at C = 0.
@@ -99,8 +99,10 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
     regression = estimate.regression
     dual = gradient_dual(regression, estimate.pi) if dual is None else _checked(regression, dual)
     if estimate.penalty is None or estimate.split is None:
-        return bound(regression, estimate.pi, dual, penalty=tie_break(regression))
-    return bound(estimate.penalty.lifted(regression), estimate.split, dual, penalty=estimate.penalty)
+        return lower_bound_certificate(regression, estimate.pi, dual, penalty=tie_break(regression))
+    return lower_bound_certificate(
+        estimate.penalty.lifted(regression), estimate.split, dual, penalty=estimate.penalty
+    )
 
 
 def _checked(regression: Regression, dual: Dual) -> Dual:
@@ -109,12 +111,12 @@ def _checked(regression: Regression, dual: Dual) -> Dual:
     y = check_array(dual.y, (terms, regression.structure.n), "dual.y")
     rest = check_array(dual.y_rest, (terms,), "dual.y_rest")
     longest = float(np.hypot(np.linalg.norm(y, axis=1), rest).max())
-    if longest > LONGEST:
+    if longest > MAX_DUAL_LENGTH:
         raise BenchError(f"dual: expected vectors of length 1 at most, got one of {longest:.9g}")
-    return shortened(y, rest)
+    return normalise_dual(y, rest)
 
 
-def shortened(y: Array, rest: Array) -> Dual:
+def normalise_dual(y: Array, rest: Array) -> Dual:
     """Scale dual vectors that are longer than one to length one.
 
     Args:
@@ -142,7 +144,7 @@ def gradient_dual(regression: Regression, pi: Array) -> Dual:
     """
     y, rest = [], []
     for term in regression.terms:
-        residual = np.r_[term.R @ pi - term.z, math.sqrt(term.rest)]
+        residual = np.r_[term.R @ pi - term.z, math.sqrt(term.unexplained)]
         norm = np.linalg.norm(residual)
         residual = residual / norm if norm > 0 else residual
         y.append(residual[:-1])
@@ -150,7 +152,7 @@ def gradient_dual(regression: Regression, pi: Array) -> Dual:
     return Dual(np.array(y), np.array(rest))
 
 
-def bound(
+def lower_bound_certificate(
     regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | None = None, *, penalty: Penalty
 ) -> Certificate:
     """Bound F_M(pi), and F_M(pi) + w <W, C>, above their least values by a dual.
@@ -175,7 +177,7 @@ def bound(
     constant = 0.0
     for term, y, rest in zip(regression.terms, dual.y, dual.y_rest, strict=True):
         g += term.R.T @ y
-        constant += rest * math.sqrt(term.rest) - y @ term.z
+        constant += rest * math.sqrt(term.unexplained) - y @ term.z
     cost, free = f_m(regression, pi), np.zeros(s.n)
 
     def over(cost: float, price: Array) -> float:
@@ -202,7 +204,7 @@ def _smallest(regression: Regression, g: Array, price: Array) -> Array:
     smallest = np.empty(len(s.blocks))
     for group in s.groups:
         # The eigenvalue is lowered by what rounding may have added: the bound stays rigorous.
-        lost = ROUNDING * np.linalg.norm(size[group.index], axis=(1, 2))
+        lost = EIGENVALUE_ROUNDING * np.linalg.norm(size[group.index], axis=(1, 2))
         smallest[group.at] = np.linalg.eigvalsh(S[group.index])[:, 0] - lost
     return smallest
 

@@ -18,16 +18,16 @@ from testbench.data.series import Series
 from testbench.errors import Array, Ids
 from testbench.model.vjm import Vjm, tool_pose
 
-LEAST_POINTS = 3
+MIN_POINTS = 3
 """Fewest points that determine a frame, if they are not on a line."""
 #: Readings that are used, drawn at random where there are more: noise is not what limits a frame.
-MOST = 3000
-BLIND = 1e-6
+MAX_READINGS = 3000
+BLIND_DIRECTION = 1e-6
 """Least singular value of the linear form over its largest, below which it is not used [1]."""
 
 
 @dataclass(frozen=True)
-class Means:
+class MeanReadings:
     """Hold readings of targets, one per target, pose and frame: the mean of repeated ones.
 
     The arm's geometry changes a reading equally in every row of a pose: further rows carry no information on
@@ -43,7 +43,7 @@ class Means:
 
 
 @dataclass(frozen=True)
-class Layout:
+class FrameLayout:
     """Hold frames and targets; NaN where one is not known yet."""
 
     rotation: Array  #: R_s, frame from base, (frames, 3, 3).
@@ -51,13 +51,13 @@ class Layout:
     targets: Array  #: m_k in the tool's frame, (targets, 3) [m].
 
     @property
-    def whole(self) -> bool:
+    def complete(self) -> bool:
         """Tell whether all frames and targets are known."""
         return all(np.isfinite(part).all() for part in vars(self).values())
 
 
-def means(vjm: Vjm, series: Sequence[Series]) -> Means:
-    """Average repeated readings of one target in one pose and frame; at most `MOST` of them are kept.
+def mean_readings(vjm: Vjm, series: Sequence[Series]) -> MeanReadings:
+    """Average repeated readings of one target in one pose and frame; at most `MAX_READINGS` of them are kept.
 
     Args:
         vjm: The arm's virtual joint model.
@@ -66,115 +66,121 @@ def means(vjm: Vjm, series: Sequence[Series]) -> Means:
     Returns:
         The means, with the tool's pose by the arm's kinematics.
     """
-    frames, targets = names(series)
+    frames, targets = frame_and_target_names(series)
     parts = [_means(one, frames.index(one.frame), targets) for one in series]
     frame, target, q, y, C = (np.concatenate(part) for part in zip(*parts, strict=True))
-    some = np.sort(np.random.Generator(np.random.Philox(0)).permutation(len(q))[:MOST])
+    some = np.sort(np.random.Generator(np.random.Philox(0)).permutation(len(q))[:MAX_READINGS])
     position, rotation = tool_pose(vjm, q[some])
-    return Means(frame[some], target[some], y[some], C[some], rotation, position)
+    return MeanReadings(frame[some], target[some], y[some], C[some], rotation, position)
 
 
-def names(series: Sequence[Series]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def frame_and_target_names(series: Sequence[Series]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """List the names of all frames and of all targets, in order."""
     targets = (name for one in series for name in one.markers)
     return tuple(dict.fromkeys(one.frame for one in series)), tuple(dict.fromkeys(targets))
 
 
-def _means(one: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array, ...]:
+def _means(series: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array, ...]:
     """Frame, target, joints, position and covariance of every mean of a series."""
-    row, column = np.nonzero(one.seen)
-    target = np.array([targets.index(name) for name in one.markers])[column]
-    keys = np.column_stack([one.q[row], target])
+    row, column = np.nonzero(series.seen)
+    target = np.array([targets.index(name) for name in series.markers])[column]
+    keys = np.column_stack([series.q[row], target])
     _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     count = np.bincount(group.ravel())[:, None]
     y, C = np.zeros((len(first), 3)), np.zeros((len(first), 3, 3))
-    np.add.at(y, group.ravel(), one.position[row, column])
-    own = one.sigma**2 * np.eye(3)
-    np.add.at(C, group.ravel(), own if one.precision is None else np.linalg.inv(one.precision[row, column]))
+    np.add.at(y, group.ravel(), series.position[row, column])
+    own = series.sigma**2 * np.eye(3)
+    np.add.at(
+        C, group.ravel(), own if series.precision is None else np.linalg.inv(series.precision[row, column])
+    )
     ids = np.full(len(first), frame)
-    return ids, target[first], one.q[row[first]], y / count, C / count[..., None] ** 2
+    return ids, target[first], series.q[row[first]], y / count, C / count[..., None] ** 2
 
 
-def starts(seen: Means, known: Layout) -> Iterator[Layout]:
+def initial_layouts(readings: MeanReadings, known: FrameLayout) -> Iterator[FrameLayout]:
     """Yield complete sets of frames and targets as starts of the refinement.
 
     Args:
-        seen: The readings.
+        readings: The readings.
         known: Frames and targets; NaN where unknown.
 
     Yields:
         A start from the known targets, and one from the linear form without them.
     """
-    for targets in (known.targets, _hand_eye(seen, len(known.targets))):
-        found = _complete(seen, replace(known, targets=targets))
-        if found.whole:
-            yield found
+    for targets in (known.targets, _hand_eye(readings, len(known.targets))):
+        layout = _complete(readings, replace(known, targets=targets))
+        if layout.complete:
+            yield layout
 
 
-def _hand_eye(seen: Means, targets: int) -> Array:
+def _hand_eye(readings: MeanReadings, targets: int) -> Array:
     """Targets by the linear form in the frame with most readings, (targets, 3) [m]; NaN for all others.
 
     Its equations are R_s^T p_rk - R_s^T t_s - R_r m_k = p_r.
     """
     found = np.full((targets, 3), np.nan)
-    own = seen.frame == np.bincount(seen.frame).argmax()
-    read, at = np.unique(seen.target[own], return_inverse=True)
-    R, at, n = seen.rotation[own], at.ravel(), np.arange(own.sum())
+    own = readings.frame == np.bincount(readings.frame).argmax()
+    read, at = np.unique(readings.target[own], return_inverse=True)
+    R, at, n = readings.rotation[own], at.ravel(), np.arange(own.sum())
     A = np.zeros((len(n), 3, 12 + 3 * len(read)))
     for axis in range(3):
-        A[:, axis, 3 * axis : 3 * axis + 3] = seen.y[own]
+        A[:, axis, 3 * axis : 3 * axis + 3] = readings.y[own]
         A[:, axis, 9 + axis] = -1
         A[n, :, 12 + 3 * at + axis] = -R[:, :, axis]
-    x, _, rank, _ = np.linalg.lstsq(A.reshape(3 * len(n), -1), seen.position[own].ravel(), rcond=BLIND)
+    x, _, rank, _ = np.linalg.lstsq(
+        A.reshape(3 * len(n), -1), readings.position[own].ravel(), rcond=BLIND_DIRECTION
+    )
     if rank == A.shape[2]:
         found[read] = x[12:].reshape(-1, 3)
     return found
 
 
-def _complete(seen: Means, found: Layout) -> Layout:
+def _complete(readings: MeanReadings, layout: FrameLayout) -> FrameLayout:
     """Frames by the known targets and targets by the known frames, in turn, until neither finds more."""
-    rotation, translation, targets = (part.copy() for part in vars(found).values())
+    rotation, translation, targets = (part.copy() for part in vars(layout).values())
     while True:
         missing = np.isnan(translation).sum() + np.isnan(targets).sum()
         for s in np.flatnonzero(np.isnan(translation[:, 0])):
-            use = (seen.frame == s) & np.isfinite(targets[seen.target, 0])
-            if use.sum() >= LEAST_POINTS:
-                rotation[s], translation[s] = kabsch(points(seen, targets)[use], seen.y[use])
+            use = (readings.frame == s) & np.isfinite(targets[readings.target, 0])
+            if use.sum() >= MIN_POINTS:
+                rotation[s], translation[s] = kabsch(base_points(readings, targets)[use], readings.y[use])
         for k in np.flatnonzero(np.isnan(targets[:, 0])):
-            use = (seen.target == k) & np.isfinite(translation[seen.frame, 0])
+            use = (readings.target == k) & np.isfinite(translation[readings.frame, 0])
             if use.any():
-                at = seen.frame[use]
-                base = np.vecmat(seen.y[use] - translation[at], rotation[at])
-                targets[k] = np.median(np.vecmat(base - seen.position[use], seen.rotation[use]), axis=0)
+                at = readings.frame[use]
+                base = np.vecmat(readings.y[use] - translation[at], rotation[at])
+                targets[k] = np.median(
+                    np.vecmat(base - readings.position[use], readings.rotation[use]), axis=0
+                )
         if missing == np.isnan(translation).sum() + np.isnan(targets).sum():
-            return Layout(rotation, translation, targets)
+            return FrameLayout(rotation, translation, targets)
 
 
-def points(seen: Means, targets: Array) -> Array:
+def base_points(readings: MeanReadings, targets: Array) -> Array:
     """Compute the targets in base axes, R_r m_k + p_r.
 
     Args:
-        seen: The readings.
+        readings: The readings.
         targets: Targets in the tool's frame, (targets, 3) [m].
 
     Returns:
         Target of every reading, (n, 3) [m].
     """
-    return np.asarray(seen.position + np.matvec(seen.rotation, targets[seen.target]))
+    return np.asarray(readings.position + np.matvec(readings.rotation, targets[readings.target]))
 
 
-def residuals(seen: Means, at: Layout) -> Array:
+def residuals(readings: MeanReadings, layout: FrameLayout) -> Array:
     """Compute readings minus model, p_rk - R_s (R_r m_k + p_r) - t_s, in the frame's axes.
 
     Args:
-        seen: The readings.
-        at: Frames and targets.
+        readings: The readings.
+        layout: Frames and targets.
 
     Returns:
         (n, 3) [m].
     """
-    x = np.matvec(at.rotation[seen.frame], points(seen, at.targets))
-    return np.asarray(seen.y - x - at.translation[seen.frame])
+    x = np.matvec(layout.rotation[readings.frame], base_points(readings, layout.targets))
+    return np.asarray(readings.y - x - layout.translation[readings.frame])
 
 
 def kabsch(points: Array, read: Array, *, mirrored: bool = False) -> tuple[Array, Array]:

@@ -51,7 +51,7 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Problem:
+class ConeProgram:
     """Hold a conic program: its cost, blocks of unknowns and constraints."""
 
     cost: Array  #: c, (n,).
@@ -84,7 +84,7 @@ class Solution:
         return f"not solved: Clarabel says {self.word}"
 
 
-def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
+def solve(problem: ConeProgram, *, tolerance: float = TOLERANCE) -> Solution:
     """Solve a conic program by Clarabel; if the solver stalls, the status says so.
 
     Args:
@@ -94,7 +94,7 @@ def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
     Returns:
         The last iterate, its duals and status.
     """
-    return solved(set_up(problem, settings(tolerance)), problem)
+    return solved(build_solver(problem, settings(tolerance)), problem)
 
 
 def psd_blocks(first: int, sizes: tuple[int, ...]) -> tuple[Block, ...]:
@@ -151,7 +151,7 @@ def order(entries: int) -> int:
 
 
 @cache
-def upper(size: int) -> tuple[Ids, Ids]:
+def upper_indices(size: int) -> tuple[Ids, Ids]:
     """Return rows and columns of the upper triangle of a matrix of this order, by column."""
     column, row = np.tril_indices(size)
     return row, column
@@ -166,7 +166,7 @@ def svec(X: Array) -> Array:
 @cache
 def _packed(n: int) -> tuple[Ids, Array]:
     """Where the entries of a svec stand in its matrix, and their size per unit of that, (t,) each."""
-    row, column = upper(n)
+    row, column = upper_indices(n)
     return n * row + column, np.where(row == column, 1.0, math.sqrt(2))
 
 
@@ -179,7 +179,7 @@ def smat(x: Array) -> Array:
 @cache
 def _unpacked(n: int) -> tuple[Ids, Array]:
     """Where the entries of a matrix stand in its svec, and their size per unit of that, (n, n) each."""
-    row, column = upper(n)
+    row, column = upper_indices(n)
     places = np.zeros((n, n), int)
     places[row, column] = places[column, row] = np.arange(len(row))
     return places, np.where(np.eye(n) == 1, 1.0, math.sqrt(0.5))
@@ -196,7 +196,7 @@ def congruence(A: Array) -> Array:
 @cache
 def _products(n: int) -> tuple[tuple[Ids, ...], Array]:
     """Places of the factors of two products in a matrix of order n, and the weight of their sum, (t, t)."""
-    i, j = upper(n)
+    i, j = upper_indices(n)
     row, column = n * i[:, None], n * j[:, None]
     weight = np.where(i == j, 1.0, math.sqrt(2))[:, None] * np.where(i == j, 0.5, math.sqrt(0.5))
     return (row + i, column + j, row + j, column + i), weight
@@ -228,12 +228,12 @@ def settings(tolerance: float) -> clarabel.DefaultSettings:
     return own
 
 
-def set_up(problem: Problem, own: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
+def build_solver(problem: ConeProgram, options: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
     """Set up Clarabel for a program.
 
     Args:
         problem: The program.
-        own: Clarabel's settings.
+        options: Clarabel's settings.
 
     Returns:
         The solver, not yet run.
@@ -251,11 +251,11 @@ def set_up(problem: Problem, own: clarabel.DefaultSettings) -> clarabel.DefaultS
         sparse.csc_matrix(np.vstack([row.A for row in rows])),
         np.concatenate([row.b for row in rows]),
         [CONES[row.kind](len(row.b)) for row in rows],
-        own,
+        options,
     )
 
 
-def solved(solver: clarabel.DefaultSolver, problem: Problem) -> Solution:
+def solved(solver: clarabel.DefaultSolver, problem: ConeProgram) -> Solution:
     """Run Clarabel and collect its solution.
 
     Args:

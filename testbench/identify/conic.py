@@ -14,14 +14,14 @@ import numpy as np
 
 from testbench.errors import Array, Ids
 from testbench.identify import cone
-from testbench.identify.certify import bound, gradient_dual, shortened, tie_break
-from testbench.identify.estimate import PAPERS, Certificate, Dual, Estimate, Penalty, make_estimate
+from testbench.identify.certify import gradient_dual, lower_bound_certificate, normalise_dual, tie_break
+from testbench.identify.estimate import PAPER_GCO, Certificate, Dual, Estimate, Penalty, make_estimate
 from testbench.identify.interior import TINY, interior
-from testbench.identify.interior import Program as Norms
+from testbench.identify.interior import BlockProgram as Norms
 from testbench.identify.regression import Regression, check_symmetric, f_m
 from testbench.model.structure import Structure
 
-PENALTY_TOLD = 1e-4
+REPORTED_PENALTY = 1e-4
 """Share of F_M that the tie-break may cost before the advice mentions it."""
 GAP_TOLERANCE = 1e-5
 """Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
@@ -31,15 +31,16 @@ DATA_TOLERANCE = 1e-7
 Without noise the tie-break alone costs 0.3 to 2 times as much and F_M a tenth at most, so that F_M decides:
 what rounding changes in the trace does not.
 """
-EXACT = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
-PROVEN = 1e-9  #: Gap in the unit of F_M up to which the dense answer is taken; most are far nearer.
-SHARP = 100.0  #: Residuals in their squares, over the unit of F_M: so that squares decide, not the trace.
+EXACT_FIT = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
+PROVEN_GAP = 1e-9  #: Gap in the unit of F_M up to which the dense answer is taken; most are far nearer.
+#: Residuals in their squares, over the unit of F_M: so that squares decide, not the trace.
+SQUARES_SHARPNESS = 100.0
 UNSEEN_WEIGHT = 1e-3
 """Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
 
 
 @dataclass(frozen=True)
-class Program:
+class ConicProgram:
     """Hold the conic program of GCO in units where the data are of order one.
 
     A block of C_theta that no data touch is no part of it: its least trace is zero.
@@ -71,7 +72,7 @@ class Program:
 
 
 @dataclass(frozen=True)
-class Answer:
+class ConicSolution:
     """Hold the parameters that a solver found, with their dual."""
 
     pi: Array  #: Parameters, (n,).
@@ -80,7 +81,7 @@ class Answer:
     dual: Dual  #: Its proof.
 
 
-def optimum(regression: Regression, penalty: Penalty | None = None) -> Estimate:
+def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimate:
     """Minimise F_M + w <W, C>, Eq. (19) and a trace term, over conservative compliances, to the optimum.
 
     The data rarely see all of C: without the trace term the optimum is not unique, or is only approached as
@@ -104,16 +105,16 @@ def optimum(regression: Regression, penalty: Penalty | None = None) -> Estimate:
     papers, penalty = penalty is None, penalty or tie_break(regression)
     lifted = penalty.lifted(regression)
     program = scale_program(lifted, penalty)
-    answer = by_interior(lifted, program) or by_clarabel(lifted, program)
+    answer = solve_interior_point(lifted, program) or solve_clarabel(lifted, program)
     pi = answer.pi
     certificate, reached = _judged(lifted, program, pi, answer.dual)
     if not reached:
-        other = by_squares(lifted, program)
+        other = solve_least_squares_cone(lifted, program)
         proof, better = _judged(lifted, program, other, gradient_dual(lifted, other))
         if better or proof.duality_gap < certificate.duality_gap:
             pi, certificate, reached = other, proof, better
     left, cost = f_m(lifted, pi), float(penalty.price @ pi)
-    method = PAPERS if papers else "GCO (conic program)"
+    method = PAPER_GCO if papers else "GCO (conic program)"
     estimate = make_estimate(regression, penalty.lift @ pi, method=method, constraint="psd")
     return replace(
         estimate,
@@ -123,19 +124,22 @@ def optimum(regression: Regression, penalty: Penalty | None = None) -> Estimate:
         penalty=penalty,
         split=pi,
         held_by_trace_weight=bool(
-            papers and cost > PENALTY_TOLD * left > PENALTY_TOLD * EXACT * program.unit
+            papers and cost > REPORTED_PENALTY * left > REPORTED_PENALTY * EXACT_FIT * program.unit
         ),
     )
 
 
-def _judged(regression: Regression, program: Program, pi: Array, dual: Dual) -> tuple[Certificate, bool]:
+def _judged(regression: Regression, program: ConicProgram, pi: Array, dual: Dual) -> tuple[Certificate, bool]:
     """What a dual proves of parameters, and whether they are so near the optimum that they are solved."""
-    certificate, left = bound(regression, pi, dual, penalty=program.penalty), f_m(regression, pi)
+    certificate, left = (
+        lower_bound_certificate(regression, pi, dual, penalty=program.penalty),
+        f_m(regression, pi),
+    )
     over = min(certificate.duality_gap, left)  # F_M cannot be negative
     return certificate, over <= GAP_TOLERANCE * left + DATA_TOLERANCE * program.unit
 
 
-def by_interior(regression: Regression, program: Program) -> Answer | None:
+def solve_interior_point(regression: Regression, program: ConicProgram) -> ConicSolution | None:
     """Solve the program by our dense interior-point method.
 
     Args:
@@ -146,7 +150,7 @@ def by_interior(regression: Regression, program: Program) -> Answer | None:
         The answer; None where a block is not whole, nothing moves, or the answer is not proven.
     """
     s, n = program.structure, regression.structure.n
-    if not s.whole or not len(program.columns) or f_m(regression, np.zeros(n)) == 0:
+    if not s.has_full_blocks or not len(program.columns) or f_m(regression, np.zeros(n)) == 0:
         return None
     start, order = time.perf_counter(), s.parameter
     unit = np.where(s.mirrored[order], math.sqrt(0.5), 1.0)  # parameters over svec
@@ -155,13 +159,13 @@ def by_interior(regression: Regression, program: Program) -> Answer | None:
     x[order] = unit * interior(norms).x
     pi = program.parameters(x, n)
     dual = gradient_dual(regression, pi)
-    gap = bound(regression, pi, dual, penalty=program.penalty).duality_gap / program.unit
-    if gap > PROVEN:
+    gap = lower_bound_certificate(regression, pi, dual, penalty=program.penalty).duality_gap / program.unit
+    if gap > PROVEN_GAP:
         return None
-    return Answer(pi, time.perf_counter() - start, f"proven to {gap:.1g} of F_M without a model", dual)
+    return ConicSolution(pi, time.perf_counter() - start, f"proven to {gap:.1g} of F_M without a model", dual)
 
 
-def by_squares(regression: Regression, program: Program) -> Array:
+def solve_least_squares_cone(regression: Regression, program: ConicProgram) -> Array:
     """Minimise the squares of F_M's residuals and the trace term; for data without noise.
 
     At an exact fit the norms of F_M have no slope, so that their program cannot be solved to its last digits.
@@ -174,20 +178,20 @@ def by_squares(regression: Regression, program: Program) -> Array:
         Parameters, (n,) [m/N, rad/(N m), rad/N].
     """
     s = program.structure
-    R = SHARP * program.R.reshape(-1, len(program.scale))
+    R = SQUARES_SHARPNESS * program.R.reshape(-1, len(program.scale))
     k, n = R.shape
     solution = cone.solve(
-        cone.Problem(
+        cone.ConeProgram(
             cost=np.r_[np.zeros(k), program.trace],
             blocks=(cone.free_block(0, k), *psd_blocks(s, k)),
-            rows=(cone.Rows("zero", np.c_[np.eye(k), -R], -SHARP * program.z.ravel()),),
+            rows=(cone.Rows("zero", np.c_[np.eye(k), -R], -SQUARES_SHARPNESS * program.z.ravel()),),
             quadratic=np.r_[np.ones(k), np.zeros(n)],
         )
     )
-    return program.parameters(clip(s, solution.x[k:]), regression.structure.n)
+    return program.parameters(clip_eigenvalues(s, solution.x[k:]), regression.structure.n)
 
 
-def by_clarabel(regression: Regression, program: Program) -> Answer:
+def solve_clarabel(regression: Regression, program: ConicProgram) -> ConicSolution:
     """Solve the program by Clarabel, with the dual that Clarabel returns.
 
     Args:
@@ -199,21 +203,21 @@ def by_clarabel(regression: Regression, program: Program) -> Answer:
     """
     s, n, count = program.structure, regression.structure.n, len(program.z)
     if f_m(regression, np.zeros(n)) == 0:
-        return Answer(np.zeros(n), 0.0, "", gradient_dual(regression, np.zeros(n)))
+        return ConicSolution(np.zeros(n), 0.0, "", gradient_dual(regression, np.zeros(n)))
     solution = cone.solve(
-        cone.Problem(
+        cone.ConeProgram(
             cost=np.r_[np.ones(count), program.trace],
             blocks=(cone.free_block(0, count), *psd_blocks(s, count)),
             rows=norms_below(program.R, program.z, program.rest),
         )
     )
-    pi = program.parameters(clip(s, solution.x[count:]), n)
+    pi = program.parameters(clip_eigenvalues(s, solution.x[count:]), n)
     z = np.array(solution.duals[:count])
     z /= np.maximum(z[:, :1], TINY)  # a dual of the cone: zero where its head is
-    return Answer(pi, solution.seconds, solution.failure, shortened(z[:, 1:-1], -z[:, -1]))
+    return ConicSolution(pi, solution.seconds, solution.failure, normalise_dual(z[:, 1:-1], -z[:, -1]))
 
 
-def scale_program(regression: Regression, penalty: Penalty) -> Program:
+def scale_program(regression: Regression, penalty: Penalty) -> ConicProgram:
     """Scale data, trace term and parameters of GCO to order one.
 
     Args:
@@ -230,14 +234,14 @@ def scale_program(regression: Regression, penalty: Penalty) -> Program:
     kept = _kept(s, columns.tobytes())
     unit = f_m(regression, np.zeros(s.n)) or 1.0
     scale = sensitivity_units(regression, unit, penalty)[columns]
-    return Program(
+    return ConicProgram(
         columns=columns,
         structure=kept,
         unit=unit,
         scale=scale,
         R=np.array([term.R[:, columns] for term in regression.terms]) * (scale / unit),
         z=np.array([term.z for term in regression.terms]) / unit,
-        rest=np.sqrt([term.rest for term in regression.terms]) / unit,
+        rest=np.sqrt([term.unexplained for term in regression.terms]) / unit,
         trace=penalty.price[columns] * scale / unit,
         penalty=penalty,
     )
@@ -264,7 +268,7 @@ def sensitivity_units(regression: Regression, unit: float = 1.0, penalty: Penalt
         Unit of every parameter, (n,) [m/N, rad/(N m), rad/N].
     """
     s, weight = regression.structure, regression.weight
-    price = 0.0 if penalty is None else penalty.weight * penalty.metric
+    price = 0.0 if penalty is None else penalty.weight * penalty.diagonal
     d = 1 / np.sqrt(np.maximum(weight, UNSEEN_WEIGHT * (weight.max() or 1.0)) + price)
     return np.asarray(unit * d[s.a] * d[s.b])
 
@@ -286,7 +290,7 @@ def norms_below(R: Array, z: Array, rest: Array) -> tuple[cone.Rows, ...]:
     return tuple(cone.norm_below(k, A[k], b[k]) for k in range(len(R)))
 
 
-def clip(s: Structure, x: Array) -> Array:
+def clip_eigenvalues(s: Structure, x: Array) -> Array:
     """Set the negative eigenvalues of every block to zero.
 
     Args:

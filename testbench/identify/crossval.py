@@ -12,7 +12,7 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.fold import Parts
+from testbench.identify.fold import PartitionedRegression
 from testbench.identify.regression import Regression
 
 FOLDS = 8
@@ -28,13 +28,13 @@ class Fold:
     """Hold one split of the data: equations that are fitted, and equations that are held out."""
 
     kept: Ids  #: Numbers of the parts that are fitted.
-    parts: Parts  #: The equations of these parts.
+    parts: PartitionedRegression  #: The equations of these parts.
     held_out: Regression  #: The equations of all other parts.
 
     @cached_property
     def fitted(self) -> Regression:
         """Return the equations that are fitted, reduced to one regression."""
-        return self.parts.together()
+        return self.parts.joined()
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Candidate:
         return paired(self.errors)[1]
 
 
-def divided(data: Dataset) -> Ids:
+def divide_poses(data: Dataset) -> Ids:
     """Divide runs into parts for cross-validation: (fold of the pose) * FOLDS + (fold of the load).
 
     Two loads are of one level if their forces and their moments are equal in length, to `LEVEL_DIGITS`.
@@ -73,11 +73,11 @@ def divided(data: Dataset) -> Ids:
     return np.where(data.seen.any(axis=1), part, -1)
 
 
-def folds(parts: Parts) -> list[Fold]:
+def folds(parts: PartitionedRegression) -> list[Fold]:
     """Make the folds of cross-validation: each group of poses held out, then each load level.
 
     Args:
-        parts: The reduced equations, in the parts of `divided`.
+        parts: The reduced equations, in the parts of `divide_poses`.
 
     Returns:
         The folds.
@@ -85,13 +85,13 @@ def folds(parts: Parts) -> list[Fold]:
     Raises:
         BenchError: When all runs are of one pose.
     """
-    some = parts.every
+    some = parts.all_parts
     pose, load = some // FOLDS, some % FOLDS
     if len(np.unique(pose)) < 2:
         raise BenchError("cross-validation: expected at least 2 poses, got 1")
     held = [own == k for own in (pose, load) for k in np.unique(own)]
     pairs = [(some[~own], some[own]) for own in held if not own.all()]
-    return [Fold(kept, parts.some(kept), parts.together(out)) for kept, out in pairs]
+    return [Fold(kept, parts.some_parts(kept), parts.joined(out)) for kept, out in pairs]
 
 
 @dataclass(frozen=True)
@@ -101,16 +101,16 @@ class Grams:
     total: Array  #: Of all equations, (k + 1, k + 1) [1].
     out: Array  #: Of the equations held out in each fold, (folds, k + 1, k + 1) [1].
     equations: Array  #: Number of equations held out in each fold, (folds,).
-    every: int  #: Number of all equations.
+    all_parts: int  #: Number of all equations.
     terms: int  #: Number of terms of F_M: positions, and rotations if they are read.
 
 
-def grams(parts: Parts | Regression, lift: Array) -> Grams:
+def grams(parts: PartitionedRegression | Regression, lift: Array) -> Grams:
     """Compute Gram matrices of all equations and of each group of poses, after a change of parameters.
 
     Args:
-        parts: The reduced equations in parts of `divided`, n parameters; a regression has nothing to hold
-            out.
+        parts: The reduced equations in parts of `divide_poses`, n parameters; a regression has nothing to
+            hold out.
         lift: [pi, 1] by the new parameters and 1, (n + 1, k + 1).
 
     Returns:
@@ -120,10 +120,10 @@ def grams(parts: Parts | Regression, lift: Array) -> Grams:
         A, y = parts.rows
         rows = np.c_[A, y] @ lift
         total = rows.T @ rows
-        total[-1, -1] += sum(term.equations / 3 * term.rest for term in parts.terms)
+        total[-1, -1] += sum(term.equations / 3 * term.unexplained for term in parts.terms)
         return Grams(total, np.zeros((0, *total.shape)), np.zeros(0), parts.equations, len(parts.terms))
-    folded = parts.folded
-    poses, kinds = np.unique(parts.every // FOLDS), {kind for kind, _ in folded.factors}
+    folded = parts.factors
+    poses, kinds = np.unique(parts.all_parts // FOLDS), {kind for kind, _ in folded.factors}
     found, counts = np.zeros((len(poses), *(lift.shape[1],) * 2)), np.zeros(len(poses))
     for at, T in folded.factors.items():
         k, rows = np.searchsorted(poses, at[1] // FOLDS), T[:, parts.columns] @ lift
@@ -167,7 +167,7 @@ def unless_beaten(candidates: Sequence[Candidate], first: str) -> Duel:
     Returns:
         The first model, or the best of those that beat it.
     """
-    [own] = [c for c in candidates if c.name == first]
-    duels = [Duel(c.name, *paired(c.errors - own.errors)) for c in candidates if c is not own]
+    [candidate] = [c for c in candidates if c.name == first]
+    duels = [Duel(c.name, *paired(c.errors - candidate.errors)) for c in candidates if c is not candidate]
     better = [d for d in duels if d.difference < -CLEARLY * d.standard_error]
     return min(better, key=lambda d: d.difference, default=Duel(first, 0.0, 0.0))

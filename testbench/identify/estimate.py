@@ -11,7 +11,7 @@ from testbench.arm.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
 from testbench.data.dataset import Dataset
 from testbench.display import Displayed
 from testbench.errors import Array, check_array, check_type
-from testbench.identify.metric import Belief
+from testbench.identify.metric import WeightedPrior
 from testbench.identify.regression import Regression, f_m, regression_of
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -27,9 +27,9 @@ V^T V has no negative eigenvalue; its rounding has.
 """
 
 
-PAPERS = "GCO (paper)"
+PAPER_GCO = "GCO (paper)"
 """Method name of GCO without a learnt trace weight."""
-TOOL = "orientation"
+TOOL_MARKER = "orientation"
 """Stands in the place of a marker's name for a reading of the tool's orientation."""
 
 
@@ -50,7 +50,7 @@ class Penalty:
     """
 
     weight: float  #: w [N m/rad].
-    metric: Array  #: Diagonal of W, (n_theta,) [rad^2/m^2 for translations, 1 for rotations].
+    diagonal: Array  #: Diagonal of W, (n_theta,) [rad^2/m^2 for translations, 1 for rotations].
     structure: Structure  #: The unknowns of C', k of them.
     lift: Array  #: pi = lift @ (parameters of C'), (n, k) [1].
 
@@ -58,7 +58,7 @@ class Penalty:
     def price(self) -> Array:
         """Return the gradient of w <W, C'> with respect to the parameters of C', (k,)."""
         s = self.structure
-        return np.where(s.a == s.b, self.weight * self.metric[s.a], 0.0)
+        return np.where(s.a == s.b, self.weight * self.diagonal[s.a], 0.0)
 
     def lifted(self, regression: Regression) -> Regression:
         """Return the same equations as a function of the parameters of C'.
@@ -98,7 +98,7 @@ class Rejected:
     """Hold one reading that a robust estimate leaves out."""
 
     run: int  #: Identifier of its run.
-    marker: str  #: Name of its marker, or `TOOL`.
+    marker: str  #: Name of its marker, or `TOOL_MARKER`.
     #: Distance of the reading from the estimate's prediction [m, or rad for an orientation]. The limit
     #: applied to an earlier fit, so that a few of these are below it.
     residual: float
@@ -106,19 +106,19 @@ class Rejected:
 
 
 @dataclass(frozen=True)
-class Average:
+class ModelAverage:
     """Hold the models that an estimate averages: with links, joints only, joint laws, coupled joints."""
 
     weight: float  #: Weight of joints only against links and joints: its probability given the readings [1].
-    whole: "Estimate"  #: The model of links and joints.
-    rigid: float = 0.0  #: Probability of joints only that intervals use [1].
-    alone: "Estimate | None" = None  #: The model of joints only; None where its weight is zero.
-    laws: float = 0.0  #: Weight of the model with joint laws in the mean [1].
-    likely: float = 0.0  #: Probability of that model that intervals use [1].
-    lawful: "Estimate | None" = None  #: The model with joint laws; None where it was not fitted.
-    ties: float = 0.0  #: Weight and probability of the model with coupled joints [1].
+    all_parts: "Estimate"  #: The model of links and joints.
+    joints_probability: float = 0.0  #: Probability of joints only that intervals use [1].
+    joints_only: "Estimate | None" = None  #: The model of joints only; None where its weight is zero.
+    laws_weight: float = 0.0  #: Weight of the model with joint laws in the mean [1].
+    laws_probability: float = 0.0  #: Probability of that model that intervals use [1].
+    with_laws: "Estimate | None" = None  #: The model with joint laws; None where it was not fitted.
+    ties_weight: float = 0.0  #: Weight and probability of the model with coupled joints [1].
     #: The model with coupled joints, without laws; None where its weight is zero.
-    tied: "Estimate | None" = None
+    with_ties: "Estimate | None" = None
     #: Averaged estimate under each of two priors, and its probability; empty where one prior has all weight.
     parts: "tuple[tuple[float, Estimate], ...]" = ()
 
@@ -150,10 +150,10 @@ class Estimate(Displayed):
     split: Array | None = None  #: Parameters of the penalty's C', (k,); None without a penalty.
     #: Whether only the tie-break of `paper_gco` keeps an unobservable compliance finite.
     held_by_trace_weight: bool = False
-    belief: Belief | None = None  #: The prior that was used as data; None without one.
+    weighted_prior: WeightedPrior | None = None  #: The prior that was used as data; None without one.
     rejected: tuple[Rejected, ...] = ()  #: Readings that a robust fit left out, in the order of the dataset.
-    lost: tuple[int, ...] = ()  #: Identifiers of runs all of whose readings were left out.
-    average: Average | None = None  #: The models that it averages; None for a single model.
+    lost_runs: tuple[int, ...] = ()  #: Identifiers of runs all of whose readings were left out.
+    average: ModelAverage | None = None  #: The models that it averages; None for a single model.
 
     def about(self) -> dict[str, object]:
         """Return the rows of the small table that shows an estimate: method, structure, fit and status."""
@@ -180,9 +180,9 @@ class Estimate(Displayed):
     @property
     def of_compliances(self) -> Regression:
         """Return the equations of links and joints alone, without joint laws or coupled joints."""
-        if self.average is None or (self.average.lawful is None and self.average.tied is None):
+        if self.average is None or (self.average.with_laws is None and self.average.with_ties is None):
             return self.regression
-        return self.average.whole.regression
+        return self.average.all_parts.regression
 
     @cached_property
     def conservative(self) -> bool:

@@ -10,12 +10,12 @@ from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array, check_type
 from testbench.identify.estimate import Estimate
 from testbench.identify.fold import BLOCK_RUNS
-from testbench.model.laws import as_loaded, vjm_of
+from testbench.model.laws import for_load_history, model_for
 from testbench.model.vjm import Vjm, chain, generalised_load, marker_points, translation_rows
 
 
 @dataclass(frozen=True, repr=False)
-class Score(Displayed):
+class DeflectionErrors(Displayed):
     """Hold the distance errors of predicted deflections over a set of runs."""
 
     rms: float  #: Root mean square of the distance error over all points [m].
@@ -67,19 +67,19 @@ def all_deflections(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> A
         J_p C_theta J_F^T w in base axes, (models, runs, m, 3) [m].
     """
     points, found = marker_points(vjm, data.markers), []
-    vjm = vjm_of(vjm, max((own.structure for own in estimates), key=lambda s: s.n_theta))
+    vjm = model_for(vjm, max((estimate.structure for estimate in estimates), key=lambda s: s.n_theta))
     for first in range(0, data.runs, BLOCK_RUNS):  # so that memory does not grow with the runs
         runs = slice(first, first + BLOCK_RUNS)
-        where = chain(as_loaded(vjm, data.taken_off, runs), data.q[runs])
+        where = chain(for_load_history(vjm, data.taken_off, runs), data.q[runs])
         load = generalised_load(where, data.wrench[runs], data.point[runs])
         rows = translation_rows(where, points)
-        turns = [own.C_theta @ load[: len(own.C_theta)] for own in estimates]
+        turns = [estimate.C_theta @ load[: len(estimate.C_theta)] for estimate in estimates]
         moved = [np.einsum("ptr,tr->rp", rows[:, : len(own)], own) for own in turns]
         found.append(np.array(moved).reshape(len(moved), -1, len(points), 3))
     return np.concatenate(found, axis=1)
 
 
-def score(predicted: Array, reference: Array) -> Score:
+def score(predicted: Array, reference: Array) -> DeflectionErrors:
     """Score predicted deflections against measured or true ones.
 
     Args:
@@ -100,7 +100,7 @@ def score(predicted: Array, reference: Array) -> Score:
     error = np.linalg.norm(predicted - reference, axis=-1).ravel()
     size = np.linalg.norm(reference, axis=-1).ravel()
     share = error[size > 0] / size[size > 0]
-    return Score(
+    return DeflectionErrors(
         rms=float(np.sqrt(np.mean(error**2))),
         p95=float(np.percentile(error, 95)),
         max=float(error.max()),

@@ -20,12 +20,12 @@ from scipy.linalg.lapack import dpotri
 
 from testbench.errors import Array, BenchError, Ids
 
-ENOUGH = 1e-4
+EVIDENCE_TOLERANCE = 1e-4
 """Gain of the evidence below which a Newton step is the last one: the next step would gain its square."""
-MOST, HALVINGS = 100, 30  #: Steps, and times that one is halved.
-ALIKE, TAIL = 0.4, 4.0
+MAX_NEWTON_STEPS, MAX_HALVINGS = 100, 30  #: Steps, and times that one is halved.
+STUDENT_SCALE, STUDENT_DOF = 0.4, 4.0
 """Scale and degrees of freedom of the Student distribution of log sizes: most are similar, a few differ."""
-SHALLOW, FAR = 1e-3, 2.0
+MIN_CURVATURE, MAX_STEP = 1e-3, 2.0
 """Least second derivative that a step uses, and the longest step."""
 
 
@@ -45,13 +45,17 @@ def normal_density(z: Array) -> tuple[Array, Array, Array]:
 
 
 def student_density(z: Array) -> tuple[Array, Array, Array]:
-    """Compute -log of Student's density of `TAIL` degrees of freedom without constant, and derivatives."""
-    over = TAIL + z**2
-    return (TAIL + 1) / 2 * np.log(over / TAIL), (TAIL + 1) * z / over, (TAIL + 1) * (TAIL - z**2) / over**2
+    """Compute -log of Student's density with `STUDENT_DOF`, without its constant, and its two derivatives."""
+    over = STUDENT_DOF + z**2
+    return (
+        (STUDENT_DOF + 1) / 2 * np.log(over / STUDENT_DOF),
+        (STUDENT_DOF + 1) * z / over,
+        (STUDENT_DOF + 1) * (STUDENT_DOF - z**2) / over**2,
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class EvidenceModel:
     """Hold a linear model of c unknowns with m hyperparameters; the last are log s_k."""
 
     gram: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
@@ -107,20 +111,20 @@ def normal(H: Array) -> Normal:
 
 
 @dataclass(frozen=True)
-class Posterior:
+class EvidencePosterior:
     """Hold the unknowns and the loss at given hyperparameters."""
 
     normal: Normal
     covariance: Array  #: V = P^-1, (c, c).
     deviation: Array  #: d, infinite for unknowns without a prior, (c,).
     mean: Array  #: m, (c,).
-    left: Array  #: |y_k - A_k x|^2 / s_k^2, (kinds,).
-    spent: Array  #: Degrees of freedom that the unknowns use, by kind of equations, (kinds,).
+    residual_squares: Array  #: |y_k - A_k x|^2 / s_k^2, (kinds,).
+    spent_equations: Array  #: Degrees of freedom that the unknowns use, by kind of equations, (kinds,).
     loss: float  #: -log p(y, h).
     gradient: Array  #: Of that, (m,).
 
 
-def posterior(problem: Problem, h: Array) -> Posterior:
+def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
     """Compute the most probable unknowns and -log p(y, h) at given hyperparameters.
 
     Mathematics: `prior-8`.
@@ -152,10 +156,10 @@ def posterior(problem: Problem, h: Array) -> Posterior:
     for prior in problem.priors:
         of, slope, _ = prior.density(prior.rows @ h - prior.middle)
         value, g = value + of.sum(), g + prior.rows.T @ slope
-    return Posterior(found, V, d, mean, left, spent, float(value), g)
+    return EvidencePosterior(found, V, d, mean, left, spent, float(value), g)
 
 
-def bends(problem: Problem, h: Array, own: Posterior) -> tuple[Array, Array]:
+def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePosterior) -> tuple[Array, Array]:
     """Compute the second derivatives of the loss by the hyperparameters, with implicit differentiation.
 
     With w = d^-2 and U = -d^2 loss / dx dh it is dx/dh = V U. The loss at the best x bends by U^T V U less
@@ -166,32 +170,32 @@ def bends(problem: Problem, h: Array, own: Posterior) -> tuple[Array, Array]:
     Args:
         problem: The linear model.
         h: Hyperparameters, (m,) [1].
-        own: The posterior there.
+        posterior: The posterior there.
 
     Returns:
         Hessian, (m, m), and dx/dh, (c, m).
     """
-    D, S, V, kinds = problem.drawn, problem.scale, own.covariance, len(own.left)
-    w, off = own.deviation**-2, (own.normal.x - own.mean) / own.deviation
-    a, K, s2 = off / own.deviation, np.eye(len(h))[-kinds:], np.exp(2 * h[-kinds:])
-    pulls = (problem.gram @ np.r_[own.normal.x, -1.0])[:, :-1] / s2[:, None]
-    U = 2 * a[:, None] * D + (w * own.mean)[:, None] * S + 2 * pulls.T @ K
+    D, S, V, kinds = problem.drawn, problem.scale, posterior.covariance, len(posterior.residual_squares)
+    w, off = posterior.deviation**-2, (posterior.normal.x - posterior.mean) / posterior.deviation
+    a, K, s2 = off / posterior.deviation, np.eye(len(h))[-kinds:], np.exp(2 * h[-kinds:])
+    pulls = (problem.gram @ np.r_[posterior.normal.x, -1.0])[:, :-1] / s2[:, None]
+    U = 2 * a[:, None] * D + (w * posterior.mean)[:, None] * S + 2 * pulls.T @ K
     J = V @ U
     shares = _shares(problem, V, w, s2)
     N = w[:, None] * (np.array([(M * V).sum(axis=1) for M in shares]).T @ K)
     wD = w[:, None] * D
     traces = np.array([[np.vdot(M, other.T) for other in shares] for M in shares])
-    mixed = D.T @ ((own.mean * a)[:, None] * S) - D.T @ N
+    mixed = D.T @ ((posterior.mean * a)[:, None] * S) - D.T @ N
     H = 2 * D.T @ ((off**2 + np.diag(V) * w)[:, None] * D) + 2 * (mixed + mixed.T) - U.T @ J
-    H += S.T @ ((own.mean**2 * w - own.mean * a)[:, None] * S) - 2 * wD.T @ V**2 @ wD
-    H += 2 * K.T @ (np.diag(own.left + own.spent) - traces) @ K
+    H += S.T @ ((posterior.mean**2 * w - posterior.mean * a)[:, None] * S) - 2 * wD.T @ V**2 @ wD
+    H += 2 * K.T @ (np.diag(posterior.residual_squares + posterior.spent_equations) - traces) @ K
     for prior in problem.priors:
         bend = prior.density(prior.rows @ h - prior.middle)[2]
         H += prior.rows.T @ (bend[:, None] * prior.rows)
     return H, J
 
 
-def _shares(problem: Problem, V: Array, w: Array, s2: Array) -> list[Array]:
+def _shares(problem: EvidenceModel, V: Array, w: Array, s2: Array) -> list[Array]:
     """V A_k^T A_k / s_k^2 of every kind, (c, c); with V times all else in P they are one."""
     found = [V @ (gram[:-1, :-1] / own) for gram, own in zip(problem.gram[:-1], s2, strict=False)]
     last = np.eye(len(V)) - V * w - sum(found)
@@ -200,7 +204,7 @@ def _shares(problem: Problem, V: Array, w: Array, s2: Array) -> list[Array]:
     return [*found, last]
 
 
-def greatest(problem: Problem, start: Array, held: int | None = None) -> Array:
+def maximise_evidence(problem: EvidenceModel, start: Array, held: int | None = None) -> Array:
     """Maximise the evidence over the hyperparameters by Newton's method with step halving.
 
     Mathematics: `prior-9`.
@@ -213,30 +217,32 @@ def greatest(problem: Problem, start: Array, held: int | None = None) -> Array:
     Returns:
         Hyperparameters of greatest evidence within the bounds, (m,) [1].
     """
-    h, own, (low, high) = start, posterior(problem, start), problem.bounds
-    for _ in range(MOST):
+    h, own, (low, high) = start, evidence_posterior(problem, start), problem.bounds
+    for _ in range(MAX_NEWTON_STEPS):
         g = own.gradient
         # A hyperparameter at its bound is free only if the loss falls inwards.
         free = ~((h <= low) & (g > 0) | (h >= high) & (g < 0))
         if held is not None:
             free[held] = False
-        values, Q = np.linalg.eigh(bends(problem, h, own)[0][np.ix_(free, free)])
+        values, Q = np.linalg.eigh(evidence_hessian(problem, h, own)[0][np.ix_(free, free)])
         # Newton's step with |eigenvalues|: it descends even where the loss is not convex.
         step = np.zeros_like(h)
-        step[free] = -Q @ (Q.T @ g[free] / np.maximum(np.abs(values), SHALLOW))
+        step[free] = -Q @ (Q.T @ g[free] / np.maximum(np.abs(values), MIN_CURVATURE))
         before, (h, own) = own.loss, _lower(problem, h, own, step)
-        if before - own.loss < ENOUGH:
+        if before - own.loss < EVIDENCE_TOLERANCE:
             break
     return h
 
 
-def _lower(problem: Problem, h: Array, own: Posterior, step: Array) -> tuple[Array, Posterior]:
+def _lower(
+    problem: EvidenceModel, h: Array, own: EvidencePosterior, step: Array
+) -> tuple[Array, EvidencePosterior]:
     """Where a step, or a part of it, lowers the loss; where it starts if none does."""
-    step = step * min(1.0, FAR / np.abs(step).max(initial=FAR))
-    for _ in range(HALVINGS):
+    step = step * min(1.0, MAX_STEP / np.abs(step).max(initial=MAX_STEP))
+    for _ in range(MAX_HALVINGS):
         there = np.clip(h + step, *problem.bounds)
         try:
-            found = posterior(problem, there)
+            found = evidence_posterior(problem, there)
         except BenchError:
             found = own
         if found.loss < own.loss:

@@ -21,19 +21,25 @@ from testbench.errors import Array, Ids, Mask, check_type
 from testbench.identify.absolute.noise import (
     POSITIONS,
     Noise,
-    combine,
+    combine_rows,
+    inverse_noise_roots,
     kinds_of,
-    repeated,
-    roots,
+    repeated_rows,
     weights,
 )
-from testbench.identify.absolute.state import State
-from testbench.identify.absolute.unknowns import Unknowns, compliances
-from testbench.identify.regression import Regression, regression_of, some_columns, term_of, triangle
+from testbench.identify.absolute.state import ArmState
+from testbench.identify.absolute.unknowns import Unknowns, compliance_unknowns
+from testbench.identify.regression import (
+    Regression,
+    regression_of,
+    restrict_to,
+    term_from_triangle,
+    triangular_factor,
+)
 from testbench.identify.robust_loss import READINGS, Loss
-from testbench.identify.rows import pair_rows, rows_of, straight
+from testbench.identify.rows import nominal_chain, pair_rows, series_rows
 from testbench.identify.weighed import check_runs
-from testbench.model.laws import as_loaded, vjm_of
+from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -42,12 +48,12 @@ BLOCK_RUNS = 384  #: Pairs reduced at a time: long enough for LAPACK, short enou
 SORTED_RUNS = (
     16 * BLOCK_RUNS
 )  #: Pairs sorted by their parts at a time, so that memory does not grow with them.
-BATCH = 3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
+MAX_NUMBERS = 3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
 PANEL = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
-FEWEST, MOST_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by pose.
+MIN_POSES, MAX_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by pose.
 
 
-class Folded:
+class TriangularFactors:
     """Hold triangular factors of rows [A | y], per kind of equations and part."""
 
     def __init__(self, columns: int) -> None:
@@ -95,7 +101,7 @@ class Folded:
         panel = min(PANEL, n)
         self.factors[at] = dtpqrt(0, panel, T, lines.T, overwrite_a=True, overwrite_b=True)[0]
 
-    def join(self, other: "Folded") -> None:
+    def join(self, other: "TriangularFactors") -> None:
         """Add all rows of another set of factors."""
         for at, T in other.factors.items():
             self.add(*at, T.T.copy())
@@ -113,39 +119,39 @@ class Folded:
             Triangular factor, (columns, columns) [1].
         """
         rows = [self.factors[kind, k][:, columns] for k in parts if (kind, k) in self.factors]
-        whole = Folded(len(np.arange(self.columns)[columns]))
+        whole = TriangularFactors(len(np.arange(self.columns)[columns]))
         whole.add(0, 0, np.vstack([np.zeros((0, whole.columns)), *rows]).T.copy())
         T = whole.factors[0, 0]
-        return T if len(T) == whole.columns else triangle(T)
+        return T if len(T) == whole.columns else triangular_factor(T)
 
 
 @dataclass(frozen=True)
-class Parts:
+class PartitionedRegression:
     """Hold the reduced equations of a structure on a dataset, part by part."""
 
     structure: Structure  #: The unknowns, n of them.
-    folded: Folded  #: Of these or more, readings last, in standard deviations sqrt(2) sigma.
+    factors: TriangularFactors  #: Of these or more, readings last, in standard deviations sqrt(2) sigma.
     columns: Ids | slice  #: Those of the unknowns and of the readings.
 
     @property
-    def every(self) -> Ids:
+    def all_parts(self) -> Ids:
         """Return the numbers of all parts."""
-        return np.unique([part for _, part in self.folded.factors])
+        return np.unique([part for _, part in self.factors.factors])
 
-    def some(self, parts: Ids) -> "Parts":
+    def some_parts(self, parts: Ids) -> "PartitionedRegression":
         """Return the equations of these parts only."""
-        kept, own = Folded(self.folded.columns), set(parts.tolist())
-        kept.factors = {at: T for at, T in self.folded.factors.items() if at[1] in own}
-        kept.equations.update({at: n for at, n in self.folded.equations.items() if at[1] in own})
-        return replace(self, folded=kept)
+        kept, own = TriangularFactors(self.factors.columns), set(parts.tolist())
+        kept.factors = {at: T for at, T in self.factors.factors.items() if at[1] in own}
+        kept.equations.update({at: n for at, n in self.factors.equations.items() if at[1] in own})
+        return replace(self, factors=kept)
 
-    def together(self, parts: Ids | None = None) -> Regression:
+    def joined(self, parts: Ids | None = None) -> Regression:
         """Make one regression of some parts, or of all: rows over sqrt(N), as in F_M, Eq. (19)."""
-        terms, some = [], (self.every if parts is None else parts).tolist()
-        for kind in sorted({kind for kind, _ in self.folded.factors}):
-            equations = sum(self.folded.equations[kind, k] for k in some)
-            T = self.folded.factor(kind, some, self.columns) / math.sqrt(equations / 3)
-            terms.append(term_of(T, 0.0, equations))
+        terms, some = [], (self.all_parts if parts is None else parts).tolist()
+        for kind in sorted({kind for kind, _ in self.factors.factors}):
+            equations = sum(self.factors.equations[kind, k] for k in some)
+            T = self.factors.factor(kind, some, self.columns) / math.sqrt(equations / 3)
+            terms.append(term_from_triangle(T, 0.0, equations))
         return regression_of(self.structure, tuple(terms))
 
 
@@ -172,16 +178,16 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regres
     check_type(structure, Structure, "structure")
     check_type(data, (Dataset, Regression), "data")
     if isinstance(data, Regression):
-        return some_columns(data, structure)
+        return restrict_to(data, structure)
     [parts] = reduce_parts(vjm, [structure], data, np.broadcast_to(0, data.runs))
-    return with_poses(vjm, parts.together(), data)
+    return with_poses(vjm, parts.joined(), data)
 
 
 def with_poses(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
     """Add the rows of every pose to a regression of links and joints with laws.
 
-    They are needed to learn how links vary from pose to pose (`wander`): with `FEWEST` to `MOST_POSES` poses
-    and positions only.
+    They are needed to learn how links vary from pose to pose (`wander`): with `MIN_POSES` to `MAX_POSES`
+    poses and positions only.
 
     Args:
         vjm: The arm's virtual joint model.
@@ -192,14 +198,16 @@ def with_poses(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
         The regression, with `poses` where they are needed.
     """
     poses, part = np.unique(data.pose, return_inverse=True)
-    if not regression.structure.laws or len(regression.terms) > 1 or not FEWEST <= len(poses) <= MOST_POSES:
+    if not regression.structure.laws or len(regression.terms) > 1 or not MIN_POSES <= len(poses) <= MAX_POSES:
         return regression
     [parts] = reduce_parts(vjm, [regression.structure], data, part)
-    factors = parts.folded.factors
+    factors = parts.factors.factors
     return replace(regression, poses=tuple(factors[at][:, parts.columns] for at in sorted(factors)))
 
 
-def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset, part: Ids) -> list[Parts]:
+def reduce_parts(
+    vjm: Vjm, structures: Sequence[Structure], runs: Dataset, part: Ids
+) -> list[PartitionedRegression]:
     """Reduce the weighted equations of several structures on runs, part by part.
 
     Args:
@@ -217,21 +225,23 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset, part:
     widest = max(structures, key=lambda s: s.n)
     places = [_columns(s, widest) for s in structures]
     own = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
-    unknowns = [compliances(vjm_of(vjm, s), s) for s in own]
+    unknowns = [compliance_unknowns(model_for(vjm, s), s) for s in own]
 
-    found = [Folded(s.n + 1) for s in own]
+    found = [TriangularFactors(s.n + 1) for s in own]
     check_runs(vjm, runs)
     for these in _blocks_of(part):
         load = Load(runs.wrench[these], runs.point[these])
         told = {
-            v: straight(as_loaded(v, runs.taken_off, these), runs.q[these], [load])
+            v: nominal_chain(for_load_history(v, runs.taken_off, these), runs.q[these], [load])
             for v in {one.vjm for one in unknowns}
         }
         for one, folded in zip(unknowns, found, strict=True):
             folded.take(*pair_rows(one, told[one.vjm], runs, these), part[these])
     alone = iter(found[1:])
     return [
-        Parts(s, next(alone), slice(None)) if place is None else Parts(s, found[0], place)
+        PartitionedRegression(s, next(alone), slice(None))
+        if place is None
+        else PartitionedRegression(s, found[0], place)
         for s, place in zip(structures, places, strict=True)
     ]
 
@@ -240,11 +250,11 @@ def _blocks_of(part: Ids) -> Iterator[Ids]:
     """Places of runs in batches of about BLOCK_RUNS, part by part of some thousand runs after the other."""
     for first in range(0, len(part), SORTED_RUNS):
         own = part[first : first + SORTED_RUNS]
-        for these in batches(own, np.arange(len(own)), BLOCK_RUNS):
+        for these in pose_batches(own, np.arange(len(own)), BLOCK_RUNS):
             yield first + these
 
 
-def batches(part: Ids, pose: Ids, size: int) -> Iterator[Ids]:
+def pose_batches(part: Ids, pose: Ids, size: int) -> Iterator[Ids]:
     """Yield places of rows in batches, part by part; rows of one pose stay together.
 
     Args:
@@ -269,14 +279,14 @@ def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
         return slice(None)
     place = {pair: k for k, pair in enumerate(zip(widest.a.tolist(), widest.b.tolist(), strict=True))}
     pairs = list(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
-    alike = (structure.symmetric, structure.plain) == (widest.symmetric, widest.plain)
+    alike = (structure.symmetric, structure.n_compliance_rows) == (widest.symmetric, widest.n_compliance_rows)
     if not alike or not place.keys() >= set(pairs):
         return None
     return np.array([*(place[pair] for pair in pairs), widest.n])
 
 
 @dataclass(frozen=True)
-class Part:
+class SeriesBlock:
     """Hold the equations of one block of joint space of one series."""
 
     series: int  #: Place of the series.
@@ -285,24 +295,26 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Reduced:
+class ReducedReadings:
     """Hold all equations of absolute readings, reduced."""
 
     kinds: tuple[int, ...]  #: Kinds of equations that there are, as places of `KINDS`.
-    parts: tuple[Part, ...]  #: In blocks.
+    parts: tuple[SeriesBlock, ...]  #: In blocks.
     factors: Mapping[int, Array]  #: Triangular factor of [A | y] of every kind, (size + 1, size + 1).
 
     @cached_property
     def gram(self) -> Array:
         """Return the sums of squares of all parts, (kinds, size + 1, size + 1)."""
-        return total(self.parts)
+        return sum_gram(self.parts)
 
-    def turned(self, basis: csr_array) -> "Reduced":
+    def turned(self, basis: csr_array) -> "ReducedReadings":
         """Return the equations in another basis of the unknowns: x = basis @ z, (size, size)."""
         B = block_diag((basis, 1.0), format="csr").T
-        grams = [np.array([B @ np.asarray(B @ own).T for own in one.gram]) for one in self.parts]
-        parts = tuple(replace(one, gram=gram) for one, gram in zip(self.parts, grams, strict=True))
-        return Reduced(self.kinds, parts, {key: np.asarray(B @ R.T).T for key, R in self.factors.items()})
+        grams = [np.array([B @ np.asarray(B @ own).T for own in block.gram]) for block in self.parts]
+        parts = tuple(replace(block, gram=gram) for block, gram in zip(self.parts, grams, strict=True))
+        return ReducedReadings(
+            self.kinds, parts, {key: np.asarray(B @ R.T).T for key, R in self.factors.items()}
+        )
 
     @property
     def positions(self) -> Mask:
@@ -316,20 +328,22 @@ class Reduced:
 
 
 @dataclass(frozen=True)
-class Point:
+class Linearisation:
     """Hold the state where equations are linearised, and their weights."""
 
     unknowns: Unknowns
-    state: State
+    state: ArmState
     noise: Noise
     loss: Loss = READINGS  #: Robust loss that weighs each reading.
 
 
-def reduce_series(at: Point, series: Sequence[Series], blocks: Sequence[Ids] | None = None) -> Reduced:
+def reduce_series(
+    linearisation: Linearisation, series: Sequence[Series], blocks: Sequence[Ids] | None = None
+) -> ReducedReadings:
     """Reduce all rows of absolute readings to triangular factors, per series and block of joint space.
 
     Args:
-        at: Where the equations are linearised.
+        linearisation: Where the equations are linearised.
         series: The readings.
         blocks: Block of joint space of every row of a series, (rows,) each, equal for all rows of a pose;
             None for one block per series.
@@ -338,36 +352,46 @@ def reduce_series(at: Point, series: Sequence[Series], blocks: Sequence[Ids] | N
         The reduced equations.
     """
     blocks = [np.zeros(one.rows, dtype=int) for one in series] if blocks is None else blocks
-    kinds, parts, whole = kinds_of(series), [], Folded(at.unknowns.size + 1)
+    kinds, parts, whole = kinds_of(series), [], TriangularFactors(linearisation.unknowns.size + 1)
     for place, (one, block) in enumerate(zip(series, blocks, strict=True)):
         numbers = 3 * whole.columns * (len(one.markers) + (one.rotation is not None))
         for own in np.unique(block):
-            part = Folded(whole.columns)
-            for some in batches(np.where(block == own, 0, -1), one.pose, max(16, BATCH // numbers)):
-                part.take(*equations(at, select_rows(one, some)), np.zeros(len(some), dtype=int))
+            part = TriangularFactors(whole.columns)
+            for some in pose_batches(
+                np.where(block == own, 0, -1), one.pose, max(16, MAX_NUMBERS // numbers)
+            ):
+                part.take(
+                    *whitened_rows(linearisation, select_rows(one, some)), np.zeros(len(some), dtype=int)
+                )
             factors = [part.factor(kind, [0]) for kind in kinds]
             counts = np.array([part.equations[kind, 0] for kind in kinds])
-            parts.append(Part(place, np.array([T.T @ T for T in factors]), counts))
+            parts.append(SeriesBlock(place, np.array([T.T @ T for T in factors]), counts))
             whole.join(part)
-    return Reduced(kinds, tuple(parts), {kind: whole.factor(kind, [0]) for kind in kinds})
+    return ReducedReadings(kinds, tuple(parts), {kind: whole.factor(kind, [0]) for kind in kinds})
 
 
-def equations(at: Point, series: Series) -> tuple[Array, Ids]:
+def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, Ids]:
     """Compute whitened rows [A | y] of all unknowns; rows of one pose become their mean and differences.
 
     Args:
-        at: Where the equations are linearised, with noise and loss.
+        linearisation: Where the equations are linearised, with noise and loss.
         series: The readings.
 
     Returns:
         [A | y], (s, 3, size + 1, rows) [1], and the kind of every equation, (s, rows); -1 where nothing was
         read.
     """
-    A, rotation = rows_of(at.unknowns, at.state, series), at.state.frame(series).rotation
-    _, pull = weights(series, at.noise, rotation, A[:, :, -1], at.loss)
-    A[:, :, -1] += np.einsum("sxcr,c->sxr", A[:, :, :-1], at.unknowns.current(at.state))
-    groups = repeated(series)
-    A, (W, kinds) = combine(groups, A), roots(series, at.noise, rotation, groups)
+    A, rotation = (
+        series_rows(linearisation.unknowns, linearisation.state, series),
+        linearisation.state.frame(series).rotation,
+    )
+    _, pull = weights(series, linearisation.noise, rotation, A[:, :, -1], linearisation.loss)
+    A[:, :, -1] += np.einsum("sxcr,c->sxr", A[:, :, :-1], linearisation.unknowns.current(linearisation.state))
+    groups = repeated_rows(series)
+    A, (W, kinds) = (
+        combine_rows(groups, A),
+        inverse_noise_roots(series, linearisation.noise, rotation, groups),
+    )
     for group in groups:
         pull[:, group] = pull[:, group].min(axis=2, keepdims=True)
     W = W * np.sqrt(pull)[..., None, None]
@@ -377,6 +401,6 @@ def equations(at: Point, series: Series) -> tuple[Array, Ids]:
     return A, np.where(read, kinds, -1)
 
 
-def total(parts: Sequence[Part]) -> Array:
+def sum_gram(parts: Sequence[SeriesBlock]) -> Array:
     """Sum the Gram matrices of several parts, (kinds, size + 1, size + 1)."""
     return np.asarray(sum(part.gram for part in parts))

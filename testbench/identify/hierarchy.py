@@ -5,8 +5,8 @@ about their expectation: by u those of a straight beam, by c the couplings that 
 of links, and those of joints, scatter about one factor of each kind by a Student distribution: most are
 similar, a few differ much. Entries of a whole link scatter w times as much as the others, by its shape. The
 hyperparameters h = (log s, factors, log w, log u, log c, log kappa), with kappa the noise over its stated
-value, maximise the `evidence`. So a CAD model whose joints, or one of whose links, are wrong by a factor of
-ten costs little if the readings show it.
+value, maximise the `evidence_model`. So a CAD model whose joints, or one of whose links, are wrong by a
+factor of ten costs little if the readings show it.
 """
 
 import math
@@ -16,68 +16,75 @@ import numpy as np
 
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.evidence import (
-    ALIKE,
-    TAIL,
+    STUDENT_DOF,
+    STUDENT_SCALE,
+    EvidenceModel,
     Hyperprior,
-    Problem,
-    bends,
-    greatest,
+    evidence_hessian,
+    evidence_posterior,
+    maximise_evidence,
     normal_density,
-    posterior,
     student_density,
 )
-from testbench.identify.metric import Belief, Metric, Scale, precision_root, rescaled, whitened
+from testbench.identify.metric import (
+    LearntScale,
+    PriorScaling,
+    WeightedPrior,
+    precision_root,
+    rescale_to_data,
+    weighted_rows,
+)
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression
-from testbench.model.laws import KINDS
+from testbench.model.laws import LAW_KINDS
 
-GAP = 1.5
+JOINT_LINK_GAP = 1.5
 """Standard deviation of the log factor of the joints over the links [1]."""
-SHAPE = 0.5, 0.4  #: Median of u, and standard deviation of its logarithm [1].
-COUPLING = 0.15, 0.7
+SHAPE_PRIOR = 0.5, 0.4  #: Median of u, and standard deviation of its logarithm [1].
+COUPLING_PRIOR = 0.15, 0.7
 """Median of c, and standard deviation of its logarithm [1]."""
-ALONE = math.hypot(ALIKE, SHAPE[0])
+JOINTS_ONLY_SIZE = math.hypot(STUDENT_SCALE, SHAPE_PRIOR[0])
 """Standard deviation of a joint's log compliance from a common scale if links are rigid [1]: scale and
 entry."""
-LOOSE = 3.0
-"""With which they are then fitted: a folder whose joints are off costs nothing where the readings tell. ALONE
-loses more than 5 % to least squares in 15 % of arms whose links are 100 times stiffer than the folder's, this
-in 5 % (`kr500_l480`, seeds 1 to 40, 11 poses)."""
-MISFIT = 0.7  #: Standard deviation of log kappa above zero [1].
-OWN = 0.5
+JOINTS_ONLY_FIT = 3.0
+"""With which they are then fitted: a folder whose joints are off costs nothing where the readings tell.
+JOINTS_ONLY_SIZE loses more than 5 % to least squares in 15 % of arms whose links are 100 times stiffer than
+the folder's, this in 5 % (`kr500_l480`, seeds 1 to 40, 11 poses)."""
+MISFIT_DEVIATION = 0.7  #: Standard deviation of log kappa above zero [1].
+OWN_SCALE_DEVIATION = 0.5
 """Standard deviation of log w [1]. With it errors of arms with coupled links fall by 2 % in the median and by
 20 % in the best twentieth, and coverage in the worst tenth of arms of all kinds rises by 1 to 3 points;
 0.8 loses more than 5 % on a quarter of undisturbed arms (`kr500_l480`, seeds 1 to 40, 11 poses)."""
-TIE = 0.2, 0.7
+TIE_PRIOR = 0.2, 0.7
 """Median of the couplings of joints over the root of what both turn, and standard deviation of its logarithm
 [1]; they are looked for in a model of its own, which counts as its evidence says (`identify.average`)."""
-LAW = 0.5, 0.8
+LAW_PRIOR = 0.5, 0.8
 """Median of the sizes of a law of the joints, and standard deviation of its logarithm [1]."""
-STRUT_LAW = 0.05, 1.5
+COMPENSATOR_LAW_PRIOR = 0.05, 1.5
 """The same of a compensator's: from no stiffness as the arm deflects to half of that of joint 2."""
-KIND = "joints"
+ALL_JOINTS = "joints"
 """Name of the common scale of all joints, as opposed to the links."""
-FURTHEST, NOISIEST = 6.0, 30.0
+MAX_LOG_SCALE, MAX_MISFIT = 6.0, 30.0
 """Largest logarithm of a scale, a factor of 400, and of kappa, since misfits have no bound."""
-WIDEST = 1.5
+MAX_HYPER_DEVIATION = 1.5
 """Largest standard deviation of a hyperparameter that intervals use: beyond it the model is not linear."""
-FINEST = 1e6
+MAX_SIGNAL_TO_NOISE = 1e6
 """Readings over their noise beyond which their squares have no digits left for the noise [1]."""
 
 
 @dataclass(frozen=True)
-class Evidence:
+class LearntPriorModel:
     """Hold the evidence of the readings as a function of the hyperparameters h, (K + kinds + W + T + 3,).
 
     They are log s, factors, log w, log t, log u, log c and log kappa.
     """
 
-    metric: Metric  #: Of the prior, in the scale of the data.
-    problem: Problem  #: The readings.
+    scaling: PriorScaling  #: Of the prior, in the scale of the data.
+    problem: EvidenceModel  #: The readings.
     shares: Array  #: Of every scale in the logarithm of the size of every entry of x, (n, K).
     kind: Ids  #: Of every scale: 0 for the first of links and joints that there is, (K,).
-    whole: Ids  #: Scales of whole links, (W,).
-    tied: bool  #: Whether there are couplings of joints, of the size t.
+    link_scales: Ids  #: Scales of whole links, (W,).
+    has_ties: bool  #: Whether there are couplings of joints, of the size t.
     start: Array  #: The medians of all hyperparameters.
 
     @property
@@ -88,14 +95,14 @@ class Evidence:
     @property
     def tail(self) -> int:
         """Count the hyperparameters behind log w, T + 3."""
-        return 3 + self.tied
+        return 3 + self.has_ties
 
     def scale(self, h: Array) -> Array:
         """Compute the prior scale of every entry of x, (n,) [1]."""
         return np.asarray(np.exp(self.shares @ h[: self.blocks]))
 
 
-def evidence(regression: Regression, metric: Metric, *, alike: bool = False) -> Evidence:
+def evidence_model(regression: Regression, metric: PriorScaling, *, alike: bool = False) -> LearntPriorModel:
     """Evaluate the evidence of a dataset for a prior, as a function of the prior's hyperparameters.
 
     Mathematics: `prior-7`.
@@ -113,8 +120,8 @@ def evidence(regression: Regression, metric: Metric, *, alike: bool = False) -> 
         BenchError: If the data require a common scale of the prior that is not above 0, or no load deflects
             the prior.
     """
-    metric = rescaled(metric, regression)
-    gram = squares(regression, metric)
+    metric = rescale_to_data(metric, regression)
+    gram = gram_matrix(regression, metric)
     size = math.sqrt(gram.diagonal()[:-1].max())
     if size == 0:
         raise BenchError(f"prior {metric.prior}: expected runs under load, none moves the model")
@@ -127,12 +134,16 @@ def evidence(regression: Regression, metric: Metric, *, alike: bool = False) -> 
     of_kind = np.where(metric.ties, last, np.where(metric.couplings, m - 2, m - 3))
     start, scale, drawn = np.zeros(m), np.zeros((len(shares), m)), np.eye(m)[of_kind]
     scale[:, :K], drawn[:, first:last] = shares, shares[:, whole]
-    start[last : last + tied] = math.log(TIE[0])
-    start[-3:] = math.log(SHAPE[0]), math.log(COUPLING[0]), max(0.0, math.log(size / FINEST))
-    bounds = np.array([-FURTHEST, FURTHEST])[:, None] * np.ones(m)
+    start[last : last + tied] = math.log(TIE_PRIOR[0])
+    start[-3:] = (
+        math.log(SHAPE_PRIOR[0]),
+        math.log(COUPLING_PRIOR[0]),
+        max(0.0, math.log(size / MAX_SIGNAL_TO_NOISE)),
+    )
+    bounds = np.array([-MAX_LOG_SCALE, MAX_LOG_SCALE])[:, None] * np.ones(m)
     bounds[:, first:last] *= not alike
-    bounds[:, -1] = start[-1], NOISIEST
-    problem = Problem(
+    bounds[:, -1] = start[-1], MAX_MISFIT
+    problem = EvidenceModel(
         gram=gram[None],
         counts=np.array([regression.equations]),
         known=np.zeros_like(gram),
@@ -142,33 +153,33 @@ def evidence(regression: Regression, metric: Metric, *, alike: bool = False) -> 
         priors=_priors(kind, m, tied),
         bounds=bounds,
     )
-    return Evidence(metric, problem, shares, kind, whole, tied, start)
+    return LearntPriorModel(metric, problem, shares, kind, whole, tied, start)
 
 
 def _priors(kind: Ids, m: int, tied: bool) -> tuple[Hyperprior, ...]:
     """Make the prior densities of the hyperparameters."""
     K, one = len(kind), np.eye(m)
     of_tie = one[m - 4 : m - 3] if tied else one[:0]
-    widths = np.array([SHAPE[1], COUPLING[1], MISFIT])
-    rows, medians = one[-3:] / widths[:, None], np.log([SHAPE[0], COUPLING[0], 1.0]) / widths
+    widths = np.array([SHAPE_PRIOR[1], COUPLING_PRIOR[1], MISFIT_DEVIATION])
+    rows, medians = one[-3:] / widths[:, None], np.log([SHAPE_PRIOR[0], COUPLING_PRIOR[0], 1.0]) / widths
     if kind.any():
-        rows, medians = np.vstack([rows, (one[K + 1] - one[K]) / GAP]), np.r_[medians, 0]
+        rows, medians = np.vstack([rows, (one[K + 1] - one[K]) / JOINT_LINK_GAP]), np.r_[medians, 0]
     for k in range(2, kind.max() + 1):
         median, width = _size(k)
         rows, medians = np.vstack([rows, one[K + k] / width]), np.r_[medians, math.log(median) / width]
-    own, tie = one[K + kind.max() + 1 : m - 3 - tied] / OWN, of_tie / TIE[1]
+    own, tie = one[K + kind.max() + 1 : m - 3 - tied] / OWN_SCALE_DEVIATION, of_tie / TIE_PRIOR[1]
     rows = np.vstack([rows, own, tie])
-    medians = np.r_[medians, np.zeros(len(own)), np.full(len(tie), math.log(TIE[0]) / TIE[1])]
-    scales = (one[:K] - one[K + kind]) / ALIKE
+    medians = np.r_[medians, np.zeros(len(own)), np.full(len(tie), math.log(TIE_PRIOR[0]) / TIE_PRIOR[1])]
+    scales = (one[:K] - one[K + kind]) / STUDENT_SCALE
     return Hyperprior(rows, medians, normal_density), Hyperprior(scales, np.zeros(K), student_density)
 
 
 def _size(kind: int) -> tuple[float, float]:
     """Return the median size of the laws of a kind, from 2 on, and the deviation of its logarithm [1]."""
-    return LAW if kind < 2 + len(KINDS) else STRUT_LAW
+    return LAW_PRIOR if kind < 2 + len(LAW_KINDS) else COMPENSATOR_LAW_PRIOR
 
 
-def squares(regression: Regression, metric: Metric) -> Array:
+def gram_matrix(regression: Regression, metric: PriorScaling) -> Array:
     """Compute the Gram matrix of the weighted equations in a metric, readings last.
 
     Args:
@@ -178,13 +189,13 @@ def squares(regression: Regression, metric: Metric) -> Array:
     Returns:
         [A | y]^T [A | y], (n + 1, n + 1) [1].
     """
-    rows = np.column_stack(whitened(regression, metric))
+    rows = np.column_stack(weighted_rows(regression, metric))
     gram = rows.T @ rows
-    gram[-1, -1] += math.fsum(term.equations / 3 * term.rest for term in regression.terms)
+    gram[-1, -1] += math.fsum(term.equations / 3 * term.unexplained for term in regression.terms)
     return np.asarray(gram)
 
 
-def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Belief:
+def learn_prior(regression: Regression, metric: PriorScaling, *, widths: bool = True) -> WeightedPrior:
     """Learn the prior from a dataset: its scales, its uncertainty, and what the dataset leaves undetermined.
 
     Mathematics: `int-4`, `prior-10`.
@@ -201,50 +212,54 @@ def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Bel
     Raises:
         BenchError: If the data require a common scale of the prior that is not above 0.
     """
-    seen = evidence(regression, metric)
-    h = greatest(seen.problem, seen.start)
+    model = evidence_model(regression, metric)
+    h = maximise_evidence(model.problem, model.start)
     u, c, kappa = np.exp(h[-3:])
-    shares, first = np.ones(len(metric.sizes)), len(h) - seen.tail - len(seen.whole)
-    shares[seen.whole] = np.exp(h[first : first + len(seen.whole)])
-    tie = float(np.exp(h[-4]) / kappa) if seen.tied else None
-    belief = Belief(
-        metric=replace(seen.metric, L=seen.metric.L * seen.scale(h)),
+    shares, first = np.ones(len(metric.sizes)), len(h) - model.tail - len(model.link_scales)
+    shares[model.link_scales] = np.exp(h[first : first + len(model.link_scales)])
+    tie = float(np.exp(h[-4]) / kappa) if model.has_ties else None
+    belief = WeightedPrior(
+        scaling=replace(model.scaling, L=model.scaling.L * model.scale(h)),
         strength=Strength(float(u / kappa), 0.0, float(c / kappa), tuple(shares.tolist()), tie),
         misfit=float(kappa),
     )
     both = 0 < (metric.kinds == 1).sum() < len(metric.kinds)
     if not (both or widths):
         return belief
-    at, m = posterior(seen.problem, h), len(h) - 1  # kappa stays where it is best
-    H, J = bends(seen.problem, h, at)
+    at, m = evidence_posterior(model.problem, h), len(h) - 1  # kappa stays where it is best
+    H, J = evidence_hessian(model.problem, h, at)
     values, Q = np.linalg.eigh(H[:m, :m])
-    values = np.maximum(values, WIDEST**-2)  # where the evidence is flat it is not linear
+    values = np.maximum(values, MAX_HYPER_DEVIATION**-2)  # where the evidence is flat it is not linear
     if both:
-        belief = replace(belief, log_evidence=_log_evidence(seen, at.loss, values))
+        belief = replace(belief, log_evidence=_log_evidence(model, at.loss, values))
     if not widths:
         return belief
     root = Q / np.sqrt(values)
-    moves = (seen.metric.L @ J[:, :m] @ root).T
+    moves = (model.scaling.L @ J[:, :m] @ root).T
     # of a size d whose logarithm is normal of variance v the mean of d^2 is exp(2 v) times its median
-    unsure = np.exp(((seen.problem.drawn[:, :m] @ root) ** 2).sum(axis=1))
-    return replace(belief, moves=moves, unsure=unsure, scales=_scales(seen, h, root @ root.T))
+    unsure = np.exp(((model.problem.drawn[:, :m] @ root) ** 2).sum(axis=1))
+    return replace(
+        belief, hyperparameter_effect=moves, size_uncertainty=unsure, scales=_scales(model, h, root @ root.T)
+    )
 
 
-def _log_evidence(seen: Evidence, loss: float, values: Array) -> float:
+def _log_evidence(model: LearntPriorModel, loss: float, values: Array) -> float:
     """Laplace's logarithm of the density of the readings, of links and joints.
 
     The densities of the hyperparameters are normalised by Laplace too, so that readings which say nothing
     of them weigh nothing; what all models share, such as powers of 2 pi, is left out.
     """
-    prior = seen.blocks * math.log((TAIL + 1) / TAIL / ALIKE**2) / 2
-    prior -= math.log(GAP * SHAPE[1] * COUPLING[1]) + len(seen.whole) * math.log(OWN)
-    prior -= seen.tied * math.log(TIE[1])
-    prior -= sum(math.log(_size(k)[1]) for k in range(2, seen.kind.max() + 1))
+    prior = model.blocks * math.log((STUDENT_DOF + 1) / STUDENT_DOF / STUDENT_SCALE**2) / 2
+    prior -= math.log(JOINT_LINK_GAP * SHAPE_PRIOR[1] * COUPLING_PRIOR[1]) + len(
+        model.link_scales
+    ) * math.log(OWN_SCALE_DEVIATION)
+    prior -= model.has_ties * math.log(TIE_PRIOR[1])
+    prior -= sum(math.log(_size(k)[1]) for k in range(2, model.kind.max() + 1))
     return prior - loss - float(np.log(values).sum()) / 2
 
 
-def log_evidence_alone(regression: Regression, metric: Metric) -> tuple[float, Belief]:
-    """Compute the log evidence of joints only: a normal prior of width `ALONE` about a common scale.
+def log_evidence_alone(regression: Regression, metric: PriorScaling) -> tuple[float, WeightedPrior]:
+    """Compute the log evidence of joints only: a normal prior of `JOINTS_ONLY_SIZE` about a common scale.
 
     The scale is integrated out: the readings determine it.
 
@@ -257,68 +272,72 @@ def log_evidence_alone(regression: Regression, metric: Metric) -> tuple[float, B
     Returns:
         Log evidence [1], and the loose prior with which joints are then fitted.
     """
-    metric, n = rescaled(metric, regression), regression.structure.n
-    B = np.column_stack(precision_root(metric, Strength(ALONE)))
-    problem = Problem(
-        gram=squares(regression, metric)[None],
+    metric, n = rescale_to_data(metric, regression), regression.structure.n
+    B = np.column_stack(precision_root(metric, Strength(JOINTS_ONLY_SIZE)))
+    problem = EvidenceModel(
+        gram=gram_matrix(regression, metric)[None],
         counts=np.array([regression.equations]),
         known=B.T @ B,
         drawn=np.zeros((n, 1)),
         expected=np.zeros(n),
         scale=np.zeros((n, 1)),
-        priors=(Hyperprior(np.array([[1 / MISFIT]]), np.zeros(1), normal_density),),
-        bounds=np.array([[0.0], [NOISIEST]]),
+        priors=(Hyperprior(np.array([[1 / MISFIT_DEVIATION]]), np.zeros(1), normal_density),),
+        bounds=np.array([[0.0], [MAX_MISFIT]]),
     )
-    h = greatest(problem, np.zeros(1))
-    size = 2 * n * math.log(ALONE) + math.log(metric.expected @ metric.expected / ALONE**2)
+    h = maximise_evidence(problem, np.zeros(1))
+    size = 2 * n * math.log(JOINTS_ONLY_SIZE) + math.log(
+        metric.expected @ metric.expected / JOINTS_ONLY_SIZE**2
+    )
     kappa = math.exp(h[0])
-    return -posterior(problem, h).loss - size / 2, Belief(metric, Strength(LOOSE / kappa), misfit=kappa)
+    return -evidence_posterior(problem, h).loss - size / 2, WeightedPrior(
+        metric, Strength(JOINTS_ONLY_FIT / kappa), misfit=kappa
+    )
 
 
-def _scales(seen: Evidence, h: Array, covariance: Array) -> tuple[Scale, ...]:
+def _scales(model: LearntPriorModel, h: Array, covariance: Array) -> tuple[LearntScale, ...]:
     """Compute the factor of every link or joint over others of its kind, and of the joints over the links."""
-    K, m = seen.blocks, len(h) - 1
-    _, kinds, called = seen.metric.scaled
+    K, m = model.blocks, len(h) - 1
+    _, kinds, called = model.scaling.scaled
     own = np.flatnonzero(kinds < 2)
     rows, names = np.zeros((len(own), m)), [called[k] for k in own]
     rows[range(len(own)), own] = 1
-    rows[range(len(own)), K + seen.kind[own]] = -1
+    rows[range(len(own)), K + model.kind[own]] = -1
     if len(np.unique(kinds[own])) > 1:
         rows = np.vstack([rows, (np.arange(m) == K + 1) * 1.0 - (np.arange(m) == K)])
-        names.append(KIND)
+        names.append(ALL_JOINTS)
     deviations = np.sqrt(np.einsum("ki,ij,kj->k", rows, covariance, rows))
     found = zip(names, np.exp(rows @ h[:m]), deviations, strict=True)
-    return tuple(Scale(name, float(factor), float(deviation)) for name, factor, deviation in found)
+    return tuple(LearntScale(name, float(factor), float(deviation)) for name, factor, deviation in found)
 
 
-TOLD, FAR = 2.5, 2.0
+CONTRADICTED_BY, CONTRADICTED_FACTOR = 2.5, 2.0
 """Standard deviations, and factor, from which a learnt scale contradicts the prior."""
-TENFOLD, OPEN = math.log(10), 2.0
+LOG_TENFOLD, REFUSING_LOSS = math.log(10), 2.0
 """Logarithm of a scale that the readings must be able to reject, and the loss of evidence that rejects it."""
 
 
-def contradicted(belief: Belief) -> tuple[Scale, ...]:
-    """List the scales of a learnt prior that the readings contradict, by `TOLD` and `FAR`.
+def contradicted_scales(belief: WeightedPrior) -> tuple[LearntScale, ...]:
+    """List the scales of a learnt prior that the readings contradict.
 
     Mathematics: `prior-14`.
     """
 
-    def wrong(scale: Scale) -> bool:
+    def wrong(scale: LearntScale) -> bool:
         size = abs(math.log(scale.factor))
-        return size > math.log(FAR) and size > TOLD * scale.deviation
+        return size > math.log(CONTRADICTED_FACTOR) and size > CONTRADICTED_BY * scale.deviation
 
     return tuple(filter(wrong, belief.scales))
 
 
 @dataclass(frozen=True)
-class Unchecked:
+class UndeterminedParts:
     """List links and joints whose tenfold error in the prior these readings could not reveal."""
 
     stiffer: tuple[str, ...] = ()  #: Those that may be ten times stiffer.
     softer: tuple[str, ...] = ()  #: Those that may be ten times softer.
 
 
-def unchecked(regression: Regression, metric: Metric) -> Unchecked:
+def undetermined_parts(regression: Regression, metric: PriorScaling) -> UndeterminedParts:
     """Find the links and joints whose prior scale the readings leave undetermined.
 
     Mathematics: `prior-15`.
@@ -329,22 +348,27 @@ def unchecked(regression: Regression, metric: Metric) -> Unchecked:
 
     Returns:
         Names of links and joints. With a tenfold scale of each, and the best scales of all others, the log
-        evidence falls by less than `OPEN`.
+        evidence falls by less than `REFUSING_LOSS`.
     """
-    seen = evidence(regression, metric)
-    best = greatest(seen.problem, seen.start)
+    model = evidence_model(regression, metric)
+    best = maximise_evidence(model.problem, model.start)
     whole = [k for k, size in enumerate(metric.sizes) if size == 6 or metric.kinds[k] == 1]
     stiffer, softer = (
-        tuple(metric.names[k] for k in whole if _loss_at(seen, best, k, sign * TENFOLD) < OPEN)
+        tuple(metric.names[k] for k in whole if _loss_at(model, best, k, sign * LOG_TENFOLD) < REFUSING_LOSS)
         for sign in (-1, 1)
     )
-    return Unchecked(stiffer, softer)
+    return UndeterminedParts(stiffer, softer)
 
 
-def _loss_at(seen: Evidence, best: Array, k: int, size: float) -> float:
+def _loss_at(model: LearntPriorModel, best: Array, k: int, size: float) -> float:
     """Compute the loss of evidence if the log scale of block k is this far from that of its kind."""
-    start, kind = best.copy(), seen.blocks + seen.kind[k]
+    start, kind = best.copy(), model.blocks + model.kind[k]
     start[k] = best[kind] + size
-    h = greatest(seen.problem, start, held=k)
-    own, before = (float(student_density((x[k] - x[kind]) / ALIKE)[0]) for x in (h, best))
-    return posterior(seen.problem, h).loss - posterior(seen.problem, best).loss - own + before
+    h = maximise_evidence(model.problem, start, held=k)
+    own, before = (float(student_density((x[k] - x[kind]) / STUDENT_SCALE)[0]) for x in (h, best))
+    return (
+        evidence_posterior(model.problem, h).loss
+        - evidence_posterior(model.problem, best).loss
+        - own
+        + before
+    )

@@ -8,11 +8,11 @@ on, until nothing moves: then it is least in
 
 with h Huber's loss (`robust_loss`) and the rows B, c of the prior, as every fit lowers a bound from above.
 
-That finds the outliers: readings with a residual beyond REJECT. The estimate is the plain one from the rest.
-Huber's own model was worse, as a wild reading goes on pulling: with a fifth of the readings off by 1 mm it
-cost 20 to 25 % of RMS over the workspace, the rejection 2 to 5 % (KR 500, MGCO68 and MGCO56 with a prior,
-median of 20 seeds). It was better only for errors as small as 0.3 mm, four standard deviations, of which the
-rejection sees half.
+That finds the outliers: readings with a residual beyond REJECTION_THRESHOLD. The estimate is the plain one
+from the rest. Huber's own model was worse, as a wild reading goes on pulling: with a fifth of the readings
+off by 1 mm it cost 20 to 25 % of RMS over the workspace, the rejection 2 to 5 % (KR 500, MGCO68 and MGCO56
+with a prior, median of 20 seeds). It was better only for errors as small as 0.3 mm, four standard deviations,
+of which the rejection sees half.
 
 Three markers on a rigid tool have nine numbers for six: a run by itself notices an error of one marker within
 their plane, not always whose it is, and none across the plane. Other runs and the prior tell the rest.
@@ -25,31 +25,35 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask
-from testbench.identify.estimate import TOOL, Constraint, Estimate, Penalty, Rejected
+from testbench.identify.estimate import TOOL_MARKER, Constraint, Estimate, Penalty, Rejected
 from testbench.identify.least_squares import minimum_norm
-from testbench.identify.metric import Belief, Case, metric
+from testbench.identify.metric import Case, WeightedPrior, scale_by_prior
 from testbench.identify.prior import Strength, cad_prior
-from testbench.identify.regression import Regression, regression_of, term_of, triangle
+from testbench.identify.regression import Regression, regression_of, term_from_triangle, triangular_factor
 from testbench.identify.robust_loss import PAIRS
-from testbench.identify.solve import answer, solve
-from testbench.identify.weighed import Readings, one_by_one
+from testbench.identify.solve import solve, solve_with_prior
+from testbench.identify.weighed import WeightedReadings, single_readings
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-REJECT = 4.033
+REJECTION_THRESHOLD = 4.033
 """Length beyond which a reading is rejected: the 99.9 % quantile of a standard normal 3-vector.
 
 At 99 % every third campaign of 45 sound readings would lose one, and gain nothing for it.
 """
-ROUNDS, STILL = 200, 1e-6
+MAX_REWEIGHTINGS, CONVERGED_CHANGE = 200, 1e-6
 """Most reweightings, and the change of a residual after which they end [1]."""
-WEAK = 10.0
+WEAK_UNCERTAINTY = 10.0
 """Relative uncertainty of the CAD compliances while outliers of GCO without a prior are searched."""
 NO_OUTLIERS = "sigma too small, or wrong structure, load, unit or frame"
 
 
 def without_outliers(
-    vjm: Vjm, data: Dataset, regression: Regression, constraint: Constraint, held: Belief | Penalty | None
+    vjm: Vjm,
+    data: Dataset,
+    regression: Regression,
+    constraint: Constraint,
+    held: WeightedPrior | Penalty | None,
 ) -> Estimate:
     """Reject outliers by Huber's loss, and fit the remaining readings by the plain method.
 
@@ -68,15 +72,16 @@ def without_outliers(
     Raises:
         BenchError: If the dataset is too large, or too few readings remain.
     """
-    readings = one_by_one(vjm, regression.structure, data)
+    readings = single_readings(vjm, regression.structure, data)
     start = time.perf_counter()
-    belief = held if isinstance(held, Belief) else None
-    length, status = search(vjm, readings, regression, constraint, belief)
-    seconds, keep = time.perf_counter() - start, length <= REJECT
+    belief = held if isinstance(held, WeightedPrior) else None
+    length, status = reject_iteratively(vjm, readings, regression, constraint, belief)
+    seconds, keep = time.perf_counter() - start, length <= REJECTION_THRESHOLD
     left = int(keep.sum())
     if not left or 3 * left < regression.rank:  # fewer equations than directions that all readings see
         raise BenchError(
-            f"{len(keep) - left} of {len(keep)} readings rejected, beyond {REJECT} standard deviations; "
+            f"{len(keep) - left} of {len(keep)} readings rejected, beyond {REJECTION_THRESHOLD} "
+            f"standard deviations; "
             f"{3 * left} equations left for {regression.rank} directions: {NO_OUTLIERS}"
         )
     if not keep.all():
@@ -88,16 +93,21 @@ def without_outliers(
         status=plain.status if status == "solved" else f"{status} (search for outliers)",
         solver_seconds=plain.solver_seconds + seconds,
         rejected=_rejected(data, readings, keep, plain.pi),
-        lost=tuple(data.run[np.setdiff1d(readings.run, readings.run[keep])].tolist()),
+        lost_runs=tuple(data.run[np.setdiff1d(readings.run, readings.run[keep])].tolist()),
     )
 
 
-def search(
-    vjm: Vjm, readings: Readings, regression: Regression, constraint: Constraint, belief: Belief | None
+def reject_iteratively(
+    vjm: Vjm,
+    readings: WeightedReadings,
+    regression: Regression,
+    constraint: Constraint,
+    belief: WeightedPrior | None,
 ) -> tuple[Array, str]:
     """Minimise Huber's loss by reweighting, and return the residuals.
 
-    Without a prior, GCO uses the compliances of the arm's folder with a relative uncertainty of `WEAK`.
+    Without a prior, GCO uses the compliances of the arm's folder with a relative uncertainty of
+    `WEAK_UNCERTAINTY`.
 
     Mathematics: `est-16`.
 
@@ -113,37 +123,37 @@ def search(
     """
     s = regression.structure
     if constraint == "psd" and belief is None:
-        belief = Belief(metric(cad_prior(vjm.arm), vjm, s), Strength(WEAK))
+        belief = WeightedPrior(scale_by_prior(cad_prior(vjm.arm), vjm, s), Strength(WEAK_UNCERTAINTY))
     every = np.ones(len(readings.y), dtype=bool)
     length, status = np.zeros(len(every)), "solved"
-    for _ in range(ROUNDS):
-        weighted = _accepted(s, readings, every, np.sqrt(PAIRS.pull(length)))
+    for _ in range(MAX_REWEIGHTINGS):
+        weighted = _accepted(s, readings, every, np.sqrt(PAIRS.influence(length)))
         if belief is None:
             pi = minimum_norm(weighted).pi
         else:
-            found = answer(constraint, Case(weighted, belief))
-            pi, status = found.pi, found.status
+            prior_solution = solve_with_prior(constraint, Case(weighted, belief))
+            pi, status = prior_solution.pi, prior_solution.status
         before, length = length, np.linalg.norm(readings.y - readings.A @ pi, axis=1)
-        if np.abs(length - before).max() < STILL:
+        if np.abs(length - before).max() < CONVERGED_CHANGE:
             return length, status
     return length, status
 
 
-def _accepted(structure: Structure, readings: Readings, keep: Mask, weight: Array) -> Regression:
+def _accepted(structure: Structure, readings: WeightedReadings, keep: Mask, weight: Array) -> Regression:
     """The regression of these readings alone, weighted; a term that lost all of its own is left out."""
     rows, terms = weight[:, None, None] * np.concatenate([readings.A, readings.y[..., None]], axis=2), []
     for kind in (readings.marker >= 0, readings.marker < 0):
         some = keep & kind
         if some.any():
-            T = triangle(rows[some].reshape(-1, rows.shape[2])) / np.sqrt(some.sum())
-            terms.append(term_of(T, 0.0, 3 * int(some.sum())))
+            T = triangular_factor(rows[some].reshape(-1, rows.shape[2])) / np.sqrt(some.sum())
+            terms.append(term_from_triangle(T, 0.0, 3 * int(some.sum())))
     return regression_of(structure, tuple(terms))
 
 
-def _rejected(data: Dataset, readings: Readings, keep: Mask, pi: Array) -> tuple[Rejected, ...]:
+def _rejected(data: Dataset, readings: WeightedReadings, keep: Mask, pi: Array) -> tuple[Rejected, ...]:
     """The readings left out, with their distance from the estimate that does without them."""
     length = np.linalg.norm(readings.y - readings.A @ pi, axis=1)
-    names = (*data.markers, TOOL)
+    names = (*data.markers, TOOL_MARKER)
     return tuple(
         Rejected(
             run=int(data.run[readings.run[i]]),

@@ -21,32 +21,32 @@ from testbench.identify import cone
 ITERATIONS = 40
 CENTRED = 0.1
 """Least first gap, as a share of the objective."""
-SMALL = 1e-3
+INITIAL_SIZE = 1e-3
 """Size of the first x if the data fit best at zero."""
-LEFT = 1e-11
+STOP_DISTANCE = 1e-11
 """Distance from the optimum at which the method ends, in units in which the data are of order one."""
-FINEST = 1e-14
+STOP_DISTANCE_OF_SQUARES = 1e-14
 """That distance for squares, whose unit is that of the noise."""
-EXACT = 1e-9
+ZERO_RESIDUAL = 1e-9
 """Norm of a residual below which it has no direction, so that nothing can be proven."""
-STUCK = 1e-6
+MIN_STEP = 1e-6
 """Step length below which the method ends."""
-STALLED = 1e-7
+STALL_DISTANCE = 1e-7
 """Distance below which an iteration that gains less than half is the last one."""
-STEADY = 0.3  #: Relative change of the norms below which their tangent is trusted.
-LEAST = 1e-6
+STEADY_CHANGE = 0.3  #: Relative change of the norms below which their tangent is trusted.
+MIN_AIM = 1e-6
 """Least share of the gap at which a step aims."""
-BOLD = 0.9
+MIN_BOUNDARY_SHARE = 0.9
 """Least share of the way to the boundary that a step goes."""
 SINGULAR = 3e-6
 """Least pivot of a matrix over its largest [1]: the root of the rounding of a Cholesky factorisation."""
-ROUNDING = 1e-12
+TRACE_ROUNDING = 1e-12
 """Share of a trace by which an eigenvalue may be negative [1]."""
 TINY = 1e-300
 
 
 @dataclass(frozen=True)
-class Program:
+class BlockProgram:
     """Hold a program of norms or squares over positive semi-definite blocks, data of order one."""
 
     R: Array  #: (K, rows, n).
@@ -94,18 +94,18 @@ class Program:
 
 
 @dataclass(frozen=True)
-class State:
+class Iterate:
     """Hold one iterate: x, multipliers s, norms and gradients."""
 
     x: Array  #: Coordinates of the blocks, positive definite, (n,).
     s: Array  #: Those of their multipliers, positive definite, (n,).
     norms: Array  #: (K,).
-    pulls: Array  #: Their gradients, (K, n).
-    missing: Array  #: Gradient of the cost minus the multipliers, (n,).
+    gradients: Array  #: Their gradients, (K, n).
+    dual_residual: Array  #: Gradient of the cost minus the multipliers, (n,).
     step: float = 0.5  #: Length of the last step, 1 for a full one.
     steady: bool = False  #: Whether the tangent of the norms is accurate enough.
 
-    def left(self, program: Program) -> float:
+    def distance_from_optimum(self, program: BlockProgram) -> float:
         """Bound the distance from the optimum: the duality gap plus |x| |gradient - s|.
 
         With a barrier, the distance of the products X S from the barrier replaces the gap.
@@ -115,7 +115,7 @@ class State:
             groups = cone.groups_of(program.sizes)
             products = (cone.smat(self.x[at]) @ cone.smat(self.s[at]) for at in groups)
             gap = sum(float(np.linalg.norm(XS - program.barrier * np.eye(len(XS[0])))) for XS in products)
-        return gap + float(np.linalg.norm(self.x) * np.linalg.norm(self.missing))
+        return gap + float(np.linalg.norm(self.x) * np.linalg.norm(self.dual_residual))
 
 
 def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Array, float]:
@@ -143,20 +143,20 @@ def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Arra
     x, s = np.zeros(n), np.zeros(n)
     for _ in range(2):  # the second takes back the rounding of the first
         x -= cho_solve(root, M.T @ (M @ x - r))
-    if not inside(x, sizes, 0.0):
+    if not is_semidefinite(x, sizes, 0.0):
         unit = max(float(np.linalg.norm(r)), TINY)
         R = np.asarray(np.linalg.qr(np.c_[M, r] / unit, mode="r"))[:n]
-        found = interior(
-            Program(R[None, :, :n], R[None, :, n], np.zeros(1), np.zeros(n), sizes, squares=True)
+        iterate = interior(
+            BlockProgram(R[None, :, :n], R[None, :, n], np.zeros(1), np.zeros(n), sizes, squares=True)
         )
-        x, s = found.x, unit**2 * found.s
-        if not (inside(x, sizes, ROUNDING) and inside(s, sizes, ROUNDING)):
+        x, s = iterate.x, unit**2 * iterate.s
+        if not (is_semidefinite(x, sizes, TRACE_ROUNDING) and is_semidefinite(s, sizes, TRACE_ROUNDING)):
             return x, np.inf
     F = M.T @ (M @ x - r) - s
     return x, float(abs(x @ s) + abs(F @ cho_solve(root, F)) / 2)
 
 
-def inside(x: Array, sizes: tuple[int, ...], share: float) -> bool:
+def is_semidefinite(x: Array, sizes: tuple[int, ...], share: float) -> bool:
     """Tell whether all blocks are positive semi-definite, up to a share of their traces.
 
     Args:
@@ -173,7 +173,7 @@ def inside(x: Array, sizes: tuple[int, ...], share: float) -> bool:
     return all((np.linalg.eigvalsh(B)[:, 0] >= -share * np.trace(B, axis1=1, axis2=2)).all() for B in X)
 
 
-def interior(program: Program) -> State:
+def interior(program: BlockProgram) -> Iterate:
     """Minimise the program by the predictor and corrector method, as far as rounding allows.
 
     Mathematics: `est-11`.
@@ -184,42 +184,44 @@ def interior(program: Program) -> State:
     Returns:
         The best iterate; the caller proves how near the optimum it is.
     """
-    state = _start(program)
-    found, best = state, program.cost(state.x, state.norms)
-    near, least = (FINEST, 0.0) if program.squares else (LEFT, EXACT)
+    state = _initial_iterate(program)
+    iterate, best = state, program.cost(state.x, state.norms)
+    near, least = (STOP_DISTANCE_OF_SQUARES, 0.0) if program.squares else (STOP_DISTANCE, ZERO_RESIDUAL)
     with np.errstate(all="ignore"):  # a step that is not finite is not taken
         for _ in range(ITERATIONS):
-            before = state.left(program)
+            before = state.distance_from_optimum(program)
             try:
-                state = _iterate(program, state)
+                state = _step(program, state)
             except (np.linalg.LinAlgError, ValueError):  # a pair lost its last digits, or is not finite
                 break
             cost = program.cost(state.x, state.norms)
             if cost <= best + near:  # near no residual at all rounding makes steps wild
-                found, best = state, min(best, cost)
-            left = state.left(program)
-            if not (left > near and state.norms.min() > least and state.step >= STUCK):
+                iterate, best = state, min(best, cost)
+            left = state.distance_from_optimum(program)
+            if not (left > near and state.norms.min() > least and state.step >= MIN_STEP):
                 break
-            if left < STALLED and left > before / 2:
+            if left < STALL_DISTANCE and left > before / 2:
                 break
-    return found
+    return iterate
 
 
-def _start(program: Program) -> State:
+def _initial_iterate(program: BlockProgram) -> Iterate:
     """Start with equal blocks that fit the data best, and multipliers of the gradient's size."""
     one = np.concatenate([cone.svec(np.eye(size)) for size in program.sizes])
     moved = program.R @ one
     square = max(float((moved**2).sum()), TINY)
-    size = max(np.vdot(moved, program.z) / square, SMALL * float(np.linalg.norm(program.z)) / square**0.5)
+    size = max(
+        np.vdot(moved, program.z) / square, INITIAL_SIZE * float(np.linalg.norm(program.z)) / square**0.5
+    )
     norms, pulls = program.at(size * one)
     gradient = pulls.sum(axis=0) + program.c
     matrices = (cone.smat(gradient[at]) for at in cone.groups_of(program.sizes))
     large = max(float(np.abs(np.linalg.eigvalsh(X)).max()) for X in matrices)
     s = max(CENTRED * program.fit(norms) / sum(program.sizes) / size, large) * one
-    return State(size * one, s, norms, pulls, gradient - s)
+    return Iterate(size * one, s, norms, pulls, gradient - s)
 
 
-def _iterate(program: Program, state: State) -> State:
+def _step(program: BlockProgram, state: Iterate) -> Iterate:
     """Take one step: predicted to first order, then corrected to second order.
 
     Newton's system is (hessian + E) dx = w - missing, E dx + ds = w.
@@ -227,33 +229,37 @@ def _iterate(program: Program, state: State) -> State:
     Raises:
         LinAlgError, ValueError: If the system has no solution.
     """
-    x, s, missing = state.x, state.s, state.missing
+    x, s, missing = state.x, state.s, state.dual_residual
     share = program.share(state.norms)
     # Hessian of the norms: Weiszfeld's majorant, minus the tangent term where the norms are steady.
-    hessian = np.tensordot(share, program.gram, 1) - state.steady * (state.pulls.T * share) @ state.pulls
+    hessian = (
+        np.tensordot(share, program.gram, 1) - state.steady * (state.gradients.T * share) @ state.gradients
+    )
     # E, the scaling of Nesterov and Todd, block by block.
     scalings = [Scaling.of(at, x, s) for at in cone.groups_of(program.sizes)]
     A = hessian.copy()
-    for own in scalings:
-        A[own.at[:, :, None], own.at[:, None]] += cone.congruence(own.inverse.swapaxes(1, 2) @ own.inverse)
+    for scaling in scalings:
+        A[scaling.at[:, :, None], scaling.at[:, None]] += cone.congruence(
+            scaling.inverse.swapaxes(1, 2) @ scaling.inverse
+        )
     root, w, sums = cho_factor(A, lower=True), np.empty_like(x), []
     # Predictor: the affine step to the optimum; a barrier needs none.
     predicted = cho_solve(root, -s - missing) * (not program.barrier)
     # Gap to aim at, from the length of the last step.
-    aim = max(program.barrier, max((1 - state.step) ** 2, LEAST) * float(x @ s) / sum(program.sizes))
-    for own in scalings:
-        sums.append(own.corrected(aim, own.scaled(predicted)))
-        w[own.at] = cone.svec(own.inverse.swapaxes(1, 2) @ sums[-1] @ own.inverse)
+    aim = max(program.barrier, max((1 - state.step) ** 2, MIN_AIM) * float(x @ s) / sum(program.sizes))
+    for scaling in scalings:
+        sums.append(scaling.corrected(aim, scaling.scaled(predicted)))
+        w[scaling.at] = cone.svec(scaling.inverse.swapaxes(1, 2) @ sums[-1] @ scaling.inverse)
     # Corrector: the step with the second-order term of the predicted one.
     dx = cho_solve(root, w - missing)
-    # Stay inside the cone: a share BOLD to 0.99 of the way to its boundary.
+    # Stay inside the cone: a share MIN_BOUNDARY_SHARE to 0.99 of the way to its boundary.
     pairs = zip(scalings, sums, strict=True)
     step = min(1.0, *(float(own.longest(own.scaled(dx), both)) for own, both in pairs))
-    step *= BOLD + (0.99 - BOLD) * step
+    step *= MIN_BOUNDARY_SHARE + (0.99 - MIN_BOUNDARY_SHARE) * step
     x, s = x + step * dx, s + step * (missing + hessian @ dx)
     norms, pulls = program.at(x)
-    steady = not program.squares and np.abs(norms * share - 1).max() < STEADY
-    return State(x, s, norms, pulls, pulls.sum(axis=0) + program.c - s, step, steady=bool(steady))
+    steady = not program.squares and np.abs(norms * share - 1).max() < STEADY_CHANGE
+    return Iterate(x, s, norms, pulls, pulls.sum(axis=0) + program.c - s, step, steady=bool(steady))
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,16 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError, check_type
-from testbench.identify.average import averaged, of_two_priors
-from testbench.identify.crossval import divided
+from testbench.identify.average import average_models, average_two_priors
+from testbench.identify.crossval import divide_poses
 from testbench.identify.estimate import Constraint, Estimate, Estimator, Penalty
-from testbench.identify.fold import Parts, reduce, reduce_parts
+from testbench.identify.fold import PartitionedRegression, reduce, reduce_parts
 from testbench.identify.huber import without_outliers
-from testbench.identify.metric import Belief, metric, rescaled
-from testbench.identify.prior import Prior, Strength, softened
-from testbench.identify.regression import Regression, some_columns
+from testbench.identify.metric import WeightedPrior, rescale_to_data, scale_by_prior
+from testbench.identify.prior import Prior, Strength, with_weaker_coupling
+from testbench.identify.regression import Regression, restrict_to
 from testbench.identify.solve import solve
-from testbench.identify.trace import learnt, weighed
+from testbench.identify.trace import learn_trace_weight, trace_penalty
 from testbench.model.laws import without_laws
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -40,9 +40,9 @@ class Method:
         with a prior     min |A pi - y|^2 + |x - s e|^2 / u^2,   GCO over C_i positive semi-definite
 
     with w <W, C> a weighted trace (`trace`), x the compliances in units of the prior, e their expectation, s
-    its common scale and u its relative uncertainty (`metric`). The call `method(vjm, structure, data)`
-    returns an `Estimate`. `least_squares`, `gco`, `paper_gco` and `completed_least_squares` are methods;
-    `with_prior` and `robust` make a new method from one.
+    its common scale and u its relative uncertainty (`scale_by_prior`). The call `method(vjm, structure,
+    data)` returns an `Estimate`. `least_squares`, `gco`, `paper_gco` and `completed_least_squares` are
+    methods; `with_prior` and `robust` make a new method from one.
     """
 
     #: "none" for least squares, "psd" for GCO, "free" for least squares whose unobservable directions are
@@ -89,20 +89,22 @@ class Method:
         check_type(structure, Structure, "structure")
         check_type(data, (Dataset, Regression), "data")
         unknowns = structure if self.learns else without_laws(structure)
-        reduced: Parts | Regression
+        reduced: PartitionedRegression | Regression
         # Only the trace weight needs held-out poses; then the equations are kept part by part.
         if self.penalised and isinstance(data, Dataset):  # poses are held out
-            [reduced] = reduce_parts(vjm, [unknowns], data, divided(data))
+            [reduced] = reduce_parts(vjm, [unknowns], data, divide_poses(data))
         else:
             reduced = reduce(vjm, unknowns, data)
         if self.loss == "plain":
-            return self.of(vjm, reduced)
+            return self.fit_reduced(vjm, reduced)
         # Robust loss: the prior or the trace term is settled first, on all readings.
-        regression = reduced.together() if isinstance(reduced, Parts) else reduced
-        held = self.belief(vjm, regression) or self.penalty(vjm, reduced)
+        regression = reduced.joined() if isinstance(reduced, PartitionedRegression) else reduced
+        held = self.scaled_prior(vjm, regression) or self.penalty(vjm, reduced)
         return without_outliers(vjm, data, regression, self.constraint, held)
 
-    def of(self, vjm: Vjm, reduced: Parts | Regression, *, widths: bool = True) -> Estimate:
+    def fit_reduced(
+        self, vjm: Vjm, reduced: PartitionedRegression | Regression, *, widths: bool = True
+    ) -> Estimate:
         """Identify compliances from a dataset that is already reduced; outliers stay in.
 
         Args:
@@ -118,18 +120,18 @@ class Method:
         Raises:
             BenchError: When the prior does not fit the structure or the data.
         """
-        regression = reduced.together() if isinstance(reduced, Parts) else reduced
+        regression = reduced.joined() if isinstance(reduced, PartitionedRegression) else reduced
         if self.learns and self.prior is not None:
             # Learnt prior: average models by their evidence, under the prior and under a softened one.
-            own = metric(self.prior, vjm, regression.structure)
+            scaling = scale_by_prior(self.prior, vjm, regression.structure)
             if not widths or not regression.structure.laws:
-                return averaged(regression, self.constraint, own, widths=widths)
-            other = metric(softened(self.prior), vjm, regression.structure)
-            return of_two_priors(regression, self.constraint, own, other)
+                return average_models(regression, self.constraint, scaling, widths=widths)
+            other = scale_by_prior(with_weaker_coupling(self.prior), vjm, regression.structure)
+            return average_two_priors(regression, self.constraint, scaling, other)
         # A prior of fixed strength, or none: laws of joints need evidence, so that they are left out.
         if regression.structure.laws:
-            reduced = regression = some_columns(regression, without_laws(regression.structure))
-        held = self.belief(vjm, regression) or self.penalty(vjm, reduced)
+            reduced = regression = restrict_to(regression, without_laws(regression.structure))
+        held = self.scaled_prior(vjm, regression) or self.penalty(vjm, reduced)
         return solve(regression, self.constraint, held)
 
     @property
@@ -142,7 +144,7 @@ class Method:
         """Tell whether GCO runs without a prior and learns its trace weight from held-out poses."""
         return self.constraint == "psd" and self.prior is None and self.trace_weight is None
 
-    def penalty(self, vjm: Vjm, reduced: Parts | Regression) -> Penalty | None:
+    def penalty(self, vjm: Vjm, reduced: PartitionedRegression | Regression) -> Penalty | None:
         """Return the trace term w <W, C> of GCO without a prior.
 
         Args:
@@ -154,12 +156,12 @@ class Method:
             the choice to a tie-break.
         """
         if self.penalised:
-            return learnt(vjm, reduced)
+            return learn_trace_weight(vjm, reduced)
         if self.constraint != "psd" or self.prior is not None or not self.trace_weight:
             return None
-        return weighed(vjm, reduced.structure, self.trace_weight)
+        return trace_penalty(vjm, reduced.structure, self.trace_weight)
 
-    def belief(self, vjm: Vjm, regression: Regression) -> Belief | None:
+    def scaled_prior(self, vjm: Vjm, regression: Regression) -> WeightedPrior | None:
         """Return the prior, scaled to the data by their best common factor, with its strength.
 
         Args:
@@ -167,15 +169,17 @@ class Method:
             regression: The weighted equations, which set the common scale of the prior.
 
         Returns:
-            The prior in the units of `metric`; None without a prior.
+            The prior in the units of `scale_by_prior`; None without a prior.
 
         Raises:
             BenchError: When the prior does not fit the structure or the data.
         """
         if self.prior is None:
             return None
-        own = metric(self.prior, vjm, regression.structure)
-        return Belief(rescaled(own, regression), self.strength or Strength(ROBUST_UNCERTAINTY))
+        scaling = scale_by_prior(self.prior, vjm, regression.structure)
+        return WeightedPrior(
+            rescale_to_data(scaling, regression), self.strength or Strength(ROBUST_UNCERTAINTY)
+        )
 
 
 least_squares = Method("none")

@@ -18,13 +18,14 @@ from testbench.identify.regression import Regression, check_symmetric
 from testbench.model.structure import TEMPLATE, Structure
 from testbench.model.vjm import Vjm
 
-METRICS = 32  #: How many metrics are remembered: many datasets are fitted with few.
-SKEW = 1e-9  #: Asymmetry of a prior of unit diagonal beyond which it is refused.
-SMALLEST = 1e-9  #: Eigenvalue of a block of the prior of unit diagonal below which it counts as singular.
+CACHED_SCALINGS = 32  #: How many metrics are remembered: many datasets are fitted with few.
+MAX_ASYMMETRY = 1e-9  #: Asymmetry of a prior of unit diagonal beyond which it is refused.
+#: Eigenvalue of a block of the prior of unit diagonal below which it counts as singular.
+MIN_EIGENVALUE = 1e-9
 
 
 @dataclass(frozen=True)
-class Metric:
+class PriorScaling:
     """Hold a structure in the units of a prior: pi = L x, x of order one."""
 
     prior: str  #: Its name.
@@ -77,7 +78,7 @@ class Metric:
     @cached_property
     def law(self) -> Mask:
         """Return which entries of x are sizes of joint laws, (n,)."""
-        return np.asarray(self.structure.triangles[0] >= self.structure.plain)
+        return np.asarray(self.structure.triangles[0] >= self.structure.n_compliance_rows)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -102,7 +103,7 @@ class Metric:
 
 
 @dataclass(frozen=True)
-class Scale:
+class LearntScale:
     """Hold the factor by which the readings scale the prior of one link or joint, over others of its kind."""
 
     name: str  #: Name of the link or joint; "joints" for the common scale of all joints.
@@ -111,20 +112,20 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Belief:
+class WeightedPrior:
     """Hold a prior in the metric of a structure, with its strength."""
 
-    metric: Metric
+    scaling: PriorScaling
     strength: Strength
     #: Noise, and what the model cannot explain, over the noise of the readings [1]; `strength` is over it.
     misfit: float = 1.0
     #: By how much the parameters move with what is left open of the prior, a standard deviation a row,
     #: (k, n); None where the prior is not learnt from the readings.
-    moves: Array | None = None
+    hyperparameter_effect: Array | None = None
     #: Root of the mean square of an entry's size over the one of `strength`, as the readings tell sizes only
     #: roughly, (n,) [1]; None where the prior is not learnt from the readings.
-    unsure: Array | None = None
-    scales: tuple[Scale, ...] = ()  #: What the readings say of the prior's scales.
+    size_uncertainty: Array | None = None
+    scales: tuple[LearntScale, ...] = ()  #: What the readings say of the prior's scales.
     #: Log density of the readings, up to what all models share; None if it was not requested.
     log_evidence: float | None = None
 
@@ -134,11 +135,11 @@ class Case:
     """Hold a reduced dataset and its prior."""
 
     regression: Regression
-    belief: Belief
+    belief: WeightedPrior
 
 
-@lru_cache(maxsize=METRICS)
-def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
+@lru_cache(maxsize=CACHED_SCALINGS)
+def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
     """Compute the metric of a prior for a structure of whole blocks, C = P^1/2 X P^1/2; cached.
 
     A joint that the structure leaves out adds its compliance to the link before it, about its axis: the
@@ -159,11 +160,11 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
             the structure lacks entries inside a block.
     """
     check_symmetric(structure)
-    plain = structure.plain
+    plain = structure.n_compliance_rows
     P = np.eye(structure.n_theta)
     P[:plain, :plain] = check_array(prior.C_theta, (plain,) * 2, f"prior {prior.name} [m/N, rad/(N m)]")
     sizes = tuple(len(block) for block in structure.blocks)
-    if not structure.whole:
+    if not structure.has_full_blocks:
         raise BenchError(
             f"prior: expected a structure of whole blocks, {structure.name} lacks entries in one"
         )
@@ -173,24 +174,24 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
     for group in structure.groups:
         own = structure.parameter[group.entries]
         L[own[:, :, None], group.entries[:, None, :]] = _congruences(root[group.index])
-    return Metric(prior.name, structure, L, expected, sizes)
+    return PriorScaling(prior.name, structure, L, expected, sizes)
 
 
-def whitened(regression: Regression, metric: Metric) -> tuple[Array, Array]:
+def weighted_rows(regression: Regression, scaling: PriorScaling) -> tuple[Array, Array]:
     """Compute the weighted equations in the metric: |A x - y|^2 is chi squared without its constant.
 
     Args:
         regression: The reduced dataset.
-        metric: The metric of the prior.
+        scaling: The metric of the prior.
 
     Returns:
         A, (r, n) [1], and y, (r,) [1].
     """
     A, y = regression.rows
-    return A @ metric.L, y
+    return A @ scaling.L, y
 
 
-def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
+def precision_root(scaling: PriorScaling, strength: Strength) -> tuple[Array, Array]:
     """Compute the rows B, c of a prior: |B x - c|^2 is its penalty added to chi squared.
 
     With deviations d of the entries of x and v of the common scale, the prior's covariance is diag(d)^2 + v^2
@@ -199,44 +200,44 @@ def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
     Mathematics: `prior-2`.
 
     Args:
-        metric: The metric of the prior.
+        scaling: The metric of the prior.
         strength: Its relative uncertainty.
 
     Returns:
         B, (n, n) [1], and c, (n,) [1].
     """
-    d = np.full(len(metric.expected), strength.uncertainty)
+    d = np.full(len(scaling.expected), strength.uncertainty)
     if strength.coupling is not None:  # of a structure of whole blocks
-        d[metric.couplings] = strength.coupling
+        d[scaling.couplings] = strength.coupling
     if strength.tie is not None:
-        d[metric.ties] = strength.tie
+        d[scaling.ties] = strength.tie
     if strength.shares is not None:
-        d = d * np.repeat(strength.shares, [cone.triangle(n) for n in metric.sizes])
-    e = metric.expected / d
+        d = d * np.repeat(strength.shares, [cone.triangle(n) for n in scaling.sizes])
+    e = scaling.expected / d
     size = np.linalg.norm(e)
     e, along = e / size, 1 / np.hypot(1, size * strength.scale_uncertainty)
     B = (np.eye(len(e)) - (1 - along) * np.outer(e, e)) / d
     return B, along * size * e
 
 
-def with_prior_rows(regression: Regression, metric: Metric, strength: Strength) -> tuple[Array, Array]:
+def with_prior_rows(regression: Regression, scaling: PriorScaling, strength: Strength) -> tuple[Array, Array]:
     """Stack the rows of data and prior: weighted least squares with a prior minimises |M x - r|^2.
 
     Mathematics: `prior-4`.
 
     Args:
         regression: The reduced dataset.
-        metric: The metric of the prior.
+        scaling: The metric of the prior.
         strength: Its relative uncertainty.
 
     Returns:
         M, (rows, n) [1], and r, (rows,) [1].
     """
-    (A, y), (B, c) = whitened(regression, metric), precision_root(metric, strength)
+    (A, y), (B, c) = weighted_rows(regression, scaling), precision_root(scaling, strength)
     return np.vstack([A, B]), np.r_[y, c]
 
 
-def rescaled(metric: Metric, regression: Regression) -> Metric:
+def rescale_to_data(scaling: PriorScaling, regression: Regression) -> PriorScaling:
     """Scale the metric of a prior by the one factor that fits the data best.
 
     A relative uncertainty then refers to compliances of the right size, however wrong the prior's scale is.
@@ -244,7 +245,7 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
     Mathematics: `prior-3`.
 
     Args:
-        metric: The metric of the prior.
+        scaling: The metric of the prior.
         regression: The reduced dataset.
 
     Returns:
@@ -253,15 +254,15 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
     Raises:
         BenchError: When the best factor is not above 0.
     """
-    A, y = whitened(regression, metric)
-    moved = A @ np.where(metric.law, 0.0, metric.expected)
+    A, y = weighted_rows(regression, scaling)
+    moved = A @ np.where(scaling.law, 0.0, scaling.expected)
     size = float(moved @ moved)
     scale = float(moved @ y) / size if size > 0 else 1.0
     if not scale > 0:
         raise BenchError(
-            f"prior {metric.prior}: expected data that move with the load, its best scale is {scale:.3g}"
+            f"prior {scaling.prior}: expected data that move with the load, its best scale is {scale:.3g}"
         )
-    return replace(metric, L=np.where(metric.law, 1.0, scale) * metric.L)
+    return replace(scaling, L=np.where(scaling.law, 1.0, scale) * scaling.L)
 
 
 def _root(P: Array, prior: Prior, structure: Structure) -> Array:
@@ -275,12 +276,12 @@ def _root(P: Array, prior: Prior, structure: Structure) -> Array:
     safe = np.where(d > 0, d, 1.0)
     unit, root = P / np.outer(safe, safe), np.zeros_like(P)
     row, column = structure.triangles
-    bad = (d[row] == 0) | (np.abs(unit[row, column] - unit[column, row]) > SKEW)
+    bad = (d[row] == 0) | (np.abs(unit[row, column] - unit[column, row]) > MAX_ASYMMETRY)
     if bad.any():
         raise refused(row[np.argmax(bad)], "symmetric block with a positive diagonal")
     for group in structure.groups:
         values, Q = np.linalg.eigh(unit[group.index])
-        if values.min() <= SMALLEST:
+        if values.min() <= MIN_EIGENVALUE:
             k = np.argmin(values[:, 0])
             problem = f"positive definite block, got smallest eigenvalue {values[k, 0]:.3g}"
             raise refused(group.rows[k, 0], f"{problem} (of the block scaled to unit diagonal)")
@@ -290,7 +291,7 @@ def _root(P: Array, prior: Prior, structure: Structure) -> Array:
 
 def _congruences(roots: Array) -> Array:
     """Upper triangles of C = root X root^T per unit of each entry of x = svec(X), (k, entries, entries)."""
-    row, column = cone.upper(roots.shape[1])
+    row, column = cone.upper_indices(roots.shape[1])
     a, b = roots[:, row], roots[:, column]
     weight = np.where(row == column, 0.5, math.sqrt(0.5))
     return np.asarray(weight * (a[..., row] * b[..., column] + a[..., column] * b[..., row]))

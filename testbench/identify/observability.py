@@ -15,29 +15,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.errors import Array, Ids, Mask
-from testbench.identify.posterior import conditional
-from testbench.identify.regression import RANK_TOLERANCE, ROUNDING
+from testbench.identify.posterior import conditional_covariance
+from testbench.identify.regression import RANK_TOLERANCE, ZERO_COLUMN
 
-SHARE = 0.15
+PARTICIPATION_SHARE = 0.15
 """Least change of a parameter, relative to the largest change, that counts as part of a direction [1]."""
-ZERO = 1e-7
+ZERO_ENTRY = 1e-7
 """Share of the largest entry below which an entry of a direction counts as zero [1]."""
-NEW = 1e-5
+MIN_NEW_SHARE = 1e-5
 """Share of a direction outside those found before from which it counts as new [1]."""
 NEIGHBOURS = (1, 2, 3, 5)
 """Numbers of neighbouring links and joints that are searched together, before all are."""
-OPEN = 0.5
+OPEN_SHARE = 0.5
 """Share of the prior variance that remains from which a quantity counts as undetermined [1]."""
-HIDES = 0.5
+HIDING_SHARE = 0.5
 """Share of the remaining variance, once all others or the confounded ones were known, below which a quantity
 counts as confounded [1]; otherwise it is unobservable, or confounded with a little of everything."""
-ENOUGH, MOST = 0.7, 3
+MIN_EXPLAINED, MAX_HIDERS = 0.7, 3
 """Share of the remaining variance that must vanish with the confounded quantities [1], and most of those."""
-HELPS = 0.8
+HELPFUL_SHARE = 0.8
 """Share of the remaining variance after one joint was turned below which turning it helps [1]."""
-PINNED = 1e8
+STRUCTURAL_INFORMATION = 1e8
 """Information that fixes structural directions, in units of the prior."""
-FLAT = 0.01
+NEGLIGIBLE_OUTSIDE = 0.01
 """Share of a quantity's prior variance outside structural directions that counts as zero [1]."""
 
 
@@ -47,20 +47,22 @@ class Direction:
 
     #: Their indices, the one that changes most first, relative to what is expected.
     parameters: tuple[int, ...]
-    others: tuple[int, ...]  #: Those that change as well, but less than `SHARE` of it, in the same order.
+    #: Those that change as well, but less than `PARTICIPATION_SHARE` of it, in the same order.
+    others: tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ObservedQuantity:
     """Describe a quantity that can be named in reports."""
 
     name: str  #: Name, such as "joint_3's offset".
     H: Array  #: Its numbers per unit of every unknown, (k, size).
-    own: bool = True  #: Whether it belongs to the arm; otherwise arm quantities are only confounded with it.
+    #: Whether it belongs to the arm; otherwise arm quantities are only confounded with it.
+    of_the_arm: bool = True
 
 
 @dataclass(frozen=True)
-class Hidden:
+class HiddenQuantity:
     """Describe a quantity that the readings leave undetermined."""
 
     name: str  #: Name of the quantity.
@@ -79,7 +81,7 @@ def null_space(A: Array) -> Array:
     Mathematics: `obs-5`.
     """
     n = A.shape[1]
-    seen = np.flatnonzero(~idle(A))
+    seen = np.flatnonzero(~zero_columns(A))
     norm = np.linalg.norm(A, axis=0)
     if not len(seen):
         return np.eye(n)
@@ -105,7 +107,7 @@ def directions(A: Array, unit: Array, groups: Sequence[Ids], known: Array) -> Ar
         Further directions, (k, n).
     """
     R: Array = np.array(np.linalg.qr(A, mode="r"))
-    R[:, idle(A)] = 0
+    R[:, zero_columns(A)] = 0
     missing = null_space(R).shape[1] - len(known)
     found = np.zeros((0, A.shape[1]))
     Q = np.linalg.qr(known.T)[0].T  # orthonormal rows: known, then found
@@ -115,20 +117,20 @@ def directions(A: Array, unit: Array, groups: Sequence[Ids], known: Array) -> Ar
         rows = circuits(null_space(R[:, window]), unit[window])
         T = np.zeros((len(rows), A.shape[1]))
         T[:, window] = rows
-        for row in T[np.argsort((np.abs(T) > ZERO).sum(axis=1), kind="stable")]:
+        for row in T[np.argsort((np.abs(T) > ZERO_ENTRY).sum(axis=1), kind="stable")]:
             new = row / np.linalg.norm(row)
             for _ in range(2):  # twice is enough
                 new = new - (Q @ new) @ Q
-            if np.linalg.norm(new) > NEW:
+            if np.linalg.norm(new) > MIN_NEW_SHARE:
                 found = np.vstack([found, row])
                 Q = np.vstack([Q, new / np.linalg.norm(new)])
     return found
 
 
-def idle(A: Array) -> Mask:
+def zero_columns(A: Array) -> Mask:
     """Tell which columns are zero up to rounding, (n,)."""
     norm = np.linalg.norm(A, axis=0)
-    return np.asarray(norm <= ROUNDING * norm.max(initial=0))
+    return np.asarray(norm <= ZERO_COLUMN * norm.max(initial=0))
 
 
 def _windows(groups: Sequence[Ids]) -> Iterator[Ids]:
@@ -163,14 +165,17 @@ def circuits(N: Array, unit: Array) -> Array:
     return np.asarray(T)
 
 
-def direction(row: Array) -> Direction:
+def participants(row: Array) -> Direction:
     """Describe a direction, (n,), by the unknowns that take part in it."""
     size = np.abs(row) / np.abs(row).max()
-    order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > ZERO]
-    return Direction(tuple(k for k in order if size[k] >= SHARE), tuple(k for k in order if size[k] < SHARE))
+    order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > ZERO_ENTRY]
+    return Direction(
+        tuple(k for k in order if size[k] >= PARTICIPATION_SHARE),
+        tuple(k for k in order if size[k] < PARTICIPATION_SHARE),
+    )
 
 
-def whereabouts(N: Array, within: Array, unit: Array) -> Array:
+def participation(N: Array, within: Array, unit: Array) -> Array:
     """Compute how many directions of N beyond those of `within` each parameter holds.
 
     Args:
@@ -188,9 +193,9 @@ def whereabouts(N: Array, within: Array, unit: Array) -> Array:
     return np.asarray((more**2).sum(axis=1))
 
 
-def hidden(
-    quantities: Sequence[Quantity], L: Array, M: Array, never: Array, further: Sequence[Array] = ()
-) -> tuple[Hidden, ...]:
+def hidden_quantities(
+    quantities: Sequence[ObservedQuantity], L: Array, M: Array, never: Array, further: Sequence[Array] = ()
+) -> tuple[HiddenQuantity, ...]:
     """Find the quantities that the readings leave undetermined, the most uncertain first.
 
     Mathematics: `obs-8`.
@@ -209,22 +214,33 @@ def hidden(
     H, names = np.vstack([one.H for one in quantities]) @ L, [one.name for one in quantities]
     ends = np.cumsum([len(one.H) for one in quantities])
     parts = [np.arange(end - len(one.H), end) for end, one in zip(ends, quantities, strict=True)]
-    pins = PINNED * never @ never.T
+    pins = STRUCTURAL_INFORMATION * never @ never.T
     K = H @ _covariance(M + pins) @ H.T
     after = [_covariance(M + extra + pins) for extra in further]
     found = []
-    for k, (one, at) in enumerate(zip(quantities, parts, strict=True)):
+    for k, (observed_quantity, at) in enumerate(zip(quantities, parts, strict=True)):
         unit = _unit(H[at], never)
-        if not one.own or not len(unit) or (share := _mean(unit, K[np.ix_(at, at)])) < OPEN:
+        if (
+            not observed_quantity.of_the_arm
+            or not len(unit)
+            or (share := _mean(unit, K[np.ix_(at, at)])) < OPEN_SHARE
+        ):
             continue
-        helps, hides = _helps(unit @ H[at], after, share), _alone(one.H, L, M) < HIDES * share
+        helps, hides = (
+            _helps(unit @ H[at], after, share),
+            _alone(observed_quantity.H, L, M) < HIDING_SHARE * share,
+        )
         behind, rest = _behind(K, parts, k, unit) if hides else ([], share)
-        if rest > HIDES * share:
-            found.append(Hidden(one.name, share=share, helps=helps))
+        if rest > HIDING_SHARE * share:
+            found.append(HiddenQuantity(observed_quantity.name, share=share, helps=helps))
         else:
             correlation = float(np.sqrt(max(0.0, 1 - rest / share)))
-            found.append(Hidden(one.name, tuple(names[i] for i in behind), share, correlation, helps))
-    kept: dict[object, Hidden] = {}
+            found.append(
+                HiddenQuantity(
+                    observed_quantity.name, tuple(names[i] for i in behind), share, correlation, helps
+                )
+            )
+    kept: dict[object, HiddenQuantity] = {}
     for left in sorted(found, key=lambda left: (not left.behind, -left.share)):
         kept.setdefault(frozenset((left.name, *left.behind)) if left.behind else left.name, left)
     return tuple(kept.values())
@@ -238,7 +254,7 @@ def _unit(H: Array, never: Array) -> Array:
     """Combine a quantity's numbers to unit prior variance, outside structural directions."""
     free = H - (H @ never) @ never.T
     values, V = np.linalg.eigh(free @ free.T)
-    own = values > FLAT * np.square(H).sum() / len(H)
+    own = values > NEGLIGIBLE_OUTSIDE * np.square(H).sum() / len(H)
     return np.asarray((V[:, own] / np.sqrt(values[own])).T)
 
 
@@ -253,10 +269,10 @@ def _behind(K: Array, parts: Sequence[Ids], k: int, unit: Array) -> tuple[list[i
     """Find the quantities that, once known, remove most of quantity k, and the share that remains."""
     found: list[int] = []
     share = first = _mean(unit, K[np.ix_(parts[k], parts[k])])
-    while len(found) < MOST and share > (1 - ENOUGH) * first:
+    while len(found) < MAX_HIDERS and share > (1 - MIN_EXPLAINED) * first:
         others = [i for i in range(len(parts)) if i != k and i not in found]
         known = [np.concatenate([parts[j] for j in (*found, i)]) for i in others]
-        rest = [_mean(unit, conditional(K, parts[k], at)) for at in known]
+        rest = [_mean(unit, conditional_covariance(K, parts[k], at)) for at in known]
         best = int(np.argmin(rest))
         found, share = [*found, others[best]], rest[best]
     return found, share
@@ -268,9 +284,9 @@ def _helps(H: Array, after: Sequence[Array], share: float) -> int | None:
         return None
     *each, everywhere = (float((H @ S * H).sum() / len(H)) for S in after)
     best = int(np.argmin(each))
-    if each[best] < HELPS * share:
+    if each[best] < HELPFUL_SHARE * share:
         return best
-    return len(each) if everywhere < HELPS * share else -1
+    return len(each) if everywhere < HELPFUL_SHARE * share else -1
 
 
 def _mean(unit: Array, K: Array) -> float:

@@ -17,26 +17,27 @@ from testbench.data.dataset import Dataset, in_order
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, check_array, check_type
 from testbench.identify.conic import sensitivity_units
-from testbench.identify.estimate import Average, Estimate
-from testbench.identify.metric import Belief, precision_root
-from testbench.identify.regression import RANK_TOLERANCE, spread
-from testbench.model.laws import as_loaded, vjm_of
+from testbench.identify.estimate import Estimate, ModelAverage
+from testbench.identify.metric import WeightedPrior, precision_root
+from testbench.identify.regression import RANK_TOLERANCE, scatter_to
+from testbench.model.laws import for_load_history, model_for
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, marker_points, observation
 
-UNSEEN = 1e-8
+UNSEEN_SHARE = 1e-8
 """Share of a functional outside the seen directions from which it is unseen: rounding is 1e-11."""
-BINDS = 0.1  #: Distance from the optimum without a cone that counts as moved by it [standard deviations].
+#: Distance from the optimum without a cone that counts as moved by it [standard deviations].
+BINDING_DISTANCE = 0.1
 CONFIDENCE = 0.95
-RIDGE, TINY = 1e-12, 1e-100
+COVARIANCE_RIDGE, TINY = 1e-12, 1e-100
 """Share of a covariance that is added to it, and how much of what is known: that has none."""
-TOGETHER = 600  #: Deflections whose intervals are found together: enough for numpy, few for memory.
-CURVED = 2.0
+INTERVAL_BATCH = 600  #: Deflections whose intervals are found together: enough for numpy, few for memory.
+CURVATURE_COUNT = 2.0
 """How often what a linear model leaves out counts: once where it predicts, once for what it put into the
 parameters. On an arm that moves by 9 to 41 mm (`arm_6r`, 18 full poses, non-linear truths of the family,
 seeds 1 to 5) 95 % intervals hold 68 % without it, 97 % with it."""
-HEAVY = 4.0
+PRIOR_STUDENT_DOF = 4.0
 """Degrees of freedom of the Student distribution of the prior's part in prediction errors.
 
 Priors are wrong in more ways than a normal distribution covers; readings are not. Over fourteen kinds of true
@@ -72,8 +73,9 @@ class Posterior(Displayed):
     scale: Array  #: Of each unknown, for what counts as zero, (n,).
     #: Degrees of freedom of the Student distribution of what the prior puts in; infinite for a normal one.
     tail: float = math.inf
-    heavy: int = 0  #: How many rows of the root, its last ones, are what the prior puts in.
-    pull: float = 0.0  #: Distance between the estimate and the optimum without a cone [standard deviations].
+    heavy_rows: int = 0  #: How many rows of the root, its last ones, are what the prior puts in.
+    #: Distance between the estimate and the optimum without a cone [standard deviations].
+    cone_distance: float = 0.0
     on_boundary: bool = False  #: Whether the cone holds the estimate.
 
     @classmethod
@@ -126,12 +128,12 @@ class Posterior(Displayed):
         """The same, and of them what the prior puts in, (k,) each."""
         a = check_array(functionals, (None, len(self.x)), "functionals [m per unit of pi]")
         white = a @ self.root.T
-        heavy = white[:, len(self.root) - self.heavy :]
+        heavy = white[:, len(self.root) - self.heavy_rows :]
         seen, prior = (np.sqrt(np.vecdot(own, own)) for own in (white, heavy))
         if not len(self.unseen):
             return seen, prior
         size = np.linalg.norm(a * self.scale, axis=1)
-        unseen = np.linalg.norm(a @ self.unseen.T, axis=1) > UNSEEN * size
+        unseen = np.linalg.norm(a @ self.unseen.T, axis=1) > UNSEEN_SHARE * size
         return np.where(unseen, np.inf, seen), prior
 
     def half_widths(self, functionals: Array, confidence: float = CONFIDENCE) -> Array:
@@ -180,8 +182,8 @@ class Posterior(Displayed):
 def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = CONFIDENCE) -> Intervals:
     """Compute intervals of the deflections that an estimate predicts.
 
-    The half width adds in quadrature the noise, the prior and `CURVED` times the second-order deflection that
-    the linear model omits, see `curvature`.
+    The half width adds in quadrature the noise, the prior and `CURVATURE_COUNT` times the second-order
+    deflection that the linear model omits, see `second_order_deflection`.
 
     Mathematics: `int-8`.
 
@@ -200,23 +202,25 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     check_type(vjm, Vjm, "vjm")
     check_type(estimate, Estimate, "estimate")
     check_type(data, Dataset, "data")
-    vjm = vjm_of(vjm, estimate.structure)
-    own, points = linearise(estimate), marker_points(vjm, data.markers)
-    together, ends = max(1, TOGETHER // len(points)), []
+    vjm = model_for(vjm, estimate.structure)
+    posterior, points = linearise(estimate), marker_points(vjm, data.markers)
+    together, ends = max(1, INTERVAL_BATCH // len(points)), []
     for first in range(0, data.runs, together):
         some = in_order(data, np.arange(first, min(first + together, data.runs)))
-        where = chain(as_loaded(vjm, some.taken_off), some.q)
+        where = chain(for_load_history(vjm, some.taken_off), some.q)
         rows = observation(where, estimate.structure, some.wrench, some.point, points)
-        found = own.intervals(rows.reshape(-1, estimate.structure.n), confidence)
+        found = posterior.intervals(rows.reshape(-1, estimate.structure.n), confidence)
         centre, upper = (end.reshape(rows.shape[:3]) for end in (found.centre, found.upper))
         # Noise and prior in one width, what the linear model omits in the other: independent, in quadrature.
-        half = np.hypot(upper - centre, CURVED * curvature(vjm, estimate.C_theta, some))
+        half = np.hypot(
+            upper - centre, CURVATURE_COUNT * second_order_deflection(vjm, estimate.C_theta, some)
+        )
         ends.append((centre, centre - half, centre + half))
     centre, lower, upper = map(np.concatenate, zip(*ends, strict=True))
-    return Intervals(centre, lower, upper, confidence, own.on_boundary)
+    return Intervals(centre, lower, upper, confidence, posterior.on_boundary)
 
 
-def curvature(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
+def second_order_deflection(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
     """Compute the second-order deflection that a linear model omits, on its own weightless arm.
 
     The load acts, and the targets are, where the linear deflection brings them: one step of the fixed point
@@ -251,15 +255,15 @@ def linearise(estimate: Estimate) -> Posterior:
     """
     if estimate.average is not None:
         return _averaged(estimate, estimate.average)
-    regression, belief = estimate.regression, estimate.belief
-    L = np.diag(sensitivity_units(regression)) if belief is None else belief.metric.L
+    regression, belief = estimate.regression, estimate.weighted_prior
+    L = np.diag(sensitivity_units(regression)) if belief is None else belief.scaling.L
     both = [math.sqrt(t.equations / 3) * np.c_[t.R @ L, t.z] for t in regression.terms]
     if belief is not None:
-        both.append(np.column_stack(precision_root(belief.metric, belief.strength)))
+        both.append(np.column_stack(precision_root(belief.scaling, belief.strength)))
     x, rows = np.r_[np.linalg.solve(L, estimate.pi), -1.0], [own[:, :-1] for own in both]
     back, unseen = _inverse(np.vstack(rows))
     pull = _pull(estimate, rows, back, [own @ x for own in both])
-    learnt = belief is not None and belief.moves is not None
+    learnt = belief is not None and belief.hyperparameter_effect is not None
     if belief is not None and learnt:
         root, heavy = _split(rows, back, belief, L)
     else:
@@ -271,10 +275,10 @@ def linearise(estimate: Estimate) -> Posterior:
         root=root,
         unseen=unseen @ L.T,
         scale=np.linalg.norm(L, axis=1),
-        tail=HEAVY if learnt else math.inf,
-        heavy=heavy,
-        pull=pull,
-        on_boundary=estimate.conservative and pull > BINDS,
+        tail=PRIOR_STUDENT_DOF if learnt else math.inf,
+        heavy_rows=heavy,
+        cone_distance=pull,
+        on_boundary=estimate.conservative and pull > BINDING_DISTANCE,
     )
 
 
@@ -285,7 +289,7 @@ def _inverse(M: Array) -> tuple[Array, Array]:
     return Vt[:r] / s[:r, None], Vt[r:]
 
 
-def conditional(K: Array, own: Ids, known: Ids) -> Array:
+def conditional_covariance(K: Array, own: Ids, known: Ids) -> Array:
     """Compute the covariance of some variables, given others: K_oo - K_ok K_kk^-1 K_ko.
 
     Args:
@@ -297,60 +301,63 @@ def conditional(K: Array, own: Ids, known: Ids) -> Array:
         Conditional covariance, (o, o).
     """
     C, X = K[np.ix_(known, known)], K[np.ix_(own, known)]
-    ridge = (RIDGE * np.trace(C) / len(C) + TINY) * np.eye(len(C))
+    ridge = (COVARIANCE_RIDGE * np.trace(C) / len(C) + TINY) * np.eye(len(C))
     return np.asarray(K[np.ix_(own, own)] - X @ np.linalg.solve(C + ridge, X.T))
 
 
-def _averaged(estimate: Estimate, average: Average) -> Posterior:
+def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
     """Mix the posteriors of averaged models by probability, each widened by its distance from the mean."""
     if average.parts:
         return _mixture(estimate.pi, [(p, linearise(own)) for p, own in average.parts])
-    if average.tied is not None:
-        tied = _among(linearise(average.tied), average.tied.structure, estimate.structure)
-        if average.ties == 1:
+    if average.with_ties is not None:
+        tied = _among(linearise(average.with_ties), average.with_ties.structure, estimate.structure)
+        if average.ties_weight == 1:
             return tied
-        others = [((1 - average.ties) * p, own) for p, own in _untied(average)]
-        return _mixture(estimate.pi, [(average.ties, tied), *others])
+        others = [((1 - average.ties_weight) * p, posterior) for p, posterior in _untied(average)]
+        return _mixture(estimate.pi, [(average.ties_weight, tied), *others])
     every = _untied(average)
-    return every[0][1] if average.likely == 1 else _mixture(estimate.pi, every)
+    return every[0][1] if average.laws_probability == 1 else _mixture(estimate.pi, every)
 
 
-def _untied(average: Average) -> list[tuple[float, Posterior]]:
+def _untied(average: ModelAverage) -> list[tuple[float, Posterior]]:
     """Select the models with uncoupled joints, and their relative probabilities."""
-    p, q = average.likely, average.rigid
-    lawful = [] if average.lawful is None else [(p, linearise(average.lawful))]
+    p, q = average.laws_probability, average.joints_probability
+    lawful = [] if average.with_laws is None else [(p, linearise(average.with_laws))]
     if p == 1:
         return lawful
-    found = [*lawful, ((1 - p) * (1 - q), linearise(average.whole))]
-    if average.alone is not None:
-        alone = _among(linearise(average.alone), average.alone.structure, average.whole.structure)
+    found = [*lawful, ((1 - p) * (1 - q), linearise(average.all_parts))]
+    if average.joints_only is not None:
+        alone = _among(
+            linearise(average.joints_only), average.joints_only.structure, average.all_parts.structure
+        )
         found.append(((1 - p) * q, alone))
     return found
 
 
-def _among(found: Posterior, own: Structure, widest: Structure) -> Posterior:
+def _among(posterior: Posterior, structure: Structure, widest: Structure) -> Posterior:
     """Embed a posterior in the unknowns of a wider structure; all others are zero."""
     x, root, unseen, scale = (
-        spread(numbers, own, widest) for numbers in (found.x, found.root, found.unseen, found.scale)
+        scatter_to(numbers, structure, widest)
+        for numbers in (posterior.x, posterior.root, posterior.unseen, posterior.scale)
     )
-    return replace(found, x=x, root=root, unseen=unseen, scale=scale)
+    return replace(posterior, x=x, root=root, unseen=unseen, scale=scale)
 
 
 def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
     """Mix posteriors by probability about a common mean; some lack the last unknowns, sizes of joint laws."""
     noise, heavy = [], []
-    for p, own in parts:
-        rows, first = np.zeros((len(own.root) + 1, len(pi))), len(own.root) - own.heavy
-        rows[:-1, : len(own.x)], rows[-1] = own.root, pi
-        rows[-1, : len(own.x)] -= own.x
+    for p, posterior in parts:
+        rows, first = np.zeros((len(posterior.root) + 1, len(pi))), len(posterior.root) - posterior.heavy_rows
+        rows[:-1, : len(posterior.x)], rows[-1] = posterior.root, pi
+        rows[-1, : len(posterior.x)] -= posterior.x
         noise.append(math.sqrt(p) * rows[:first])
         heavy.append(math.sqrt(p) * rows[first:])
     widest = max((own for _, own in parts), key=lambda own: len(own.x))
     root, prior = (np.linalg.qr(np.vstack(rows), mode="r") for rows in (noise, heavy))
-    return replace(widest, x=pi, root=np.vstack([root, prior]), heavy=len(prior))
+    return replace(widest, x=pi, root=np.vstack([root, prior]), heavy_rows=len(prior))
 
 
-def _split(rows: list[Array], back: Array, belief: Belief, L: Array) -> tuple[Array, int]:
+def _split(rows: list[Array], back: Array, belief: WeightedPrior, L: Array) -> tuple[Array, int]:
     """Compute the root of the covariance: the part of noise, and rows of the part of the prior's error.
 
     With M the rows A of the readings above those B of the prior, the covariance is (M^T M)^-1 (A^T A + B^T B)
@@ -358,13 +365,13 @@ def _split(rows: list[Array], back: Array, belief: Belief, L: Array) -> tuple[Ar
     errors are uncertain: by the law of total variance their mean squares count, rows of B times `unsure`. The
     changes of the estimate with the sizes are further rows.
     """
-    assert belief.moves is not None
-    assert belief.unsure is not None
-    *readings, prior = (row @ back.T for row in [*rows[:-1], belief.unsure[:, None] * rows[-1]])
+    assert belief.hyperparameter_effect is not None
+    assert belief.size_uncertainty is not None
+    *readings, prior = (row @ back.T for row in [*rows[:-1], belief.size_uncertainty[:, None] * rows[-1]])
     noise = np.linalg.qr(np.vstack(readings), mode="r") @ back
     open_ = np.linalg.qr(prior, mode="r") @ back
-    root = np.vstack([belief.misfit * noise @ L.T, belief.misfit * open_ @ L.T, belief.moves])
-    return root, len(open_) + len(belief.moves)
+    root = np.vstack([belief.misfit * noise @ L.T, belief.misfit * open_ @ L.T, belief.hyperparameter_effect])
+    return root, len(open_) + len(belief.hyperparameter_effect)
 
 
 def _pull(estimate: Estimate, rows: list[Array], back: Array, residuals: list[Array]) -> float:
@@ -374,9 +381,9 @@ def _pull(estimate: Estimate, rows: list[Array], back: Array, residuals: list[Ar
     """
     steps = [back @ (B.T @ e) for B, e in zip(rows, residuals, strict=True)]
     pull = float(np.linalg.norm(sum(steps)))
-    if estimate.belief is None and len(steps) > 1:  # F_M weights its terms by their residuals
+    if estimate.weighted_prior is None and len(steps) > 1:  # F_M weights its terms by their residuals
         terms = zip(steps, residuals, estimate.regression.terms, strict=True)
-        tilted = [g / (math.sqrt((e @ e) / t.equations + t.rest / 3) or 1.0) for g, e, t in terms]
+        tilted = [g / (math.sqrt((e @ e) / t.equations + t.unexplained / 3) or 1.0) for g, e, t in terms]
         pull = min(pull, float(np.linalg.norm(sum(tilted))))
     return pull
 

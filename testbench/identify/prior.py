@@ -15,14 +15,14 @@ from testbench.errors import Array, BenchError, check_type
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-RANGE = 1e-6, 1e6
+UNCERTAINTY_RANGE = 1e-6, 1e6
 """Range of accepted relative uncertainties of a prior [1]; `Strength` refuses others."""
-SOFTENED = 0.5
-"""Share of the couplings (off-diagonal compliances) that `softened` removes from every link [1].
+SOFTENING = 0.5
+"""Share of the couplings (off-diagonal compliances) that `with_weaker_coupling` removes from every link [1].
 
 It stands for bearings and flanges that are elastic in addition to the beam between them.
 """
-PRIORS = 32
+CACHED_PRIORS = 32
 """Number of softened priors that are cached, so that their metrics are found again."""
 
 
@@ -48,7 +48,7 @@ class Prior(Displayed):
 
 @dataclass(frozen=True)
 class Strength:
-    """Hold the relative uncertainty of a prior; `metric.precision_root` turns it into weights."""
+    """Hold the relative uncertainty of a prior; `scale_by_prior.precision_root` turns it into weights."""
 
     uncertainty: float  #: Relative standard deviation u of an entry of x around its expectation [1].
     #: Relative standard deviation of the factor common to all compliances [1]; infinite leaves the factor to
@@ -61,8 +61,8 @@ class Strength:
     tie: float | None = None  #: u of the entries that couple two joints [1]; None for `uncertainty`.
 
     def __post_init__(self) -> None:
-        """Refuse an uncertainty outside `RANGE`, or a negative uncertainty of the scale, by BenchError."""
-        low, high = RANGE
+        """Refuse by BenchError an uncertainty outside `UNCERTAINTY_RANGE`, or below zero of the scale."""
+        low, high = UNCERTAINTY_RANGE
         coupling = self.uncertainty if self.coupling is None else self.coupling
         for name, value in (("uncertainty", self.uncertainty), ("coupling", coupling)):
             if not low <= value <= high:
@@ -87,9 +87,9 @@ def cad_prior(arm: Arm) -> Prior:
     return Prior(f"CAD of {arm.name}", arm.C_theta)
 
 
-@lru_cache(maxsize=PRIORS)
-def softened(prior: Prior) -> Prior:
-    """Make a prior whose links are less like beams: equal on the diagonal, couplings reduced by `SOFTENED`.
+@lru_cache(maxsize=CACHED_PRIORS)
+def with_weaker_coupling(prior: Prior) -> Prior:
+    """Make a prior whose links are less like beams: equal on the diagonal, weaker couplings.
 
     Mathematics: `prior-6`.
 
@@ -97,13 +97,13 @@ def softened(prior: Prior) -> Prior:
         prior: Expected compliances.
 
     Returns:
-        C (1 - SOFTENED) + SOFTENED diag(C); cached.
+        C (1 - SOFTENING) + SOFTENING diag(C); cached.
     """
     C = prior.C_theta
-    return replace(prior, C_theta=(1 - SOFTENED) * C + SOFTENED * np.diag(np.diag(C)))
+    return replace(prior, C_theta=(1 - SOFTENING) * C + SOFTENING * np.diag(np.diag(C)))
 
 
-def distorted(prior: Prior, *, scale: float, shape: float, rng: np.random.Generator) -> Prior:
+def perturbed(prior: Prior, *, scale: float, shape: float, rng: np.random.Generator) -> Prior:
     """Make a wrong prior: D C D times a common factor, D diagonal and random.
 
     Args:

@@ -17,7 +17,7 @@ import numpy as np
 from testbench.data.dataset import Dataset, read_by
 from testbench.data.series import Series, select_rows, series_of
 from testbench.errors import Array, BenchError, Mask, check_type
-from testbench.identify.registration import Frame, Registration, reach, register, spread
+from testbench.identify.registration import Frame, Registration, arm_reach, largest_deviation, register
 from testbench.identify.weighed import check_runs
 from testbench.model.vjm import Vjm, skew
 
@@ -25,37 +25,39 @@ Choice = Literal["auto", "base", "tracker"]
 
 STATION = "station"
 """Prefix of the names of frames; the number of the station follows."""
-TURN, SHIFT = math.radians(0.5), 0.01
+MAX_BASE_ROTATION, MAX_BASE_SHIFT = math.radians(0.5), 0.01
 """A frame nearer to the base than this is the base [rad, share of the arm's reach].
 
 Readings in the base's frame seem turned by up to 0.35 deg and moved by 15 mm at 2.5 m, those of a heavy arm
 with `plant.TYPICAL` errors; without errors, by 0.13 deg and 4 mm by its own weight (30 campaigns, KR 500).
 """
-MOVED = 0.005
+MAX_TARGET_SHIFT = 0.005
 """Distance from its nominal position beyond which a target of readings in the base's frame is fitted [m]. Own
 weight moves a target of a sound arm by up to 2 mm; fitting targets costs nothing."""
-SURE = 3.0
+BASE_SIGMAS = 3.0
 """Standard deviations within which a frame may be the base."""
-LOOSE = math.radians(1.0)
+MAX_FRAME_DEVIATION = math.radians(1.0)
 """Standard deviation of a frame's rotation beyond which it is undetermined [rad]."""
-FAR = 0.02
+MAX_NOMINAL_DISTANCE = 0.02
 """Median distance of readings from the nominal arm, over the tool's distance from its base, beyond which they
 are of another arm or of other joint angles [1]."""
 
 
 @dataclass(frozen=True)
-class Registered:
+class RegisteredDataset:
     """Hold runs in the base's frame, with the model whose targets fit them."""
 
     vjm: Vjm  #: The model, with targets where the readings have them.
     data: Dataset  #: The runs in the base's frame.
     registration: Registration | None  #: Result of the registration; None if it failed.
     frame: Literal["base", "tracker"]  #: Frame of the readings.
-    taken: Mask  #: Targets that were fitted, (m,).
+    targets_taken: Mask  #: Targets that were fitted, (m,).
     why: str = ""  #: Why the registration failed.
 
 
-def registered(vjm: Vjm, data: Dataset, frame: Choice | Mapping[str, Frame] = "auto") -> Registered:
+def register_dataset(
+    vjm: Vjm, data: Dataset, frame: Choice | Mapping[str, Frame] = "auto"
+) -> RegisteredDataset:
     """Find out what frame runs were read in, and bring them into the base's.
 
     Args:
@@ -72,36 +74,36 @@ def registered(vjm: Vjm, data: Dataset, frame: Choice | Mapping[str, Frame] = "a
     check_type(vjm, Vjm, "vjm")
     check_type(data, Dataset, "data")
     check_runs(vjm, data)
-    series, nominal = unloaded(data), dict(zip(vjm.arm.markers, vjm.markers, strict=True))
+    series, nominal = unloaded_series(data), dict(zip(vjm.arm.markers, vjm.markers, strict=True))
     base = {one.frame: Frame(np.eye(3), np.zeros(3)) for one in series}
     try:
         given = base if frame == "base" else {} if isinstance(frame, str) else frame
-        found = register(vjm, series, nominal, given)
-        far = reach(vjm, data.q)
-        if frame == "auto" and found.typical > FAR * far:
-            fit = f"({1e3 * found.rms:.3g} mm RMS)"
+        registration = register(vjm, series, nominal, given)
+        far = arm_reach(vjm, data.q)
+        if frame == "auto" and registration.typical > MAX_NOMINAL_DISTANCE * far:
+            fit = f"({1e3 * registration.rms:.3g} mm RMS)"
             raise BenchError(f"in no frame do the unloaded readings fit the arm {fit}")
-        if frame == "auto" and all(_is_base(one, found.frames[one.frame], far) for one in series):
-            frame, found = "base", register(vjm, series, nominal, base)
+        if frame == "auto" and all(_is_base(one, registration.frames[one.frame], far) for one in series):
+            frame, registration = "base", register(vjm, series, nominal, base)
     except BenchError as why:
         if frame not in ("auto", "base") or not set(data.markers) <= set(vjm.arm.markers):
             raise
-        return Registered(vjm, data, None, "base", np.zeros(len(data.markers), dtype=bool), str(why))
-    taken = np.ones(len(found.markers), dtype=bool)
+        return RegisteredDataset(vjm, data, None, "base", np.zeros(len(data.markers), dtype=bool), str(why))
+    taken = np.ones(len(registration.markers), dtype=bool)
     if frame == "base":
-        taken = ~(np.linalg.norm(found.targets - found.nominal, axis=1) <= MOVED)
+        taken = ~(np.linalg.norm(registration.targets - registration.nominal, axis=1) <= MAX_TARGET_SHIFT)
     else:
-        _check_known(found)
-        data = in_base(found, data)
-    places = {name: found.targets[k] for k, name in enumerate(found.markers) if taken[k]}
+        _check_known(registration)
+        data = transform_to_base(registration, data)
+    places = {name: registration.targets[k] for k, name in enumerate(registration.markers) if taken[k]}
     model = with_markers(vjm, places) if places else vjm
-    return Registered(model, data, found, "base" if frame == "base" else "tracker", taken)
+    return RegisteredDataset(model, data, registration, "base" if frame == "base" else "tracker", taken)
 
 
-def unloaded(data: Dataset) -> tuple[Series, ...]:
+def unloaded_series(data: Dataset) -> tuple[Series, ...]:
     """Return the unloaded readings of runs, one series per station that read anything."""
-    every = (select_rows(one, np.arange(one.rows // 2)) for one in series_of(data, STATION, "tool"))
-    return tuple(one for one in every if one.seen.any())
+    every = (select_rows(series, np.arange(series.rows // 2)) for series in series_of(data, STATION, "tool"))
+    return tuple(series for series in every if series.seen.any())
 
 
 def _is_base(series: Series, frame: Frame, far: float) -> bool:
@@ -109,14 +111,17 @@ def _is_base(series: Series, frame: Frame, far: float) -> bool:
     y = series.position[series.seen]
     x = (y - frame.translation) @ frame.rotation
     at_targets = np.hstack([-frame.rotation @ skew(x.mean(axis=0)), np.eye(3)])
-    turn, shift = frame.deviation, spread(at_targets @ frame.covariance @ at_targets.T)
+    turn, shift = frame.deviation, largest_deviation(at_targets @ frame.covariance @ at_targets.T)
     moved = float(np.median(np.linalg.norm(y - x, axis=1)))
-    return frame.angle < TURN + SURE * turn and moved < SHIFT * far + SURE * shift
+    return (
+        frame.angle < MAX_BASE_ROTATION + BASE_SIGMAS * turn
+        and moved < MAX_BASE_SHIFT * far + BASE_SIGMAS * shift
+    )
 
 
-def _check_known(found: Registration) -> None:
-    for name, frame in found.frames.items():
-        if frame.deviation > LOOSE:
+def _check_known(registration: Registration) -> None:
+    for name, frame in registration.frames.items():
+        if frame.deviation > MAX_FRAME_DEVIATION:
             degrees = f"{math.degrees(frame.deviation):.1f} deg"
             raise BenchError(
                 f"registration: the frame of {name} is known to {degrees} only; "
@@ -138,14 +143,14 @@ def with_markers(vjm: Vjm, places: Mapping[str, Array]) -> Vjm:
     return replace(vjm, arm=replace(vjm.arm, markers=tuple(have)), markers=np.array(list(have.values())))
 
 
-def in_base(found: Registration, data: Dataset) -> Dataset:
+def transform_to_base(registration: Registration, data: Dataset) -> Dataset:
     """Turn readings from their stations' frames into the base's.
 
     The uncertainty of a frame's rotation is added to the covariance of every deflection, as if it were
     independent from run to run.
 
     Args:
-        found: The registered frames.
+        registration: The registered frames.
         data: The runs in the stations' frames.
 
     Returns:
@@ -155,8 +160,8 @@ def in_base(found: Registration, data: Dataset) -> Dataset:
 
     R, t = np.tile(np.eye(3), (data.runs, 1, 1)), np.zeros((data.runs, 1, 3))
     about = np.zeros((data.runs, 1, 3, 3))  # covariance of the rotation of every run's frame, base axes
-    for name, frame in found.frames.items():
-        own = read_by(data, station(name))
+    for name, frame in registration.frames.items():
+        own = read_by(data, station_number(name))
         R[own], t[own], about[own] = frame.rotation, frame.translation, frame.covariance[:3, :3]
     before, after = ((readings - t) @ R for readings in (data.before, data.after))
     turned = [
@@ -175,6 +180,6 @@ def in_base(found: Registration, data: Dataset) -> Dataset:
     )
 
 
-def station(name: str) -> int:
+def station_number(name: str) -> int:
     """Return the number of the station from the name of its frame."""
     return int(name.removeprefix(STATION))

@@ -2,7 +2,7 @@
 
 It minimises
 
-    sum_rk rho(|W_rk (p_rk - R_s (R_r m_k + p_r) - t_s)|) + sum_k rho(|m_k - nominal_k| / ROUGH)
+    sum_rk rho(|W_rk (p_rk - R_s (R_r m_k + p_r) - t_s)|) + sum_k rho(|m_k - nominal_k| / NOMINAL_DEVIATION)
 
 with Huber's rho and the weight W_rk^-2 = C_rk + s^2 I. C_rk is the reading's covariance. s is the noise that
 the residuals show beyond it: the arm's geometric errors and its own sag. It is estimated with the rest.
@@ -16,42 +16,44 @@ import numpy as np
 from testbench.data.series import Series
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify.closed_form import (
-    LEAST_POINTS,
-    Layout,
-    Means,
-    means,
-    names,
-    points,
+    MIN_POINTS,
+    FrameLayout,
+    MeanReadings,
+    base_points,
+    frame_and_target_names,
+    initial_layouts,
+    mean_readings,
     residuals,
-    starts,
 )
 from testbench.identify.robust_loss import FRAMES
-from testbench.model.tool_motion import turned
+from testbench.model.tool_motion import rotation_matrices
 from testbench.model.vjm import Vjm, skew, tool_pose
 
-STILL = 1e-3
+MIN_JOINT_MOTION = 1e-3
 """Motion of a joint below which it counts as still [rad, m]."""
-POSES = 6
+MIN_POSES = 6
 """Fewest poses that determine one frame and one target without a nominal position."""
-ROUGH = 0.02
+NOMINAL_DEVIATION = 0.02
 """Standard deviation of a nominal target position along each axis [m]."""
-ASSUMED = 1e-3
+ASSUMED_NOISE = 1e-3
 """Noise by geometric errors if the readings do not determine it [m]."""
-SPARE = 6
+MIN_SPARE_EQUATIONS = 6
 """Fewest degrees of freedom that determine the noise."""
-STEP = 1e-9
+STEP_TOLERANCE = 1e-9
 """Gauss-Newton step at which the fit has converged [m, rad]."""
-MOST_STEPS = 200
-NEAR, FAR_STEPS = 1e-4, 60
-"""After a step below NEAR [m, rad], or so many, wild readings are dropped and the noise is estimated too.
+MAX_STEPS = 200
+SETTLED_STEP, MAX_UNWEIGHTED_STEPS = 1e-4, 60
+"""After a step below SETTLED_STEP [m, rad], or so many, wild readings are dropped and the noise is estimated
+too.
 
 Before, residuals are those of the start: they would let nominal targets and wild readings win.
 """
-FAR = 10.0
-"""Length of a residual over the median, or over ASSUMED if that is more, beyond which it is dropped."""
-SAME = 1e-6  #: Relative change of the noise that ends the search.
-OPEN, DIVERGED = "open", "no convergence"  #: Ends of a search that found nothing.
-SINGULAR = 1e-11  #: Least eigenvalue of the scaled information; below it a direction is not seen at all.
+WILD_RATIO = 10.0
+"""Length of a residual over the median, or over ASSUMED_NOISE if that is more, beyond which it is dropped."""
+NOISE_TOLERANCE = 1e-6  #: Relative change of the noise that ends the search.
+OPEN_STATUS, DIVERGED = "open", "no convergence"  #: Ends of a search that found nothing.
+#: Least eigenvalue of the scaled information; below it a direction is not seen at all.
+MIN_INFORMATION = 1e-11
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class Frame:
     @property
     def deviation(self) -> float:
         """Return the largest standard deviation of the rotation about any axis [rad]."""
-        return spread(self.covariance[:3, :3])
+        return largest_deviation(self.covariance[:3, :3])
 
 
 @dataclass(frozen=True)
@@ -97,12 +99,12 @@ class Registration:
     names: tuple[str, ...]  #: Names of the frames.
     markers: tuple[str, ...]  #: Names of the targets.
     nominal: Array  #: Nominal target positions, (m, 3) [m]; NaN for a target without one.
-    layout: Layout  #: Frames and targets in order.
+    layout: FrameLayout  #: Frames and targets in order.
     free: Mask  #: Frames that were not given, (frames,).
     covariance: Array  #: Of rotation and translation of every frame not given, then of all targets [rad, m].
     distance: Array  #: Distance of every reading, averaged per pose, from the fitted arm, (n,) [m].
     noise: float  #: s: standard deviation along an axis beyond the tracker's [m].
-    wild: int  #: Number of outliers, with less than full robust weight.
+    downweighted: int  #: Number of outliers, with less than full robust weight.
 
     @property
     def frames(self) -> dict[str, Frame]:
@@ -157,32 +159,32 @@ def register(
     Raises:
         BenchError: When the readings do not determine a frame or target, or no search converges.
     """
-    frames, targets = names(series)
+    frames, targets = frame_and_target_names(series)
     expected = np.array([nominal.get(name, np.full(3, np.nan)) for name in targets])
-    known = Layout(np.full((len(frames), 3, 3), np.nan), np.full((len(frames), 3), np.nan), expected)
+    known = FrameLayout(np.full((len(frames), 3, 3), np.nan), np.full((len(frames), 3), np.nan), expected)
     for name, frame in (given or {}).items():
         if name not in frames:
             raise BenchError(f"frame of {name}: the readings are of {', '.join(frames)}")
         known.rotation[frames.index(name)] = frame.rotation
         known.translation[frames.index(name)] = frame.translation
-    seen, free = means(vjm, series), np.isnan(known.translation[:, 0])
+    readings, free = mean_readings(vjm, series), np.isnan(known.translation[:, 0])
     none = np.zeros(0)
     tried = [
-        _refined(seen, Registration(frames, targets, expected, start, free, none, none, ASSUMED, 0))
-        for start in starts(seen, known)
+        _refined(readings, Registration(frames, targets, expected, start, free, none, none, ASSUMED_NOISE, 0))
+        for start in initial_layouts(readings, known)
     ]
     solved = [one for one in tried if isinstance(one, Registration)]
     if not solved:
         raise BenchError(f"registration: {_unsolved(vjm, series, tried)}")
-    return min(solved, key=lambda one: one.typical)
+    return min(solved, key=lambda registration: registration.typical)
 
 
-def spread(covariance: Array) -> float:
+def largest_deviation(covariance: Array) -> float:
     """Compute the largest standard deviation along any direction, from a covariance of (n, n)."""
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0)))
 
 
-def reach(vjm: Vjm, q: Array) -> float:
+def arm_reach(vjm: Vjm, q: Array) -> float:
     """Compute the median distance of the tool from the arm's base.
 
     Args:
@@ -195,8 +197,8 @@ def reach(vjm: Vjm, q: Array) -> float:
     return float(np.median(np.linalg.norm(tool_pose(vjm, q)[0] - vjm.base[:3, 3], axis=1)))
 
 
-def turning(vjm: Vjm, series: Sequence[Series]) -> list[str]:
-    """List the joints that move in the readings, by more than `STILL`.
+def moving_joints(vjm: Vjm, series: Sequence[Series]) -> list[str]:
+    """List the joints that move in the readings, by more than `MIN_JOINT_MOTION`.
 
     Args:
         vjm: The arm's virtual joint model.
@@ -206,7 +208,7 @@ def turning(vjm: Vjm, series: Sequence[Series]) -> list[str]:
         Names of the joints, in order.
     """
     sizes = np.ptp(np.concatenate([one.q for one in series]), axis=0)
-    return [joint.name for joint, size in zip(vjm.arm.joints, sizes, strict=True) if size > STILL]
+    return [joint.name for joint, size in zip(vjm.arm.joints, sizes, strict=True) if size > MIN_JOINT_MOTION]
 
 
 def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> str:
@@ -214,47 +216,55 @@ def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> st
     if DIVERGED in tried:
         return f"{DIVERGED}; a wrong unit, order of joints or sign of an angle?"
     for one in series:
-        if one.seen.sum() < LEAST_POINTS:
-            return f"{one.frame} read {one.seen.sum()} targets; expected at least {LEAST_POINTS}"
+        if one.seen.sum() < MIN_POINTS:
+            return f"{one.frame} read {one.seen.sum()} targets; expected at least {MIN_POINTS}"
     poses = len(np.unique(np.concatenate([one.q for one in series]), axis=0))
     return (
-        f"{poses} poses, in which {', '.join(turning(vjm, series)) or 'no joint'} turns, leave a frame or a "
-        f"target open; expected at least {POSES} poses that turn three joints, or nominal positions of all "
+        f"{poses} poses, in which {', '.join(moving_joints(vjm, series)) or 'no joint'} turns, leave a "
+        f"frame or a "
+        f"target open; expected at least {MIN_POSES} poses that turn three joints, or nominal "
+        f"positions of all "
         "targets"
     )
 
 
-def _refined(seen: Means, start: Registration) -> Registration | str:
-    """Take Gauss-Newton steps from a start; returns `OPEN` if a direction is undetermined."""
-    at, free, noise, kept = start.layout, start.free, start.noise, None
-    values, V = np.linalg.eigh(seen.covariance)
-    for k in range(MOST_STEPS):
-        e, J = residuals(seen, at), _jacobian(seen, at, free)
+def _refined(readings: MeanReadings, start: Registration) -> Registration | str:
+    """Take Gauss-Newton steps from a start; returns `OPEN_STATUS` if a direction is undetermined."""
+    layout, free, noise, kept = start.layout, start.free, start.noise, None
+    values, V = np.linalg.eigh(readings.covariance)
+    for k in range(MAX_STEPS):
+        e, J = residuals(readings, layout), _jacobian(readings, layout, free)
         # Whiten residuals by W = (C + s^2 I)^-1/2, in the principal axes of C.
         root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]
         u = np.matvec(root, e)
         # Huber's weights; readings that were dropped as wild have weight zero.
-        pull = FRAMES.pull(np.linalg.norm(u, axis=1)) * (True if kept is None else kept)
+        pull = FRAMES.influence(np.linalg.norm(u, axis=1)) * (True if kept is None else kept)
         # Normal equations, with the nominal targets as further rows.
         A = (root @ J).reshape(-1, J.shape[2])
         weighted = np.repeat(pull, 3)[:, None] * A
-        information, held = weighted.T @ A, _held(start.nominal - at.targets, A.shape[1])
+        information, held = weighted.T @ A, _held(start.nominal - layout.targets, A.shape[1])
         P = _inverse(information + np.diag(held[0]))
         if P is None:
-            return OPEN
+            return OPEN_STATUS
         step, before = P @ (weighted.T @ u.ravel() + held[0] * held[1]), noise
-        at = _moved(at, free, step)
-        if kept is None and (np.abs(step).max() < NEAR or k == FAR_STEPS):
+        layout = _moved(layout, free, step)
+        if kept is None and (np.abs(step).max() < SETTLED_STEP or k == MAX_UNWEIGHTED_STEPS):
             length = np.linalg.norm(e, axis=1)
-            kept = np.asarray(length <= FAR * max(float(np.median(length)), ASSUMED))
+            kept = np.asarray(length <= WILD_RATIO * max(float(np.median(length)), ASSUMED_NOISE))
         if kept is not None:
             # Noise s beyond the tracker's, from residuals and remaining degrees of freedom.
             spare = 3 * kept.sum() - float(np.sum(P * information))
             along = np.einsum("nxk,nx->nk", V, e)[kept]
-            noise = FRAMES.spread(along, values[kept], spare / along.size) if spare >= SPARE else ASSUMED
-            if np.abs(step).max() < STEP and abs(noise - before) <= SAME * noise:
+            noise = (
+                FRAMES.scatter(along, values[kept], spare / along.size)
+                if spare >= MIN_SPARE_EQUATIONS
+                else ASSUMED_NOISE
+            )
+            if np.abs(step).max() < STEP_TOLERANCE and abs(noise - before) <= NOISE_TOLERANCE * noise:
                 distance, wild = np.linalg.norm(e, axis=1), int((pull < 1).sum())
-                return replace(start, layout=at, covariance=P, distance=distance, noise=noise, wild=wild)
+                return replace(
+                    start, layout=layout, covariance=P, distance=distance, noise=noise, downweighted=wild
+                )
     return DIVERGED
 
 
@@ -263,30 +273,33 @@ def _held(off: Array, size: int) -> tuple[Array, Array]:
 
     The loss is Huber's here too: a nominal position beyond the bend is wrong, not imprecise.
     """
-    length = np.linalg.norm(off, axis=1, keepdims=True) / ROUGH
-    weight, frames = np.where(np.isfinite(off), FRAMES.pull(length), 0) / ROUGH**2, (size - off.size, 0)
+    length = np.linalg.norm(off, axis=1, keepdims=True) / NOMINAL_DEVIATION
+    weight, frames = (
+        np.where(np.isfinite(off), FRAMES.influence(length), 0) / NOMINAL_DEVIATION**2,
+        (size - off.size, 0),
+    )
     return np.pad(weight.ravel(), frames), np.pad(np.nan_to_num(off).ravel(), frames)
 
 
-def _jacobian(seen: Means, at: Layout, free: Mask) -> Array:
+def _jacobian(readings: MeanReadings, layout: FrameLayout, free: Mask) -> Array:
     """Change of modelled readings with turn and shift of free frames and with targets, (n, 3, k)."""
-    R, n = at.rotation[seen.frame], np.arange(len(seen.frame))
-    J = np.zeros((len(n), 3, 6 * len(free) + at.targets.size))
-    turned = R @ skew(points(seen, at.targets)).swapaxes(1, 2)
+    R, n = layout.rotation[readings.frame], np.arange(len(readings.frame))
+    J = np.zeros((len(n), 3, 6 * len(free) + layout.targets.size))
+    turned = R @ skew(base_points(readings, layout.targets)).swapaxes(1, 2)
     for axis in range(3):
-        J[n, :, 6 * seen.frame + axis] = turned[:, :, axis]
-        J[n, axis, 6 * seen.frame + 3 + axis] = 1.0
-        J[n, :, 6 * len(free) + 3 * seen.target + axis] = (R @ seen.rotation)[:, :, axis]
-    return J[:, :, np.concatenate([np.repeat(free, 6), np.ones(at.targets.size, dtype=bool)])]
+        J[n, :, 6 * readings.frame + axis] = turned[:, :, axis]
+        J[n, axis, 6 * readings.frame + 3 + axis] = 1.0
+        J[n, :, 6 * len(free) + 3 * readings.target + axis] = (R @ readings.rotation)[:, :, axis]
+    return J[:, :, np.concatenate([np.repeat(free, 6), np.ones(layout.targets.size, dtype=bool)])]
 
 
-def _moved(at: Layout, free: Mask, step: Array) -> Layout:
+def _moved(layout: FrameLayout, free: Mask, step: Array) -> FrameLayout:
     """Frames turned about their own axes and shifted, targets shifted, by a step of the free unknowns."""
     frames, targets = np.split(step, [6 * free.sum()])
-    rotation, translation = at.rotation.copy(), at.translation.copy()
-    rotation[free] = rotation[free] @ turned(frames.reshape(-1, 6)[:, :3])
+    rotation, translation = layout.rotation.copy(), layout.translation.copy()
+    rotation[free] = rotation[free] @ rotation_matrices(frames.reshape(-1, 6)[:, :3])
     translation[free] += frames.reshape(-1, 6)[:, 3:]
-    return Layout(rotation, translation, at.targets + targets.reshape(-1, 3))
+    return FrameLayout(rotation, translation, layout.targets + targets.reshape(-1, 3))
 
 
 def _inverse(information: Array) -> Array | None:
@@ -295,4 +308,4 @@ def _inverse(information: Array) -> Array | None:
     if not size.all():
         return None
     values, V = np.linalg.eigh(information / np.outer(size, size))
-    return None if values[0] < SINGULAR else np.asarray((V / values) @ V.T / np.outer(size, size))
+    return None if values[0] < MIN_INFORMATION else np.asarray((V / values) @ V.T / np.outer(size, size))

@@ -13,13 +13,13 @@ from scipy.linalg import qr
 
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.unknowns import compliances
-from testbench.identify.rows import jacobian, straight
+from testbench.identify.absolute.unknowns import compliance_unknowns
+from testbench.identify.rows import jacobian, nominal_chain
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-ROUNDING = 1e-12
+ZERO_COLUMN = 1e-12
 """A column below this share of the largest is the rounding of a zero: lever arms that cancel."""
 RANK_TOLERANCE = 1e-9
 """A singular value below this share of the largest is zero; structural zeros come out at 1e-16."""
@@ -34,7 +34,8 @@ class Term:
 
     R: Array  #: Triangular factor of the rows, (n, n).
     z: Array  #: Measured deflections in its coordinates, (n,).
-    rest: float  #: Squared norm of the readings outside the columns' span, which no parameter can explain.
+    #: Squared norm of the readings outside the columns' span, which no parameter can explain.
+    unexplained: float
     equations: int  #: Number of scalar equations.
 
 
@@ -87,7 +88,7 @@ class Regression(Displayed):
         return len(self.terms) * math.sqrt(3 * dof)
 
 
-def term_of(T: Array, rest: float, equations: int) -> Term:
+def term_from_triangle(T: Array, rest: float, equations: int) -> Term:
     """Make a term of F_M from the triangular factor of its rows.
 
     Mathematics: `obs-3`.
@@ -100,10 +101,10 @@ def term_of(T: Array, rest: float, equations: int) -> Term:
     Returns:
         The term.
     """
-    return Term(R=T[:-1, :-1], z=T[:-1, -1], rest=float(T[-1, -1] ** 2) + rest, equations=equations)
+    return Term(R=T[:-1, :-1], z=T[:-1, -1], unexplained=float(T[-1, -1] ** 2) + rest, equations=equations)
 
 
-def triangle(rows: Array) -> Array:
+def triangular_factor(rows: Array) -> Array:
     """Compute the triangular factor of rows by QR, (rows, n) -> (n, n)."""
     R = np.linalg.qr(rows, mode="r")
     T = np.zeros((rows.shape[1],) * 2)
@@ -122,14 +123,14 @@ def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
         The regression, with the column norms of its terms.
     """
     columns = np.sqrt(sum((term.R**2).sum(axis=0) for term in terms))
-    columns[columns <= ROUNDING * columns.max()] = 0
+    columns[columns <= ZERO_COLUMN * columns.max()] = 0
     weight = np.zeros(structure.n_theta)
     diagonal = structure.a == structure.b
     weight[structure.a[diagonal]] = columns[diagonal]
     return Regression(structure, terms, columns, weight)
 
 
-def some_columns(regression: Regression, structure: Structure) -> Regression:
+def restrict_to(regression: Regression, structure: Structure) -> Regression:
     """Restrict a regression to fewer unknowns; all others are rigid.
 
     Args:
@@ -139,15 +140,17 @@ def some_columns(regression: Regression, structure: Structure) -> Regression:
     Returns:
         The regression of the same readings in these unknowns.
     """
-    columns = places(structure, regression.structure)
-    parts = ((triangle(np.c_[own.R[:, columns], own.z]), own) for own in regression.terms)
-    found = regression_of(structure, tuple(term_of(T, own.rest, own.equations) for T, own in parts))
+    columns = parameter_places(structure, regression.structure)
+    parts = ((triangular_factor(np.c_[term.R[:, columns], term.z]), term) for term in regression.terms)
+    found = regression_of(
+        structure, tuple(term_from_triangle(T, term.unexplained, term.equations) for T, term in parts)
+    )
     poses = tuple(rows[:, [*columns, -1]] for rows in regression.poses)
     wander = None if regression.wander is None else regression.wander[:, columns]
     return replace(found, poses=poses, wander=wander)
 
 
-def places(structure: Structure, whole: Structure) -> Ids:
+def parameter_places(structure: Structure, whole: Structure) -> Ids:
     """Find the parameters of a structure among those of a wider one.
 
     Args:
@@ -161,19 +164,19 @@ def places(structure: Structure, whole: Structure) -> Ids:
     return np.array([place[pair] for pair in zip(structure.a.tolist(), structure.b.tolist(), strict=True)])
 
 
-def spread(found: Array, own: Structure, widest: Structure) -> Array:
+def scatter_to(values: Array, structure: Structure, widest: Structure) -> Array:
     """Put numbers of a structure's parameters at their places among those of a wider structure.
 
     Args:
-        found: Numbers, (..., n).
-        own: The structure, n parameters.
+        values: Numbers, (..., n).
+        structure: The structure, n parameters.
         widest: The wider structure, N parameters.
 
     Returns:
         The numbers, zero for all other parameters, (..., N).
     """
-    every = np.zeros((*found.shape[:-1], widest.n))
-    every[..., places(own, widest)] = found
+    every = np.zeros((*values.shape[:-1], widest.n))
+    every[..., parameter_places(structure, widest)] = values
     return every
 
 
@@ -189,12 +192,12 @@ def rank(A: Array) -> int:
     Mathematics: `obs-4`.
     """
     norm = np.linalg.norm(A, axis=0)
-    seen = norm > ROUNDING * norm.max(initial=0)
+    seen = norm > ZERO_COLUMN * norm.max(initial=0)
     if not seen.any():
         return 0
     A = A[:, seen] / norm[seen]
     length = np.linalg.norm(A, axis=1)  # of a few readings most rows of R are rounding
-    A = A[length > ROUNDING * length.max()]
+    A = A[length > ZERO_COLUMN * length.max()]
     s = np.linalg.svd(A, compute_uv=False)
     return int((s > RANK_TOLERANCE * s[0]).sum())
 
@@ -211,7 +214,7 @@ def f_m(regression: Regression, pi: Array) -> float:
     Returns:
         F_M [1].
     """
-    every = ((term.R @ pi - term.z, term.rest) for term in regression.terms)
+    every = ((term.R @ pi - term.z, term.unexplained) for term in regression.terms)
     return float(sum(math.sqrt(residual @ residual + rest) for residual, rest in every))
 
 
@@ -234,8 +237,8 @@ def generic_rows(vjm: Vjm, structure: Structure) -> Array:
     rng = np.random.Generator(np.random.Philox(0))
     q = vjm.arm.drawn(rng, GENERIC_RUNS)
     wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
-    told = straight(vjm, q, [Load(wrench, point)])
-    A = jacobian(compliances(vjm, structure), told, vjm.markers, turned=True)[:, :, :-1]
+    equilibrium = nominal_chain(vjm, q, [Load(wrench, point)])
+    A = jacobian(compliance_unknowns(vjm, structure), equilibrium, vjm.markers, rotations=True)[:, :, :-1]
     return np.concatenate([part.transpose(3, 0, 1, 2).reshape(-1, structure.n) for part in (A[:-1], A[-1:])])
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from testbench.errors import Array
 
-FINEST = 2.0**-60
+SCATTER_TOLERANCE = 2.0**-60
 """Error of the estimated noise, over ten times the largest residual [1]."""
 
 
@@ -18,17 +18,17 @@ FINEST = 2.0**-60
 class Loss:
     """Define a robust loss of the length of a reading's residual."""
 
-    bend: float  #: Length, in standard deviations, beyond which a reading has less than full weight.
+    threshold: float  #: Length, in standard deviations, beyond which a reading has less than full weight.
     mean_square: float  #: Mean of min(|z|, bend)^2 of normal 3-vectors z.
 
-    def pull(self, length: Array) -> Array:
+    def influence(self, length: Array) -> Array:
         """Compute the robust weight of a reading from the length of its whitened residual [1].
 
         Mathematics: `est-16`.
         """
-        return np.asarray(np.minimum(1.0, self.bend / np.maximum(length, self.bend)))
+        return np.asarray(np.minimum(1.0, self.threshold / np.maximum(length, self.threshold)))
 
-    def spread(self, residual: Array, variance: Array, share: float) -> float:
+    def scatter(self, residual: Array, variance: Array, share: float) -> float:
         """Estimate the standard deviation S that explains the residuals in addition to the stated variances.
 
         Mathematics: `est-17`.
@@ -48,12 +48,12 @@ class Loss:
 
         def excess(s: float) -> float:
             length = (squares / (variance + s**2)).sum(axis=1)
-            return float(np.minimum(length, self.bend**2).mean()) - self.mean_square * share
+            return float(np.minimum(length, self.threshold**2).mean()) - self.mean_square * share
 
         high = 10 * float(np.sqrt(squares.max(initial=0.0)))
         if not len(residual) or excess(0.0) <= 0:
             return 0.0
-        return high if excess(high) > 0 else float(brentq(excess, 0.0, high, xtol=FINEST * high))
+        return high if excess(high) > 0 else float(brentq(excess, 0.0, high, xtol=SCATTER_TOLERANCE * high))
 
 
 PAIRS = Loss(1.628, 1.928)

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, turn
+from testbench.data.dataset import Dataset, rotation_between
 from testbench.data.series import Series
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.state import Equilibrium, State, forward
+from testbench.identify.absolute.state import ArmState, JointEquilibrium, series_equilibrium
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.model.load import Load, on_joints
 from testbench.model.vjm import Vjm, chain, cross, marker_points, parameter_rows, translation_rows
@@ -20,11 +20,11 @@ from testbench.model.vjm import Vjm, chain, cross, marker_points, parameter_rows
 
 def jacobian(
     unknowns: Unknowns,
-    told: Equilibrium,
+    equilibrium: JointEquilibrium,
     points: Array,
     series: Series | None = None,
     *,
-    turned: bool,
+    rotations: bool,
 ) -> Array:
     """Compute the change of readings with every unknown, Eq. (3) and (12).
 
@@ -32,28 +32,28 @@ def jacobian(
 
     Args:
         unknowns: The unknowns, `size` of them.
-        told: The arm at rest in every run.
+        equilibrium: The arm at rest in every run.
         points: Targets in the tool's frame, (m, 3) [m].
         series: Readings whose frame and mount are unknown; None where neither is.
-        turned: Whether an orientation follows the targets.
+        rotations: Whether an orientation follows the targets.
 
     Returns:
         (m or m + 1, 3, size + 1, runs) [m, rad per unit of each unknown]; the last column is zero.
     """
-    where, m, runs = told.where, len(points), len(told.where.position)
-    A = np.zeros((m + turned, 3, unknowns.size + 1, runs))
+    where, m, runs = equilibrium.chain, len(points), len(equilibrium.chain.position)
+    A = np.zeros((m + rotations, 3, unknowns.size + 1, runs))
     J = translation_rows(where, points).reshape(m, 3, -1, runs)
-    if turned:
+    if rotations:
         J = np.concatenate([J, where.J_theta[3:][None]])
     if series is not None:
         _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], where.points(points), m)
         _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.rotation)
     A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.inner]
     if unknowns.errors.size:
-        own = J[:, :, unknowns.vjm.own, None] * told.phi
+        own = J[:, :, unknowns.vjm.joint_slice, None] * equilibrium.phi
         A[:, :, unknowns.columns("errors")] = own.reshape(*A.shape[:2], -1, runs)
     elastic = unknowns.columns("elastic")
-    lines = parameter_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), told.u)
+    lines = parameter_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), equilibrium.u)
     for k, line in enumerate(lines):
         A[k // 3, k % 3, elastic] = line
     return A
@@ -73,7 +73,7 @@ def _add_mount(A: Array, R: Array) -> None:
         A[k, :, 3 * k : 3 * k + 3] = R.transpose(1, 2, 0)
 
 
-def rows_of(unknowns: Unknowns, state: State, series: Series) -> Array:
+def series_rows(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
     """Compute the rows [A | y] of a series at a state, y the reading minus the model.
 
     Args:
@@ -84,15 +84,17 @@ def rows_of(unknowns: Unknowns, state: State, series: Series) -> Array:
     Returns:
         (s, 3, size + 1, rows) [m, rad]; zero where nothing was read.
     """
-    told, m = forward(state, series), len(series.markers)
-    A = jacobian(unknowns, told, state.mount(series).points, series, turned=series.rotation is not None)
+    equilibrium, m = series_equilibrium(state, series), len(series.markers)
+    A = jacobian(
+        unknowns, equilibrium, state.mount(series).points, series, rotations=series.rotation is not None
+    )
     A[:m] *= series.seen.T[:, None, None]
     A[m:] *= series.turned
-    A[:, :, -1] = left_over(state, series, told)
+    A[:, :, -1] = series_residuals(state, series, equilibrium)
     return A
 
 
-def left_over(state: State, series: Series, told: Equilibrium) -> Array:
+def series_residuals(state: ArmState, series: Series, equilibrium: JointEquilibrium) -> Array:
     """Compute residuals, readings minus model, in base axes.
 
     Mathematics: `abs-2`.
@@ -100,13 +102,13 @@ def left_over(state: State, series: Series, told: Equilibrium) -> Array:
     Args:
         state: The model with its frames and mounts.
         series: The readings.
-        told: The arm at rest in every row.
+        equilibrium: The arm at rest in every row.
 
     Returns:
         (s, 3, rows) [m, rad]; zero where nothing was read.
     """
     frame, mount = state.frame(series), state.mount(series)
-    x = told.where.points(mount.points)
+    x = equilibrium.chain.points(mount.points)
     position = ((series.position - frame.translation) @ frame.rotation - x) * series.seen[..., None]
     found = position.transpose(1, 2, 0)
     if series.rotation is None:
@@ -114,12 +116,12 @@ def left_over(state: State, series: Series, told: Equilibrium) -> Array:
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
     measured = np.where(series.turned[:, None, None], series.rotation, np.eye(3))
-    left = frame.rotation.T @ measured @ (told.where.rotation @ mount.rotation).swapaxes(1, 2)
+    left = frame.rotation.T @ measured @ (equilibrium.chain.rotation @ mount.rotation).swapaxes(1, 2)
     vector = Rotation.from_matrix(left).as_rotvec() * series.turned[:, None]
     return np.concatenate([found, vector.T[None]])
 
 
-def straight(vjm: Vjm, q: Array, loads: Sequence[Load]) -> Equilibrium:
+def nominal_chain(vjm: Vjm, q: Array, loads: Sequence[Load]) -> JointEquilibrium:
     """Place the undeflected arm in poses, and project loads on its virtual joints, u = J_F^T w, Eq. (5).
 
     Args:
@@ -132,15 +134,17 @@ def straight(vjm: Vjm, q: Array, loads: Sequence[Load]) -> Equilibrium:
     """
     where = chain(vjm, q)
     nothing = np.zeros((vjm.arm.n_joints, 0, len(q)))
-    return Equilibrium(np.zeros((len(q), vjm.n_theta)), where, on_joints(where, loads), nothing)
+    return JointEquilibrium(np.zeros((len(q), vjm.n_theta)), where, on_joints(where, loads), nothing)
 
 
-def pair_rows(unknowns: Unknowns, told: Equilibrium, data: Dataset, runs: Ids) -> tuple[Array, Ids]:
+def pair_rows(
+    unknowns: Unknowns, equilibrium: JointEquilibrium, data: Dataset, runs: Ids
+) -> tuple[Array, Ids]:
     """Compute the weighted equations (13) of some pairs, in standard deviations of a difference.
 
     Args:
         unknowns: Compliances, n of them.
-        told: The arm in these runs, `straight`.
+        equilibrium: The arm in these runs, `nominal_chain`.
         data: All pairs.
         runs: Places of some of them, (runs,).
 
@@ -149,10 +153,10 @@ def pair_rows(unknowns: Unknowns, told: Equilibrium, data: Dataset, runs: Ids) -
         orientation, -1 lost.
     """
     m, points = len(data.markers), marker_points(unknowns.vjm, data.markers)
-    A = jacobian(unknowns, told, points, turned=data.sigma_rotation is not None)
+    A = jacobian(unknowns, equilibrium, points, rotations=data.sigma_rotation is not None)
     A[:m, :, -1] = (data.after[runs] - data.before[runs]).transpose(1, 2, 0)
     if data.rotation_before is not None and data.rotation_after is not None:
-        A[m:, :, -1] = turn(data.rotation_before[runs], data.rotation_after[runs]).T
+        A[m:, :, -1] = rotation_between(data.rotation_before[runs], data.rotation_after[runs]).T
     return A, whiten(A, data, runs)
 
 

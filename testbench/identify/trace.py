@@ -27,19 +27,19 @@ from testbench.identify import batch
 from testbench.identify.certify import scaled_units
 from testbench.identify.crossval import grams, paired
 from testbench.identify.estimate import Penalty
-from testbench.identify.fold import Parts
+from testbench.identify.fold import PartitionedRegression
 from testbench.identify.interior import TINY
 from testbench.identify.regression import Regression
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-OF_A_JOINT = 1e-6
+JOINT_PRICE = 1e-6
 """Cost of a joint over that of a link [1]: it keeps joints that no reading shows at zero."""
-RANK = 1e-12
+GRAM_ROUNDING = 1e-12
 """Least eigenvalue of a Gram matrix, over the largest, that is not rounding [1]."""
-RATIO, WEIGHTS = 5.0, 6
+WEIGHT_RATIO, TRIED_WEIGHTS = 5.0, 6
 """Ratio of neighbouring weights that are tried, and their number."""
-SURE = 0.95
+SELECTION_PROBABILITY = 0.95
 """Confidence with which a weaker weight must predict held-out poses better. In comparison with the rule of
 one standard error of F_M, errors of MGCO56 are 11 % smaller on coupled links, 7 % on links 10 times stiffer
 and 6 % on disturbed arms, equal on cast links and on links 40 % off tubes, and 3 % larger on the family
@@ -47,7 +47,7 @@ and 6 % on disturbed arms, equal on cast links and on links 40 % off tubes, and 
 14 to 33 % (`kr500_l480`, seeds 760001 to 760060; chosen on 300000 to 300039)."""
 
 
-def weighed(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
+def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
     """Make the trace term of the arm's kinematics.
 
     Mathematics: `est-8`.
@@ -69,11 +69,11 @@ def weighed(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
         columns.append(structure.entries(C))
     whole = replace(structure, a=np.r_[structure.a, own].astype(int), b=np.r_[structure.b, own].astype(int))
     W = scaled_units(structure) ** -2.0
-    W[first:] = OF_A_JOINT
+    W[first:] = JOINT_PRICE
     return Penalty(weight, W, whole, np.column_stack([np.eye(structure.n), *columns]))
 
 
-def learnt(vjm: Vjm, parts: Parts | Regression) -> Penalty | None:
+def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> Penalty | None:
     """Learn the trace term from readings.
 
     Mathematics: `est-9`.
@@ -86,46 +86,46 @@ def learnt(vjm: Vjm, parts: Parts | Regression) -> Penalty | None:
     Returns:
         The trace term; None where the readings show nothing, or a block of the structure lacks entries.
     """
-    one = weighed(vjm, parts.structure, 1.0)
-    s, folds = one.structure, grams(parts, block_diag(one.lift, np.eye(1)))
+    penalty = trace_penalty(vjm, parts.structure, 1.0)
+    s, folds = penalty.structure, grams(parts, block_diag(penalty.lift, np.eye(1)))
     G = np.concatenate([[folds.total], folds.total - folds.out])
     straight = np.array([_joints(s, own) for own in G])
     strongest = _rate(s, folds.total, straight[0])
-    if not (s.whole and strongest > 0 and folds.total[-1, -1] > 0):
+    if not (s.has_full_blocks and strongest > 0 and folds.total[-1, -1] > 0):
         return None
-    weights = strongest * RATIO ** -np.arange(float(WEIGHTS))
+    weights = strongest * WEIGHT_RATIO ** -np.arange(float(TRIED_WEIGHTS))
     # coordinates in which readings and price are of order one at the middle weight
     unit, order = math.sqrt(folds.total[-1, -1]), s.parameter
     diagonal, size = s.a == s.b, np.zeros(s.n_theta)
     size[s.a[diagonal]] = np.sqrt(np.diag(folds.total)[:-1][diagonal])
-    d = 1 / np.sqrt(size + weights[WEIGHTS // 2] / unit * one.metric)
+    d = 1 / np.sqrt(size + weights[TRIED_WEIGHTS // 2] / unit * penalty.diagonal)
     scale = (d[s.a] * d[s.b])[order] * np.where(s.mirrored[order], math.sqrt(0.5), 1.0)
     problems = batch.Problems(
         R=_roots(G[:, order][:, :, order] * np.outer(scale, scale)),
         g=G[:, order, -1] * scale / unit,
         half=G[:, -1, -1] / unit**2 / 2,
-        c=one.price[order] * scale / unit,
+        c=penalty.price[order] * scale / unit,
         sizes=tuple(len(block) for block in s.blocks),
     )
     x, freedom = batch.solve(problems, weights[1:])
-    found = np.empty((len(G), WEIGHTS, s.n))
+    found = np.empty((len(G), TRIED_WEIGHTS, s.n))
     found[:, 0], found[:, 1:, order] = straight, x * scale * unit
-    weights[0] *= RATIO  # so that no rounding bends a link
+    weights[0] *= WEIGHT_RATIO  # so that no rounding bends a link
     left = _squares(folds.total, found[0])
     if len(folds.out):
         held = np.array([_squares(out, own) for out, own in zip(folds.out, found[1:], strict=True)])
         k = _strongest(np.sqrt(held / (folds.equations[:, None] / 3)))
     else:
         spent = np.r_[np.count_nonzero(straight[0]), freedom[0]]
-        k = int(np.nanargmin(left / (folds.every - spent) ** 2))
-    chi2 = max(left[k], RANK * folds.total[-1, -1])  # of an exact fit rounding alone
-    return replace(one, weight=float(weights[k] * folds.terms / math.sqrt(chi2 * folds.every / 3)))
+        k = int(np.nanargmin(left / (folds.all_parts - spent) ** 2))
+    chi2 = max(left[k], GRAM_ROUNDING * folds.total[-1, -1])  # of an exact fit rounding alone
+    return replace(penalty, weight=float(weights[k] * folds.terms / math.sqrt(chi2 * folds.all_parts / 3)))
 
 
 def _roots(H: Array) -> Array:
     """Roots R of Gram matrices, R^T R = H, (folds, rank, n), in the space that the first of them spans."""
     values, V = np.linalg.eigh(H[0])
-    V = V[:, values > RANK * values[-1]]
+    V = V[:, values > GRAM_ROUNDING * values[-1]]
     values, Q = np.linalg.eigh(V.T @ H @ V)
     return np.asarray(np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))
 
@@ -140,7 +140,7 @@ def _joints(s: Structure, gram: Array) -> Array:
 
         unit = 1 / np.sqrt(np.diag(H)[joints])
         values, Q = np.linalg.eigh(H[np.ix_(joints, joints)] * np.outer(unit, unit))
-        kept = values > RANK * values[-1]
+        kept = values > GRAM_ROUNDING * values[-1]
         root = np.sqrt(values[kept])[:, None] * Q[:, kept].T
         aim = Q[:, kept].T @ (unit * g[joints]) / np.sqrt(values[kept])
         pi[joints] = unit * nnls(root, aim)[0]
@@ -164,7 +164,7 @@ def _squares(gram: Array, pi: Array) -> Array:
 def _strongest(errors: Array) -> int:
     """Select the strongest weight whose error exceeds the least one only by chance, (folds, weights)."""
     logs = np.log(np.where(np.isfinite(errors).all(axis=0), np.maximum(errors, TINY), np.inf))
-    best, chance = int(logs.mean(axis=0).argmin()), stdtrit(max(1, len(logs) - 1), SURE)
+    best, chance = int(logs.mean(axis=0).argmin()), stdtrit(max(1, len(logs) - 1), SELECTION_PROBABILITY)
     for k in range(best):
         if np.isfinite(logs[0, k]):
             more, error = paired(logs[:, k] - logs[:, best])

@@ -18,53 +18,59 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.identify.estimate import Estimate
-from testbench.identify.hierarchy import MISFIT
-from testbench.identify.metric import Belief, precision_root
-from testbench.identify.regression import Regression, regression_of, some_columns, term_of, triangle
+from testbench.identify.hierarchy import MISFIT_DEVIATION
+from testbench.identify.metric import WeightedPrior, precision_root
+from testbench.identify.regression import (
+    Regression,
+    regression_of,
+    restrict_to,
+    term_from_triangle,
+    triangular_factor,
+)
 
-SIZES = 0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.56
+TRIED_SCATTERS = 0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.56
 """Values of rho that are tried [1]."""
-WANTED = math.log(10)
+MIN_LOG_EVIDENCE = math.log(10)
 """Log evidence that rho must gain. Of 19 arms of the family with all disturbances none gains it, of 13
 undisturbed ones one, which then errs 5 % more (`kr500_l480`, seeds 5000 on, 8 poses)."""
-BACK = 1.5
+EVIDENCE_BACKOFF = 1.5
 """Log evidence that a larger rho may lose against the best one: the learnt prior explains some of it
 already."""
-SMALL = 1e-9
+ROUNDING_SHARE = 1e-9
 """Rows below this share of the largest are rounding [1]."""
 
 
-def size(r: Regression, found: Estimate, back: float = 0.0) -> float:
+def stiffness_scatter(r: Regression, estimate: Estimate, back: float = 0.0) -> float:
     """Find the relative change rho of link compliances between poses of greatest evidence.
 
     Args:
         r: The dataset, with its rows pose by pose.
-        found: A fit to it with a learnt prior.
+        estimate: A fit to it with a learnt prior.
         back: Log evidence that a larger rho may lose against the best.
 
     Returns:
         rho, 0 if the evidence does not gain enough [1].
     """
-    fit = _uncoupled(found)
-    belief = fit.belief
+    fit = _uncoupled(estimate)
+    belief = fit.weighted_prior
     assert belief is not None
-    r = some_columns(r, fit.structure)
+    r = restrict_to(r, fit.structure)
     poses = [_along(rows, _by_link(r, fit.pi)) for rows in r.poses]
     lost = r.equations - sum(len(w) for w, _ in poses)
-    left = math.fsum(t.equations / 3 * (t.rest + float(t.z @ t.z)) for t in r.terms)
+    left = math.fsum(t.equations / 3 * (t.unexplained + float(t.z @ t.z)) for t in r.terms)
     left -= math.fsum(float(y @ y) for y in _readings(poses))
-    gains = np.array([_log_evidence(rho, belief, poses, lost, left) for rho in SIZES])
-    if gains.max() - gains[0] < WANTED:
+    gains = np.array([_log_evidence(rho, belief, poses, lost, left) for rho in TRIED_SCATTERS])
+    if gains.max() - gains[0] < MIN_LOG_EVIDENCE:
         return 0.0
-    return SIZES[np.flatnonzero(gains >= gains.max() - back)[-1]]
+    return TRIED_SCATTERS[np.flatnonzero(gains >= gains.max() - back)[-1]]
 
 
-def _uncoupled(found: Estimate) -> Estimate:
+def _uncoupled(estimate: Estimate) -> Estimate:
     """Return the fit of links and joints, with laws if these are more probable: links explain the rest."""
-    if found.average is None:
-        return found
-    lawful = found.average.lawful
-    return lawful if lawful is not None and found.average.laws > 0.5 else found.average.whole
+    if estimate.average is None:
+        return estimate
+    lawful = estimate.average.with_laws
+    return lawful if lawful is not None and estimate.average.laws_weight > 0.5 else estimate.average.all_parts
 
 
 def _by_link(r: Regression, pi: Array) -> Array:
@@ -77,18 +83,18 @@ def _along(rows: Array, links: Array) -> tuple[Array, Array]:
     """Compute variances of a pose's rows per rho^2, (k,), and the rows along uncorrelated directions."""
     R: Array = np.asarray(np.linalg.qr(rows, mode="r"))
     long = np.abs(R).max(axis=1)
-    R = R[long > SMALL * long.max(initial=0)]
+    R = R[long > ROUNDING_SHARE * long.max(initial=0)]
     G = R[:, :-1] @ links.T
     values, Q = np.linalg.eigh(G @ G.T)
     return np.maximum(values, 0), Q.T @ R
 
 
 def _log_evidence(
-    rho: float, belief: Belief, poses: list[tuple[Array, Array]], lost: int, left: float
+    rho: float, belief: WeightedPrior, poses: list[tuple[Array, Array]], lost: int, left: float
 ) -> float:
     """Compute the log density of the readings, up to a constant; their noise is as stated or as learnt."""
-    B, c = (own / belief.misfit for own in precision_root(belief.metric, belief.strength))
-    prior, L, best = np.c_[B, c].T @ np.c_[B, c], belief.metric.L, -math.inf
+    B, c = (own / belief.misfit for own in precision_root(belief.scaling, belief.strength))
+    prior, L, best = np.c_[B, c].T @ np.c_[B, c], belief.scaling.L, -math.inf
     for kappa in {1.0, belief.misfit}:
         H, spread = prior.copy(), 2 * lost * math.log(kappa)
         for values, rows in poses:
@@ -98,11 +104,11 @@ def _log_evidence(
             spread += float(np.log(variance).sum())
         _, size_of = np.linalg.slogdet(H[:-1, :-1])
         chi = float(H[-1, -1] - H[-1, :-1] @ np.linalg.solve(H[:-1, :-1], H[:-1, -1])) + left / kappa**2
-        best = max(best, -(chi + spread + float(size_of) + (math.log(kappa) / MISFIT) ** 2) / 2)
+        best = max(best, -(chi + spread + float(size_of) + (math.log(kappa) / MISFIT_DEVIATION) ** 2) / 2)
     return best
 
 
-def wandering(r: Regression, pi: Array, rho: float) -> Regression:
+def with_scatter(r: Regression, pi: Array, rho: float) -> Regression:
     """Weigh a dataset as if every link's compliance varied from pose to pose by a share rho.
 
     Mathematics: `prior-13`.
@@ -118,8 +124,10 @@ def wandering(r: Regression, pi: Array, rho: float) -> Regression:
     links, [term] = _by_link(r, pi), r.terms
     poses, points = [_along(rows, links) for rows in r.poses], term.equations / 3
     weighed = [rows / np.sqrt(1 + rho**2 * values)[:, None] for values, rows in poses]
-    rest = term.rest + float(term.z @ term.z) - sum(float(y @ y) for y in _readings(poses)) / points
-    own = term_of(triangle(np.vstack(weighed) / math.sqrt(points)), max(0.0, rest), term.equations)
+    rest = term.unexplained + float(term.z @ term.z) - sum(float(y @ y) for y in _readings(poses)) / points
+    own = term_from_triangle(
+        triangular_factor(np.vstack(weighed) / math.sqrt(points)), max(0.0, rest), term.equations
+    )
     return replace(regression_of(r.structure, (own,)), wander=rho * links)
 
 

@@ -6,16 +6,16 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.unknowns import compliances
-from testbench.identify.rows import pair_rows, straight, whiten
-from testbench.model.laws import vjm_of
+from testbench.identify.absolute.unknowns import compliance_unknowns
+from testbench.identify.rows import nominal_chain, pair_rows, whiten
+from testbench.model.laws import model_for
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-LARGEST = 1e9
+MAX_READING = 1e9
 """Largest reading, load or coordinate [m, N, N m]: squares of larger ones may overflow."""
-MOST_READINGS = 5000
+MAX_READINGS = 5000
 """Most readings in one program: about ten seconds and some hundred megabytes for 153 unknowns."""
 
 
@@ -36,14 +36,14 @@ def check_runs(vjm: Vjm, data: Dataset) -> None:
     for name in ("before", "after", "wrench", "point"):
         values = getattr(data, name)
         largest = max(values.max(), -values.min())  # np.abs would copy the dataset
-        if largest > LARGEST:
-            raise BenchError(f"{name}: expected SI numbers up to {LARGEST:g}, got {largest:g}: too large")
+        if largest > MAX_READING:
+            raise BenchError(f"{name}: expected SI numbers up to {MAX_READING:g}, got {largest:g}: too large")
     if data.q.shape[1] != vjm.arm.n_joints:
         raise BenchError(f"q: expected {vjm.arm.n_joints} joints, got {data.q.shape[1]}")
 
 
 @dataclass(frozen=True)
-class Readings:
+class WeightedReadings:
     """Hold rows of Eq. (13), reading by reading, in standard deviations."""
 
     A: Array  #: Observation matrices, (readings, 3, n).
@@ -53,7 +53,7 @@ class Readings:
     marker: Ids  #: Index of its marker, -1 for the orientation, (readings,).
 
 
-def one_by_one(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:
+def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedReadings:
     """Compute the weighted equations (13) reading by reading; `reduce` has checked the dataset.
 
     Args:
@@ -65,20 +65,20 @@ def one_by_one(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:
         Rows, readings and their units.
 
     Raises:
-        BenchError: When there are more than `MOST_READINGS` readings.
+        BenchError: When there are more than `MAX_READINGS` readings.
     """
     each = len(data.markers) + (data.sigma_rotation is not None)
-    if data.runs * each > MOST_READINGS:
-        raise BenchError(f"robust fit: expected at most {MOST_READINGS} readings, got {data.runs * each}")
-    vjm = vjm_of(vjm, structure)
-    told = straight(vjm, data.q, [Load(data.wrench, data.point)])
-    rows, kinds = pair_rows(compliances(vjm, structure), told, data, np.arange(data.runs))
+    if data.runs * each > MAX_READINGS:
+        raise BenchError(f"robust fit: expected at most {MAX_READINGS} readings, got {data.runs * each}")
+    vjm = model_for(vjm, structure)
+    equilibrium = nominal_chain(vjm, data.q, [Load(data.wrench, data.point)])
+    rows, kinds = pair_rows(compliance_unknowns(vjm, structure), equilibrium, data, np.arange(data.runs))
     A, marker = each_reading(rows, kinds), np.arange(each)
     one = np.tile(np.eye(3)[None, :, :, None], (each, 1, 1, data.runs))
     root = each_reading(one, whiten(one, data, np.arange(data.runs)))
     marker[len(data.markers) :] = -1
     used = (kinds >= 0).T.ravel()
-    return Readings(
+    return WeightedReadings(
         A=A[:, :, :-1],
         y=A[:, :, -1],
         unit=np.linalg.det(root) ** (-1 / 3),

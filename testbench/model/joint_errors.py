@@ -15,10 +15,11 @@ from testbench.errors import Array, BenchError, Ids, check_array
 
 #: First order of each band of Fourier orders [1]: the orders of a band share one expected size.
 BANDS = (1, 2, 3, 5, 8, 12, 16, 20, 24, 28, 32, 40, 50, 60, 75, 95, 120, 150, 190, 240, 300, 400)
-KINDS = ("harmonics", "ratio", "play", "stiffening")
+ERROR_KINDS = ("harmonics", "ratio", "play", "stiffening")
 """Kinds of a joint's error: Fourier harmonics, proportional to the angle, backlash, stiffening."""
-FIRM = 0.1
-"""Smoothing of backlash, over a joint's typical torque [1]: the step is tanh(torque / (FIRM typical torque)).
+BACKLASH_SMOOTHING = 0.1
+"""Smoothing of backlash, over a joint's typical torque [1]: the step is tanh(torque / (BACKLASH_SMOOTHING
+typical torque)).
 
 At this torque the step has reached 76 % of one side, and at twice it 96 %. A sharp step has no derivative.
 """
@@ -49,7 +50,7 @@ class JointErrors:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Name the kind of every coefficient of a joint, (k,), each one of `KINDS`."""
+        """Name the kind of every coefficient of a joint, (k,), each one of `ERROR_KINDS`."""
         single = (("ratio", self.ratio), ("play", self.play), ("stiffening", self.stiffening))
         return ("harmonics",) * (2 * len(self.orders)) + tuple(kind for kind, on in single if on)
 
@@ -65,9 +66,9 @@ class JointErrors:
 def basis(errors: JointErrors, arm: Arm, q: Array, torque: Array, scale: Array) -> Array:
     """Evaluate the functions phi_jk of every joint's own error, sum_k phi_jk(q_j, tau_j) n_jk.
 
-    They are sin(o q) for all orders o, cos(o q) for all orders o, q, tanh(tau / (FIRM tau_0)) and tau
-    abs(tau) / tau_0^2, each as far as it is selected. The harmonic terms of a sliding joint are zero. A
-    typical torque tau_0 of zero counts as one.
+    They are sin(o q) for all orders o, cos(o q) for all orders o, q, tanh(tau / (BACKLASH_SMOOTHING tau_0))
+    and tau abs(tau) / tau_0^2, each as far as it is selected. The harmonic terms of a sliding joint are zero.
+    A typical torque tau_0 of zero counts as one.
 
     Mathematics: `law-8`.
 
@@ -95,7 +96,7 @@ def basis(errors: JointErrors, arm: Arm, q: Array, torque: Array, scale: Array) 
     if errors.ratio:
         parts.append(q[None])
     if errors.play:
-        parts.append(np.tanh(pull / FIRM)[None])
+        parts.append(np.tanh(pull / BACKLASH_SMOOTHING)[None])
     if errors.stiffening:
         parts.append((pull * np.abs(pull))[None])
     return np.ascontiguousarray(np.concatenate(parts).transpose(2, 0, 1))

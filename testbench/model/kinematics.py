@@ -21,8 +21,8 @@ from testbench.errors import Array, InputError
 from testbench.model.vjm import Vjm
 
 ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
-PLACED = ("origin", "parent", "child", "axis")  #: Elements of a URDF's joint that place it.
-LEAST = 1e-10  #: Least length of a vector that gives a direction [unit of the vector].
+JOINT_PLACEMENTS = ("origin", "parent", "child", "axis")  #: Elements of a URDF's joint that place it.
+MIN_DIRECTION_LENGTH = 1e-10  #: Least length of a vector that gives a direction [unit of the vector].
 
 
 def build_vjm(arm: Arm) -> Vjm:
@@ -155,7 +155,7 @@ def _bare(root: ET.Element, joints: Sequence[str]) -> str:
         name = joint.get("name", "")
         kind = joint.get("type", "") if name in joints else "fixed"
         e = ET.SubElement(bare, "joint", name=name, type=kind)
-        e.extend(child for child in joint if child.tag in PLACED)
+        e.extend(child for child in joint if child.tag in JOINT_PLACEMENTS)
         ET.SubElement(e, "limit", dict.fromkeys(("lower", "upper", "effort", "velocity"), "0"))
     return ET.tostring(bare, encoding="unicode")
 
@@ -218,7 +218,7 @@ def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:
 
 def _unit(vector: Array) -> Array:
     length = np.linalg.norm(vector)
-    if length < LEAST:
+    if length < MIN_DIRECTION_LENGTH:
         raise ZeroDivisionError
     return np.asarray(vector / length)
 
@@ -234,5 +234,5 @@ def _of_z(z: Array) -> Array:
     """Build the shortest rotation that takes the z axis to a direction; about x where that is -z."""
     across = np.cross([0.0, 0.0, 1.0], z)
     sine = float(np.linalg.norm(across))
-    axis = np.array([1.0, 0.0, 0.0]) if sine < LEAST else across / sine
+    axis = np.array([1.0, 0.0, 0.0]) if sine < MIN_DIRECTION_LENGTH else across / sine
     return np.asarray(pin.AngleAxis(float(np.arctan2(sine, z[2])), axis).matrix())

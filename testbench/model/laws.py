@@ -35,21 +35,25 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Chain, Vjm, cross
 from testbench.model.weights import Weights, own_weight, read_weights
 
-KINDS = ("stiffening", "backlash", "friction")
+LAW_KINDS = ("stiffening", "backlash", "friction")
 STRUT = "compensator"  #: Kind of law of joint 2 alone, where the arm has a compensator.
-TURN, STIFFER = 1e-3, 0.1
+UNIT_ROTATION, UNIT_STIFFENING = 1e-3, 0.1
 """Turn phi [rad, m] and beta [1] of stiffening of size one: at phi the spring is 1 + beta times as stiff.
 
 These and the sizes below are units of the unknowns: a prior expects sizes of order one.
 """
-PLAY, STICK = 5e-5, 3e-5  #: Half-widths b of backlash and h of the friction loop of size one [rad, m].
-BESIDE = 0.3  #: Stiffness K of a compensator of size one over the stiffness of joint 2 [1].
-UNIT_SIZES = {**dict(zip(KINDS, (STIFFER, PLAY, STICK), strict=True)), STRUT: BESIDE / (1 + BESIDE)}
+#: Half-widths b of backlash and h of the friction loop of size one [rad, m].
+UNIT_BACKLASH_RAD, UNIT_FRICTION_RAD = 5e-5, 3e-5
+UNIT_COMPENSATOR = 0.3  #: Stiffness K of a compensator of size one over the stiffness of joint 2 [1].
+UNIT_SIZES = {
+    **dict(zip(LAW_KINDS, (UNIT_STIFFENING, UNIT_BACKLASH_RAD, UNIT_FRICTION_RAD), strict=True)),
+    STRUT: UNIT_COMPENSATOR / (1 + UNIT_COMPENSATOR),
+}
 """Meaning of a size of one, by kind [1, rad, rad, 1; m for a slide].
 
 For a compensator it is the largest share of a turn that it prevents, K / (1 + K).
 """
-TIED = " + joints coupled"  #: End of the name of a structure with couplings between joints.
+TIED_SUFFIX = " + joints coupled"  #: End of the name of a structure with couplings between joints.
 VJMS = STRUCTURES = 32  #: Number of models with laws, and of structures, that are remembered.
 
 
@@ -68,87 +72,87 @@ class JointLaws:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Name the kind of every law, (laws,), each one of `KINDS` or `STRUT`."""
-        every = tuple(np.repeat(KINDS, len(self.compliance)).tolist())
+        """Name the kind of every law, (laws,), each one of `LAW_KINDS` or `STRUT`."""
+        every = tuple(np.repeat(LAW_KINDS, len(self.compliance)).tolist())
         return every if self.compensator is None else (*every, STRUT)
 
     @property
     def joints(self) -> Ids:
         """Return the index of the actuated joint that each law turns with, (laws,)."""
-        every = np.tile(np.arange(len(self.compliance)), len(KINDS))
+        every = np.tile(np.arange(len(self.compliance)), len(LAW_KINDS))
         return every if self.compensator is None else np.append(every, 1)
 
-    def load(self, where: Chain, u: Array) -> Array:
+    def load(self, chain: Chain, u: Array) -> Array:
         """Compute the turn of every law per unit of its size, by the shapes of the module.
 
         Mathematics: `law-1`, `law-3`, `law-4`, `law-5`, `law-6`.
 
         Args:
-            where: The arm in its poses, with origins and axes of its bodies.
+            chain: The arm in its poses, with origins and axes of its bodies.
             u: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
             Turn per unit of size, (laws, runs) [rad, m].
         """
-        c, before = self.compliance[:, None], self.before(where)
+        c, before = self.compliance[:, None], self.before(chain)
         x, end = c * before, c * (before + u)  # nominal turns x_0 before and x_1 under the load
         stiffened = (_spring(end) - end) - (_spring(x) - x)
-        taken = PLAY * (np.tanh(end / PLAY) - np.tanh(x / PLAY))
-        width = self.widths * STICK
+        taken = UNIT_BACKLASH_RAD * (np.tanh(end / UNIT_BACKLASH_RAD) - np.tanh(x / UNIT_BACKLASH_RAD))
+        width = self.widths * UNIT_FRICTION_RAD
         held = -width * np.clip((end - x) / width, -1, 1)
-        return np.concatenate([stiffened, taken, held, self._beside(where) * (c * u)[1]])
+        return np.concatenate([stiffened, taken, held, self._beside(chain) * (c * u)[1]])
 
-    def before(self, where: Chain) -> Array:
+    def before(self, chain: Chain) -> Array:
         """Compute the torques at the joints before the load: own weight, less what a compensator carries.
 
         Mathematics: `law-2`.
 
         Args:
-            where: The arm in its poses.
+            chain: The arm in its poses.
 
         Returns:
             Torques tau_0, (n, runs) [N m, N]; without the weight's share where weights are unknown.
         """
         n, links = len(self.compliance), 6 * (len(self.compliance) + 1)
         if self.weights is None:
-            found = np.zeros((n, len(where.position)))
+            found = np.zeros((n, len(chain.position)))
         else:
-            found = own_weight(where, self.weights)[links : links + n].copy()
+            found = own_weight(chain, self.weights)[links : links + n].copy()
         if self.compensator is not None:
-            lever, _, length = _levers(self.compensator, where)
+            lever, _, length = _levers(self.compensator, chain)
             found[1] += self.compensator.rate * (length - self.compensator.rest_length) * lever
         return found
 
-    def slope(self, where: Chain, u: Array) -> Array:
+    def slope(self, chain: Chain, u: Array) -> Array:
         """Compute the derivative of the laws' turns with respect to the torque of their joint.
 
         Args:
-            where: The arm in its poses.
+            chain: The arm in its poses.
             u: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
             Turn per unit of size and torque, (laws, runs) [rad/(N m), m/N].
         """
-        c, before = self.compliance[:, None], self.before(where)
+        c, before = self.compliance[:, None], self.before(chain)
         x, end = c * before, c * (before + u)  # nominal turns x_0 before and x_1 under the load
-        stiffened = 1 / (1 + 3 * STIFFER * (_spring(end) / TURN) ** 2) - 1  # f' - 1 at x_1
-        taken = 1 - np.tanh(end / PLAY) ** 2
-        held = -1.0 * (np.abs(end - x) < self.widths * STICK)
-        return np.concatenate([c * stiffened, c * taken, c * held, c[1] * self._beside(where)])
+        stiffened = 1 / (1 + 3 * UNIT_STIFFENING * (_spring(end) / UNIT_ROTATION) ** 2) - 1  # f' - 1 at x_1
+        taken = 1 - np.tanh(end / UNIT_BACKLASH_RAD) ** 2
+        held = -1.0 * (np.abs(end - x) < self.widths * UNIT_FRICTION_RAD)
+        return np.concatenate([c * stiffened, c * taken, c * held, c[1] * self._beside(chain)])
 
-    def _beside(self, where: Chain) -> Array:
+    def _beside(self, chain: Chain) -> Array:
         """Compute a compensator's share of joint 2's turn, -K s^2 / (1 + K s^2), (1 or 0, runs) [1]."""
         if self.compensator is None:
-            return np.zeros((0, len(where.position)))
-        lever, longest, _ = _levers(self.compensator, where)
-        stiffer = BESIDE * (lever / longest) ** 2
+            return np.zeros((0, len(chain.position)))
+        lever, longest, _ = _levers(self.compensator, chain)
+        stiffer = UNIT_COMPENSATOR * (lever / longest) ** 2
         return -(stiffer / (1 + stiffer))[None]
 
 
-def _levers(spring: Compensator, where: Chain) -> tuple[Array, Array, Array]:
+def _levers(spring: Compensator, chain: Chain) -> tuple[Array, Array, Array]:
     """Compute a strut's lever about joint 2, its longest lever, and its length, (runs,) [m] each."""
-    (foot, R_1), (joint, R_2) = where.bodies[1], where.bodies[2]
-    axis, arm = where.J_theta[3:, 6 * (len(where.bodies) - 1) + 1], spring.head @ R_2
+    (foot, R_1), (joint, R_2) = chain.bodies[1], chain.bodies[2]
+    axis, arm = chain.J_theta[3:, 6 * (len(chain.bodies) - 1) + 1], spring.head @ R_2
     along = foot + spring.foot @ R_1 - joint - arm
     length = np.linalg.norm(along, axis=0)
     lever = (axis * cross(arm, along / length)).sum(axis=0)
@@ -156,13 +160,13 @@ def _levers(spring: Compensator, where: Chain) -> tuple[Array, Array, Array]:
 
 
 def _spring(x: Array) -> Array:
-    """Solve f + STIFFER f^3 / TURN^2 = x for its real root f, by the hyperbolic form of Cardano's formula."""
-    a = np.sqrt(3 * STIFFER) / TURN
+    """Solve f + beta f^3 / phi^2 = x for its real root f, by the hyperbolic form of Cardano's formula."""
+    a = np.sqrt(3 * UNIT_STIFFENING) / UNIT_ROTATION
     return np.asarray(2 / a * np.sinh(np.arcsinh(1.5 * a * x) / 3))
 
 
 @lru_cache(maxsize=VJMS)
-def lawful(vjm: Vjm) -> Vjm:
+def with_joint_laws(vjm: Vjm) -> Vjm:
     """Add the laws of its joints to a model; their virtual joints come after all others.
 
     Args:
@@ -209,7 +213,7 @@ def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
     return found
 
 
-def as_loaded(vjm: Vjm, taken_off: Mask | None, some: Ids | slice = slice(None)) -> Vjm:
+def for_load_history(vjm: Vjm, taken_off: Mask | None, some: Ids | slice = slice(None)) -> Vjm:
     """Adapt the friction law to runs in which the load was put on, or put on and taken off again.
 
     Args:
@@ -226,7 +230,7 @@ def as_loaded(vjm: Vjm, taken_off: Mask | None, some: Ids | slice = slice(None))
     return replace(vjm, laws=replace(vjm.laws, widths=np.where(taken_off[some], 2.0, 1.0)))
 
 
-def vjm_of(vjm: Vjm, structure: Structure) -> Vjm:
+def model_for(vjm: Vjm, structure: Structure) -> Vjm:
     """Choose the model that fits a structure: with joint laws where the structure has sizes of them.
 
     Args:
@@ -236,10 +240,10 @@ def vjm_of(vjm: Vjm, structure: Structure) -> Vjm:
     Returns:
         The kinematics, with laws or as given.
     """
-    return lawful(vjm) if structure.laws else vjm
+    return with_joint_laws(vjm) if structure.laws else vjm
 
 
-def tangent(vjm: Vjm, C_theta: Array, where: Chain, u: Array) -> Array:
+def tangent(vjm: Vjm, C_theta: Array, chain: Chain, u: Array) -> Array:
     """Compute the tangent compliance of links and joints at a loaded equilibrium, joint laws included.
 
     The compliance of a joint is its own plus the sum of size times slope of its laws, and at least zero.
@@ -249,16 +253,16 @@ def tangent(vjm: Vjm, C_theta: Array, where: Chain, u: Array) -> Array:
     Args:
         vjm: Kinematics, with or without laws.
         C_theta: Compliances and, after them, sizes of laws, (n_theta, n_theta) [m/N, rad/N, rad/(N m), 1].
-        where: The arm at its loaded equilibrium.
+        chain: The arm at its loaded equilibrium.
         u: Load of links and joints there, own weight excluded, (7 n + 6, runs) [N, N m].
 
     Returns:
         Compliance for a small further load, (runs, 7 n + 6, 7 n + 6) [m/N, rad/N, rad/(N m)].
     """
     n, plain = vjm.arm.n_joints, vjm.arm.n_theta
-    C = np.tile(C_theta[:plain, :plain], (len(where.position), 1, 1))
+    C = np.tile(C_theta[:plain, :plain], (len(chain.position), 1, 1))
     if vjm.laws is not None:
-        more = np.diag(C_theta)[plain:, None] * vjm.laws.slope(where, u[plain - n :])
+        more = np.diag(C_theta)[plain:, None] * vjm.laws.slope(chain, u[plain - n :])
         own = np.arange(plain - n, plain)
         joints = C[:, own, own].T
         np.add.at(joints, vjm.laws.joints, more)
@@ -305,7 +309,7 @@ def with_ties(structure: Structure) -> Structure:
     """
     joints = 6 * structure.links + np.arange(structure.links - 1)
     a, b = (joints[end] for end in np.triu_indices(len(joints), 1))
-    name = structure.name + TIED * (len(a) > 0)
+    name = structure.name + TIED_SUFFIX * (len(a) > 0)
     return replace(structure, name=name, a=np.append(structure.a, a), b=np.append(structure.b, b))
 
 
@@ -320,7 +324,11 @@ def without_ties(structure: Structure) -> Structure:
         The structure whose joints are uncoupled; remembered for the next call.
     """
     keep = np.flatnonzero((structure.a < 6 * structure.links) | (structure.a == structure.b))
-    return structure if len(keep) == structure.n else structure.keep(keep, structure.name.removesuffix(TIED))
+    return (
+        structure
+        if len(keep) == structure.n
+        else structure.keep(keep, structure.name.removesuffix(TIED_SUFFIX))
+    )
 
 
 @lru_cache(maxsize=STRUCTURES)
@@ -336,6 +344,11 @@ def without_laws(structure: Structure) -> Structure:
     structure = without_ties(structure)
     if not structure.laws:
         return structure
-    keep = np.flatnonzero(structure.a < structure.plain)
+    keep = np.flatnonzero(structure.a < structure.n_compliance_rows)
     plain = structure.keep(keep, structure.name.removesuffix(" + laws"))
-    return replace(plain, n_theta=structure.plain, labels=structure.labels[: structure.plain], laws=0)
+    return replace(
+        plain,
+        n_theta=structure.n_compliance_rows,
+        labels=structure.labels[: structure.n_compliance_rows],
+        laws=0,
+    )

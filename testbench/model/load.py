@@ -12,7 +12,7 @@ import numpy as np
 from testbench.arm.mjcf import GRAVITY
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, check_array, check_type
-from testbench.model.vjm import Chain, Vjm, plain_load, with_laws
+from testbench.model.vjm import Chain, Vjm, append_law_loads, plain_load
 
 
 @dataclass(frozen=True, repr=False)
@@ -98,11 +98,11 @@ def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
     return total
 
 
-def on_joints(where: Chain, loads: Sequence[Load]) -> Array:
+def on_joints(chain: Chain, loads: Sequence[Load]) -> Array:
     """Sum the generalised loads J_F^T w of all loads on every virtual joint, Eq. (10).
 
     Args:
-        where: Tool and Jacobian of every run.
+        chain: Tool and Jacobian of every run.
         loads: Loads that act together, each with one row per run.
 
     Returns:
@@ -112,7 +112,7 @@ def on_joints(where: Chain, loads: Sequence[Load]) -> Array:
     Raises:
         BenchError: When a load does not have one row per run.
     """
-    u = np.zeros((7 * len(where.bodies) - 8, len(where.position)))
+    u = np.zeros((7 * len(chain.bodies) - 8, len(chain.position)))
     for load in loads:
-        u += plain_load(where, load.wrench, load.point)
-    return with_laws(where, u)
+        u += plain_load(chain, load.wrench, load.point)
+    return append_law_loads(chain, u)

@@ -11,8 +11,8 @@ import numpy as np
 from testbench.errors import Array, Mask, PoseError
 from testbench.model.vjm import Vjm, tool_pose
 
-BATCH = 4096  #: Poses drawn at a time.
-PIECE = 512  #: Poses checked at a time; drawing stops after a piece that completes the count.
+POSES_PER_BATCH = 4096  #: Poses drawn at a time.
+POSES_PER_CHECK = 512  #: Poses checked at a time; drawing stops after a piece that completes the count.
 MAX_BATCHES = 400  #: Batches drawn before the search is given up.
 
 
@@ -67,15 +67,15 @@ def random_poses(
         Actuated joints, (count, n) [rad, m], in the order in which they were drawn.
 
     Raises:
-        PoseError: When `MAX_BATCHES` times `BATCH` draws yield too few; the message counts what each
-            condition left.
+        PoseError: When `MAX_BATCHES` times `POSES_PER_BATCH` draws yield too few; the message counts what
+            each condition left.
     """
     kept: list[Array] = []
     drawn = reached = 0
     for _ in range(MAX_BATCHES):
-        q = vjm.arm.drawn(rng, BATCH)
+        q = vjm.arm.drawn(rng, POSES_PER_BATCH)
         drawn += len(q)
-        for piece in np.split(q, range(PIECE, BATCH, PIECE)):
+        for piece in np.split(q, range(POSES_PER_CHECK, POSES_PER_BATCH, POSES_PER_CHECK)):
             inside = piece if area is None else piece[in_area(vjm, area, piece)]
             reached += len(inside)
             kept.extend(inside[clear(inside)])

@@ -117,14 +117,14 @@ class Structure(Displayed):
         return len(self.a)
 
     @property
-    def plain(self) -> int:
+    def n_compliance_rows(self) -> int:
         """Return the number of virtual joints of links and joints, 7 n + 6; joint laws come after them."""
         return self.n_theta - self.laws
 
     @property
     def links(self) -> int:
         """Return the number of links of the arm, n + 1, from the 7 n + 6 virtual joints."""
-        return (self.plain + 1) // 7
+        return (self.n_compliance_rows + 1) // 7
 
     @cached_property
     def mirrored(self) -> Mask:
@@ -182,7 +182,7 @@ class Structure(Displayed):
         return np.asarray(place[self.triangles])
 
     @cached_property
-    def whole(self) -> bool:
+    def has_full_blocks(self) -> bool:
         """Tell whether every block has all its entries as parameters, which a prior on whole blocks needs."""
         return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n
 
@@ -271,8 +271,8 @@ def _named(
                 f"{name}: expected an arm of at least {max(which) + 1} links, {arm.name} has {len(arm.links)}"
             )
         free = [] if joints is None else [joint.name for joint in arm.joints[joints]]
-        found = Structure.of(arm, links=[arm.links[i].name for i in which], joints=free, entries=entries)
-        return replace(found, name=f"{name.rstrip(digits)}{found.n}")
+        structure = Structure.of(arm, links=[arm.links[i].name for i in which], joints=free, entries=entries)
+        return replace(structure, name=f"{name.rstrip(digits)}{structure.n}")
 
     return make
 

@@ -25,7 +25,7 @@ def turn_between(start: Array, end: Array) -> Array:
     return _vectors(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
 
 
-def turned(turn: Array) -> Array:
+def rotation_matrices(turn: Array) -> Array:
     """Compute rotation matrices of rotation vectors by Rodrigues' formula, exp([r]_x).
 
     Args:

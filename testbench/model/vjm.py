@@ -76,7 +76,7 @@ class Vjm(Displayed):
         return self.arm.n_theta + (len(self.laws.joints) if self.laws else 0)
 
     @property
-    def own(self) -> slice:
+    def joint_slice(self) -> slice:
         """Return the slice of theta that holds the springs of the actuated joints."""
         return slice(6 * len(self.arm.links), self.arm.n_theta)
 
@@ -171,7 +171,11 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
     runs, n = len(q), vjm.arm.n_joints
     links = 6 * (n + 1)
-    bent = None if theta is None else turns(vjm, check_array(theta, (runs, vjm.n_theta), "theta [m, rad]"))
+    bent = (
+        None
+        if theta is None
+        else joint_law_rotations(vjm, check_array(theta, (runs, vjm.n_theta), "theta [m, rad]"))
+    )
     moved = (q if bent is None else q + bent[:, links:]).T
     sine, less = np.sin(moved), 1 - np.cos(moved)
     J = np.zeros((6, vjm.n_theta, runs))
@@ -185,7 +189,7 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
         p = p + arm @ R
         beam = hinges = J[:3, 6 * i : 6 * i + 3] = frame @ R
         if bent is not None:
-            p, hinges, beam = bend(p, beam, bent[:, 6 * i : 6 * i + 6])
+            p, hinges, beam = displace_link(p, beam, bent[:, 6 * i : 6 * i + 6])
         J[3:, 6 * i + 3 : 6 * i + 6] = hinges
         of_links[:, i, 0] = p
         R = behind @ beam
@@ -209,7 +213,7 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     return Chain(J, p.T, R.transpose(2, 0, 1), (*bodies, (p, R)), vjm.laws)
 
 
-def turns(vjm: Vjm, theta: Array) -> Array:
+def joint_law_rotations(vjm: Vjm, theta: Array) -> Array:
     """Add the turns of joint laws to those of their joints.
 
     Args:
@@ -316,13 +320,13 @@ def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
         if joint.prismatic:
             p = p + moved * (axis @ R)
         else:
-            R = turn(R, axis, moved)
+            R = rotate_frames(R, axis, moved)
         bodies.append((p, R))
     bodies.append((p + vjm.tool[:3, 3] @ R, vjm.tool[:3, :3].T @ R))
     return [(p.T, R.transpose(2, 0, 1)) for p, R in bodies]
 
 
-def bend(p: Array, beam: Array, theta: Array) -> tuple[Array, Array, Array]:
+def displace_link(p: Array, beam: Array, theta: Array) -> tuple[Array, Array, Array]:
     """Move a link's virtual joint away from zero: slides x, y, z, then hinges x, y, z in series.
 
     Mathematics: `vjm-2`.
@@ -345,7 +349,7 @@ def bend(p: Array, beam: Array, theta: Array) -> tuple[Array, Array, Array]:
     return p, hinges, beam
 
 
-def turn(R: Array, axis: Array, angle: Array) -> Array:
+def rotate_frames(R: Array, axis: Array, angle: Array) -> Array:
     """Turn frames about an axis of their own, by Rodrigues' formula R (1 + sin W + (1 - cos) W^2).
 
     Args:
@@ -434,7 +438,7 @@ def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
     Raises:
         BenchError: When an array has another shape or is not finite.
     """
-    return with_laws(where, plain_load(where, wrench, point))
+    return append_law_loads(where, plain_load(where, wrench, point))
 
 
 def plain_load(where: Chain, wrench: Array, point: Array) -> Array:
@@ -462,7 +466,7 @@ def plain_load(where: Chain, wrench: Array, point: Array) -> Array:
     return np.asarray(np.einsum("xtr,xr->tr", where.J_theta[:, :plain], at_tool))
 
 
-def with_laws(where: Chain, u: Array) -> Array:
+def append_law_loads(where: Chain, u: Array) -> Array:
     """Append the turns of joint laws per unit of size to the loads of links and joints.
 
     Args:

@@ -130,26 +130,26 @@ def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
     return {geom for geom, e in where.items() if e is not None and numbers(arm.rigid, e, "mass", 1) == [0.0]}
 
 
-def weight_columns(where: Chain) -> Array:
+def weight_columns(chain: Chain) -> Array:
     """Compute the load of every virtual joint per unit of mass and of each first moment of every body.
 
     For a virtual joint t that carries body k with origin p and axes R these are J_t(p)^T g, and (omega_t x R
     e)^T g for e = x, y, z. All others are zero, also those of joint laws.
 
     Args:
-        where: Tool, bodies and Jacobian of every run.
+        chain: Tool, bodies and Jacobian of every run.
 
     Returns:
         Columns, (n_theta, runs, bodies, 4) [N/kg, N m/kg; N/(kg m), N m/(kg m)]; their sum times
         `Weights.parameters` is `own_weight`.
     """
-    _, n_theta, runs = where.J_theta.shape
-    columns = np.zeros((len(where.bodies), 4, n_theta, runs))  # runs last: every product is one long loop
-    for k, (p, R) in enumerate(where.bodies):
+    _, n_theta, runs = chain.J_theta.shape
+    columns = np.zeros((len(chain.bodies), 4, n_theta, runs))  # runs last: every product is one long loop
+    for k, (p, R) in enumerate(chain.bodies):
         # the Jacobian at the body's origin: v_z(p) = v_z + (omega x (p - tool))_z
-        arm = p - where.position.T
-        for some in _before(k, where):
-            v_z, (x, y) = where.J_theta[2, some], where.J_theta[3:5, some]
+        arm = p - chain.position.T
+        for some in _before(k, chain):
+            v_z, (x, y) = chain.J_theta[2, some], chain.J_theta[3:5, some]
             columns[k, 0, some] = v_z + x * arm[1] - y * arm[0]
             for axis in range(3):
                 columns[k, 1 + axis, some] = x * R[1, axis] - y * R[0, axis]
@@ -157,13 +157,13 @@ def weight_columns(where: Chain) -> Array:
     return columns.transpose(2, 3, 0, 1)
 
 
-def _before(body: int, where: Chain) -> tuple[slice, slice]:
+def _before(body: int, chain: Chain) -> tuple[slice, slice]:
     """Return slices of the virtual joints that carry a body: those of links, and those of joints."""
-    links, joints = 6 * (len(where.bodies) - 1), len(where.bodies) - 2
+    links, joints = 6 * (len(chain.bodies) - 1), len(chain.bodies) - 2
     return slice(0, 6 * body), slice(links, links + min(body, joints))
 
 
-def own_weight(where: Chain, weights: Weights) -> Array:
+def own_weight(chain: Chain, weights: Weights) -> Array:
     """Compute the load of every virtual joint under the arm's own weight, sum_k J_k^T m_k g.
 
     Everything behind a virtual joint pulls as one body: masses and moments are summed from the tool on. The
@@ -172,20 +172,20 @@ def own_weight(where: Chain, weights: Weights) -> Array:
     Mathematics: `vjm-6`.
 
     Args:
-        where: Tool, bodies and Jacobian of every run.
+        chain: Tool, bodies and Jacobian of every run.
         weights: Masses and centres of the bodies.
 
     Returns:
         Generalised loads, (n_theta, runs) [N, N m].
     """
-    _, n_theta, runs = where.J_theta.shape
+    _, n_theta, runs = chain.J_theta.shape
     load, mass, moment = np.zeros((n_theta, runs)), 0.0, np.zeros((3, runs))
-    for k in range(len(where.bodies) - 1, 0, -1):
-        p, R = where.bodies[k]
+    for k in range(len(chain.bodies) - 1, 0, -1):
+        p, R = chain.bodies[k]
         mass += weights.mass[k]
-        moment += weights.mass[k] * (p - where.position.T + weights.centre[k] @ R)
-        links, joints = _before(k, where)
+        moment += weights.mass[k] * (p - chain.position.T + weights.centre[k] @ R)
+        links, joints = _before(k, chain)
         for some in (slice(links.stop - 6, links.stop), slice(joints.stop - 1, joints.stop)):
-            v_z, (x, y) = where.J_theta[2, some], where.J_theta[3:5, some]
+            v_z, (x, y) = chain.J_theta[2, some], chain.J_theta[3:5, some]
             load[some] = -GRAVITY * (mass * v_z + x * moment[1] - y * moment[0])
     return load

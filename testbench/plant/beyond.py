@@ -46,7 +46,7 @@ class Beyond:
     slip: Array | None = None  #: Largest half width H of the friction of every joint, (n,) [rad, m].
 
 
-def slipped(d: Array, slip: Array) -> Array:
+def friction_following(d: Array, slip: Array) -> Array:
     """Compute how far friction elements of half widths from 0 to `slip` follow a target that moved.
 
     Args:
@@ -60,7 +60,7 @@ def slipped(d: Array, slip: Array) -> Array:
     return np.asarray(np.sign(d) * np.where(far < slip, far**2 / (2 * slip), far - slip / 2))
 
 
-def slipping(d: Array, slip: Array) -> Array:
+def slipping_share(d: Array, slip: Array) -> Array:
     """Compute the share of these elements that move on with the target.
 
     Args:

@@ -24,7 +24,7 @@ from testbench.plant.gear import Gears
 
 REFUSED = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 """What MuJoCo raises of a model that it does not compile."""
-MOST_PAIRS = 50_000
+MAX_PAIRS = 50_000
 """Most geoms that may collide: 316 on ten links."""
 HULL_CORNERS = 1000
 """Most corners of the convex hull by which a mesh collides."""
@@ -132,10 +132,8 @@ def check_geoms(path: Path, model: mujoco.MjModel) -> None:
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     own = np.bincount(model.geom_bodyid[collides], minlength=model.nbody).astype(int)
     pairs = int(own.sum() ** 2 - (own**2).sum()) // 2
-    if pairs > MOST_PAIRS:
-        problem = (
-            f"expected at most {MOST_PAIRS} pairs of geoms of different bodies that collide, got {pairs}"
-        )
+    if pairs > MAX_PAIRS:
+        problem = f"expected at most {MAX_PAIRS} pairs of geoms of different bodies that collide, got {pairs}"
         raise InputError(path, "<geom>", problem)
 
 

@@ -41,7 +41,7 @@ RANGES = {
 
 
 @dataclass(frozen=True)
-class Line:
+class BeamSegments:
     """Hold the segments of a beam."""
 
     points: Array  #: Points where force and moment of a segment act, in the link's beam frame, (k, 3) [m].
@@ -49,7 +49,7 @@ class Line:
     steps: Array  #: Lengths of the segments, (k,) [m].
 
 
-def beam_compliance(line: Line, c: Array, tip: Array) -> Array:
+def beam_compliance(line: BeamSegments, c: Array, tip: Array) -> Array:
     """Compute the compliance of a clamped beam at its tip, C = sum Ad^T c Ad ds.
 
     Args:
@@ -82,7 +82,7 @@ class Casting:
     wall: Array  #: Thickness of bottom, right, top and left over that, (4,) [1].
     thinning: float  #: Thickness at the tip over that at the root [1].
     turned: float  #: Angle of the sections about the line [rad].
-    beside: Array  #: Offset of the line to y and z, (2,) [m].
+    line_offset: Array  #: Offset of the line to y and z, (2,) [m].
     bow: Array  #: Height of its arc to y and z, (2,) [m].
     open_side: int | None  #: Wall that is ribs with gaps between them; None for a closed box.
     pitch: float  #: Distance of the ribs over the width of that wall [1].
@@ -115,9 +115,9 @@ class Casting:
         slope = 4 * (1 - 2 * s)[:, None] * self.bow
         tangent = np.column_stack([np.full(segments, self.length), slope])
         frames = _frames(tangent)
-        place = np.column_stack([self.length * s, self.beside + 4 * (s * (1 - s))[:, None] * self.bow])
+        place = np.column_stack([self.length * s, self.line_offset + 4 * (s * (1 - s))[:, None] * self.bow])
         points = place + np.einsum("kxi,ki->kx", frames[:, :, 1:], sections.centroid)
-        line = Line(points, frames, weights / 2 * np.linalg.norm(tangent, axis=1))
+        line = BeamSegments(points, frames, weights / 2 * np.linalg.norm(tangent, axis=1))
         return beam_compliance(line, sections.compliance(CAST_IRON), np.array([self.length, 0.0, 0.0]))
 
 
@@ -184,7 +184,7 @@ def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Cas
         wall=each("wall", 4),
         thinning=one("thinning"),
         turned=one("turned"),
-        beside=wide * each("beside", 2),
+        line_offset=wide * each("beside", 2),
         bow=length * each("bow", 2),
         open_side=int(rng.integers(4)) if rng.random() > CLOSED else None,
         pitch=one("pitch"),

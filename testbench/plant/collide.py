@@ -9,7 +9,7 @@ from testbench.errors import InputError
 
 COLLIDES = {"contype": str(2**31 - 1), "conaffinity": str(2**31 - 1), "gap": "0", "group": "0"}
 """Attributes of a geom that collides with every colliding geom, whatever the defaults of a user's MJCF."""
-MOST_CONTACTS = 5000
+MAX_CONTACTS = 5000
 """Most contacts in one pose."""
 VISUAL_GROUPS = 3
 """Geoms of groups 0 to 2 are visible in MuJoCo's viewer; by convention 3 and above only collide."""
@@ -58,7 +58,7 @@ def collide(path: Path, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         mujoco.mj_collision(model, data)
         count = int(data.ncon)
     except mujoco.FatalError:  # they are beyond MuJoCo's own memory
-        count = MOST_CONTACTS + 1
-    if count > MOST_CONTACTS:
-        problem = f"expected at most {MOST_CONTACTS} contacts in a pose, got more: use simpler geoms"
+        count = MAX_CONTACTS + 1
+    if count > MAX_CONTACTS:
+        problem = f"expected at most {MAX_CONTACTS} contacts in a pose, got more: use simpler geoms"
         raise InputError(path, "<geom>", problem)

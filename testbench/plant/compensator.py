@@ -17,7 +17,7 @@ import numpy as np
 from testbench.arm.folder import Compensator
 from testbench.errors import Array, BenchError, Ids
 from testbench.plant.build import Plant
-from testbench.plant.state import State, generalised_force, place
+from testbench.plant.state import BodyState, generalised_force, point_position
 
 
 @dataclass(frozen=True)
@@ -27,12 +27,12 @@ class Strut:
     spring: Compensator
     slope: float  #: Change of force over change of length as the arm deflects [N/m].
     ends: tuple[int, int]  #: Ids of the bodies on which it is hinged.
-    held: Array  #: Length in the held poses, theta = 0, (poses,) [m].
+    length_fixed: Array  #: Length in the held poses, theta = 0, (poses,) [m].
     C_g: Array  #: C g with g = ds / dqpos in the held poses, (poses, nv).
     share: Array  #: k g / (1 + k g C_g), k the slope, (poses, nv).
 
 
-def attached(plant: Plant) -> tuple[int, int]:
+def hinged_bodies(plant: Plant) -> tuple[int, int]:
     """Find the bodies that the compensator connects: ids of link 1 and link 2.
 
     Raises:
@@ -50,7 +50,7 @@ def attached(plant: Plant) -> tuple[int, int]:
     return plant.model.body(links[1].name).id, plant.model.body(links[2].name).id
 
 
-def strut(compensator: Compensator, plant: Plant, state: State) -> Strut:
+def strut(compensator: Compensator, plant: Plant, state: BodyState) -> Strut:
     """Compute the gravity compensator in held poses, theta = 0.
 
     Args:
@@ -61,7 +61,7 @@ def strut(compensator: Compensator, plant: Plant, state: State) -> Strut:
     Returns:
         The compensator with what the solver needs of these poses.
     """
-    ends = attached(plant)
+    ends = hinged_bodies(plant)
     hinges = _hinges(compensator, ends, state)
     held = _length(hinges)
     g = _pull(plant, ends, state, hinges, np.full(len(held), -1.0))
@@ -71,7 +71,7 @@ def strut(compensator: Compensator, plant: Plant, state: State) -> Strut:
     return Strut(compensator, k, ends, held, C_g, share)
 
 
-def strut_force(strut: Strut, plant: Plant, state: State, some: Ids) -> Array:
+def strut_force(strut: Strut, plant: Plant, state: BodyState, some: Ids) -> Array:
     """Compute the generalised force of the compensator in the present poses.
 
     Mathematics: `law-10`.
@@ -85,13 +85,13 @@ def strut_force(strut: Strut, plant: Plant, state: State, some: Ids) -> Array:
     Returns:
         Force on every degree of freedom, (some, nv) [N, N m].
     """
-    spring, held = strut.spring, strut.held[some]
+    spring, held = strut.spring, strut.length_fixed[some]
     hinges = _hinges(spring, strut.ends, state)
     force = spring.rate * (held - spring.rest_length) + strut.slope * (_length(hinges) - held)
     return _pull(plant, strut.ends, state, hinges, force)
 
 
-def stiffen(strut: Strut, step: Array, some: Ids) -> Array:
+def correct_for_strut(strut: Strut, step: Array, some: Ids) -> Array:
     """Correct steps of the arm's own springs for the stiffness of the compensator.
 
     It applies the inverse of C (C^-1 + k g g^T) of the held pose, by Sherman and Morrison.
@@ -108,9 +108,11 @@ def stiffen(strut: Strut, step: Array, some: Ids) -> Array:
     return np.asarray(step - along[:, None] * strut.C_g[some])
 
 
-def _hinges(spring: Compensator, ends: tuple[int, int], state: State) -> tuple[Array, Array]:
+def _hinges(spring: Compensator, ends: tuple[int, int], state: BodyState) -> tuple[Array, Array]:
     """Compute foot and head in the world, (poses, 3) [m]."""
-    return place(state, ends[0], np.array(spring.foot)), place(state, ends[1], np.array(spring.head))
+    return point_position(state, ends[0], np.array(spring.foot)), point_position(
+        state, ends[1], np.array(spring.head)
+    )
 
 
 def _length(hinges: tuple[Array, Array]) -> Array:
@@ -118,7 +120,7 @@ def _length(hinges: tuple[Array, Array]) -> Array:
 
 
 def _pull(
-    plant: Plant, ends: tuple[int, int], state: State, hinges: tuple[Array, Array], force: Array
+    plant: Plant, ends: tuple[int, int], state: BodyState, hinges: tuple[Array, Array], force: Array
 ) -> Array:
     """Compute the generalised force of a pull between both ends, (poses, nv) [N, N m]."""
     along = (force / _length(hinges))[:, None] * (hinges[1] - hinges[0])

@@ -13,7 +13,7 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.plant.build import Plant, compile_mjcf, plant_of, weightless, with_model
-from testbench.plant.compensator import attached
+from testbench.plant.compensator import hinged_bodies
 from testbench.plant.disturbance import FOUNDATION, Disturbances
 from testbench.plant.elastic import AXES, elastic_mjcf
 from testbench.plant.gear import draw_gears
@@ -38,7 +38,7 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
         BenchError: If a compensator is requested and the arm has no link 2.
     """
     if disturbances.compensator is not None:
-        attached(plant)
+        hinged_bodies(plant)
     n = plant.arm.n_joints
     offset, frames, centre = rng.standard_normal(n), rng.standard_normal((n + 1, 6)), rng.standard_normal(3)
     true = _on_foundation(plant, disturbances.foundation)

@@ -22,13 +22,21 @@ from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
-from testbench.plant.compensator import Strut, attached, stiffen, strut, strut_force
+from testbench.plant.compensator import Strut, correct_for_strut, hinged_bodies, strut, strut_force
 from testbench.plant.gear import gear_error
-from testbench.plant.joint_law import JointLaw, slope, turn
-from testbench.plant.state import Row, State, evaluate, generalised_force, moved, open_row, place
+from testbench.plant.joint_law import JointLaw, joint_rotation, tangent_compliance
+from testbench.plant.state import (
+    ArmsInRow,
+    BodyState,
+    body_motion,
+    evaluate,
+    generalised_force,
+    open_row,
+    point_position,
+)
 from testbench.progress import stepwise
 
-TOGETHER = 512
+POSES_AT_ONCE = 512
 """Poses per batch: enough for numpy, few for memory."""
 STEP_TOLERANCE = 1e-9  #: A pose is in equilibrium when the last Newton step is below this [m, rad].
 MAX_ITERATIONS = 50
@@ -37,7 +45,7 @@ MAX_SAG = 0.5
 
 
 @dataclass(frozen=True)
-class Equilibrium:
+class ArmEquilibrium:
     """Hold poses of the arm at rest under a load."""
 
     theta: Array  #: Virtual joint coordinates, (runs, n_theta) [m, rad].
@@ -47,11 +55,11 @@ class Equilibrium:
 
 
 @dataclass(frozen=True)
-class Poses:
+class Batch:
     """Hold poses of one batch; arguments `some` are indices of poses, repeated where a pose is varied."""
 
     plant: Plant
-    held: Array  #: Configuration with the actuated joints at their angles and theta = 0, (poses, nv).
+    q_fixed: Array  #: Configuration with the actuated joints at their angles and theta = 0, (poses, nv).
     wrench: Array  #: Force and moment, world axes, (poses, 6) [N, N m].
     point: Array  #: Point where the force acts, in the tool's frame, (poses, 3) [m].
     C: Array  #: Compliance, one per pose or the same in all, (poses, nv, nv) or (nv, nv).
@@ -76,14 +84,14 @@ class Poses:
         return self.C if self.C.ndim == 2 else self.C[some]
 
 
-def settle(
+def solve_equilibrium(
     plant: Plant,
     q: Array,
     wrench: Array | None = None,
     point: Array | None = None,
     *,
-    before: Equilibrium | None = None,
-) -> Equilibrium:
+    before: ArmEquilibrium | None = None,
+) -> ArmEquilibrium:
     """Find the static equilibrium of every pose under the arm's own weight and a wrench at the tool.
 
     The wrench keeps its direction in the world and acts at a point fixed in the tool, as a hung weight
@@ -113,18 +121,18 @@ def settle(
     wrench, point, law = wrench * (1 + changes.mass_error), point + plant.centre, _law(plant, runs, before)
     true_q = q + plant.offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
-    def settled(some: slice, row: Row) -> Equilibrium:
-        held, C = hold(plant, true_q[some]), plant.compliance(q[some])
-        poses = Poses(plant, held, wrench[some], point[some], C, law and law.of(some))
+    def settled(some: slice, row: ArmsInRow) -> ArmEquilibrium:
+        held, C = fixed_configurations(plant, true_q[some]), plant.compliance(q[some])
+        poses = Batch(plant, held, wrench[some], point[some], C, law and law.of(some))
         if changes.compensator is not None:
-            state = evaluate(row, poses.held, attached(plant))
+            state = evaluate(row, poses.q_fixed, hinged_bodies(plant))
             poses = replace(poses, strut=strut(changes.compensator, plant, state))
         return _settle(poses, row)
 
     return in_parts(plant, runs, settled)
 
 
-def _law(plant: Plant, runs: int, before: Equilibrium | None) -> JointLaw | None:
+def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> JointLaw | None:
     """Make the joint laws of all runs; None for MuJoCo's linear springs."""
     if before is not None:
         check_array(before.theta, (runs, plant.arm.n_theta), "theta before [m, rad]")
@@ -141,7 +149,9 @@ def _law(plant: Plant, runs: int, before: Equilibrium | None) -> JointLaw | None
     )
 
 
-def settle_pair(plant: Plant, q: Array, wrench: Array, point: Array) -> tuple[Equilibrium, Equilibrium]:
+def solve_unloaded_and_loaded(
+    plant: Plant, q: Array, wrench: Array, point: Array
+) -> tuple[ArmEquilibrium, ArmEquilibrium]:
     """Find the equilibria of the arm unloaded, then loaded from there.
 
     Args:
@@ -153,11 +163,13 @@ def settle_pair(plant: Plant, q: Array, wrench: Array, point: Array) -> tuple[Eq
     Returns:
         Both equilibria.
     """
-    rest = settle(plant, q)
-    return rest, settle(plant, q, wrench, point, before=rest)
+    rest = solve_equilibrium(plant, q)
+    return rest, solve_equilibrium(plant, q, wrench, point, before=rest)
 
 
-def in_parts(plant: Plant, runs: int, settled: Callable[[slice, Row], Equilibrium]) -> Equilibrium:
+def in_parts(
+    plant: Plant, runs: int, settled: Callable[[slice, ArmsInRow], ArmEquilibrium]
+) -> ArmEquilibrium:
     """Find the equilibria of all runs part by part.
 
     Args:
@@ -169,12 +181,14 @@ def in_parts(plant: Plant, runs: int, settled: Callable[[slice, Row], Equilibriu
         The equilibria of all runs.
     """
     row = open_row(plant)
-    starts = stepwise(range(0, max(runs, 1), TOGETHER), "settling the arm")
-    found = [settled(slice(start, start + TOGETHER), row) for start in starts]
-    return Equilibrium(*(np.concatenate([getattr(e, f.name) for e in found]) for f in fields(Equilibrium)))
+    starts = stepwise(range(0, max(runs, 1), POSES_AT_ONCE), "settling the arm")
+    equilibria = [settled(slice(start, start + POSES_AT_ONCE), row) for start in starts]
+    return ArmEquilibrium(
+        *(np.concatenate([getattr(e, f.name) for e in equilibria]) for f in fields(ArmEquilibrium))
+    )
 
 
-def hold(plant: Plant, q: Array) -> Array:
+def fixed_configurations(plant: Plant, q: Array) -> Array:
     """Make configurations with the actuated joints at q and theta = 0.
 
     Args:
@@ -189,7 +203,7 @@ def hold(plant: Plant, q: Array) -> Array:
     return held
 
 
-def unloaded(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, Array]]:
+def unloaded_body_poses(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, Array]]:
     """Compute where MuJoCo places bodies of the elastic arm at theta = 0.
 
     Args:
@@ -202,16 +216,16 @@ def unloaded(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, 
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     bodies = [int(plant.model.body(name).id) for name in names]
-    state = evaluate(open_row(plant), hold(plant, q), set(bodies))
+    state = evaluate(open_row(plant), fixed_configurations(plant, q), set(bodies))
     return [(state.position[body], state.rotation[body]) for body in bodies]
 
 
-def _settle(poses: Poses, row: Row) -> Equilibrium:
+def _settle(poses: Batch, row: ArmsInRow) -> ArmEquilibrium:
     """Solve for the equilibrium of one batch of poses."""
     plant, markers = poses.plant, poses.plant.markers.tolist()
     qpos = _newton(poses, row)
     state = evaluate(row, qpos, {plant.tool, *markers})
-    return Equilibrium(
+    return ArmEquilibrium(
         theta=qpos[:, plant.theta],
         markers=np.stack([state.position[body] for body in markers], axis=1),
         tool=state.position[plant.tool],
@@ -219,25 +233,25 @@ def _settle(poses: Poses, row: Row) -> Equilibrium:
     )
 
 
-def _force(poses: Poses, state: State, some: Ids) -> Array:
+def _force(poses: Batch, state: BodyState, some: Ids) -> Array:
     """Compute the generalised force Q without springs, (some, nv) [N, N m]."""
     plant, Q = poses.plant, state.weight
     if poses.wrench.any():
-        at = place(state, plant.tool, poses.point[some])
+        at = point_position(state, plant.tool, poses.point[some])
         Q = Q + generalised_force(plant, state, plant.tool, poses.wrench[some], at)
     return Q if poses.strut is None else Q + strut_force(poses.strut, plant, state, some)
 
 
-def _deflect(poses: Poses, Q: Array, some: Ids) -> Array:
+def _deflect(poses: Batch, Q: Array, some: Ids) -> Array:
     """Compute the deflection under a generalised force, zero at the actuated joints, (some, nv) [m, rad]."""
     deflection, hinges = np.matvec(poses.compliance(some), Q), poses.plant.hinges
     if poses.law:
         law = poses.law.of(some)
-        deflection[:, hinges] = turn(law, _torques(poses, law, Q[:, hinges]))
+        deflection[:, hinges] = joint_rotation(law, _torques(poses, law, Q[:, hinges]))
     return np.asarray(deflection)
 
 
-def _torques(poses: Poses, law: JointLaw, torque: Array) -> Array:
+def _torques(poses: Batch, law: JointLaw, torque: Array) -> Array:
     """Compute torques by which uncoupled joints would turn as these coupled joints do, (..., n) [N m]."""
     beyond = poses.plant.beyond
     if beyond is None or beyond.between is None:
@@ -245,7 +259,7 @@ def _torques(poses: Poses, law: JointLaw, torque: Array) -> Array:
     return np.asarray(torque + np.matvec(beyond.between, torque) / law.compliance)
 
 
-def _newton(poses: Poses, row: Row) -> Array:
+def _newton(poses: Batch, row: ArmsInRow) -> Array:
     """Iterate the virtual joints from `held` to equilibrium; return the configurations, (poses, nv) [m, rad].
 
     A pose in equilibrium, or without one, takes no further steps.
@@ -253,7 +267,7 @@ def _newton(poses: Poses, row: Row) -> Array:
     Raises:
         NoEquilibrium: If a pose has none; names the first.
     """
-    held, active = poses.held, np.arange(len(poses.held))
+    held, active = poses.q_fixed, np.arange(len(poses.q_fixed))
     qpos = held.copy()
     size: Array = np.full(len(held), np.inf)
     inverses: dict[int, Array] = {}
@@ -287,16 +301,16 @@ def _newton(poses: Poses, row: Row) -> Array:
     return qpos
 
 
-def _corrected(poses: Poses, inverses: dict[int, Array], step: Array, some: Ids) -> Array:
+def _corrected(poses: Batch, inverses: dict[int, Array], step: Array, some: Ids) -> Array:
     """Convert steps of the constant springs to Newton steps: by a pose's own tangent, or by the strut."""
-    corrected = step if poses.strut is None else stiffen(poses.strut, step, some)
+    corrected = step if poses.strut is None else correct_for_strut(poses.strut, step, some)
     for i in inverses.keys() & set(some.tolist()):
         (j,) = np.flatnonzero(some == i)
         corrected[j] = inverses[i] @ step[j]
     return corrected
 
 
-def tangent(poses: Poses, row: Row, qpos: Array, pose: int) -> Array:
+def tangent(poses: Batch, row: ArmsInRow, qpos: Array, pose: int) -> Array:
     """Compute I - C dQ/dqpos = C (K_theta - K_w) of Eq. (7) in one pose, by central differences.
 
     Args:
@@ -317,7 +331,7 @@ def tangent(poses: Poses, row: Row, qpos: Array, pose: int) -> Array:
     if poses.law:
         # With joint laws the slope of each joint replaces its compliance.
         law = poses.law.of(slice(pose, pose + 1))
-        steep = slope(law, _torques(poses, law, Q[:1, hinges]))[0]
+        steep = tangent_compliance(law, _torques(poses, law, Q[:1, hinges]))[0]
         C[np.ix_(hinges, hinges)] *= (steep / law.compliance)[:, None]
         C[hinges, hinges] = steep
     return np.asarray(unit - C @ (ahead - behind).T / (2 * h))
@@ -336,7 +350,7 @@ def _not_found(steps: int, size: float) -> str:
     return f"no static equilibrium in {steps} Newton steps, the last one {size:.3g} m or rad"
 
 
-def settle_linear(plant: Plant, q: Array, wrench: Array, point: Array) -> Equilibrium:
+def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array) -> ArmEquilibrium:
     """Compute the first-order equilibrium of a weightless arm: theta = C_theta J_F^T w at theta = 0.
 
     Args:
@@ -352,20 +366,20 @@ def settle_linear(plant: Plant, q: Array, wrench: Array, point: Array) -> Equili
     wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
     point = check_array(point, (len(q), 3), "point [m]")
 
-    def settled(some: slice, row: Row) -> Equilibrium:
+    def settled(some: slice, row: ArmsInRow) -> ArmEquilibrium:
         return _displaced(plant, row, q[some], wrench[some], point[some])
 
     return in_parts(plant, len(q), settled)
 
 
-def _displaced(plant: Plant, row: Row, q: Array, wrench: Array, point: Array) -> Equilibrium:
+def _displaced(plant: Plant, row: ArmsInRow, q: Array, wrench: Array, point: Array) -> ArmEquilibrium:
     tool, markers = plant.tool, plant.markers.tolist()
-    state = evaluate(row, hold(plant, q), {tool, *markers})
-    at = place(state, tool, point)
+    state = evaluate(row, fixed_configurations(plant, q), {tool, *markers})
+    at = point_position(state, tool, point)
     theta = np.matvec(plant.compliance(q), generalised_force(plant, state, tool, wrench, at))
-    places = [state.position[body] + moved(plant, state, body, theta)[0] for body in (*markers, tool)]
-    turned = Rotation.from_rotvec(moved(plant, state, tool, theta)[1]).as_matrix()
-    return Equilibrium(
+    places = [state.position[body] + body_motion(plant, state, body, theta)[0] for body in (*markers, tool)]
+    turned = Rotation.from_rotvec(body_motion(plant, state, tool, theta)[1]).as_matrix()
+    return ArmEquilibrium(
         theta=theta[:, plant.theta],
         markers=np.stack(places[:-1], axis=1),
         tool=places[-1],

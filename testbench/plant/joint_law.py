@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.errors import Array, Ids
-from testbench.plant.beyond import slipped, slipping
+from testbench.plant.beyond import friction_following, slipping_share
 
 STIFFENING_ANGLE = 1e-3
 """Turn phi_ref at which a joint's stiffness has grown by the share beta [rad]."""
@@ -43,7 +43,7 @@ class JointLaw:
         return self if self.before is None else replace(self, before=self.before[some])
 
 
-def turn(law: JointLaw, torque: Array) -> Array:
+def joint_rotation(law: JointLaw, torque: Array) -> Array:
     """Compute the turn theta of joints under a torque.
 
     Mathematics: `law-3`, `law-9`.
@@ -59,10 +59,10 @@ def turn(law: JointLaw, torque: Array) -> Array:
     if law.before is None:
         return target
     held = np.clip(law.before, target - law.hysteresis, target + law.hysteresis)
-    return held if law.slip is None else law.before + slipped(held - law.before, law.slip)
+    return held if law.slip is None else law.before + friction_following(held - law.before, law.slip)
 
 
-def slope(law: JointLaw, torque: Array) -> Array:
+def tangent_compliance(law: JointLaw, torque: Array) -> Array:
     """Compute the tangent compliance d theta / d torque of joints; zero where friction holds.
 
     Args:
@@ -81,7 +81,7 @@ def slope(law: JointLaw, torque: Array) -> Array:
         away = phi + _play(law, x) - law.before
         rate[np.abs(away) < law.hysteresis] = 0
         if law.slip is not None:
-            rate *= slipping(np.maximum(np.abs(away) - law.hysteresis, 0), law.slip)
+            rate *= slipping_share(np.maximum(np.abs(away) - law.hysteresis, 0), law.slip)
     return law.compliance * rate
 
 

@@ -15,7 +15,7 @@ from testbench.plant.site import Site
 
 Kind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]
 
-KINDS: dict[int, Kind] = {
+GEOM_KINDS: dict[int, Kind] = {
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
     int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
     int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
@@ -25,7 +25,7 @@ KINDS: dict[int, Kind] = {
 }
 """Geoms that are drawn; a plane is the floor."""
 
-STICK = 0.02  #: Radius of the sticks of an arm without visual geoms, over the length of its chain [1].
+STICK_RADIUS = 0.02  #: Radius of the sticks of an arm without visual geoms, over the length of its chain [1].
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,14 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Frames:
+class BodyFrames:
     """Hold the poses of the bodies of the rigid MJCF, the world first, as in `Site.names`."""
 
     positions: Array  #: Origins, (runs, bodies, 3) [m].
     rotations: Array  #: World from body, (runs, bodies, 3, 3) [1].
 
 
-def origins(site: Site, names: Sequence[str], frames: Frames) -> Array:
+def origins(site: Site, names: Sequence[str], frames: BodyFrames) -> Array:
     """Return the origins of named bodies.
 
     Args:
@@ -91,11 +91,13 @@ def solid_shapes(site: Site) -> list[Shape]:
 
 def _shapes(model: mujoco.MjModel, some: Mask) -> list[Shape]:
     """List the drawable geoms under a mask, (geoms,)."""
-    return [_shape(model, g) for g in np.flatnonzero(some & np.isin(model.geom_type, list(KINDS))).tolist()]
+    return [
+        _shape(model, g) for g in np.flatnonzero(some & np.isin(model.geom_type, list(GEOM_KINDS))).tolist()
+    ]
 
 
 def _shape(model: mujoco.MjModel, g: int) -> Shape:
-    kind = KINDS[int(model.geom_type[g])]
+    kind = GEOM_KINDS[int(model.geom_type[g])]
     return Shape(
         kind=kind,
         body=int(model.geom_bodyid[g]),
@@ -167,7 +169,7 @@ def join_meshes(shapes: Sequence[Shape]) -> tuple[Mesh, list[int]]:
 def _sticks(model: mujoco.MjModel) -> list[Shape]:
     """Make a capsule in every body, from its origin to the origin of each of its children."""
     length = np.linalg.norm(model.body_pos, axis=1)
-    radius = STICK * length[model.body_parentid > 0].sum()  # wherever the base is
+    radius = STICK_RADIUS * length[model.body_parentid > 0].sum()  # wherever the base is
     children = [i for i in range(1, model.nbody) if model.body_parentid[i] and length[i] > 0]
     sticks = []
     for i in children:
@@ -198,7 +200,7 @@ def quaternions(R: Array) -> Array:
     return np.asarray(Rotation.from_matrix(R).as_quat())
 
 
-def rigid_frames(site: Site, q: Array) -> Frames:
+def rigid_frames(site: Site, q: Array) -> BodyFrames:
     """Compute the places of the bodies of the rigid arm.
 
     Args:
@@ -212,7 +214,7 @@ def rigid_frames(site: Site, q: Array) -> Frames:
     return _frames(site.model, site.joints, q, np.arange(site.model.nbody))
 
 
-def elastic_frames(plant: Plant, q: Array, theta: Array) -> Frames:
+def elastic_frames(plant: Plant, q: Array, theta: Array) -> BodyFrames:
     """Compute the places of the bodies of the elastic arm, in the order of the rigid arm's.
 
     Args:
@@ -237,7 +239,7 @@ def _frames(
     address: Ids,
     values: Array,
     bodies: Ids,
-) -> Frames:
+) -> BodyFrames:
     data = mujoco.MjData(model)
     positions = np.empty((len(values), len(bodies), 3))
     rotations = np.empty((len(values), len(bodies), 3, 3))
@@ -246,7 +248,7 @@ def _frames(
         mujoco.mj_kinematics(model, data)
         positions[i] = data.xpos[bodies]
         rotations[i] = data.xmat[bodies].reshape(-1, 3, 3)
-    return Frames(positions, rotations)
+    return BodyFrames(positions, rotations)
 
 
 ROUND = 2 * np.pi * np.arange(24) / 24

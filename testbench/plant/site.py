@@ -24,7 +24,7 @@ from testbench.plant.collide import COLLIDES, VISUAL_GROUPS, body_name, collide,
 
 Kind = Literal["itself", "room", "tracker", "payload"]
 
-KINDS: tuple[Kind, ...] = ("itself", "room", "tracker", "payload")
+CONTACT_CATEGORIES: tuple[Kind, ...] = ("itself", "room", "tracker", "payload")
 """Kinds of contact: with the arm itself, with floor and walls, with the tracker; and of the payload with
 anything. Every geom belongs to arm, room, tracker or payload in this order, and a contact to the later of its
 two."""
@@ -82,7 +82,7 @@ class Contact:
     """Describe two bodies that touch, or come closer than the payload's clearance."""
 
     kind: Kind  #: Kind of contact.
-    #: Their names, in the order of `KINDS`: the arm's before the world's, the payload's last.
+    #: Their names, in the order of `CONTACT_CATEGORIES`: the arm's before the world's, the payload's last.
     bodies: tuple[str, str]
 
 
@@ -103,7 +103,7 @@ class Site:
     load: int  #: Body id of the load point.
     markers: Ids  #: Body ids of the markers, (m,).
     facing: Array  #: Z axes of the markers' bodies in the tool's frame, (m, 3) [1].
-    part: Ids  #: Index in `KINDS` of the owner of each geom, (geoms,).
+    part: Ids  #: Index in `CONTACT_CATEGORIES` of the owner of each geom, (geoms,).
 
 
 def check_position(position: object) -> Array:
@@ -206,12 +206,12 @@ def _body(model: mujoco.MjModel, name: str) -> int:
 
 
 def _parts(model: mujoco.MjModel, arm: Arm, weight: str, head: str) -> Ids:
-    """Find the owner of each geom as an index in `KINDS`; the arm is everything on the base's carrier."""
+    """Find the owner of each geom, an index in `CONTACT_CATEGORIES`; the arm is all on the base's carrier."""
     root = model.body_rootid[model.geom_bodyid]
-    part = np.full(model.ngeom, KINDS.index("room"))
-    part[root == model.body_rootid[_body(model, arm.links[0].name)]] = KINDS.index("itself")
-    part[root == _body(model, head)] = KINDS.index("tracker")
-    part[root == _body(model, weight)] = KINDS.index("payload")
+    part = np.full(model.ngeom, CONTACT_CATEGORIES.index("room"))
+    part[root == model.body_rootid[_body(model, arm.links[0].name)]] = CONTACT_CATEGORIES.index("itself")
+    part[root == _body(model, head)] = CONTACT_CATEGORIES.index("tracker")
+    part[root == _body(model, weight)] = CONTACT_CATEGORIES.index("payload")
     return part
 
 
@@ -221,7 +221,7 @@ def _check_head(model: mujoco.MjModel, part: Ids, where: Array | None) -> None:
         return
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    tracker = part == KINDS.index("tracker")
+    tracker = part == CONTACT_CATEGORIES.index("tracker")
     still = np.flatnonzero((model.body_weldid[model.geom_bodyid] == 0) & ~tracker)
     head = int(np.flatnonzero(tracker)[0])
     for g in still:
@@ -237,7 +237,7 @@ def _opaque(model: mujoco.MjModel, part: Ids) -> mujoco.MjModel:
     model = copy.copy(model)
     body, drawn = model.geom_bodyid, model.geom_group < VISUAL_GROUPS
     bare = ~np.isin(body, body[drawn])
-    opaque = (drawn | bare | (body == 0)) & (part != KINDS.index("tracker"))
+    opaque = (drawn | bare | (body == 0)) & (part != CONTACT_CATEGORIES.index("tracker"))
     model.geom_group[:] = np.where(opaque, 0, 5)
     model.geom_rgba[:, 3] = 1  # MuJoCo's rays pass through what is fully transparent
     model.mat_rgba[:, 3] = 1
@@ -272,7 +272,7 @@ def contacts(site: Site, q: Array) -> list[Contact | None]:
         q: Joint angles, (poses, n) [rad, m].
 
     Returns:
-        Per pose the first contact in the order of `KINDS`; None where there is none.
+        Per pose the first contact in the order of `CONTACT_CATEGORIES`; None where there is none.
     """
     found: list[Contact | None] = []
     geoms, depths = [np.empty((0, 2), dtype=int)], [np.empty(0)]
@@ -286,15 +286,16 @@ def contacts(site: Site, q: Array) -> list[Contact | None]:
     for k in _touching(site, pose, pairs, np.concatenate(depths)):
         pair = sorted(pairs[k], key=lambda g: site.part[g])
         one, other = (site.names[site.model.geom_bodyid[g]] for g in pair)
-        found[pose[k]] = Contact(KINDS[site.part[pair].max()], (one, other))
+        found[pose[k]] = Contact(CONTACT_CATEGORIES[site.part[pair].max()], (one, other))
     return found
 
 
 def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:
-    """Select the first contact of every pose in the order of `KINDS`, of those that are close enough."""
+    """Select the first contact of every pose by the order of `CONTACT_CATEGORIES`, if it is close enough."""
     clearance = 0.0 if site.payload is None else site.payload.clearance
     kind = site.part[pairs].max(axis=1)
-    near = np.where(kind == KINDS.index("payload"), clearance, 0.0)  # geoms of a user's MJCF may have margins
+    # geoms of a user's MJCF may have margins
+    near = np.where(kind == CONTACT_CATEGORIES.index("payload"), clearance, 0.0)
     touching = np.flatnonzero(distance < near)
     touching = touching[np.lexsort((kind[touching], pose[touching]))]
     return np.asarray(touching[np.unique(pose[touching], return_index=True)[1]])
@@ -310,7 +311,7 @@ def collisions(site: Site, q: Array) -> list[tuple[str, str] | None]:
     Returns:
         Per pose the names of the bodies of `contacts`; None where there is no contact.
     """
-    return [found.bodies if found else None for found in contacts(site, q)]
+    return [contact.bodies if contact else None for contact in contacts(site, q)]
 
 
 def check_poses(site: Site, q: Array) -> None:

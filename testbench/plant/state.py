@@ -11,7 +11,7 @@ from testbench.plant.build import Plant
 
 
 @dataclass(frozen=True)
-class State:
+class BodyState:
     """Hold gravity forces and Jacobians of some poses, and the poses of requested bodies, by their ids."""
 
     weight: Array  #: Generalised force of the arm's own weight, (poses, nv) [N, N m].
@@ -23,23 +23,23 @@ class State:
 
 
 @dataclass(frozen=True)
-class Row:
+class ArmsInRow:
     """Hold the copies of the arm in one MuJoCo state for computation; every call of `settle` has its own."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
     qpos: Array  #: Configuration of every arm, (arms, nv) [m, rad].
-    motion: Array  #: As in `State`, (arms, nv, 6).
-    centre: Array  #: As in `State`, (arms, 3).
+    motion: Array  #: As in `BodyState`, (arms, nv, 6).
+    centre: Array  #: As in `BodyState`, (arms, 3).
     position: Array  #: Of every body but the world: body b is at b - 1, (arms, bodies, 3) [m].
     rotation: Array  #: World from body, (arms, bodies, 3, 3) [1].
 
 
-def open_row(plant: Plant) -> Row:
+def open_row(plant: Plant) -> ArmsInRow:
     """Make the MuJoCo model with copies of the plant's arm in a row, which are evaluated together."""
     model, data = plant.abreast, mujoco.MjData(plant.abreast)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
-    return Row(
+    return ArmsInRow(
         model=model,
         data=data,
         qpos=data.qpos.reshape(-1, nv),
@@ -50,7 +50,7 @@ def open_row(plant: Plant) -> Row:
     )
 
 
-def evaluate(row: Row, qpos: Array, bodies: Collection[int] = ()) -> State:
+def evaluate(row: ArmsInRow, qpos: Array, bodies: Collection[int] = ()) -> BodyState:
     """Evaluate configurations in MuJoCo, as many at a time as there are arms in the row.
 
     Velocities are zero, so of MuJoCo's forward pass only kinematics and the bias force are needed.
@@ -79,7 +79,7 @@ def evaluate(row: Row, qpos: Array, bodies: Collection[int] = ()) -> State:
             motion[some], centre[some] = row.motion, row.centre
         for body in bodies:
             position[body][some], rotation[body][some] = row.position[:, body - 1], row.rotation[:, body - 1]
-    return State(
+    return BodyState(
         weight=-bias[:poses],
         motion=motion[:poses],
         centre=centre[:poses],
@@ -88,7 +88,7 @@ def evaluate(row: Row, qpos: Array, bodies: Collection[int] = ()) -> State:
     )
 
 
-def place(state: State, body: int, point: Array) -> Array:
+def point_position(state: BodyState, body: int, point: Array) -> Array:
     """Compute the world position of a point of a body in every pose.
 
     Args:
@@ -102,7 +102,7 @@ def place(state: State, body: int, point: Array) -> Array:
     return np.asarray(state.position[body] + np.matvec(state.rotation[body], point))
 
 
-def generalised_force(plant: Plant, state: State, body: int, wrench: Array, point: Array) -> Array:
+def generalised_force(plant: Plant, state: BodyState, body: int, wrench: Array, point: Array) -> Array:
     """Compute the generalised force J^T w of a wrench on a body at a world point.
 
     Args:
@@ -121,7 +121,7 @@ def generalised_force(plant: Plant, state: State, body: int, wrench: Array, poin
     return np.asarray(Q * plant.carries[body])
 
 
-def moved(plant: Plant, state: State, body: int, theta: Array) -> tuple[Array, Array]:
+def body_motion(plant: Plant, state: BodyState, body: int, theta: Array) -> tuple[Array, Array]:
     """Compute how a body's origin moves and how the body rotates under small deflections, J theta.
 
     Args:

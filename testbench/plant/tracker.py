@@ -13,7 +13,7 @@ import numpy as np
 from testbench.errors import Array, BenchError, Mask, check_least
 from testbench.plant.site import check_position
 
-LONGEST = 1e-2
+MAX_DEVIATION = 1e-2
 """Largest standard deviation of a reading, or drift of a frame, that an instrument can have [m, rad]."""
 
 
@@ -205,7 +205,7 @@ def out_of_view(station: Station, targets: Array, facing: Array | None = None) -
     return {reason: np.asarray(mask.any(axis=1)) for reason, mask in refused.items()}
 
 
-def stream(seed: int, trial: int = 0) -> np.random.Generator:
+def trial_rng(seed: int, trial: int = 0) -> np.random.Generator:
     """Make the random numbers of one trial, independent of order, workers and restarts.
 
     Args:

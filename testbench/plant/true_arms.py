@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from testbench.arm.folder import Arm, Link
-from testbench.arm.stiffness import check_compliance, turned
+from testbench.arm.stiffness import check_compliance, rotated_compliance
 from testbench.errors import Array, BenchError
 from testbench.plant.cast import cast_link
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.plant.beyond import Beyond
@@ -25,7 +25,7 @@ Springs = Callable[[Arm, np.random.Generator], "Beyond"]
 """Function that draws the elasticity of an arm beyond constant matrices."""
 
 UNEQUAL = 0.5  #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
-FAR = 0.3, 3.0
+JOINT_FACTOR_RANGE = 0.3, 3.0
 """Range of a joint's compliance over the folder's, if all joints are far off [1]."""
 STIFFER = 3, 10, 30, 100, 300
 """Factors by which links are stiffer, so that the joints dominate."""
@@ -94,7 +94,7 @@ def distance_from_tubes(C: Array) -> float:
     return float(np.linalg.norm(A @ np.linalg.lstsq(A, one)[0] - one) / np.sqrt(6))
 
 
-def deformed(C: Array, S: Array, distance: float) -> Array:
+def deform_tube(C: Array, S: Array, distance: float) -> Array:
     """Deform a tube to C^1/2 exp(t S) C^1/2, with t for a given distance from the nearest tube.
 
     Args:
@@ -128,7 +128,7 @@ def _off_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
 
     def off(link: Link) -> Link:
         S = rng.standard_normal((6, 6))
-        C = turned(deformed(link.compliance, S + S.T, share), rng.standard_normal(3), share)
+        C = rotated_compliance(deform_tube(link.compliance, S + S.T, share), rng.standard_normal(3), share)
         return replace(link, compliance=check_compliance(C, f"{link.name} off tubes"))
 
     return replace(arm, links=tuple(off(link) for link in arm.links))
@@ -181,7 +181,7 @@ def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
     return _scaled_links(own, factors)
 
 
-def coupled(C: Array, rng: np.random.Generator) -> Array:
+def couple_compliance(C: Array, rng: np.random.Generator) -> Array:
     """Replace the couplings of a compliance by those of a random correlation matrix.
 
     Correlations of 7 vectors of six normal numbers are uniform over all correlation matrices of order six:
@@ -202,7 +202,7 @@ def coupled(C: Array, rng: np.random.Generator) -> Array:
 
 def _coupled(arm: Arm, rng: np.random.Generator) -> Arm:
     def own(link: Link) -> Link:
-        C = coupled(link.compliance, rng)
+        C = couple_compliance(link.compliance, rng)
         return replace(link, compliance=check_compliance(C, f"{link.name} coupled"))
 
     return replace(arm, links=tuple(own(link) for link in arm.links))
@@ -220,7 +220,9 @@ def _soft_bearings(arm: Arm, rng: np.random.Generator) -> Arm:
 
 
 def _far_joints(arm: Arm, rng: np.random.Generator) -> Arm:
-    return _scaled_joints(arm, np.exp(rng.uniform(np.log(FAR[0]), np.log(FAR[1]), arm.n_joints)))
+    return _scaled_joints(
+        arm, np.exp(rng.uniform(np.log(JOINT_FACTOR_RANGE[0]), np.log(JOINT_FACTOR_RANGE[1]), arm.n_joints))
+    )
 
 
 def _following(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
@@ -322,7 +324,7 @@ TRUTH_WORDS = {
 """Descriptions of TRUTHS."""
 
 
-def member(family: str, seed: int) -> str:
+def true_arm_of_seed(family: str, seed: int) -> str:
     """Return the true arm of a seed.
 
     Args:
@@ -355,7 +357,7 @@ def true_plant(arm: Arm, name: str, seed: int, stiffer: float = 1.0) -> "Plant":
     known = {**TRUTHS, **HELD_OUT}
     if name not in known:
         raise BenchError(f"no truth {name!r}; truths are {', '.join(known)}")
-    rng = stream(seed, 8)
+    rng = trial_rng(seed, 8)
     plant = build_plant(known[name](_scaled_links(arm, np.full(len(arm.links), 1 / stiffer)), rng))
     if name in SPRINGS:
         plant = replace(plant, beyond=SPRINGS[name](plant.arm, rng))

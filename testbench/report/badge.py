@@ -15,9 +15,9 @@ from testbench.report.table import MODEL, Row, Trials, aligned, shared
 from testbench.runs.spread import TAIL, Cells, median_interval, redrawn
 from testbench.workflows.models import JOINTS
 
-FEWEST = 6  #: Pairs from which on a sign test can tell at 95 %: five agree in 1 of 16 by chance.
+MIN_PAIRS = 6  #: Pairs from which on a sign test can tell at 95 %: five agree in 1 of 16 by chance.
 BLOCKS = 500  #: Most that it draws from: of more poses or readings those side by side are one.
-MOST = 1000.0  #: Errors below the largest one over this are rounding.
+ROUNDING_RATIO = 1000.0  #: Errors below the largest one over this are rounding.
 PLACES = "place_mm"  #: Column of errors pose by pose in the rows of a first trial.
 POSES = "pose of one arm"  #: What is counted where a run has one trial.
 
@@ -60,7 +60,7 @@ class Badge:
         first, _, of = self.each.partition(" ")
         shared = f"from {counted(self.trials, 'trial')}" if self.trials else ""
         pairs = " ".join(filter(None, [counted(self.n, first), of, shared]))
-        takes = f"a verdict takes {FEWEST}{' trials' if self.trials else ''}"
+        takes = f"a verdict takes {MIN_PAIRS}{' trials' if self.trials else ''}"
         if self.interval is None and abs(self.factor - 1) <= ALIKE:
             return Markdown(f"Too few: {winner} and {rival} err the same in {pairs}; {takes}.")
         if self.interval is None:
@@ -116,7 +116,7 @@ def decide(
     own = None if trials is None else np.asarray(trials)[known]
     if not len(a):
         return Badge(ours[0], theirs[0], None, None, 0, "do not use" if why else "too few", each, why=why)
-    least = max(a.max(), b.max()) / MOST or 1.0  # nothing over nothing is 1
+    least = max(a.max(), b.max()) / ROUNDING_RATIO or 1.0  # nothing over nothing is 1
     exact = bool(min(a.max(), b.max()) <= least < max(a.max(), b.max()))
     a, b = np.maximum(a, least), np.maximum(b, least)
     factor, ends = _of_one(a, b)
@@ -140,7 +140,9 @@ Pair = tuple[Array, Array, Cells | None]
 """Errors of ours and of another in the same trials, (n,) both, and labels of trials that cases share."""
 
 
-def beside_all(ours: str, pairs: Mapping[str, Pair], each: str = "trial", why: str = "") -> Badge | None:
+def badge_against_all(
+    ours: str, pairs: Mapping[str, Pair], each: str = "trial", why: str = ""
+) -> Badge | None:
     """One beside the strongest of its rivals, with the names of all that tie with it; None without any.
 
     Args:
@@ -160,9 +162,9 @@ def beside_all(ours: str, pairs: Mapping[str, Pair], each: str = "trial", why: s
 
     sizes = {name: size(name) for name in pairs}
     order = sorted((name for name in pairs if sizes[name] < math.inf), key=lambda name: sizes[name])
-    found = [decide((ours, a), (name, b), each, why, own) for name in order for a, b, own in [pairs[name]]]
-    ties = tuple(name for name, own in zip(order, found, strict=True) if own.verdict == "tie")
-    return replace(found[0], ties=ties) if found else None
+    badges = [decide((ours, a), (name, b), each, why, own) for name in order for a, b, own in [pairs[name]]]
+    ties = tuple(name for name, badge in zip(order, badges, strict=True) if badge.verdict == "tie")
+    return replace(badges[0], ties=ties) if badges else None
 
 
 def _several(each: str) -> bool:
@@ -174,7 +176,7 @@ def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:
     """Ratio of two RMS errors over the same poses, (n,) both, and its interval; the same each time."""
     n = len(a)
     times = float(np.sqrt((b**2).sum() / (a**2).sum()))
-    if n < FEWEST:
+    if n < MIN_PAIRS:
         return times, None
     k = min(n, BLOCKS)
     ours, theirs = (np.add.reduceat(own**2, np.arange(k) * n // k) for own in (a, b))
@@ -225,7 +227,7 @@ def of_rivals(
             pairs[name], each = (a, b, None), POSES
         elif len(a):
             pairs[name] = (a, b, shared(trials, (ours, name)))
-    return beside_all(ours, pairs, each)
+    return badge_against_all(ours, pairs, each)
 
 
 def drawn(badge: Badge | None, known: Collection[str], *others: str) -> list[str]:

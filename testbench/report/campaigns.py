@@ -7,7 +7,7 @@ from testbench.report.schema import best_of
 from testbench.report.table import Row, Trials, merged, nested
 from testbench.runs.spread import span
 from testbench.workflows.models import JOINTS
-from testbench.workflows.workspace_errors import ErrorPlaces, Places, error_places
+from testbench.workflows.workspace_errors import ErrorPlaces, WorkspacePoses, error_places
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
 NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.", "data_file")
@@ -19,17 +19,17 @@ def seeds_of(seeds: range) -> int | list[int]:
     return seeds[0] if len(seeds) == 1 else list(seeds)
 
 
-def seeds_told(seed: int | Sequence[int]) -> str:
+def seeds_label(seed: int | Sequence[int]) -> str:
     """Of which trials a report's numbers are, for its title."""
     return f"seed {seed}" if isinstance(seed, int) else f"{len(seed)} seeds: median ({span(len(seed))})"
 
 
 def dataset(trials: Trials, fitted: int | None = None) -> Row:
     """What was measured in every trial; counts are of so many poses that are fitted, of all for None."""
-    [own] = merged(trials.where(name=trials["name"][0]).inside("measured"))
+    [row] = merged(trials.where(name=trials["name"][0]).inside("measured"))
     if fitted is None:
-        return own
-    return Row(own, runs=own.identification_runs, points=own.identification_points, poses=fitted)
+        return row
+    return Row(row, runs=row.identification_runs, points=row.identification_points, poses=fitted)
 
 
 def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
@@ -53,9 +53,11 @@ def by_arm(trials: Trials, value: str, of: str = "name") -> list[Row]:
 def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
     """Errors of the first seed pose by pose, ordered by those models that are compared."""
     drawn = trials.where(seed=trials["seed"][0])
-    at = Places(**nested({name: cells[0] for name, cells in drawn.keep("places.").columns.items()}).places)
+    workspace_poses = WorkspacePoses(
+        **nested({name: cells[0] for name, cells in drawn.keep("places.").columns.items()}).places
+    )
     mm = dict(zip(drawn["name"], drawn["place_mm"], strict=True))
-    return error_places(at, mm, [name for name in dict.fromkeys(compared) if name in mm])
+    return error_places(workspace_poses, mm, [name for name in dict.fromkeys(compared) if name in mm])
 
 
 def distinct(models: Sequence[Row]) -> list[Row]:
@@ -63,6 +65,6 @@ def distinct(models: Sequence[Row]) -> list[Row]:
     return [m for m in models if m.constraint != "free" or m.conservative is not False]
 
 
-def own(models: Sequence[Row]) -> list[str]:
+def user_estimators(models: Sequence[Row]) -> list[str]:
     """Estimators of one's own that worked in a trial, by name."""
     return [m.name for m in models if m.constraint == "own"]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, TypedDict, runtime_checkable
 
 from testbench.identify import Constraint
-from testbench.identify.estimate import PAPERS
+from testbench.identify.estimate import PAPER_GCO
 
 Colour = tuple[int, ...]
 
@@ -26,7 +26,7 @@ LEAST_SQUARES, GCO = (200, 131, 4), (67, 131, 92)  #: The methods, and MLS56 and
 JOINTS, JOINTS_PRIOR = (90, 142, 255), (108, 116, 192)
 """Joints alone, what most calibrations use: beside links they are no shade of a method."""
 LEAST_SQUARES_PRIOR = (255, 80, 128)
-TOLD_APART = (LEAST_SQUARES, GCO, JOINTS, LEAST_SQUARES_PRIOR, MEASURED)
+DISTINCT = (LEAST_SQUARES, GCO, JOINTS, LEAST_SQUARES_PRIOR, MEASURED)
 """By everybody, also who sees no red or no green: CIEDE2000 of 15 at least between any two."""
 SHADES: Mapping[tuple[Constraint, str], Mapping[str, Colour]] = {
     ("none", "none"): {"56": LEAST_SQUARES, "32": (176, 106, 98)},
@@ -53,7 +53,7 @@ SHADES: Mapping[tuple[Constraint, str], Mapping[str, Colour]] = {
     ("psd", "log-det prior"): {"56": (87, 153, 100), "68": (109, 127, 41), "153": (37, 129, 143)},
 }
 """Colour by method, then by kind of structure."""
-KINDS = {"MLS36": "56", "MLS21": "32", "MGCO21": "56", "MGCO69": "68"}
+STRUCTURE_KINDS = {"MLS36": "56", "MLS21": "32", "MGCO21": "56", "MGCO69": "68"}
 """Kinds of structures that are not named by their count: never beside the one of that count."""
 PLACES = {"Joints": 2, "56": 0, "32": 1, "68": 1, "47": 2, "147": 3, "153": 4}  #: Mark of a kind.
 FULL = 21  #: Entries of a link in full, of which an arm of any joints has a multiple.
@@ -63,7 +63,7 @@ MARKS = "osD^vP*"  #: Markers, matplotlib's letters.
 HELD: Mapping[Constraint, str] = {"free": "P", "ridge": "s", "clipped": "D"}
 """Marks of least squares that are held down in another way than by the cone."""
 
-OWN: tuple[Colour, ...] = ((206, 15, 95), (14, 91, 240), (248, 1, 23))
+USER_COLOURS: tuple[Colour, ...] = ((206, 15, 95), (14, 91, 240), (248, 1, 23))
 OWN_MARKS = "Pv^"
 """Of estimators of one's own in the order in which they are asked for: all colours with each mark."""
 
@@ -143,8 +143,8 @@ def look(structure: str, constraint: Constraint, prior: bool = False, filling: s
     """
     if constraint == "own":
         which = int(re.sub(r"\D", "", structure)[-4:] or 1) - 1
-        mark = OWN_MARKS[which // len(OWN) % len(OWN_MARKS)]
-        return Look(OWN[which % len(OWN)], MARKS.index(mark), prior)
+        mark = OWN_MARKS[which // len(USER_COLOURS) % len(OWN_MARKS)]
+        return Look(USER_COLOURS[which % len(USER_COLOURS)], MARKS.index(mark), prior)
     told = "prior" if prior and filling == "none" else filling
     kind = _kind(structure)
     if kind == "Joints":
@@ -167,15 +167,15 @@ class Modelled(Protocol):
 
 def look_of(row: Modelled) -> Look:
     """Give the look of the model of a row; GCO without a trace weight is told by its method."""
-    filling = "paper" if getattr(row, "method", "") == PAPERS else "none"
+    filling = "paper" if getattr(row, "method", "") == PAPER_GCO else "none"
     return look(row.structure, row.constraint, row.prior, filling)
 
 
 def _kind(structure: str) -> str:
     """Kind of a structure: its count for the paper's arm of six joints, whatever the arm."""
     count = re.sub(r"\D", "", structure)
-    if structure in KINDS or not count:
-        return KINDS.get(structure, structure)
+    if structure in STRUCTURE_KINDS or not count:
+        return STRUCTURE_KINDS.get(structure, structure)
     if count in PLACES:
         return count
     if structure.startswith("ALL"):

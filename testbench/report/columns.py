@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from testbench.plant.true_arms import CALLED
-from testbench.report.schema import Column
+from testbench.report.schema import TableColumn
 from testbench.workflows.perturbed_prior import PRIORS_CALLED
 
 WORDS = """
@@ -19,15 +19,15 @@ NAMES = {"true_arm": CALLED, "prior_error": PRIORS_CALLED}  #: What readers call
 
 DECLARED = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 EVERY = (
-    *(Column(key, key.replace("_", " ")) for key in WORDS.split()),
-    *(Column(key, key.replace("_", " "), form="d") for key in COUNTS.split()),
-    *(Column(key, **{"called": NAMES.get(key, {}), **own}) for key, own in DECLARED.items()),
+    *(TableColumn(key, key.replace("_", " ")) for key in WORDS.split()),
+    *(TableColumn(key, key.replace("_", " "), form="d") for key in COUNTS.split()),
+    *(TableColumn(key, **{"called": NAMES.get(key, {}), **own}) for key, own in DECLARED.items()),
 )
 KNOWN = {column.key: column for column in EVERY}
 ROUNDING_UM = KNOWN["rms_um"].rounding  #: Errors below are rounding.
 
 
-def columns(keys: str, *, paper: bool = True) -> tuple[Column, ...]:
+def columns(keys: str, *, paper: bool = True) -> tuple[TableColumn, ...]:
     """Columns by their keys, blanks between; with the paper's numbers where they have such."""
     found = tuple(KNOWN[key] for key in keys.split())
     return found if paper else tuple(replace(column, paper="") for column in found)

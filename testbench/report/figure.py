@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 
 from testbench.report.colours import GREY, SCALE, Look, hexadecimal
 from testbench.report.markdown import capital
-from testbench.report.schema import Column, Table, best_rows, looks
+from testbench.report.schema import Table, TableColumn, best_rows, looks
 from testbench.runs.spread import Number, Spread, dotted, ends, inner, middle
 from testbench.workflows.models import JOINTS
 
@@ -28,11 +28,11 @@ SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colo
 """Colours of sizes, as recordings have them."""
 WIDTH, DPI = 10.0, 160
 """Width of every figure [in], and its points: on a page 800 wide, 9 points are 10 pixels high."""
-SMALL = 9.0  #: Least size of letters [pt].
+MIN_LETTER_SIZE = 9.0  #: Least size of letters [pt].
 STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 300: (1, 2, 5), math.inf: (1,)}
 """Ticks of a decade by how many times the least the greatest value is at most."""
 DECADES = 6  #: Most decades of an axis that have a tick each.
-FAR = 5.0  #: Times the least number from which an axis is logarithmic [1].
+LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmic [1].
 TITLE, CAPTION = 92, 150  #: Letters of a line of the title and of the words below.
 
 
@@ -82,7 +82,7 @@ def _key(part: SubFigure, columns: int) -> None:
     part.legend(
         *part.axes[0].get_legend_handles_labels(),
         frameon=False,
-        fontsize=SMALL,
+        fontsize=MIN_LETTER_SIZE,
         loc="outside lower center",
         ncols=columns,
         handlelength=3.0,
@@ -94,7 +94,7 @@ def say(figure: Figure, answer: str, reading: str) -> None:
     lines = [textwrap.fill(text, TITLE) for text in answer.splitlines()]
     figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12, fontweight="bold")
     words = textwrap.fill(reading, CAPTION)
-    figure.supxlabel(words, x=0.01, ha="left", fontsize=SMALL, color="0.3")
+    figure.supxlabel(words, x=0.01, ha="left", fontsize=MIN_LETTER_SIZE, color="0.3")
 
 
 def headed(figure: Figure, words: str, winner: str = "") -> Figure:
@@ -180,7 +180,7 @@ def forest(
     return figure
 
 
-def forest_pane(axes: Axes, table: Table, value: Column, *, named: bool = True) -> None:
+def forest_pane(axes: Axes, table: Table, value: TableColumn, *, named: bool = True) -> None:
     """Rows from top to bottom in their looks: see `_distribution`; the paper's number is a grey diamond.
 
     The best has a band, and all that tie with it: see `best_rows`; the marked row has larger dots.
@@ -205,7 +205,7 @@ def _distribution(axes: Axes, y: float, number: Number, look: Look, size: float)
     """A dot a trial, the median and as a line its 95 % interval; of few trials dots alone."""
     if isinstance(number, Spread) and number.values:
         k = np.arange(len(number.values))
-        if number.few:
+        if number.too_few:
             axes.plot(number.values, np.full(len(k), y), linestyle="", **look.dots(size))
             return
         apart = y + ASIDE * ((GOLDEN * k) % 1 - 0.5)  # trials of one number do not hide each other
@@ -244,7 +244,11 @@ def sweeps(
         axes.set_title(title, fontsize="medium")
         if not shared:
             axes.legend(
-                frameon=False, fontsize=SMALL, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14)
+                frameon=False,
+                fontsize=MIN_LETTER_SIZE,
+                ncols=2,
+                loc="upper center",
+                bbox_to_anchor=(0.5, -0.14),
             )
     if shared:
         _key(part, columns=7 if across == 2 else 4)
@@ -267,14 +271,14 @@ def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collectio
                 axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
     log_ticks(axes, "y", *axes.dataLim.intervaly)
     swept = {middle(x.value(row)): x.cell(row) for row in table.rows}
-    if max(swept) > FAR * min(swept) > 0:
+    if max(swept) > LOG_AXIS_RATIO * min(swept) > 0:
         log_ticks(axes, "x", *axes.dataLim.intervalx)
     axes.set_xticks(list(swept), list(swept.values()))
     axes.set(xlabel=labelled(x), ylabel=labelled(y))
     quiet(axes)
 
 
-def labelled(column: Column) -> str:
+def labelled(column: TableColumn) -> str:
     """A quantity with its unit beside an axis."""
     return f"{column.heading} [{column.unit}]" if column.unit else column.heading
 

@@ -6,27 +6,27 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.errors import Array, Ids
-from testbench.model.laws import as_loaded, vjm_of
-from testbench.model.vjm import chain, generalised_load, turns
+from testbench.model.laws import for_load_history, model_for
+from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.colours import MEASURED, NOMINAL, look
 from testbench.report.scene import (
     Layer,
-    Line,
+    ModelLine,
+    PageContent,
     PlaceMap,
-    Poses,
+    PoseGroup,
     RunChart,
     Scene,
-    Seen,
     arrow_scale,
+    largest_and_even,
     of_all,
-    picked,
     workspace,
 )
 from testbench.runs.rows import Row
 from testbench.workflows.cell import Cell
-from testbench.workflows.fit_numbers import COUNTS, compared, longest
-from testbench.workflows.fits import Identified
+from testbench.workflows.fit_numbers import COUNTS, compared_models, largest_vector
+from testbench.workflows.fits import IdentifyResult
 from testbench.workflows.rows import MM
 from testbench.workflows.workspace_errors import ErrorPlaces
 
@@ -36,54 +36,56 @@ ASIDE = 0.012  #: Arrows of two models start so far apart over the reach, as one
 NOWHERE = "no bound"
 
 
-def seen(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array]) -> Seen:
+def seen(cell: Cell, identified: IdentifyResult, f: Row, left: Mapping[str, Array]) -> PageContent:
     """Collect what page, picture and recording draw.
 
     Args:
         cell: The arm as its folder has it.
-        found: The fits.
+        identified: The fits.
         f: Their numbers, `fit_numbers.numbers`, with the badge of the report.
         left: Residuals by model, (runs, m, 3) [m].
     """
-    data = found.runs.every
-    names = compared(f.models, f.recommended)
+    data = identified.runs.every
+    names = compared_models(f.models, f.recommended)
     rival = [f.badge.rival] if f.badge and f.badge.rival not in names else []
     names = [*rival, *names]
-    some = picked(longest(left[names[-1]]), np.flatnonzero(data.seen.any(axis=1)))
-    groups: list[Poses] = []
+    some = largest_and_even(largest_vector(left[names[-1]]), np.flatnonzero(data.seen.any(axis=1)))
+    groups: list[PoseGroup] = []
     title, charts = "", []
     if len(some):
-        runs, title = _runs(cell, found, f, {name: left[name] for name in names}, some)
+        runs, title = _runs(cell, identified, f, {name: left[name] for name in names}, some)
         groups.append(runs)
-        lines = [_line(f, name, MM * longest(left[name])[some]) for name in names]
-        labels, note = [str(data.run[k]) for k in some], of_all(len(some), found.runs.every.runs, "runs")
+        lines = [_line(f, name, MM * largest_vector(left[name])[some]) for name in names]
+        labels, note = [str(data.run[k]) for k in some], of_all(len(some), identified.runs.every.runs, "runs")
         charts = [RunChart(LEFT_MM, 0, "run", labels, lines, f.noise_p95_mm, note)]
     if f.map is not None:
         groups.append(_places(cell, f.map.errors, f.recommended))
-    return Seen(
+    return PageContent(
         scene=Scene(cell, title, groups) if groups else None,
         map=None if f.map is None else _map(f, len(groups) - 1),
         runs=charts,
     )
 
 
-def _line(f: Row, name: str, values: Array) -> Line:
+def _line(f: Row, name: str, values: Array) -> ModelLine:
     own = next(model for model in f.models if model.name == name)
-    return Line(name, look(own.structure, own.constraint, own.prior), values)
+    return ModelLine(name, look(own.structure, own.constraint, own.prior), values)
 
 
-def _runs(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array], some: Ids) -> tuple[Poses, str]:
+def _runs(
+    cell: Cell, identified: IdentifyResult, f: Row, left: Mapping[str, Array], some: Ids
+) -> tuple[PoseGroup, str]:
     """Bend the arm by the model to take, with targets as read and modelled; say what is magnified."""
-    data, reach, taken = found.runs.every, cell.vjm.reach, f.recommended
+    data, reach, taken = identified.runs.every, cell.vjm.reach, f.recommended
     hidden = np.where(data.seen[some][..., None], 0.0, np.nan)
     moved, off = data.deflection[some] + hidden, {name: own[some] + hidden for name, own in left.items()}
     M, A = arrow_scale(moved, MOVED * reach), arrow_scale(off[taken], LEFT * reach)
     before = data.before[some] + hidden
     at = before + M * moved
-    vjm = vjm_of(cell.vjm, found.taken.structure)
-    where = chain(as_loaded(vjm, data.taken_off, some), data.q[some])
+    vjm = model_for(cell.vjm, identified.taken.structure)
+    where = chain(for_load_history(vjm, data.taken_off, some), data.q[some])
     load = generalised_load(where, data.wrench[some], data.point[some])
-    theta = turns(vjm, (found.taken.C_theta @ load).T)  # Eq. (6)
+    theta = joint_law_rotations(vjm, (identified.taken.C_theta @ load).T)  # Eq. (6)
     rows = [f.residuals[k] for k in some]
     aside = ASIDE * reach * np.eye(3)[0] * (np.arange(len(off)) - (len(off) - 1) / 2)[:, None]
     errors = [
@@ -96,7 +98,7 @@ def _runs(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array], some
         )
         for (name, own), start in zip(off.items(), at + aside[:, None, None], strict=True)
     ]
-    poses = Poses(
+    poses = PoseGroup(
         name="Runs, against their readings",
         names=[f"Run {row.which_run}" for row in rows],
         words=[_said(row, list(left), cell.arm.words(data.q[k])) for row, k in zip(rows, some, strict=True)],
@@ -108,7 +110,7 @@ def _runs(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array], some
             Layer("deflection as read", MEASURED, "lines", before, at),
             *errors,
         ],
-        first=int(longest(left[taken])[some].argmax()),
+        first=int(largest_vector(left[taken])[some].argmax()),
     )
     return poses, f"Deflections x {M:g}, arrows of errors from reading to model x {A:g}."
 
@@ -118,7 +120,7 @@ def _said(row: Row, names: list[str], joints: str) -> str:
     return f"Pose {row.pose}, moves {row.moved_mm:.3f} mm. Left at the worst target: {left}. {joints}."
 
 
-def _places(cell: Cell, errors: ErrorPlaces, taken: str) -> Poses:
+def _places(cell: Cell, errors: ErrorPlaces, taken: str) -> PoseGroup:
     """Show the arm all over the workspace."""
     half, q = errors.errors(taken), np.array(errors.q)
     sizes = zip(errors.deflection_mm, half, errors.joints, strict=True)

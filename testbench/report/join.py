@@ -12,7 +12,17 @@ from testbench.report.report import number
 from testbench.report.schema import ALIKE
 from testbench.report.table import Row, finite
 from testbench.runs.manifest import Finished
-from testbench.runs.spread import SAME, Number, Spread, ends, median_interval, middle, spread, triple, wins
+from testbench.runs.spread import (
+    SAME_ERROR,
+    Number,
+    Spread,
+    ends,
+    median_interval,
+    middle,
+    spread,
+    triple,
+    wins,
+)
 from testbench.runs.store import WHOLE
 
 KINDS = {
@@ -22,10 +32,10 @@ KINDS = {
     "identification": "at the fitted poses, against readings",
 }
 """Errors of models, what matters most first, and where they are."""
-MOST, LARGEST_MM = 1000, 1e9  #: Models that are compared, and their largest error.
+MAX_MODELS, MAX_ERROR_MM = 1000, 1e9  #: Models that are compared, and their largest error.
 OWN = ("said", "tables", "badge", "models", "seed")  #: Keys of report.json that are no single numbers.
 CLOCK = ("seconds", "_s", "_ms")  #: Ends of keys of what a clock measured: it differs in any case.
-FEWEST = 2  #: Pairs that have a spread.
+MIN_PAIRS = 2  #: Pairs that have a spread.
 
 Verdict = Literal["same", "tie", "smaller", "larger"]
 """Of the second number beside the first one; a tie is within 2 %, or where its interval holds both."""
@@ -41,7 +51,7 @@ def models_of(run: Finished) -> dict[str, Row]:
     """
     listed = run.report.get("models")
     rows = [own for own in listed if isinstance(own, dict)] if isinstance(listed, list) else []
-    found = [_model(run, own) for own in rows[:MOST] if isinstance(own.get("name"), str)]
+    found = [_model(run, own) for own in rows[:MAX_MODELS] if isinstance(own.get("name"), str)]
     told = [m for m in found if m.errors and not (m.constraint == "free" and m.conservative is False)]
     return {m.name: m for m in told} if len({m.name for m in told}) == len(told) else {}
 
@@ -53,8 +63,8 @@ def _model(run: Finished, own: Mapping[str, Any]) -> Row:
         mm = number(cell.get("rms_mm")) if isinstance(cell, dict) else None
         if not isinstance(mm, float | int | Spread):
             continue
-        if not 0 <= min(triple(mm)) <= max(triple(mm)) <= LARGEST_MM:
-            problem = f"expected an RMS error of 0 to {LARGEST_MM:g} mm, got {mm}"
+        if not 0 <= min(triple(mm)) <= max(triple(mm)) <= MAX_ERROR_MM:
+            problem = f"expected an RMS error of 0 to {MAX_ERROR_MM:g} mm, got {mm}"
             raise InputError(run.file, f"models: {own['name']}, {kind}", problem)
         errors[kind] = mm
     keys = ("name", "structure", "constraint", "prior", "conservative")
@@ -71,15 +81,15 @@ def models_compared(a: Finished, b: Finished) -> list[Row]:
     ours, theirs = models_of(a), models_of(b)
     both = [name for name in ours if name in theirs]
     mine, other = (_trials(run) if both else {} for run in (a, b))
-    found = []
+    rows = []
     for kind in KINDS:
         for name in both:
             x, y = (own[name].errors.get(kind) for own in (ours, theirs))
             if x is not None and y is not None:
                 pair = (_seeds(t.get((name, kind), ()), n) for t, n in ((mine, x), (other, y)))
                 model = {key: ours[name][key] for key in ("name", "structure", "constraint", "prior")}
-                found.append(Row(model, kind=kind, **differ(x, y, *pair)))
-    return found
+                rows.append(Row(model, kind=kind, **differ(x, y, *pair)))
+    return rows
 
 
 def leading(models: Sequence[Row], runs: Sequence[Finished]) -> Row | None:
@@ -102,7 +112,7 @@ def differ(a: Number, b: Number, ours: BySeed = ALONE, theirs: BySeed = ALONE) -
     difference = finite(second - first)
     ratios = [finite(theirs[s] / x) if x > 0 else None for s, x in ours.items() if s in theirs]
     known = [ratio for ratio in ratios if ratio is not None and ratio > 0]
-    if ours.keys() == theirs.keys() and len(ratios) >= FEWEST and len(known) == len(ratios):
+    if ours.keys() == theirs.keys() and len(ratios) >= MIN_PAIRS and len(known) == len(ratios):
         times = spread(known)
         x, y = ([own[seed] for seed in ours] for own in (ours, theirs))
         told = {"by": "pairs", "pairs": len(x), "smaller": wins(y, x), "larger": wins(x, y)}
@@ -114,7 +124,7 @@ def differ(a: Number, b: Number, ours: BySeed = ALONE, theirs: BySeed = ALONE) -
 
 
 def _paired(ratio: Spread, ratios: Sequence[float]) -> Verdict:
-    if np.allclose(triple(ratio), 1, rtol=0, atol=SAME):
+    if np.allclose(triple(ratio), 1, rtol=0, atol=SAME_ERROR):
         return "same"
     low, high = ratio.ends
     within = median_interval(np.array(ratios)) or (low, high)
@@ -125,7 +135,7 @@ def _paired(ratio: Spread, ratios: Sequence[float]) -> Verdict:
 
 def _verdict(a: Number, b: Number) -> Verdict:
     (low, high), (least, most) = ends(a), ends(b)
-    if np.allclose(triple(a), triple(b), rtol=SAME, atol=0, equal_nan=True):
+    if np.allclose(triple(a), triple(b), rtol=SAME_ERROR, atol=0, equal_nan=True):
         return "same"
     if (low <= most and least <= high) or size(a, b) < math.log1p(ALIKE):
         return "tie"
@@ -160,15 +170,17 @@ def _trials(run: Finished) -> Mapping[tuple[str, str], Sequence[BySeed]]:
     from testbench.runs.parquet import series  # here: few runs have trials
 
     found: dict[tuple[str, str], list[BySeed]] = {}
-    for own in series(path, [f"{kind}.rms_mm" for kind in KINDS]):
-        found.setdefault((own.name, own.key.removesuffix(".rms_mm")), []).append(own.by_seed)
+    for number_by_seed in series(path, [f"{kind}.rms_mm" for kind in KINDS]):
+        found.setdefault((number_by_seed.name, number_by_seed.key.removesuffix(".rms_mm")), []).append(
+            number_by_seed.by_seed
+        )
     return found
 
 
 def _seeds(conditions: Sequence[BySeed], reported: Number) -> BySeed:
     """Find the condition whose median is the report's; nothing if none is."""
     medians = [float(np.median([*own.values()])) for own in conditions]
-    fits = np.isclose(medians, middle(reported), rtol=SAME, atol=0)
+    fits = np.isclose(medians, middle(reported), rtol=SAME_ERROR, atol=0)
     return next((own for own, fit in zip(conditions, fits, strict=True) if fit), {})
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from testbench.files.model_folder import digests
 from testbench.progress import stepwise
 from testbench.report.report import Report
-from testbench.report.scene import Seen, typical_first
+from testbench.report.scene import PageContent, typical_first
 from testbench.runs import provenance as files
 from testbench.runs.whole import whole_folder
 
@@ -21,7 +21,7 @@ MAP = "error_map.png"  #: The maps of a command that has some.
 
 
 @dataclass(frozen=True)
-class Asked:
+class RunRequest:
     """What was asked of a command, of what, and what it leaves."""
 
     command: str  #: As manifest.json names it, such as "testbench check".
@@ -35,36 +35,45 @@ class Asked:
     map: str = ""  #: Title of error_map.png, empty for none.
 
 
-def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
+def write_run(out: Path, run_request: RunRequest, report: Report, page: PageContent) -> None:
     """Write a run; InputError when its folder cannot be written."""
     import testbench.report.figure_docs  # noqa: F401 - before any figure
     from testbench.report.figure import save  # here: matplotlib and rerun take half a second, and not
     from testbench.report.page.page import write_page  # every command leaves a folder
     from testbench.report.recording.run import write_run
-    from testbench.report.recording.stream import Header
+    from testbench.report.recording.stream import RecordingHeader
     from testbench.report.run_figure import error_map, overview
 
     with whole_folder(out) as folder:
-        found = (asked.more(folder) if asked.more else None) or {}
-        files.write_json(report.json(), folder / f"{asked.stem}.json")
-        (folder / f"{asked.stem}.md").write_text(report.whole(), encoding="utf-8")
-        picture = folder / asked.picture
-        tables = seen.tables or [own for own in report.tables.values() if own.rows]
-        drawn = typical_first(replace(seen, tables=tables))
-        header = Header(asked.command, json.dumps(asked.flags, sort_keys=True), next(iter(asked.seeds), 0))
+        found = (run_request.more(folder) if run_request.more else None) or {}
+        files.write_json(report.json(), folder / f"{run_request.stem}.json")
+        (folder / f"{run_request.stem}.md").write_text(report.whole(), encoding="utf-8")
+        picture = folder / run_request.picture
+        tables = page.tables or [table for table in report.tables.values() if table.rows]
+        drawn = typical_first(replace(page, tables=tables))
+        header = RecordingHeader(
+            run_request.command,
+            json.dumps(run_request.flags, sort_keys=True),
+            next(iter(run_request.seeds), 0),
+        )
         views: list[Callable[[], object]] = [
             lambda: save(overview(report, drawn), picture),
             lambda: write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture}),
-            lambda: write_page(folder, f"{asked.command}: {asked.name}", report, drawn),
+            lambda: write_page(folder, f"{run_request.command}: {run_request.name}", report, drawn),
         ]
-        if asked.map and seen.map and any(np.isfinite(line.values).any() for line in seen.map.lines):
-            places = seen.map
-            views.insert(1, lambda: save(error_map(places, asked.map), folder / MAP))
+        if run_request.map and page.map and any(np.isfinite(line.values).any() for line in page.map.lines):
+            places = page.map
+            views.insert(1, lambda: save(error_map(places, run_request.map), folder / MAP))
         for view in stepwise(views, "writing"):
             view()
         files.write_log(folder)
-        models = digests(asked.arms)
-        plain = dict(asked.flags)
+        models = digests(run_request.arms)
+        plain = dict(run_request.flags)
         files.write_manifest(
-            folder, command=asked.command, scenario=plain, seeds=asked.seeds, models=models, **found
+            folder,
+            command=run_request.command,
+            scenario=plain,
+            seeds=run_request.seeds,
+            models=models,
+            **found,
         )

@@ -4,10 +4,10 @@ import re
 from collections.abc import Sequence
 from typing import Protocol
 
-from testbench.errors import shown
+from testbench.errors import printable
 from testbench.report.schema import Table, show
 
-MOST = 5  #: Statements that are told at once; the others stand under "More".
+MAX_STATEMENTS = 5  #: Statements that are told at once; the others stand under "More".
 LIVE = re.compile(
     r"""[`<|$~] | \] (?=[(\[:]|$)        # code, tags, cells, formulas; links and pictures
     | \\ (?=[!-/:-@\[-`{-~]|$)        # what takes the meaning of the next letter
@@ -32,7 +32,7 @@ class Markdown(str):
 
 def as_markdown(text: object) -> Markdown:
     """A stranger's text, or anything that is no Markdown, as Markdown that shows it and nothing else."""
-    escaped = LIVE.sub(r"\\\g<0>", shown(str(text)))
+    escaped = LIVE.sub(r"\\\g<0>", printable(str(text)))
     return Markdown(NUMBERED.sub(r"\1\\\2", escaped))
 
 
@@ -60,7 +60,7 @@ def lines(head: Sequence[str], rows: Sequence[Sequence[str]], words: Sequence[bo
     return Markdown("\n".join("| " + " | ".join(line) + " |" for line in [head, rule, *rows]))
 
 
-class Told(Protocol):
+class ReportWords(Protocol):
     """The words of a report, whatever makes them."""
 
     def block(self, name: str) -> Markdown:

@@ -14,15 +14,15 @@ from testbench.report.colours import GREY, LOAD, MEASURED, NOMINAL, TASK, Look
 from testbench.report.colours import look as look_of
 from testbench.report.scene import (
     Layer,
-    Line,
+    ModelLine,
+    PageContent,
     PlaceMap,
-    Poses,
+    PoseGroup,
     RunChart,
     Scene,
-    Seen,
     evenly,
+    largest_and_even,
     of_all,
-    picked,
     workspace,
 )
 from testbench.runs.rows import Row
@@ -49,20 +49,20 @@ class World:
 
     def poses(
         self, name: str, named: Mapping[str, str], q: Array, layers: Sequence[Layer], first: int = 0
-    ) -> Poses:
+    ) -> PoseGroup:
         """The arm in poses (poses, n) [rad, m], with what is said of each by its name."""
         every = [*layers, *self._still()]
         frames = rigid_frames(self.cell.room, q)
-        return Poses(name, list(named), list(named.values()), frames, None, every, first)
+        return PoseGroup(name, list(named), list(named.values()), frames, None, every, first)
 
     def measured(self, q: Array, force: Array) -> list[Layer]:
         """Markers, lines of sight and loads (poses, 3) [N] of poses that are measured."""
         markers = tool_points(self.cell.vjm, q, self.cell.vjm.markers)
-        found = [Layer("markers", MEASURED, "dots", markers)]
+        layers = [Layer("markers", MEASURED, "dots", markers)]
         if self.station is not None:
             tracker = np.broadcast_to(np.array(self.station), markers.shape)
-            found.append(Layer("lines of sight", MEASURED, "lines", tracker, markers))
-        return [*found, *self.pulled(q, force)]
+            layers.append(Layer("lines of sight", MEASURED, "lines", tracker, markers))
+        return [*layers, *self.pulled(q, force)]
 
     def pulled(self, q: Array, force: Array) -> list[Layer]:
         """What hangs or pulls, all arrows of one length."""
@@ -73,7 +73,7 @@ class World:
         way = np.divide(force, size, out=np.full(force.shape, np.nan), where=size > 0)
         return [Layer("load", LOAD, "arrows", hook, hook + FORCE * self.cell.vjm.reach * way[:, None])]
 
-    def all_over(self, q: Array, words: Sequence[str], first: int = 0) -> Poses:
+    def all_over(self, q: Array, words: Sequence[str], first: int = 0) -> PoseGroup:
         """The arm all over the workspace."""
         tool = Layer("tool", MEASURED, "dots", chain(self.cell.vjm, q).position[:, None])
         return workspace(self.cell, q, words, [tool, *self._still()], first)
@@ -81,19 +81,19 @@ class World:
     def _still(self) -> list[Layer]:
         numbers = [str(k + 1) for k in range(len(self.plan))] if len(self.plan) <= NUMBERED else []
         some = evenly(np.arange(len(self.candidates)), SPECKS)
-        found = [
+        layers = [
             Layer("feasible poses", GREY, "specks", self.candidates[None, some], shown=False),
             Layer("way", NOMINAL, "lines", self.plan[None, :-1], self.plan[None, 1:], shown=False),
             Layer("planned, in order", NOMINAL, "dots", self.plan[None], labels=numbers),
         ]
         if len(self.tasks):
-            found.append(Layer("tasks", TASK, "dots", self.tasks[None]))
+            layers.append(Layer("tasks", TASK, "dots", self.tasks[None]))
         if self.station is not None:
-            found.append(Layer("tracker", MEASURED, "dots", np.array([[self.station]]), labels=["tracker"]))
-        return found
+            layers.append(Layer("tracker", MEASURED, "dots", np.array([[self.station]]), labels=["tracker"]))
+        return layers
 
 
-def seen(made: Planned, f: Row) -> Seen:
+def seen(made: Planned, f: Row) -> PageContent:
     """Show the plan's poses, the tasks and the workspace, with the errors to expect in each.
 
     Args:
@@ -109,7 +109,7 @@ def seen(made: Planned, f: Row) -> Seen:
     charts = [_chart(0, f.plan)]
     if isinstance(made.plan, Plan):
         every = made.plan.specification.tasks.q
-        some = picked(made.forecast.error, np.arange(len(every)))
+        some = largest_and_even(made.forecast.error, np.arange(len(every)))
         rows, q = [tasks[k] for k in some], every[some]
         named = {f"Task {row.task}": _said(cell, row, own) for row, own in zip(rows, q, strict=True)}
         pulls = world.pulled(q, np.array([row.force_N for row in rows]))
@@ -122,7 +122,7 @@ def seen(made: Planned, f: Row) -> Seen:
         for k, joints in enumerate(f.map.joints)
     ]
     groups.append(world.all_over(np.array(f.map.q), words))
-    return Seen(
+    return PageContent(
         scene=Scene(cell, UNSCALED, groups),
         map=_map(f.map, len(groups) - 1, "after calibration" if f.absolute else "under the first load"),
         runs=charts,
@@ -147,7 +147,7 @@ def _chart(group: int, rows: Sequence[Row], note: str = "") -> RunChart:
         np.array([row[f"expected_error{end}_mm"] for row in rows]) for end in ("", "_p05", "_p95")
     )
     title = f"Expected error {where}, 90 % intervals (mm)"
-    line = Line("task" if tasks else "this plan", look, middle, (low, high))
+    line = ModelLine("task" if tasks else "this plan", look, middle, (low, high))
     return RunChart(title, group, key, [str(row[key]) for row in rows], [line], note=note)
 
 
@@ -155,11 +155,11 @@ def _error(name: str, mm: float) -> str:
     return f"{name} {NOWHERE if np.isnan(mm) else f'{mm:.3f} mm'}"
 
 
-def _map(found: ErrorPlaces, group: int, when: str) -> PlaceMap:
+def _map(error_places: ErrorPlaces, group: int, when: str) -> PlaceMap:
     """Errors to expect over the workspace, a map a model; `group` is that of the places in the scene."""
-    *others, last = found.compared
+    *others, last = error_places.compared
     looks = {**{name: look_of(name, "none") for name in others}, last: OURS}
-    lines = [Line(name, own, found.errors(name)) for name, own in looks.items()]
-    without = NOWHERE if any(map(found.unbounded, looks)) else ""
+    lines = [ModelLine(name, look, error_places.errors(name)) for name, look in looks.items()]
+    without = NOWHERE if any(map(error_places.unbounded, looks)) else ""
     title = f"Expected error over the workspace, {when} (mm)"
-    return PlaceMap(title, group, np.array(found.position_m), lines, "Where it will err", without)
+    return PlaceMap(title, group, np.array(error_places.position_m), lines, "Where it will err", without)

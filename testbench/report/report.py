@@ -12,8 +12,17 @@ from pydantic import JsonValue
 from testbench.errors import InputError
 from testbench.report.badge import Badge
 from testbench.report.colours import Look
-from testbench.report.markdown import MOST, Markdown, as_markdown, counted, ended, grid, listed, titled
-from testbench.report.schema import Column, Table, looks, show, written_out
+from testbench.report.markdown import (
+    MAX_STATEMENTS,
+    Markdown,
+    as_markdown,
+    counted,
+    ended,
+    grid,
+    listed,
+    titled,
+)
+from testbench.report.schema import Table, TableColumn, looks, show, written_out
 from testbench.report.table import DRAWN, SPREAD, Row, plain, rows
 from testbench.runs.manifest import read_plain
 from testbench.runs.spread import Spread, middle
@@ -58,8 +67,8 @@ def lines(sentences: Iterable[str]) -> Markdown:
 
 def bullets(texts: Iterable[str]) -> Markdown:
     """A list of sentences; what is no Markdown is a stranger's."""
-    own = [text if isinstance(text, Markdown) else say("{text}", text=ended(text)) for text in texts]
-    return Markdown("\n".join(f"- {text}" for text in own))
+    markdowns = [text if isinstance(text, Markdown) else say("{text}", text=ended(text)) for text in texts]
+    return Markdown("\n".join(f"- {text}" for text in markdowns))
 
 
 @dataclass(frozen=True)
@@ -79,7 +88,7 @@ class Report:
 
     def __post_init__(self) -> None:
         """Every table that names what the badge is about, and marks nothing else, is led by it."""
-        found = {name: self.led(own) for name, own in self.tables.items()}
+        found = {name: self.led(table) for name, table in self.tables.items()}
         object.__setattr__(self, "tables", found)
 
     def led(self, table: Table) -> Table:
@@ -106,8 +115,8 @@ class Report:
             return Markdown(getattr(self, name))
         if name == "body":
             return self._rest()
-        own = {"statements": self.claims[:MOST], "more": self.claims[MOST:]}[name]
-        return Markdown("\n".join(f"- {claim}" for claim in own))
+        markdowns = {"statements": self.claims[:MAX_STATEMENTS], "more": self.claims[MAX_STATEMENTS:]}[name]
+        return Markdown("\n".join(f"- {claim}" for claim in markdowns))
 
     def _rest(self) -> Markdown:
         """What stands below the first sentences in report.md."""
@@ -116,9 +125,9 @@ class Report:
         return Markdown("\n\n".join(filter(None, [*parts, "## More" if more else "", more])))
 
     def _titled(self, name: str) -> Markdown:
-        own = self.tables[name]
-        title = f"## {as_markdown(own.title[:1].upper() + own.title[1:])}" if own.title else ""
-        return Markdown("\n\n".join(filter(None, [title, grid(own)])) if own.rows else "")
+        table = self.tables[name]
+        title = f"## {as_markdown(table.title[:1].upper() + table.title[1:])}" if table.title else ""
+        return Markdown("\n\n".join(filter(None, [title, grid(table)])) if table.rows else "")
 
     def whole(self) -> str:
         """report.md."""
@@ -135,7 +144,7 @@ class Report:
         """report.json: all that any view is made of; a number that is not finite is null."""
         said = {name: getattr(self, name) for name in (*PARTS, "claims")}
         body = [part if isinstance(part, Markdown) else {"table": part} for part in self.body]
-        tables = {name: _packed(own) for name, own in self.tables.items()}
+        tables = {name: _packed(table) for name, table in self.tables.items()}
         badge = self.badge and self.badge.json()
         head = {"scenario": self.scenario, "badge": badge}
         found = {**head, **self.numbers, **head, "said": {**said, "body": body}, "tables": tables}
@@ -185,7 +194,7 @@ def _badge(found: Any) -> Badge | None:
 
 
 FORM = re.compile(r"yes|[,+]?(?:\.\d{1,2})?[defg%]?")  #: Of a number; of strangers others could be endless.
-DEFAULTS = {f.name: f.default for f in fields(Column) if f.name != "called"}
+DEFAULTS = {f.name: f.default for f in fields(TableColumn) if f.name != "called"}
 LEFT = ("key", "paper", "scale")  #: Of a column, where its cells are data by place and in its unit.
 
 
@@ -206,7 +215,7 @@ def _packed(table: Table) -> dict[str, Any]:
         "columns": columns,
         "rows": [[_cell(column.value(row)) for column in table.columns] for row in table.rows],
         "paper": [[column.known_value(row) for column in table.columns] for row in table.rows],
-        "looks": {name: asdict(own) for name, own in shown.items()},
+        "looks": {name: asdict(look) for name, look in shown.items()},
     }
 
 
@@ -240,12 +249,12 @@ def _unpacked(found: Mapping[str, Any]) -> Table:
     )
 
 
-def _column(k: int, found: Mapping[str, Any]) -> Column:
+def _column(k: int, found: Mapping[str, Any]) -> TableColumn:
     """A column of cells by place; ValueError where its format is none of ours."""
     form = found.get("form", DEFAULTS["form"])
     if not FORM.fullmatch(form):
         raise ValueError(f"no format of a number: {form!r:.40}")
-    return Column(**found, key=f"cells.{k}", paper=f"{k}")
+    return TableColumn(**found, key=f"cells.{k}", paper=f"{k}")
 
 
 def number(cell: Any) -> Any:

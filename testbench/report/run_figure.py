@@ -15,9 +15,9 @@ from matplotlib.ticker import MaxNLocator
 from testbench.errors import Array
 from testbench.report.colours import hexadecimal
 from testbench.report.figure import (
-    FAR,
+    LOG_AXIS_RATIO,
+    MIN_LETTER_SIZE,
     SIZES,
-    SMALL,
     SOFT,
     Figure,
     forest_pane,
@@ -27,10 +27,10 @@ from testbench.report.figure import (
     say,
     short,
 )
-from testbench.report.markdown import Told, as_plain, place
-from testbench.report.scene import Layer, Line, PlaceMap, Poses, RunChart, Seen, scale_of
-from testbench.report.schema import Column, Table, looks, plain
-from testbench.runs.spread import Spread, dotted, middle, reach
+from testbench.report.markdown import ReportWords, as_plain, place
+from testbench.report.scene import Layer, ModelLine, PageContent, PlaceMap, PoseGroup, RunChart, scale_of
+from testbench.report.schema import Table, TableColumn, looks, plain
+from testbench.runs.spread import Spread, dotted, middle, range_of
 
 SIDES = {"from the side": (0, 2), "from above": (0, 1)}
 """World axes to the right and up."""
@@ -51,10 +51,10 @@ FOREST, ROW, ROWS = 0.9, 0.27, 15
 """Height of a table of models without its rows, of a row [in]; rows at most."""
 
 
-def overview(words: Told, seen: Seen) -> Figure:
+def overview(words: ReportWords, seen: PageContent) -> Figure:
     """The first poses of the scene, the models of the first table that has some, and every chart."""
     charts = [chart for chart in seen.runs if chart.labels]
-    layers = [own for own in seen.scene.groups[0].layers if own.shown] if seen.scene else []
+    layers = [layer for layer in seen.scene.groups[0].layers if layer.shown] if seen.scene else []
     first = seen.scene.groups[0] if seen.scene else None
     bent = first is not None and first.near is None and first.bent is not None
     key = KEY * -(-(len(layers) + bent) // KEYS)
@@ -66,13 +66,13 @@ def overview(words: Told, seen: Seen) -> Figure:
     grid = figure.add_gridspec(len(rows) or 1, 2, height_ratios=rows or [1])
     answer, *more = SENTENCE.split(as_plain(words.block("answer")))
     if seen.scene:
-        own = seen.scene.groups[0]
-        for k, (pose, name, plane) in enumerate(_panes(own)):
+        pose_group = seen.scene.groups[0]
+        for k, (pose, name, plane) in enumerate(_panes(pose_group)):
             axes = figure.add_subplot(grid[len(forest), k])
-            _poses(axes, own, pose, plane)
-            axes.set_title(f"{own.names[pose]}, {name}", fontsize="medium")
+            _poses(axes, pose_group, pose, plane)
+            axes.set_title(f"{pose_group.names[pose]}, {name}", fontsize="medium")
         _key(figure.add_subplot(grid[len(forest) + 1, :]), layers, bent=bent)
-        more.append(f"{own.name}: {seen.scene.title}")
+        more.append(f"{pose_group.name}: {seen.scene.title}")
     if models:
         _forest(figure.add_subplot(grid[0, :]), *models)
     for k, chart in enumerate(charts, len(rows) - len(charts)):
@@ -82,22 +82,22 @@ def overview(words: Told, seen: Seen) -> Figure:
     return figure
 
 
-def _panes(own: Poses) -> list[tuple[int, str, tuple[int, int]]]:
+def _panes(pose_group: PoseGroup) -> list[tuple[int, str, tuple[int, int]]]:
     """Pose, words and plane of both panes: a typical pose beside the worst, or one from both sides."""
-    if own.worst is None or own.near is not None:
-        return [(own.first, name, plane) for name, plane in SIDES.items()]
+    if pose_group.worst is None or pose_group.near is not None:
+        return [(pose_group.first, name, plane) for name, plane in SIDES.items()]
     name, plane = next(iter(SIDES.items()))
-    return [(own.first, f"typical, {name}", plane), (own.worst, f"worst, {name}", plane)]
+    return [(pose_group.first, f"typical, {name}", plane), (pose_group.worst, f"worst, {name}", plane)]
 
 
-def _poses(axes: Axes, own: Poses, k: int, plane: tuple[int, int]) -> None:
+def _poses(axes: Axes, pose_group: PoseGroup, k: int, plane: tuple[int, int]) -> None:
     """The arm in a pose, straight and bent, and what is drawn in it."""
     shown = list(plane)
-    if own.near is None:
-        for frames, colour, style in ((own.rigid, SOFT, "-"), (own.bent, "0.3", "--")):
+    if pose_group.near is None:
+        for frames, colour, style in ((pose_group.rigid, SOFT, "-"), (pose_group.bent, "0.3", "--")):
             if frames is not None:
                 axes.plot(*frames.positions[k, 1:, shown], style, color=colour, linewidth=2.5, alpha=0.6)
-    for layer in own.layers:
+    for layer in pose_group.layers:
         if layer.shown:
             _layer(axes, layer, k, shown)
     axes.set(xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
@@ -124,14 +124,14 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int]) -> None:
         axes.plot(*to[:, shown].T, "o", color=colour, markersize=3)
 
 
-def headline(tables: Sequence[Table]) -> tuple[Table, Column] | None:
+def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:
     """The first table of several models and the column that it is about; the winner first, then by size."""
     for table in tables:
         name, *others = table.columns
         known = table.looks or looks(table.rows, name)
         own = [row for row in table.rows if name.cell(row) in known]
-        told = [column for column in others if column.key == table.headline] or others[::-1]
-        for column in told:
+        columns = [column for column in others if column.key == table.headline] or others[::-1]
+        for column in columns:
             sizes = [(not table.marks(row), _size(column, row), k) for k, row in enumerate(own)]
             order = [own[k] for *_, size, k in sorted(sizes) if np.isfinite(size)]
             if len({_size(column, row) for row in order}) > 1:
@@ -139,21 +139,21 @@ def headline(tables: Sequence[Table]) -> tuple[Table, Column] | None:
     return None
 
 
-def _size(column: Column, row: object) -> float:
+def _size(column: TableColumn, row: object) -> float:
     """The number in a row, or its median; NaN of what is none."""
     value = column.value(row)
     known = isinstance(value, Spread | float | int) and column.form != "yes"
     return middle(value) if known else math.nan
 
 
-def _forest(axes: Axes, table: Table, column: Column) -> None:
+def _forest(axes: Axes, table: Table, column: TableColumn) -> None:
     """A dot a trial and the median of every model; the winner has a band."""
     forest_pane(axes, table, column)
-    reached = np.array([end for row in table.rows for end in reach(column.value(row))])
+    reached = np.array([end for row in table.rows for end in range_of(column.value(row))])
     if column.key == "ratio":
         axes.axvline(1, color=SOFT, linewidth=1, linestyle=":")
         reached = np.append(reached, 1.0)
-    if reached.max() > FAR * reached.min() > 0:
+    if reached.max() > LOG_AXIS_RATIO * reached.min() > 0:
         log_ticks(axes, "x", float(reached.min()), float(reached.max()))
     else:
         low = min(0.0, float(reached.min()))
@@ -173,7 +173,7 @@ def _key(axes: Axes, layers: Sequence[Layer], *, bent: bool) -> None:
         axes.plot([], [], mark, color=colour, linewidth=2, label=textwrap.fill("; ".join(names), NAME))
     if bent:
         axes.plot([], [], "--", color="0.3", linewidth=2.5, alpha=0.6, label="arm, bent")
-    axes.legend(frameon=False, fontsize=SMALL, loc="center", ncols=KEYS)
+    axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="center", ncols=KEYS)
 
 
 def _chart(axes: Axes, chart: RunChart) -> None:
@@ -192,14 +192,14 @@ def _chart(axes: Axes, chart: RunChart) -> None:
     axes.set_xlabel(chart.across)
     axes.set_title(" ".join(filter(None, [chart.title, chart.note and f"({chart.note})"])), fontsize="medium")
     axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
-    axes.legend(frameon=False, fontsize=SMALL, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     quiet(axes)
 
 
-def error_map(found: PlaceMap, title: str) -> Figure:
+def error_map(place_map: PlaceMap, title: str) -> Figure:
     """A column a map: the places from the side and from above, the worst of each named; one has a number."""
-    there, both = np.isfinite(found.at).all(axis=1), found.difference
-    at, lines = found.at[there], found.lines[-(MAPS - bool(both)) :]
+    there, both = np.isfinite(place_map.at).all(axis=1), place_map.difference
+    at, lines = place_map.at[there], place_map.lines[-(MAPS - bool(both)) :]
     values = {line.name: line.values[there] for line in lines}
     ends = _ends(at)
     count = len(lines) + bool(both)
@@ -209,7 +209,7 @@ def error_map(found: PlaceMap, title: str) -> Figure:
     panes = figure.subplots(2, count, sharex="col", sharey="row", height_ratios=rows, squeeze=False)
     scale = scale_of(*values.values())
     if both:
-        _difference([*panes[:, -1]], *both, found.at)
+        _difference([*panes[:, -1]], *both, place_map.at)
     for (name, mm), column in zip(values.items(), panes.T, strict=False):
         for axes, plane in zip(column, SIDES.values(), strict=True):
             _places(axes, at[:, plane], mm, scale.shares(mm))
@@ -217,11 +217,11 @@ def error_map(found: PlaceMap, title: str) -> Figure:
             if axes in panes[:, 0]:
                 axes.set_ylabel(f"{'xyz'[plane[1]]} [m]")
         known = mm[np.isfinite(mm)]
-        size = f"median {np.median(known):.3f} mm" if known.size else found.without
+        size = f"median {np.median(known):.3f} mm" if known.size else place_map.without
         column[0].set_title(f"{name}:\n{size}" if count == MAPS else f"{name}: {size}", fontsize="medium")
         column[-1].set_xlabel("x [m]")
     norm = (LogNorm if scale.logarithmic else Normalize)(*scale.ends, clip=True)
-    what, *_ = re.split(" (?:of|over|in) ", found.title)
+    what, *_ = re.split(" (?:of|over|in) ", place_map.title)
     words = f"{what.lower()} [{scale.words}]"
     bar = figure.colorbar(ScalarMappable(norm, SIZES), ax=panes, label=words, fraction=0.03, pad=0.02)
     if scale.logarithmic:
@@ -230,13 +230,13 @@ def error_map(found: PlaceMap, title: str) -> Figure:
     worst = {name: int(np.nanargmax(mm)) for name, mm in values.items() if np.isfinite(mm).any()}
     largest = ", ".join(f"{name} {values[name][k]:.3f} mm" for name, k in worst.items())
     where = "; ".join(f"{name} at {place(at[k])}" for name, k in worst.items())
-    rings = f" Grey rings: {found.without}." if found.without else ""
-    reading = f"{found.title}. Circles, the worst place: {where}.{rings}"
+    rings = f" Grey rings: {place_map.without}." if place_map.without else ""
+    reading = f"{place_map.title}. Circles, the worst place: {where}.{rings}"
     say(figure, f"{title}, {what.lower()}: at most {largest}", reading)
     return figure
 
 
-def _difference(column: Sequence[Axes], ours: Line, theirs: Line, at: Array) -> None:
+def _difference(column: Sequence[Axes], ours: ModelLine, theirs: ModelLine, at: Array) -> None:
     """The error of ours minus that of theirs: a dot in the colour of the one that errs less, larger for more.
 
     Args:
@@ -260,9 +260,9 @@ def _difference(column: Sequence[Axes], ours: Line, theirs: Line, at: Array) -> 
     column[0].set_title(
         f"{ours.name} minus {theirs.name}:\nless in {less} of {len(order)}", fontsize="medium"
     )
-    for own in (ours, theirs):
-        column[0].plot([], [], "o", color=own.look.hex, label=f"{own.name} errs less")
-    column[0].legend(frameon=False, fontsize=SMALL, loc="upper left", bbox_to_anchor=(0, -0.05))
+    for model_line in (ours, theirs):
+        column[0].plot([], [], "o", color=model_line.look.hex, label=f"{model_line.name} errs less")
+    column[0].legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper left", bbox_to_anchor=(0, -0.05))
     column[-1].set_xlabel("x [m]")
 
 
@@ -297,6 +297,6 @@ def _places(axes: Axes, at: Array, mm: Array, share: Array) -> None:
         textcoords="offset points",
         ha="left" if inward[0] > 0 else "right",
         va="bottom" if inward[1] > 0 else "top",
-        fontsize=SMALL,
+        fontsize=MIN_LETTER_SIZE,
         bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.5},
     )

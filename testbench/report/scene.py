@@ -8,15 +8,15 @@ from typing import Literal
 import numpy as np
 
 from testbench.errors import Array, Ids
-from testbench.plant.shapes import Frames, rigid_frames
+from testbench.plant.shapes import BodyFrames, rigid_frames
 from testbench.report.colours import Colour, Look
 from testbench.report.schema import Table
 from testbench.workflows.cell import Cell
 from testbench.workflows.models import JOINTS
 
-POSES, FAR = 240, 40
+MAX_POSES, MAX_LARGE_ERRORS = 240, 40
 """Poses that are drawn at most, and those of largest error among them: nobody looks at more."""
-LARGEST = 1e5  #: Largest magnification: what is below rounding is not drawn.
+MAX_MAGNIFICATION = 1e5  #: Largest magnification: what is below rounding is not drawn.
 APART = 10.0  #: Times the median of the best map beyond which an error makes the scale logarithmic [1].
 DEEP = 1e-3  #: Least error on a logarithmic scale over the greatest [1].
 
@@ -35,14 +35,14 @@ class Layer:
 
 
 @dataclass(frozen=True)
-class Poses:
+class PoseGroup:
     """Poses of one kind, such as the runs."""
 
     name: str  #: Of the kind, such as "Runs".
     names: Sequence[str]  #: Of each pose, such as "run 3".
     words: Sequence[str]  #: What is said of each, plain text.
-    rigid: Frames  #: The arm without load.
-    bent: Frames | None  #: Under load, its deflection magnified.
+    rigid: BodyFrames  #: The arm without load.
+    bent: BodyFrames | None  #: Under load, its deflection magnified.
     layers: Sequence[Layer] = ()
     first: int = 0  #: Index of the pose that is shown first.
     worst: int | None = None  #: Index of the worst, where the first is typical: see `typical_first`.
@@ -50,10 +50,12 @@ class Poses:
     near: Array | None = None
 
 
-def workspace(cell: Cell, q: Array, words: Sequence[str], layers: Sequence[Layer], first: int = 0) -> Poses:
+def workspace(
+    cell: Cell, q: Array, words: Sequence[str], layers: Sequence[Layer], first: int = 0
+) -> PoseGroup:
     """The arm in poses all over the workspace, (n, joints) [rad, m], and what is said of each."""
     names = [f"Place {k} of {len(q)}" for k in range(1, len(q) + 1)]
-    return Poses("Workspace", names, words, rigid_frames(cell.room, q), None, layers, first)
+    return PoseGroup("Workspace", names, words, rigid_frames(cell.room, q), None, layers, first)
 
 
 @dataclass(frozen=True)
@@ -62,11 +64,11 @@ class Scene:
 
     cell: Cell
     title: str  #: What is magnified, and how much.
-    groups: Sequence[Poses]  #: The first one is shown first.
+    groups: Sequence[PoseGroup]  #: The first one is shown first.
 
 
 @dataclass(frozen=True)
-class Line:
+class ModelLine:
     """The numbers of one model."""
 
     name: str
@@ -83,7 +85,7 @@ class RunChart:
     group: int  #: Index of the group in the scene.
     across: str  #: What the labels are, such as "run".
     labels: Sequence[str]  #: Of the poses, a few letters each.
-    lines: Sequence[Line]
+    lines: Sequence[ModelLine]
     limit: float | None = None  #: A level across all poses, in the same unit; NaN: none.
     note: str = ""  #: What else there is to say of them.
     joined: bool = True  #: A line joins the numbers: not of categories.
@@ -97,19 +99,19 @@ class PlaceMap:
     title: str  #: What the errors are, with unit.
     group: int  #: Index of the group in the scene.
     at: Array  #: Tool positions, (n, 3) [m]; NaN where there is none: not drawn.
-    lines: Sequence[Line]
+    lines: Sequence[ModelLine]
     heading: str = "Where it errs"
     without: str = ""  #: What a ring means, a place without a value.
 
     @property
-    def difference(self) -> tuple[Line, Line] | None:
+    def difference(self) -> tuple[ModelLine, ModelLine] | None:
         """The last model, the winner, and joint stiffness beside it; None where one is not there."""
-        own = [line for line in self.lines[:-1] if line.name == JOINTS]
-        return (self.lines[-1], own[0]) if own else None
+        model_lines = [line for line in self.lines[:-1] if line.name == JOINTS]
+        return (self.lines[-1], model_lines[0]) if model_lines else None
 
 
 @dataclass(frozen=True)
-class Seen:
+class PageContent:
     """What of a run is drawn, beside its words."""
 
     scene: Scene | None = None
@@ -118,40 +120,44 @@ class Seen:
     tables: Sequence[Table] = ()  #: Those that can be sorted and drawn, the first one first.
 
 
-def charts_of(seen: Seen, k: int) -> list[RunChart]:
+def charts_of(page: PageContent, k: int) -> list[RunChart]:
     """Charts of a group and of others of the same poses; its map as one where it has none."""
-    every = seen.scene.groups if seen.scene else ()
+    every = page.scene.groups if page.scene else ()
     same = [j for j, other in enumerate(every) if other.rigid is every[k].rigid]
-    charts = [chart for chart in seen.runs if chart.group in same and len(chart.labels) > 1]
-    if charts or seen.map is None or seen.map.group != k:
+    charts = [chart for chart in page.runs if chart.group in same and len(chart.labels) > 1]
+    if charts or page.map is None or page.map.group != k:
         return charts
-    return [RunChart(seen.map.title, k, "pose", every[k].names, seen.map.lines)]
+    return [RunChart(page.map.title, k, "pose", every[k].names, page.map.lines)]
 
 
-def leads(poses: Poses, charts: Sequence[RunChart]) -> list[Array]:
+def sorting_numbers(poses: PoseGroup, charts: Sequence[RunChart]) -> list[Array]:
     """Numbers of lines that are largest in the worst pose, or that which is shown first, (poses,) each."""
     count, worst = len(poses.names), poses.first if poses.worst is None else poses.worst
     sizes = [np.nan_to_num(line.values, nan=-np.inf) for chart in charts for line in chart.lines]
     return [own for own in sizes if len(own) == count and own[worst] == own.max()]
 
 
-def typical_first(seen: Seen) -> Seen:
+def typical_first(page: PageContent) -> PageContent:
     """The same, opened where the last line that is largest in the worst pose has its median."""
-    if seen.scene is None:
-        return seen
+    if page.scene is None:
+        return page
     groups = []
-    for k, own in enumerate(seen.scene.groups):
-        lead = leads(own, charts_of(seen, k))[-1:]
+    for k, pose_group in enumerate(page.scene.groups):
+        lead = sorting_numbers(pose_group, charts_of(page, k))[-1:]
         order = [k for size in lead for k in np.argsort(size, kind="stable") if np.isfinite(size[k])]
-        middle = int(order[(len(order) - 1) // 2]) if order else own.first
-        groups.append(own if middle == own.first else replace(own, first=middle, worst=own.first))
-    return replace(seen, scene=replace(seen.scene, groups=groups))
+        middle = int(order[(len(order) - 1) // 2]) if order else pose_group.first
+        groups.append(
+            pose_group
+            if middle == pose_group.first
+            else replace(pose_group, first=middle, worst=pose_group.first)
+        )
+    return replace(page, scene=replace(page.scene, groups=groups))
 
 
 # --- which poses are drawn, and how many times enlarged
 
 
-def picked(size: Array, rows: Ids, far: int = FAR) -> Ids:
+def largest_and_even(size: Array, rows: Ids, far: int = MAX_LARGE_ERRORS) -> Ids:
     """Places of the largest of some rows and of others evenly, in their order.
 
     Args:
@@ -160,7 +166,7 @@ def picked(size: Array, rows: Ids, far: int = FAR) -> Ids:
         far: How many of the largest; of a path one, as its neighbours are as large.
     """
     largest = rows[np.argsort(-size[rows], kind="stable")[:far]]
-    return np.union1d(largest, evenly(rows, POSES - far))
+    return np.union1d(largest, evenly(rows, MAX_POSES - far))
 
 
 def evenly(rows: Ids, most: int) -> Ids:
@@ -176,12 +182,12 @@ def of_all(shown: int, total: int, noun: str) -> str:
 def arrow_scale(vectors: Array, longest: float) -> float:
     """Magnification by which 95 % of arrows, (..., 3) [m], are drawn no longer than that [m]; NaN: none.
 
-    It is 1, 2 or 5 times a power of ten, and at most `LARGEST`.
+    It is 1, 2 or 5 times a power of ten, and at most `MAX_MAGNIFICATION`.
     """
     size = np.linalg.norm(vectors, axis=-1)
     known = size[np.isfinite(size)]
     true = float(np.quantile(known, 0.95)) if known.size else 0.0
-    scale = min(longest / max(true, 1e-30), LARGEST)
+    scale = min(longest / max(true, 1e-30), MAX_MAGNIFICATION)
     power = 10.0 ** math.floor(math.log10(scale))
     return float(power * max(k for k in (1, 2, 5) if k * power <= scale * (1 + 1e-9)))
 
@@ -190,7 +196,7 @@ def arrow_scale(vectors: Array, longest: float) -> float:
 
 
 @dataclass(frozen=True)
-class Scale:
+class ErrorScale:
     """What colours and sizes mean, the same in all maps that stand side by side."""
 
     ends: tuple[float, float]  #: Least and greatest error; what is less is drawn as the least [mm].
@@ -218,7 +224,7 @@ class Scale:
         return "mm, logarithmic" if self.logarithmic else "mm"
 
 
-def scale_of(*errors_mm: Array) -> Scale:
+def scale_of(*errors_mm: Array) -> ErrorScale:
     """The scale of several maps: logarithmic where an error is far above the median of the best map.
 
     Args:
@@ -228,4 +234,4 @@ def scale_of(*errors_mm: Array) -> Scale:
     every = np.concatenate(errors_mm)
     low, high = float(every.min()), float(every.max())
     far = high > APART * min(float(np.median(mm)) for mm in errors_mm)
-    return Scale((max(low, DEEP * high) if far else low, high), far)
+    return ErrorScale((max(low, DEEP * high) if far else low, high), far)

@@ -14,7 +14,7 @@ from testbench.runs.spread import Number, Share, Spread, median_interval, middle
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """One quantity of a table."""
 
     key: str  #: Where it is in a row and in report.json, such as "check.rms_mm".
@@ -91,7 +91,7 @@ def _times(scale: float, value: Any) -> Any:
 class Table:
     """Rows under columns."""
 
-    columns: tuple[Column, ...]  #: From left to right; the first one names the row.
+    columns: tuple[TableColumn, ...]  #: From left to right; the first one names the row.
     rows: Sequence[object]  #: Dataclasses or mappings.
     title: str = ""  #: What it shows, empty for none.
     bold: str = ""  #: Value of the first column in the row that is marked, empty for none.
@@ -117,10 +117,10 @@ class Table:
         return bool(self.bold and self.columns) and self.columns[0].cell(row) == self.bold
 
 
-SHOWN = 6  #: Columns that a terminal or a study's page has room for.
+MAX_COLUMNS = 6  #: Columns that a terminal or a study's page has room for.
 
 
-def narrowed(table: Table, most: int = SHOWN) -> Table:
+def with_fewer_columns(table: Table, most: int = MAX_COLUMNS) -> Table:
     """A table of at most so many columns: the first ones, and that of which the answer speaks."""
     first, *others = table.columns
     answer = table.headline or table.columns[-1].key
@@ -134,7 +134,9 @@ def brackets(table: Table) -> str:
     return spans(column.value(row) for column in table.columns if not column.exact for row in table.rows)
 
 
-def pivot(table: Table, down: Column, across: Column, cell: Column, *last: Column) -> Table:
+def pivot(
+    table: Table, down: TableColumn, across: TableColumn, cell: TableColumn, *last: TableColumn
+) -> Table:
     """A table with a row for every value of one column and a column for every value of another.
 
     Args:
@@ -152,13 +154,13 @@ def pivot(table: Table, down: Column, across: Column, cell: Column, *last: Colum
         own[f"c{heads.index(across.cell(row))}"] = cell.value(row)
         own |= {column.key: column.value(row) for column in last}
     columns = [
-        Column(
+        TableColumn(
             f"c{k}", head + unit, "", cell.form, exact=cell.exact, rounding=cell.rounding, none="not tried"
         )
         for k, head in enumerate(heads)
     ]
     return Table(
-        (Column("name", down.heading), *columns, *last),
+        (TableColumn("name", down.heading), *columns, *last),
         list(rows.values()),
         table.title,
         table.bold,
@@ -167,7 +169,7 @@ def pivot(table: Table, down: Column, across: Column, cell: Column, *last: Colum
     )
 
 
-def looks(rows: Sequence[object], name: Column) -> dict[str, Look]:
+def looks(rows: Sequence[object], name: TableColumn) -> dict[str, Look]:
     """How the models of rows are drawn, by the text of a column; none where it names several models."""
     found: dict[str, set[Look]] = {}
     for row in rows:
@@ -203,7 +205,7 @@ def _form(value: object, form: str) -> str:
 
 NUMBER = re.compile(r"(?<![\w.`/^-])-?\d(?:\.\d+)?e[+-]\d{2,3}(?![\w`])")
 POWER = re.compile(r"(-?\d(?:\.(\d+))?)e([+-]\d+)")
-LEAST, MOST = -3, 6  #: Powers of ten from which, and below which, a number is written out.
+MIN_POWER, MAX_POWER = -3, 6  #: Powers of ten from which, and below which, a number is written out.
 
 
 def plain(number: str) -> str:
@@ -214,7 +216,7 @@ def plain(number: str) -> str:
     size, digits, power = found[1], len(found[2] or ""), int(found[3])
     if float(size) == 0:
         return "0"
-    if LEAST <= power < MOST:
+    if MIN_POWER <= power < MAX_POWER:
         return f"{float(number):.{max(digits - power, 0)}f}"
     return f"{size} x 10^{power}"
 
@@ -255,7 +257,7 @@ LEAST_IS_BEST = ("mm", "um", "urad", "um/N", "s", "ms")
 RATIOS = ("ratio", "over", "relative_excess_bound")  #: Keys of columns without a unit, the same.
 
 
-def best_rows(table: Table, column: Column) -> set[int]:
+def best_rows(table: Table, column: TableColumn) -> set[int]:
     """Rows of least median in a column, and all that tie with it in the same trials.
 
     Nothing where all of them tie, where trials are too few for a sign test, or where less is not better.
@@ -265,7 +267,7 @@ def best_rows(table: Table, column: Column) -> set[int]:
     values = [column.value(row) for row in table.rows]
     trials = max((own.trials for own in values if isinstance(own, Spread)), default=0)
     known = {k: own for k, own in enumerate(values) if isinstance(own, Spread) and own.trials == trials}
-    sizes = {k: np.array(own.values) for k, own in known.items() if own.values}
+    sizes = {k: np.array(spread.values) for k, spread in known.items() if spread.values}
     if len(sizes) < 2:
         return set()
     first = min(sizes, key=lambda k: known[k].median)

@@ -210,10 +210,10 @@ def nested(flat: Mapping[str, Any]) -> Row:
     found = Row()
     for name, value in flat.items():
         *parts, last = name.split(".")
-        own = found
+        row = found
         for part in parts:
-            own = own.setdefault(part, Row())
-        own[last] = value
+            row = row.setdefault(part, Row())
+        row[last] = value
     return found
 
 

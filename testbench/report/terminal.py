@@ -12,10 +12,10 @@ from rich.markdown import Markdown
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from testbench.errors import shown, word
-from testbench.report.markdown import Told
+from testbench.errors import printable, shell_word
+from testbench.report.markdown import ReportWords
 from testbench.report.markdown import as_plain as as_plain
-from testbench.report.schema import Column, Table, brackets, narrowed
+from testbench.report.schema import Table, TableColumn, brackets, with_fewer_columns
 from testbench.runs.next_step import next_lines
 from testbench.runs.spread import Spread
 
@@ -41,7 +41,7 @@ def plain_console() -> Console:
 
 
 def _lines(text: str) -> str:
-    return "\n".join(map(shown, text.split("\n")))
+    return "\n".join(map(printable, text.split("\n")))
 
 
 def grid(table: Table) -> RichTable:
@@ -50,7 +50,7 @@ def grid(table: Table) -> RichTable:
     Of a quantity over two factors only the medians: report.md and the page have its spread, and columns
     beyond `SHOWN`.
     """
-    table = narrowed(table)
+    table = with_fewer_columns(table)
     found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
     for k, column in enumerate(table.columns):
         found.add_column(_head(column), justify="right" if k else "left", no_wrap=True)
@@ -68,7 +68,7 @@ def grid(table: Table) -> RichTable:
     return found
 
 
-def _head(column: Column) -> str:
+def _head(column: TableColumn) -> str:
     """A heading in narrow lines of whole words."""
     if column.short:
         return column.short
@@ -96,7 +96,7 @@ def _ends_named(table: Table, row: object) -> tuple[str, str]:
     return ("5 %, least", "95 %, most") if "range" in words else ("5 %", "95 %")
 
 
-def _end(column: Column, row: object, end: int | None = None) -> str:
+def _end(column: TableColumn, row: object, end: int | None = None) -> str:
     """The median, or an end of the spread."""
     value = column.value(row)
     if isinstance(value, Spread):
@@ -105,7 +105,11 @@ def _end(column: Column, row: object, end: int | None = None) -> str:
 
 
 def print_words(
-    console: Console, words: Told, tables: Sequence[Table] = (), lines: Sequence[str] = (), where: str = MORE
+    console: Console,
+    words: ReportWords,
+    tables: Sequence[Table] = (),
+    lines: Sequence[str] = (),
+    where: str = MORE,
 ) -> None:
     """The answer, tables, what else is to be said, and lines below it.
 
@@ -116,7 +120,7 @@ def print_words(
         lines: Of any length.
         where: The statements that are not printed are.
     """
-    print_answer(console, words)
+    print_headline(console, words)
     for table in tables:
         if table.rows:
             print_table(console, table)
@@ -125,7 +129,7 @@ def print_words(
         console.print("\n".join(lines), soft_wrap=True)
 
 
-def print_answer(console: Console, words: Told) -> None:
+def print_headline(console: Console, words: ReportWords) -> None:
     """The badge, the answer, and where it is worst."""
     if badge := as_plain(words.block("badge")):
         console.print(
@@ -137,7 +141,7 @@ def print_answer(console: Console, words: Told) -> None:
         console.print(as_plain(words.block("worst")))
 
 
-def print_statements(console: Console, words: Told, where: str = MORE) -> None:
+def print_statements(console: Console, words: ReportWords, where: str = MORE) -> None:
     """What else is to be said, a list; there are more where it says."""
     if words.block("statements"):
         console.print(Markdown(words.block("statements")))
@@ -145,11 +149,11 @@ def print_statements(console: Console, words: Told, where: str = MORE) -> None:
         console.print(f" {len(words.block('more').splitlines())} more {where}")
 
 
-def looked_at(out: Path, given: Sequence[Path] = (), **known: str | Path) -> list[str]:
+def viewing_lines(out: Path, given: Sequence[Path] = (), **known: str | Path) -> list[str]:
     """Where page and recording of a run are, how to open them, and what comes next (`next_lines`)."""
     return [
         f"page       {out / 'report.html'}: opens in any browser",
-        f"recording  {out / 'recording.rrd'}; open it with: testbench view {word(out)}",
+        f"recording  {out / 'recording.rrd'}; open it with: testbench view {shell_word(out)}",
         *next_lines(out, given, **known),
     ]
 
@@ -159,6 +163,6 @@ def print_places(console: Console, out: Path, *, figures: list[str], data: str =
     lines = [
         f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / 'trials.parquet'}, {out / data}",
         f"figures    {', '.join(str(out / name) for name in figures)}",
-        *looked_at(out),
+        *viewing_lines(out),
     ]
     console.print("\n".join(lines), soft_wrap=True)

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 from typer.exceptions import TyperException
 
-from testbench.errors import MAX_MESSAGE, BenchError, Interrupted, cut, shown
+from testbench.errors import MAX_MESSAGE, BenchError, Interrupted, shorten, printable
 from testbench.runs import interrupt
 from testbench.runs.interrupt import INTERRUPTED
 
@@ -51,9 +51,9 @@ def run(app: typer.Typer, fail: Callable[[str], object] = say) -> int:
                 raise
             code, words = INTERRUPTED, ""
         if code == INTERRUPTED or stopped():  # typer itself turns Ctrl-C into this code
-            code, words = stopped() or INTERRUPTED, words or f"interrupted: {interrupt.STANDS}"
+            code, words = stopped() or INTERRUPTED, words or f"interrupted: {interrupt.RESULTS_KEPT}"
         if words:
-            fail(cut(shown(words), MAX_MESSAGE) + "\n")
+            fail(shorten(printable(words), MAX_MESSAGE) + "\n")
         return code
 
 
@@ -88,7 +88,7 @@ def _check_words(words: Sequence[str]) -> None:
     for word in words:
         if any(category(c) in UNFIT for c in word):
             raise BenchError(
-                f"expected no control characters on the command line, got {cut(ascii(word), 80)}"
+                f"expected no control characters on the command line, got {shorten(ascii(word), 80)}"
             )
         try:
             word.encode()

@@ -10,13 +10,13 @@ from typing import Any
 
 from testbench.runs import provenance as files
 from testbench.errors import BenchError, InputError
-from testbench.runs.rows import LARGEST, SEED
+from testbench.runs.rows import MAX_INTEGER, SEED
 
 FORMAT = "testbench trials 5"
 
 
 @dataclass(frozen=True)
-class Experiment:
+class TrialPlan:
     """What is tried."""
 
     name: str  #: The scenario.
@@ -24,7 +24,7 @@ class Experiment:
     seeds: range  #: Seeds of the trials, one after the other from the root: range(root, root + trials).
 
     def __post_init__(self) -> None:
-        if not self.seeds or self.seeds.step != 1 or not 0 <= self.seeds[0] <= self.seeds[-1] < LARGEST:
+        if not self.seeds or self.seeds.step != 1 or not 0 <= self.seeds[0] <= self.seeds[-1] < MAX_INTEGER:
             raise BenchError(f"seeds: expected one after the other from 0 to below 2**63, got {self.seeds}")
 
     @property

@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from testbench.errors import shown
+from testbench.errors import printable
 from testbench.progress import listening
 from testbench.runs.session import Session, session
 
@@ -27,7 +27,7 @@ class Follower:
 
     def __init__(self, *, quiet: bool) -> None:
         self.began, self.begun, self.tasks = time.monotonic(), dict[str, float](), dict[str, TaskID]()
-        words = shown(" ".join([Path(sys.argv[0]).name, *sys.argv[1:]]))
+        words = printable(" ".join([Path(sys.argv[0]).name, *sys.argv[1:]]))
         self.lines = [f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC  {words}"]
         console = Console(stderr=True)
         self.bars = Progress(
@@ -62,11 +62,11 @@ class Follower:
 @contextmanager
 def followed(own: Session, *, quiet: bool) -> Iterator[None]:
     """The block is a command; quiet, it says nothing but errors."""
-    one = Follower(quiet=quiet)
+    follower = Follower(quiet=quiet)
     with ExitStack() as held:
-        held.callback(one.bars.stop)
+        held.callback(follower.bars.stop)
         if quiet:
             held.enter_context(redirect_stdout(StringIO()))
-        held.enter_context(listening(one.follow))
-        held.enter_context(session(own._replace(log=one.log)))
+        held.enter_context(listening(follower.follow))
+        held.enter_context(session(own._replace(log=follower.log)))
         yield

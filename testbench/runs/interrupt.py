@@ -13,7 +13,7 @@ from testbench.runs.session import STOPS
 
 SIGNALLED = 128  #: Exit code after a signal, less its number.
 INTERRUPTED = SIGNALLED + signal.SIGINT
-STANDS = "earlier results stand as they were"
+RESULTS_KEPT = "earlier results stand as they were"
 
 
 def handle(handler: Callable[..., object]) -> dict[int, Callable[..., object] | int | None]:
@@ -33,7 +33,7 @@ def leave_at_once(number: int, _: object) -> None:
     """
     if sys.stderr is not None:  # else a file of ours may have its number
         with contextlib.suppress(OSError):
-            os.write(2, f"interrupted: {STANDS}\n".encode())
+            os.write(2, f"interrupted: {RESULTS_KEPT}\n".encode())
     os._exit(SIGNALLED + number)
 
 

@@ -11,10 +11,10 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 from pydantic_core import from_json
 
-from testbench.errors import InputError, read_bytes, read_text, shown
+from testbench.errors import InputError, read_bytes, read_text, printable
 
 NAME = "manifest.json"
-MOST = 16 * 2**20  #: Largest one that is read [byte].
+MAX_BYTES = 16 * 2**20  #: Largest one that is read [byte].
 FILES = 10_000  #: Most that a run has.
 File = Annotated[str, Field(pattern=r"^[^\x00]*$")]
 
@@ -35,16 +35,16 @@ class Manifest(BaseModel):
     sha256: dict[str, str] = {}  #: Of the files, as far as it says.
 
 
-NONE = Manifest(command="", versions={})
+EMPTY_MANIFEST = Manifest(command="", versions={})
 
 
 def read_manifest(folder: Path) -> Manifest:
     """What a folder's manifest.json says; nothing where there is none, or it is not one of ours."""
     try:
-        found = Manifest.model_validate_json(read_bytes(folder / NAME, MOST))
+        found = Manifest.model_validate_json(read_bytes(folder / NAME, MAX_BYTES))
     except (InputError, ValidationError):
-        return NONE
-    return found if "testbench" in found.versions else NONE
+        return EMPTY_MANIFEST
+    return found if "testbench" in found.versions else EMPTY_MANIFEST
 
 
 def is_run(folder: Path) -> bool:
@@ -53,7 +53,7 @@ def is_run(folder: Path) -> bool:
 
 
 REPORTS = "report.json", "plan.json"  #: Numbers of a run, by the name that its command gives them.
-LONGEST = 20_000  #: Longest text that is read [characters].
+MAX_TEXT = 20_000  #: Longest text that is read [characters].
 BEYOND = 2**63  #: Integers lie below.
 
 
@@ -85,7 +85,7 @@ def read_run(folder: Path) -> Finished:
     try:
         told = Manifest.model_validate_json(json.dumps(data))
     except ValidationError as err:
-        raise told_as(about, err) from err
+        raise input_error(about, err) from err
     plain = read_plain(report)
     if not isinstance(plain, dict):
         raise InputError(report, "", f"expected a table of keys, got {type(plain).__name__}")
@@ -93,7 +93,7 @@ def read_run(folder: Path) -> Finished:
     return Finished(folder, told, report, plain, hashlib.sha256(text.encode()).hexdigest())
 
 
-def told_as(file: Path, err: ValidationError) -> InputError:
+def input_error(file: Path, err: ValidationError) -> InputError:
     """The first finding of pydantic in a file, in one line."""
     first = err.errors(include_url=False, include_context=False)[0]
     place = ".".join(map(str, first["loc"]))
@@ -109,7 +109,7 @@ def read_plain(path: Path) -> JsonValue:
         InputError: When the file cannot be read, is too large or too deep, is no JSON, or has a number that
             is not finite; names the place.
     """
-    text = read_text(path, MOST)
+    text = read_text(path, MAX_BYTES)
     try:
         found: JsonValue = from_json(text)
     except ValueError as err:  # also one of thousands of digits, and data that are too deep
@@ -126,9 +126,9 @@ def _checked(path: Path, value: JsonValue, place: tuple[object, ...]) -> JsonVal
     if isinstance(value, list):
         return [_checked(path, own, (*place, k)) for k, own in enumerate(value)]
     if isinstance(value, str):
-        if len(value) <= LONGEST:
-            return "\n".join(map(shown, value.split("\n")))
-        problem = f"expected a text of at most {LONGEST} characters, got {len(value)}"
+        if len(value) <= MAX_TEXT:
+            return "\n".join(map(printable, value.split("\n")))
+        problem = f"expected a text of at most {MAX_TEXT} characters, got {len(value)}"
     if isinstance(value, float) and not math.isfinite(value):
         problem = f"expected a finite number, got {value}"
     if isinstance(value, int) and not -BEYOND <= value < BEYOND:

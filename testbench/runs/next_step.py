@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import JsonValue
 
-from testbench.errors import shown, word
+from testbench.errors import printable, shell_word
 from testbench.runs.manifest import read_manifest
 from testbench.runs.session import SESSION
 
@@ -63,21 +63,21 @@ def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> li
     name = about.command.removeprefix("testbench ")
     asked = about.scenario if isinstance(about.scenario, dict) else {}
     absolute = bool(asked.get("absolute"))
-    named = shown(next(iter(about.models), "ARM"))
+    named = printable(next(iter(about.models), "ARM"))
     data, names = asked.get("data"), asked.get("given")
     if not given and isinstance(names, list):
         given = [_placed(run, str(name)) for name in names]
     fields = {
-        "run": word(run),
-        "beside": "" if run.parent == Path() else f"{word(run.parent)}/",
+        "run": shell_word(run),
+        "beside": "" if run.parent == Path() else f"{shell_word(run.parent)}/",
         "readings": "in the tracker's frame" if absolute else "without and with the load",
-        "flags": _rehearsal(asked) if absolute else shown(str(asked.get("flags", ""))),
+        "flags": _rehearsal(asked) if absolute else printable(str(asked.get("flags", ""))),
         "fit": _fit(asked),
-        "given": "".join(f"{word(path)} " for path in given),
+        "given": "".join(f"{shell_word(path)} " for path in given),
         "arm": named,
-        "model": word(_placed(run, next(iter(about.models), "MODEL"))),
-        "data": word(_placed(run, data)) if isinstance(data, str) else "MEASURED.csv",
-    } | {key: word(Path(value)) for key, value in known.items()}
+        "model": shell_word(_placed(run, next(iter(about.models), "MODEL"))),
+        "data": shell_word(_placed(run, data)) if isinstance(data, str) else "MEASURED.csv",
+    } | {key: shell_word(Path(value)) for key, value in known.items()}
     key = "plan absolute" if name == "plan" and absolute else name
     texts = list(COMMANDS.get(key, COMMANDS["study"] if name.startswith("scenarios/") else ()))
     for key, words in LEFT_OUT.items():
@@ -109,5 +109,5 @@ def _rehearsal(asked: Mapping[str, JsonValue]) -> str:
 def _fit(asked: Mapping[str, JsonValue]) -> str:
     """Flags of `identify` that fit the model that a plan was made for."""
     model = asked.get("model")
-    named = f" --model {shown(model)}" if isinstance(model, str) else ""
+    named = f" --model {printable(model)}" if isinstance(model, str) else ""
     return named + (" --no-prior" if asked.get("uncertainty_percent") is None else "")

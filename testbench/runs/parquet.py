@@ -14,21 +14,21 @@ from pyarrow import parquet
 
 from testbench.errors import BenchError, InputError, open_file
 from testbench.runs.whole import writing
-from testbench.runs.rows import SEED, Column, Table, count
+from testbench.runs.rows import SEED, ColumnType, Table, count
 
 GROUP = 2**15  #: Rows of a row group.
-MOST_BYTES = 10**10  #: Of a file.
-MOST_COLUMNS = 2000
-MOST_ROWS = 10**8
-MOST_UNPACKED = 2 * 10**10  #: Bytes of all columns.
-MOST_READ = 2_000_000  #: Rows that are compared by seed.
-NAME = "name"  #: Column of models.
+MAX_BYTES = 10**10  #: Of a file.
+MAX_COLUMNS = 2000
+MAX_ROWS = 10**8
+MAX_UNPACKED = 2 * 10**10  #: Bytes of all columns.
+MAX_READ = 2_000_000  #: Rows that are compared by seed.
+MODEL_COLUMN = "name"  #: Column of models.
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
 About = Mapping[str, Any]  #: Metadata of a file by key, each as JSON.
 
 
-def arrow_table(columns: Mapping[str, Column], trials: Iterable[tuple[int, Table]], **about: Any) -> pa.Table:
+def arrow_table(columns: Mapping[str, ColumnType], trials: Iterable[tuple[int, Table]], **about: Any) -> pa.Table:
     """Collect the rows of trials in one table: None becomes null, NaN stays NaN.
 
     Args:
@@ -94,14 +94,14 @@ def write_trials(path: Path, table: pa.Table) -> None:
 def _opened(path: Path) -> Iterator[parquet.ParquetFile]:
     """Open a file of trials after a look at its sizes; InputError where the block finds it damaged."""
     try:
-        with open_file(path, MOST_BYTES):
+        with open_file(path, MAX_BYTES):
             pass  # a plain file
         with parquet.ParquetFile(path, page_checksum_verification=True) as file:
             about = file.metadata
             groups = [about.row_group(k) for k in range(about.num_row_groups)]
             sizes = (about.num_columns, about.num_rows, sum(group.total_byte_size for group in groups))
             for size, most, what in zip(
-                sizes, (MOST_COLUMNS, MOST_ROWS, MOST_UNPACKED), ("columns", "rows", "bytes"), strict=True
+                sizes, (MAX_COLUMNS, MAX_ROWS, MAX_UNPACKED), ("columns", "rows", "bytes"), strict=True
             ):
                 if size > most:
                     raise ValueError(f"expected at most {most} {what}, got {size}")
@@ -141,7 +141,7 @@ def read_trials(path: Path, schema: pa.Schema) -> pa.Table:
 
 
 @dataclass(frozen=True)
-class Series:
+class NumberBySeed:
     """One number of one model under one condition, by seed."""
 
     name: str  #: Of the model.
@@ -149,7 +149,7 @@ class Series:
     by_seed: dict[int, float]
 
 
-def series(path: Path, keys: Sequence[str]) -> list[Series]:
+def series(path: Path, keys: Sequence[str]) -> list[NumberBySeed]:
     """Read numbers of models by seed, of every condition that the words of a row name.
 
     Args:
@@ -161,14 +161,14 @@ def series(path: Path, keys: Sequence[str]) -> list[Series]:
     """
     found: dict[tuple[str, tuple[Any, ...]], dict[int, float]] = {}
     with _opened(path) as file:
-        if file.metadata.num_rows > MOST_READ:
-            raise ValueError(f"expected at most {MOST_READ} rows, got {file.metadata.num_rows}")
+        if file.metadata.num_rows > MAX_READ:
+            raise ValueError(f"expected at most {MAX_READ} rows, got {file.metadata.num_rows}")
         schema = file.schema_arrow
-        heads = [n.removesuffix(NAME) for n in schema.names if n == NAME or n.endswith(f".{NAME}")]
+        heads = [n.removesuffix(MODEL_COLUMN) for n in schema.names if n == MODEL_COLUMN or n.endswith(f".{MODEL_COLUMN}")]
         under = next((head for head in heads if any(head + key in schema.names for key in keys)), "")
         wanted = [key for key in keys if heads and under + key in schema.names]
         texts = [field.name for field in schema if pa.types.is_string(field.type)]
-        words = [under + NAME, *(name for name in texts if not name.startswith(under))]
+        words = [under + MODEL_COLUMN, *(name for name in texts if not name.startswith(under))]
         columns = [SEED, *words, *(under + key for key in wanted)] if wanted else []
         cells = file.read(columns).to_pydict()
     for key in wanted:
@@ -176,7 +176,7 @@ def series(path: Path, keys: Sequence[str]) -> list[Series]:
         for row in zip(conditions, cells[SEED], cells[under + key], strict=True):
             _put(found.setdefault((key, row[0]), {}), *row[1:])
     return [
-        Series(condition[0], key, own)
+        NumberBySeed(condition[0], key, own)
         for key in keys
         for (of, condition), own in found.items()
         if of == key and own and isinstance(condition[0], str) and not any(map(math.isnan, own.values()))

@@ -13,7 +13,7 @@ from testbench.errors import InputError
 from testbench.runs.manifest import is_run, read_manifest
 from testbench.runs.whole import claimed, guests, writing
 
-LONGEST = 250  #: Longest name of a file [byte]: five more make that of its lock.
+MAX_FILE_NAME = 250  #: Longest name of a file [byte]: five more make that of its lock.
 HEAD = 4096  #: How much of a file says what it is [byte].
 INSTEAD = "choose another name, or replace it by --force"
 
@@ -71,8 +71,8 @@ def look(path: Path) -> os.stat_result | None:
     Raises:
         InputError: When nothing can stand there.
     """
-    if any(len(os.fsencode(part)) > LONGEST for part in path.parts):
-        raise InputError(path, "", f"cannot be written: a name has more than {LONGEST} bytes")
+    if any(len(os.fsencode(part)) > MAX_FILE_NAME for part in path.parts):
+        raise InputError(path, "", f"cannot be written: a name has more than {MAX_FILE_NAME} bytes")
     with writing(path), contextlib.suppress(FileNotFoundError):
         return path.lstat()
     return None
@@ -164,11 +164,11 @@ def check_folder(
 
 def _check_held(out: Path, command: str, own: frozenset[str]) -> None:
     """Refuse a folder with a run of another command, or with anything that is none of its run."""
-    found = read_manifest(out)
-    if found.command not in (command, ""):
-        raise InputError(out, "", f"holds a run of {found.command}, expected {command}; {ELSEWHERE}")
+    manifest = read_manifest(out)
+    if manifest.command not in (command, ""):
+        raise InputError(out, "", f"holds a run of {manifest.command}, expected {command}; {ELSEWHERE}")
     try:
-        for guest in guests(out, found.files):
+        for guest in guests(out, manifest.files):
             if guest.parts[0] not in own:
                 problem = f"is not of {command}, and a run folder holds only runs; {ELSEWHERE}"
                 raise InputError(out / guest, "", problem)

@@ -15,7 +15,8 @@ from testbench.errors import open_file
 from testbench.runs.session import SESSION
 
 ROOT = Path(__file__).resolve().parents[1]  #: The checkout, where the package runs from one.
-MOST = 10**11  #: Size up to which a file has a digest [byte]: readings that were read before are smaller.
+#: Size up to which a file has a digest [byte]: readings that were read before are smaller.
+MAX_DIGEST_BYTES = 10**11
 NUMBERS = re.compile(
     r"\[\n\s+(-?\d[-+\d.e,\s]*?)\n\s+\]"
 )  #: A list of them alone: no text of JSON has a new line.
@@ -93,7 +94,7 @@ def sources() -> str:
     return whole.hexdigest()
 
 
-def digest(file: Path, max_bytes: int = MOST) -> str:
+def digest(file: Path, max_bytes: int = MAX_DIGEST_BYTES) -> str:
     """SHA-256 of a file; InputError where it is no plain file, or too large."""
     with open_file(file, max_bytes) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

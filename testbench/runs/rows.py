@@ -18,7 +18,7 @@ Value = Plain | tuple[Plain, ...]
 Flat = dict[str, Value]  #: A row by column.
 Table = dict[str, list[Value]]  #: Rows of a trial: the cells of every column.
 SEED = "seed"
-LARGEST = 2**63  #: Integers lie below it: Parquet's have 64 bits.
+MAX_INTEGER = 2**63  #: Integers lie below it: Parquet's have 64 bits.
 
 
 class Row(dict[str, Any]):
@@ -36,14 +36,14 @@ def finite(value: float | None) -> float | None:
 
 
 @dataclass(frozen=True)
-class Column:
+class ColumnType:
     """Type of a column."""
 
     kind: type  #: float, int, str or bool.
     several: bool  #: Whether a cell holds a tuple of them, perhaps None among them.
 
 
-def columns(row: type, prefix: str = "") -> dict[str, Column]:
+def columns(row: type, prefix: str = "") -> dict[str, ColumnType]:
     """Columns of a dataclass of rows as `flatten` describes it, from the types of its fields.
 
     A dataclass beside plain types, as `Spread` in `Number`, is of summaries and no column; a share, which is
@@ -52,7 +52,7 @@ def columns(row: type, prefix: str = "") -> dict[str, Column]:
     Raises:
         BenchError: When a field has another type, or the name of the seed's column.
     """
-    found: dict[str, Column] = {}
+    found: dict[str, ColumnType] = {}
     for field, kinds in _kinds(row).items():
         nested = _nested(kinds)
         name = prefix + field
@@ -82,7 +82,7 @@ def _nested(kinds: set[Any]) -> type | None:
     return next(iter(plain)) if len(plain) == 1 and all(map(is_dataclass, plain)) else None
 
 
-def _column(name: str, kinds: set[Any]) -> Column:
+def _column(name: str, kinds: set[Any]) -> ColumnType:
     several = [own for own in kinds if get_origin(own) is tuple]
     if several:
         kinds = {own for part in get_args(several[0]) if part is not ... for own in _alternatives(part)}
@@ -93,7 +93,7 @@ def _column(name: str, kinds: set[Any]) -> Column:
         plain = {wide} if plain == both else plain
     if len(plain) != 1 or not plain <= {float, int, str, bool}:
         raise BenchError(f"rows: {name}: expected a type of numbers or words, got {kinds}")
-    return Column(plain.pop(), bool(several))
+    return ColumnType(plain.pop(), bool(several))
 
 
 def flatten(row: object, prefix: str = "") -> Flat:

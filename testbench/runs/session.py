@@ -24,8 +24,8 @@ class Session(NamedTuple):
         return frozenset(found if isinstance(found, Mapping) else ())
 
 
-NONE = Session({}, frozenset())
-SESSION: ContextVar[Session] = ContextVar("session", default=NONE)  #: Of the command that runs.
+EMPTY_SESSION = Session({}, frozenset())
+SESSION: ContextVar[Session] = ContextVar("session", default=EMPTY_SESSION)  #: Of the command that runs.
 
 
 @contextmanager

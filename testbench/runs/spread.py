@@ -17,8 +17,8 @@ Cells = npt.NDArray[np.generic]
 DOTS = 100  #: Trials whose own numbers are kept to be drawn: as many of each kind as stand in a row.
 DRAWS = 2000  #: Of a bootstrap.
 TAIL = 0.025  #: Share of an interval's chances on each side.
-SAME = 1e-6  #: Share of an error within which two models are the same.
-ENOUGH = 20  #: Trials from which on percentiles mean something; of fewer the range is told.
+SAME_ERROR = 1e-6  #: Share of an error within which two models are the same.
+MIN_PERCENTILE_TRIALS = 20  #: Trials from which on percentiles mean something; of fewer the range is told.
 NUMBER = re.compile(
     r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]\d+)?(?!\w)(?: to (-?\d+(?:\.\d+)?(?:e[-+]\d+)?)(?!\w))?"
 )
@@ -40,14 +40,14 @@ class Spread:
     interval: tuple[float, float] | None = field(default=None, compare=False, repr=False)
 
     @property
-    def few(self) -> bool:
+    def too_few(self) -> bool:
         """Whether there are too few trials for percentiles."""
-        return 0 < self.trials < ENOUGH
+        return 0 < self.trials < MIN_PERCENTILE_TRIALS
 
     @property
     def ends(self) -> tuple[float, float]:
         """What is shown beside the median: 5th and 95th percentile, of few trials the least and the most."""
-        if self.few and self.least is not None and self.most is not None:
+        if self.too_few and self.least is not None and self.most is not None:
             return self.least, self.most
         return self.p05, self.p95
 
@@ -164,7 +164,7 @@ def _by_trial(trials: Cells) -> list[Ids]:
 
 def wins(ours: Sequence[float] | Array, theirs: Sequence[float] | Array) -> int:
     """In how many trials ours is the smaller by more than a solver's last digits."""
-    return int(np.count_nonzero(np.asarray(ours) < (1 - SAME) * np.asarray(theirs)))
+    return int(np.count_nonzero(np.asarray(ours) < (1 - SAME_ERROR) * np.asarray(theirs)))
 
 
 def middle(value: Number) -> float:
@@ -187,11 +187,11 @@ def ends(value: Number) -> tuple[float, float]:
 def inner(value: Number) -> tuple[float, float] | None:
     """What is drawn as a line: the interval of the median; of few trials nothing but their dots."""
     if isinstance(value, Spread) and value.values:
-        return None if value.few else value.interval
+        return None if value.too_few else value.interval
     return ends(value)
 
 
-def reach(value: Number) -> tuple[float, ...]:
+def range_of(value: Number) -> tuple[float, ...]:
     """All that is drawn of a number: its trials, or the ends of its line."""
     return (*(value.values if isinstance(value, Spread) else ()), *(inner(value) or ()))
 
@@ -203,23 +203,23 @@ def triple(value: Number) -> tuple[float, float, float]:
 
 def dotted(values: Iterable[object]) -> str:
     """What dots and lines of spreads are in a picture; empty where nothing spreads."""
-    own = [value for value in values if isinstance(value, Spread) and value.ends[0] < value.ends[1]]
-    if not all(value.values for value in own):
-        return f"lines: {spans(own)}"
-    counts = sorted({value.trials for value in own})
+    spreads = [value for value in values if isinstance(value, Spread) and value.ends[0] < value.ends[1]]
+    if not all(value.values for value in spreads):
+        return f"lines: {spans(spreads)}"
+    counts = sorted({value.trials for value in spreads})
     if not counts:
         return ""
     number = " to ".join(f"{n:,}" for n in dict.fromkeys(counts[:1] + counts[-1:]))
     dots = f"dots: {number} trials" if counts[-1] <= DOTS else f"dots: {DOTS} of {number} trials"
-    return dots if counts[-1] < ENOUGH else f"{dots}; line: 95 % interval of their median"
+    return dots if counts[-1] < MIN_PERCENTILE_TRIALS else f"{dots}; line: 95 % interval of their median"
 
 
 def spans(values: Iterable[object], of: str = "trials") -> str:
     """What the ends of spreads are, in words: percentiles, or of few trials the range; empty without any."""
     spreads = [own for own in values if isinstance(own, Spread) and own.ends[0] < own.ends[1]]
-    counts, few = sorted({own.trials for own in spreads}), {own.few for own in spreads}
+    counts, few = sorted({own.trials for own in spreads}), {own.too_few for own in spreads}
     if len(few) == 2:
-        return f"5 to 95 %, of fewer than {ENOUGH} {of} their range"
+        return f"5 to 95 %, of fewer than {MIN_PERCENTILE_TRIALS} {of} their range"
     number = " to ".join(f"{n:,}" for n in dict.fromkeys(counts[:1] + counts[-1:]))
     told = f" of {number} {of}" if counts and counts[0] else ""
     return ("range" if True in few else "5 to 95 %") + told if spreads else ""
@@ -227,14 +227,14 @@ def spans(values: Iterable[object], of: str = "trials") -> str:
 
 def span(trials: int) -> str:
     """The same of so many trials, for a sentence that says how many they are."""
-    return "5 % to 95 %" if trials >= ENOUGH else "range"
+    return "5 % to 95 %" if trials >= MIN_PERCENTILE_TRIALS else "range"
 
 
 def most_trials(trials: int) -> str:
     """In how many of so many trials something holds that holds at an end of their spread."""
     return (
         f"95 % of {trials} trials"
-        if trials >= ENOUGH
+        if trials >= MIN_PERCENTILE_TRIALS
         else "the trial"
         if trials == 1
         else f"all {trials} trials"

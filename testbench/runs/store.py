@@ -17,7 +17,7 @@ from filelock import FileLock, Timeout
 
 from testbench.errors import InputError
 from testbench.runs.whole import folder_for, writing
-from testbench.runs.experiment import Experiment, check_header
+from testbench.runs.experiment import TrialPlan, check_header
 from testbench.runs.parquet import arrow_table, labelled, read_about, read_trials, write_trials
 from testbench.runs.rows import SEED, Table, columns, restored
 
@@ -38,7 +38,7 @@ def part_seeds(part: Path) -> list[int]:
 class TrialStore(Generic[R]):
     """The stored trials of an experiment. Open one with `open_store`."""
 
-    def __init__(self, folder: Path, experiment: Experiment, row: type[R]) -> None:
+    def __init__(self, folder: Path, experiment: TrialPlan, row: type[R]) -> None:
         self.parts = folder / PARTS
         self.experiment = experiment
         self.row = row
@@ -112,7 +112,7 @@ def write_parquet(store: TrialStore[R], folder: Path) -> Path:
 
 @contextlib.contextmanager
 def open_store(
-    folder: Path, experiment: Experiment, *, row: type[R], resume: bool
+    folder: Path, experiment: TrialPlan, *, row: type[R], resume: bool
 ) -> Iterator[TrialStore[R]]:
     """Open the trial store of a run's folder; once the block has ended well `trials.parquet` takes its place.
 

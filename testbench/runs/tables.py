@@ -11,7 +11,7 @@ from pyarrow import parquet
 from testbench.errors import InputError, open_file
 
 GROUP = 2**16  #: Rows of a row group.
-MOST = 10**9  #: Of a file [byte].
+MAX_BYTES = 10**9  #: Of a file [byte].
 Cells = npt.NDArray[np.generic]
 
 
@@ -41,7 +41,7 @@ def read_table(path: Path, names: Sequence[str], **kept: str | None) -> dict[str
     Raises:
         InputError: When it is no Parquet file, or lacks a column.
     """
-    with open_file(path, MOST):
+    with open_file(path, MAX_BYTES):
         pass  # a plain file
     words = [(name, "==", word) for name, word in kept.items() if word is not None]
     try:

@@ -13,15 +13,15 @@ from testbench.plant.shapes import elastic_frames, origins, rigid_frames
 from testbench.report.colours import LOAD, MEASURED, Look, look_of
 from testbench.report.scene import (
     Layer,
-    Line,
+    ModelLine,
+    PageContent,
     PlaceMap,
-    Poses,
+    PoseGroup,
     RunChart,
     Scene,
-    Seen,
     arrow_scale,
+    largest_and_even,
     of_all,
-    picked,
 )
 from testbench.report.table import Row, Trials
 from testbench.studies.study import AnyRun
@@ -36,8 +36,8 @@ LEFT = "What is left in each run, against its readings, RMS over the markers (mm
 
 
 def with_errors(
-    poses: Poses, at: Array, errors: Mapping[str, Array], looks: Mapping[str, Look], scale: float
-) -> tuple[Poses, list[Line]]:
+    poses: PoseGroup, at: Array, errors: Mapping[str, Array], looks: Mapping[str, Look], scale: float
+) -> tuple[PoseGroup, list[ModelLine]]:
     """Poses with the errors of models as arrows and in words; and the same as lines, RMS over the points.
 
     Args:
@@ -48,10 +48,13 @@ def with_errors(
         scale: Magnification of the arrows.
     """
     lines = [
-        Line(name, looks[name], MM * np.sqrt((off**2).sum(axis=-1).mean(axis=-1)))
+        ModelLine(name, looks[name], MM * np.sqrt((off**2).sum(axis=-1).mean(axis=-1)))
         for name, off in errors.items()
     ]
-    errs = [", ".join(f"{own.name} {own.values[k]:.3f} mm" for own in lines) for k in range(len(at))]
+    errs = [
+        ", ".join(f"{model_line.name} {model_line.values[k]:.3f} mm" for model_line in lines)
+        for k in range(len(at))
+    ]
     arrows = [
         Layer(f"error of {name}", looks[name].colour, looks[name].stroke, at, at + scale * off)
         for name, off in errors.items()
@@ -67,7 +70,7 @@ def with_errors(
 
 def amid_errors(
     cell: Cell, q: Array, names: Sequence[str], errors: Mapping[str, Array], looks: Mapping[str, Look]
-) -> Seen:
+) -> PageContent:
     """The arm in poses, with arrows from where models have its targets to where they truly are, or were read.
 
     Args:
@@ -77,16 +80,16 @@ def amid_errors(
         errors: Of models, on the first of the arm's markers, base axes, (poses, 3) [m].
         looks: Of the models.
     """
-    some = picked(np.linalg.norm([*errors.values()][-1], axis=-1), np.arange(len(q)))
+    some = largest_and_even(np.linalg.norm([*errors.values()][-1], axis=-1), np.arange(len(q)))
     errors, names = {name: off[some, None] for name, off in errors.items()}, [names[k] for k in some]
     scale = arrow_scale(next(iter(errors.values())), LONGEST * cell.vjm.reach)
     rigid = rigid_frames(cell.room, q[some])
     title, called = "Positions that were not fitted", [f"Position {name}" for name in names]
-    poses = Poses(title, called, [""] * len(some), rigid, bent=None)
+    poses = PoseGroup(title, called, [""] * len(some), rigid, bent=None)
     drawn, lines = with_errors(poses, origins(cell.room, cell.arm.markers[:1], rigid), errors, looks, scale)
     note = of_all(len(some), len(q), "positions")
     chart = RunChart("Error at each position (mm)", 0, "position", names, lines, note=note)
-    return Seen(scene=Scene(cell, f"Errors x {scale:g}.", [drawn]), runs=[chart])
+    return PageContent(scene=Scene(cell, f"Errors x {scale:g}.", [drawn]), runs=[chart])
 
 
 def runs_of(cell: Cell, first: Trials) -> tuple[Dataset, Dataset]:
@@ -96,18 +99,18 @@ def runs_of(cell: Cell, first: Trials) -> tuple[Dataset, Dataset]:
         cell: The arm.
         first: Rows of the seed, that of the first model first.
     """
-    own = first.inside("drawn")
-    return from_text(own["measured"][0], cell.arm), from_text(own["over"][0], cell.arm)
+    trials = first.inside("drawn")
+    return from_text(trials["measured"][0], cell.arm), from_text(trials["over"][0], cell.arm)
 
 
 def write_runs(run: AnyRun, cell: Cell, poses: int | None = None) -> None:
     """dataset.csv of the first seed; of the first so many poses alone, None for all."""
     measured, _ = runs_of(cell, run.first)
-    own = measured if poses is None else split(measured, np.arange(poses) + 1)[0]
-    write_csv(own, cell.arm, run.folder / "dataset.csv")
+    data = measured if poses is None else split(measured, np.arange(poses) + 1)[0]
+    write_csv(data, cell.arm, run.folder / "dataset.csv")
 
 
-def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Seen:
+def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> PageContent:
     """The arm in the poses that models are judged in and in all runs, with the errors of those compared.
 
     Args:
@@ -142,7 +145,7 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> See
             (measured, ("Runs, against their readings", said), left),
         )
     )
-    return Seen(
+    return PageContent(
         scene=Scene(cell, f"Deflections x {size:g}, arrows of errors x {scale:g}.", [poses, runs]),
         map=PlaceMap(OVER, 0, np.array(f.map.position_m), by_place),
         runs=[RunChart(LEFT, 1, "run", [str(run) for run in measured.run], by_run)],
@@ -151,7 +154,7 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> See
 
 def _poses(
     cell: Cell, setup: Setup, data: Dataset, of: tuple[str, Sequence[str]], M: float
-) -> tuple[Poses, Array]:
+) -> tuple[PoseGroup, Array]:
     """The arm in every pose of a dataset under its load, deflections magnified; where its markers then are.
 
     Args:
@@ -166,7 +169,7 @@ def _poses(
     hook = before.tool + np.einsum("rxy,ry->rx", before.rotation, data.point)
     force = FORCE * np.linalg.norm(before.tool, axis=1).max() * load / (np.abs(load).max() or 1.0)
     moved = MM * np.linalg.norm(data.deflection, axis=-1).max(axis=1)
-    poses = Poses(
+    poses = PoseGroup(
         *of,
         words=[
             f"Markers move up to {mm:.2f} mm. Joints at {cell.arm.words(q)}. "

@@ -5,13 +5,13 @@ from collections import Counter
 from testbench.report.badge import Badge
 from testbench.report.markdown import Markdown, capital
 from testbench.report.report import say
-from testbench.report.schema import Column, Table
+from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row, Trials
-from testbench.runs.spread import ENOUGH, middle
+from testbench.runs.spread import MIN_PERCENTILE_TRIALS, middle
 
 READ = Markdown("docs/study_tables.md says what tables and columns mean.")
 NOTHING = Markdown("Nothing is compared.")
-FEW = Markdown(f"Fewer than {ENOUGH} trials: the tables show ranges in place of percentiles.")
+FEW = Markdown(f"Fewer than {MIN_PERCENTILE_TRIALS} trials: the tables show ranges in place of percentiles.")
 
 
 def headline(badge: Badge | None, table: Table) -> Markdown:
@@ -39,7 +39,7 @@ def headline(badge: Badge | None, table: Table) -> Markdown:
     return say("{what}: {told}.", what=capital(value.heading), told="; ".join(told))
 
 
-def _about(table: Table) -> Column:
+def _about(table: Table) -> TableColumn:
     """The column of the headline: the last one unless the table names it."""
     return next((c for c in table.columns if c.key == table.headline), table.columns[-1])
 
@@ -54,7 +54,7 @@ def warnings(trials: Trials, name: str = "name", status: str = "status") -> list
     """
     each = zip(trials[name].tolist(), trials[status].tolist(), strict=True)
     lost = Counter(own for own, word in each if word not in (None, "solved"))
-    few = [FEW] if len(trials.values("seed")) < ENOUGH else []
+    few = [FEW] if len(trials.values("seed")) < MIN_PERCENTILE_TRIALS else []
     said = "{name} was not solved in {lost} of {fits} fits."
     names = trials[name].tolist()
     return [*(say(said, Row(name=n, lost=k, fits=names.count(n))) for n, k in lost.items()), *few]

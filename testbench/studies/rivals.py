@@ -12,7 +12,8 @@ from testbench.workflows.models import WITHOUT_CONE, Model, equal_fit, named_mod
 
 IN_PAPER = " (paper)"  #: Behind the name of a model that GCO identifies without a trace weight.
 LEAST_SQUARES = "MLS56"
-SAME = f"{WITHOUT_CONE}{FILLED}"  #: Unknowns, prior and evidence of the default; what it lacks is the cone.
+#: Unknowns, prior and evidence of the default; what it lacks is the cone.
+DEFAULT_WITHOUT_CONE = f"{WITHOUT_CONE}{FILLED}"
 
 
 def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:

@@ -21,12 +21,12 @@ from testbench.report.markdown import titled
 from testbench.report.page.page import write_page
 from testbench.report.recording.run import write_run
 from testbench.report.report import Report
-from testbench.report.scene import Seen, typical_first
+from testbench.report.scene import PageContent, typical_first
 from testbench.report.schema import Table
 from testbench.report.table import Trials
 from testbench.runs import provenance as files
 from testbench.runs.engine import Backend, run_study
-from testbench.runs.experiment import Experiment
+from testbench.runs.experiment import TrialPlan
 from testbench.runs.place import claim_folder
 from testbench.runs.store import open_store, write_parquet
 from testbench.runs.whole import whole_folder
@@ -35,7 +35,7 @@ from testbench.workflows.backend import choose_backend, show_progress
 from testbench.workflows.options import Common, takes
 from testbench.workflows.own_estimator import EstimatorOptions, digests_of
 
-NOBODY = EstimatorOptions()  #: No estimator of one's own.
+NO_ESTIMATORS = EstimatorOptions()  #: No estimator of one's own.
 PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.
 
 
@@ -50,14 +50,18 @@ def as_command(study: AnyStudy) -> Any:
     """The study as a command with its flags."""
 
     @takes(Common, study.options, *([EstimatorOptions] if study.models else []))
-    def body(common: Common, options: Any, estimators: EstimatorOptions = NOBODY) -> None:
+    def body(common: Common, options: Any, estimators: EstimatorOptions = NO_ESTIMATORS) -> None:
         run(study, common, options, terminal.plain_console(), estimators)
 
     return body
 
 
 def run(
-    study: AnyStudy, common: Common, options: Any, console: Console, estimators: EstimatorOptions = NOBODY
+    study: AnyStudy,
+    common: Common,
+    options: Any,
+    console: Console,
+    estimators: EstimatorOptions = NO_ESTIMATORS,
 ) -> None:
     """Do the trials, write the folder, print the answer.
 
@@ -67,13 +71,13 @@ def run(
     start, out = time.perf_counter(), common.out or Path("runs") / study.name
     seeds = _seeds(study, common)
     settings = study.settings(options, common.quick, seeds)
-    plain, own = TypeAdapter(type(settings)).dump_python(settings, mode="json"), estimators.own
-    plain |= {"own": {each.name: asdict(each) for each in own}} if own else {}
+    plain, estimator_sources = TypeAdapter(type(settings)).dump_python(settings, mode="json"), estimators.own
+    plain |= {"own": {each.name: asdict(each) for each in estimator_sources}} if estimator_sources else {}
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
-    sha = digests_of((*study.own(settings), *own))
+    sha = digests_of((*study.own(settings), *estimator_sources))
     scenario = {"settings": plain, "models": digests(arms), **sha}
     script = f"scenarios/{study.name}.py"
-    experiment = Experiment(study.name, scenario, seeds)
+    experiment = TrialPlan(study.name, scenario, seeds)
     backend, remote = choose_backend(common), common.cluster is not None
     with (
         claim_folder(out, script, inputs=arms, force=common.force),
@@ -82,7 +86,7 @@ def run(
     ):
         if study.prepare:
             settings = study.prepare(settings, _everywhere(experiment, backend, common, out / PREPARED))
-        work = partial(study.trials, settings, **({"own": own} if own else {}))
+        work = partial(study.trials, settings, **({"own": estimator_sources} if estimator_sources else {}))
         show_progress(run_study(work, store, backend, size=study.size, remote=remote), len(seeds), "trials")
         report = _reported(study, settings, seeds, Trials.read(write_parquet(store, folder)))
         figures = _write(study, Run(study.name, settings, seeds, report, folder, text))
@@ -114,11 +118,11 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     names = [*figures, *study.extra]
     if "data_file" in (first := found.first):
         (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")
-    seen = typical_first(study.write(found) or Seen())
+    page = typical_first(study.write(found) or PageContent())
     write_run(
-        folder / "recording.rrd", found.header, report, seen, {titled(name): folder / name for name in names}
+        folder / "recording.rrd", found.header, report, page, {titled(name): folder / name for name in names}
     )
-    write_page(folder, titled(study.name), report, replace(seen, tables=_shown(study, report)))
+    write_page(folder, titled(study.name), report, replace(page, tables=_shown(study, report)))
     return names
 
 
@@ -134,7 +138,7 @@ def _shown(study: AnyStudy, report: Report) -> list[Table]:
     return [report.tables[name] for name in (*study.printed, *own)]
 
 
-def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder: Path) -> Everywhere:
+def _everywhere(experiment: TrialPlan, backend: Backend, common: Common, folder: Path) -> Everywhere:
     """What comes before the trials, on the same workers, stored in a folder of its own."""
 
     def everywhere(
@@ -142,8 +146,8 @@ def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder
     ) -> list[P]:
         if folder.is_symlink():
             raise InputError(folder, "", "expected a folder of this run, got a link; move it away")
-        own = replace(experiment, name=f"{experiment.name}: {words}", seeds=range(pieces))
-        with open_store(folder, own, row=row, resume=common.resume) as store:
+        trial_plan = replace(experiment, name=f"{experiment.name}: {words}", seeds=range(pieces))
+        with open_store(folder, trial_plan, row=row, resume=common.resume) as store:
             show_progress(run_study(work, store, backend, remote=common.cluster is not None), pieces, words)
             write_parquet(store, folder)
             return store.rows()

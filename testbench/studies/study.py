@@ -7,11 +7,11 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from testbench.arm.folder import find_arm
 from testbench.report.figure import Figure
-from testbench.report.recording.stream import Header
+from testbench.report.recording.stream import RecordingHeader
 from testbench.report.report import Report
-from testbench.report.scene import Seen
+from testbench.report.scene import PageContent
 from testbench.report.table import Trials
-from testbench.workflows.own_process import Own
+from testbench.workflows.own_process import EstimatorSource
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")
@@ -59,7 +59,7 @@ class Study(Generic[O, S, W]):
     figures: Callable[[Report], Mapping[str, Figure]]  #: PNGs made of the report alone, by name.
     #: Writes what is not made of the report alone, such as other figures; and says what the page draws beside
     #: words and tables.
-    write: Callable[["Run[S]"], Seen | None] = lambda _: None
+    write: Callable[["Run[S]"], PageContent | None] = lambda _: None
     extra: tuple[str, ...] = ()  #: Names of other figures that `write` makes.
     #: Name of the data file. `write` makes it, or a row of the first seed holds its text as `data_file`: then
     #: nothing is simulated again for it.
@@ -68,7 +68,7 @@ class Study(Generic[O, S, W]):
     #: Adds to the settings what all trials share and what is too dear for each of them.
     prepare: Callable[[S, Everywhere], S] | None = None
     arms: Callable[[S], Sequence[Path]] = _own_arm  #: Folders of the arms that it needs.
-    own: Callable[[S], Sequence[Own]] = lambda _: ()  #: Estimators that its settings name.
+    own: Callable[[S], Sequence[EstimatorSource]] = lambda _: ()  #: Estimators that its settings name.
     #: Column that names the models where `trials` takes estimators of one's own; beside it is `status`.
     models: str = ""
 
@@ -93,9 +93,9 @@ class Run(Generic[S]):
         return Trials.read(self.folder / "trials.parquet").where(seed=self.seeds[0])
 
     @property
-    def header(self) -> Header:
+    def header(self) -> RecordingHeader:
         """Of its recording."""
-        return Header(self.name, self.parameters, self.seeds[0])
+        return RecordingHeader(self.name, self.parameters, self.seeds[0])
 
 
 AnyRun = Run[Any]

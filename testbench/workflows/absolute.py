@@ -12,12 +12,12 @@ from testbench.arm.folder import Arm
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError, Ids, InputError, stem_of
 from testbench.files.read_series import read_series
-from testbench.identify.absolute.align import Misfit, aligned, far_off, too_few
-from testbench.identify.absolute.fit import Calibration, Options, calibrate
-from testbench.identify.absolute.inseparable import LEVEL, held
-from testbench.identify.absolute.posterior import inside, known, place, predict
-from testbench.identify.absolute.scatter import WILD, Outliers, outliers, residuals
-from testbench.identify.absolute.state import nominal, torque_scale
+from testbench.identify.absolute.align import Misfit, align_all, too_few, typical_distance
+from testbench.identify.absolute.fit import Calibration, CalibrationOptions, calibrate
+from testbench.identify.absolute.inseparable import LEVEL, undetermined_frames
+from testbench.identify.absolute.posterior import inside_ellipsoid, locate_series, predict, with_known_frame
+from testbench.identify.absolute.scatter import OUTLIER_WEIGHT, Outliers, outliers, residuals
+from testbench.identify.absolute.state import nominal_state, torque_scale
 from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.diagnosis.diagnose import unplaced_series
@@ -27,7 +27,7 @@ from testbench.identify.diagnosis.own_weight import by_own_weight
 from testbench.identify.diagnosis.series_checks import check_order
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import cad_prior
-from testbench.identify.registration import POSES, ROUGH
+from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION
 from testbench.identify.robust_loss import READINGS
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
@@ -52,7 +52,7 @@ class Calibrated:
 
 
 @dataclass(frozen=True)
-class Score:
+class PositionErrors:
     """How far readings are from a model that never saw them; distances of positions."""
 
     n: int  #: Positions.
@@ -110,10 +110,10 @@ def read_all(given: Sequence[File], arm: Arm) -> tuple[tuple[Series, ...], tuple
         if name in (stem_of(other.path) for other in given[:k]):
             raise InputError(path, "", f"expected another name: a file called {name} was read already")
         sigma = None if file.sigma_um is None else 1e-6 * file.sigma_um
-        found = read_series(path, arm, file.mapping, sigma, file.load)
-        _check_new(path, found.series, series)
-        series += found.series
-        notes += [f"{path.name}: {note}" for note in found.notes]
+        series_export = read_series(path, arm, file.mapping, sigma, file.load)
+        _check_new(path, series_export.series, series)
+        series += series_export.series
+        notes += [f"{path.name}: {note}" for note in series_export.notes]
     return tuple(series), tuple(notes)
 
 
@@ -135,59 +135,63 @@ def _readings(series: Series) -> list[bytes]:
 
 
 @contextmanager
-def explained(vjm: Vjm) -> Iterator[None]:
+def raise_explanation(vjm: Vjm) -> Iterator[None]:
     """Say what would make readings fit an arm, where they do in no frame, by BenchError."""
     try:
         yield
     except Misfit as err:
-        found = unplaced_series(vjm, err.series)
+        issue = unplaced_series(vjm, err.series)
         hint = ": another arm, another notation of angles or order of its joints, or other units?"
-        if found is not None and found.name != "kinematics" and _helps(found):
-            hint = f"; {describe(found, vjm.arm, err.series.joints).sentence}"
+        if issue is not None and issue.name != "kinematics" and _helps(issue):
+            hint = f"; {describe(issue, vjm.arm, err.series.joints).sentence}"
         raise BenchError(f"{err}{hint}") from err
 
 
-def _helps(found: Issue) -> bool:
+def _helps(issue: Issue) -> bool:
     """Whether most readings are nearer to the arm with a mistake undone."""
-    return "was" not in found.numbers or found.numbers["now"] < found.numbers["was"]
+    return "was" not in issue.numbers or issue.numbers["now"] < issue.numbers["was"]
 
 
 def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
     """Median distance of readings from the rigid arm as drawn, in its best frame [m]; BenchError for none."""
     weights = read_weights(vjm.arm)
-    with explained(vjm):
+    with raise_explanation(vjm):
         check_order(vjm, series)
-        state = aligned(nominal(vjm, weights, torque_scale(vjm, weights, tuple(series))), tuple(series))
+        state = align_all(
+            nominal_state(vjm, weights, torque_scale(vjm, weights, tuple(series))), tuple(series)
+        )
     left = (np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen] for one in series)
     return float(np.median(np.concatenate(list(left))))
 
 
-def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequence[str] = ()) -> Calibrated:
+def calibrate_with_masses(
+    vjm: Vjm, series: Sequence[Series], options: CalibrationOptions, notes: Sequence[str] = ()
+) -> Calibrated:
     """Calibrate an arm, its masses by joint torques where these were read."""
     weights, said = read_weights(vjm.arm), list(notes)
     if masses := fit_weights(vjm, weights, tuple(series)):
         weights = masses.weights
         said.append(of_masses(masses))
-    with explained(vjm):
-        found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
+    with raise_explanation(vjm):
+        calibration = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
     said += [
         f"{one.name}: {few}; taken from the series that share it"
         for one in series
         if (few := too_few(vjm, one))
     ]
-    said += of_held(found)
-    wild = outliers(found.state, found.series, found.pulls)
-    words = (describe(one, vjm.arm).sentence for one in found.found)
-    mounted = by_own_weight(found, cad_prior(vjm.arm))
+    said += of_held(calibration)
+    wild = outliers(calibration.state, calibration.series, calibration.influences)
+    words = (describe(issue, vjm.arm).sentence for issue in calibration.findings)
+    mounted = by_own_weight(calibration, cad_prior(vjm.arm))
     return Calibrated(
-        found,
-        found.series,
+        calibration,
+        calibration.series,
         (*said, *words, *([of_outliers(wild)] if wild else [])),
         describe(mounted, vjm.arm).sentence if mounted else "",
     )
 
 
-def hidden(found: Calibrated) -> str:
+def hidden_geometry(found: Calibrated) -> str:
     """What geometry that no arm has may hide, such as a joint's zero, in a sentence."""
     why = unplaced_series(found.calibration.state.vjm, found.series[0])
     if why is None or why.name == "kinematics":
@@ -195,72 +199,84 @@ def hidden(found: Calibrated) -> str:
     return describe(why, found.calibration.state.vjm.arm, found.series[0].joints).sentence
 
 
-def of_held(found: Calibration) -> list[str]:
+def of_held(calibration: Calibration) -> list[str]:
     """Say what every series leaves open of its frame and mount, and what holds it."""
-    vjm, every, words = found.state.vjm, found.own.unknowns.held, []
-    for one in found.series:
-        alone, mount, frame = held(vjm, (one,)), f"mount {one.target}", f"frame {one.frame}"
-        names = ", ".join(one.markers)
+    vjm, every, words = calibration.state.vjm, calibration.active.unknowns.held, []
+    for series in calibration.series:
+        alone, mount, frame = (
+            undetermined_frames(vjm, (series,)),
+            f"mount {series.target}",
+            f"frame {series.frame}",
+        )
+        names = ", ".join(series.markers)
         if mount in alone:
-            drawn = "as the arm's folder has them" if {*one.markers} <= {*vjm.arm.markers} else "at the tool"
-            by = f"a prior, {drawn} within {1e3 * ROUGH:.0f} mm, holds it; other orientations depend on it"
+            drawn = (
+                "as the arm's folder has them" if {*series.markers} <= {*vjm.arm.markers} else "at the tool"
+            )
+            by = (
+                f"a prior, {drawn} within {1e3 * NOMINAL_DEVIATION:.0f} mm, holds it; other orientations "
+                f"depend on it"
+            )
             by = by if mount in every else "a series that shares the target or the frame tells it"
             open_ = f"where {names} is on the tool and where the frame is cannot be told apart"
-            words.append(f"{one.name}: its tool turns too little, so that {open_}: {by}")
+            words.append(f"{series.name}: its tool turns too little, so that {open_}: {by}")
         if frame in alone:
             by = f"a prior, upright within {np.degrees(LEVEL):.1f} degrees, holds it"
             by = by if frame in every else "a series that shares the target or the frame tells it"
-            words.append(f"{one.name}: a turn of its frame about the line of its positions is open: {by}")
+            words.append(f"{series.name}: a turn of its frame about the line of its positions is open: {by}")
     return words
 
 
 def of_outliers(found: Outliers) -> str:
     """How many positions are far off, in a sentence."""
     worst = f"the worst is row {found.row} of {found.series}, by {1e3 * found.distance:.3g} mm"
-    far = f"{READINGS.bend / WILD:g} standard deviations"
+    far = f"{READINGS.threshold / OUTLIER_WEIGHT:g} standard deviations"
     few = f"{found.count} of {found.of} positions"
     return f"{few} are off by more than {far} and have less than half of the usual weight; {worst}"
 
 
-def of_masses(found: MassFit) -> str:
+def of_masses(mass_fit: MassFit) -> str:
     """What masses by torques are from, in a sentence."""
-    if not found.explained:
+    if not mass_fit.explained:
         return (
-            f"masses are rigid.xml's: weight leaves {found.rest:.3g} of {found.spread:.3g} N m of scatter "
+            f"masses are rigid.xml's: weight leaves {mass_fit.rest:.3g} of {mass_fit.spread:.3g} N m "
+            f"of scatter "
             "in the torques (order of joints, unit or payload?)"
         )
-    whose = "the motors' against the weight" if found.motors else "the weight's on the joints"
-    limited = f"; as far from rigid.xml as is allowed: {', '.join(found.limited)}" if found.limited else ""
+    whose = "the motors' against the weight" if mass_fit.motors else "the weight's on the joints"
+    limited = (
+        f"; as far from rigid.xml as is allowed: {', '.join(mass_fit.limited)}" if mass_fit.limited else ""
+    )
     return (
-        f"masses are fitted to {found.poses} poses' torques, taken as {whose}: scatter of "
-        f"{found.before:.3g} N m with rigid.xml's masses, {found.rest:.3g} N m with these, of "
-        f"{found.spread:.3g} N m{limited}"
+        f"masses are fitted to {mass_fit.poses} poses' torques, taken as {whose}: scatter of "
+        f"{mass_fit.before:.3g} N m with rigid.xml's masses, {mass_fit.rest:.3g} N m with these, of "
+        f"{mass_fit.spread:.3g} N m{limited}"
     )
 
 
-def evenly(series: Series, poses: int) -> Ids:
+def evenly_spaced_rows(series: Series, poses: int) -> Ids:
     """Places of the rows of evenly spaced poses, of those that were read."""
     seen = np.flatnonzero(series.seen.any(axis=1))
     pose = series.pose[seen]
     every = pose[np.sort(np.unique(pose, return_index=True)[1])]  # in the order in which they came
-    if len(every) < poses or poses < POSES:
+    if len(every) < poses or poses < MIN_POSES:
         raise BenchError(
-            f"{series.name}: expected at least {max(POSES, poses)} poses for its frame and target, got "
+            f"{series.name}: expected at least {max(MIN_POSES, poses)} poses for its frame and target, got "
             f"{min(len(every), poses)}"
         )
     kept = every[np.unique(np.linspace(0, len(every) - 1, poses).round().astype(int))]
     return np.asarray(seen[np.isin(pose, kept)])
 
 
-def drifted(model: ArmModel) -> ArmModel:
+def with_drift(model: ArmModel) -> ArmModel:
     """The model as sure as it is of the arm when another series is read."""
-    own, geometry = model.posterior, np.flatnonzero(model.columns < model.unknowns.starts["errors"])
-    moved = np.zeros((len(geometry), len(own.x)))
+    posterior, geometry = model.posterior, np.flatnonzero(model.columns < model.unknowns.starts["errors"])
+    moved = np.zeros((len(geometry), len(posterior.x)))
     moved[np.arange(len(geometry)), geometry] = DRIFT
-    return replace(model, posterior=Posterior.normal(own.x, np.vstack([own.root, moved])))
+    return replace(model, posterior=Posterior.normal(posterior.x, np.vstack([posterior.root, moved])))
 
 
-def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) -> Score:
+def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int | None) -> PositionErrors:
     """How far readings are from a calibrated arm.
 
     So many poses of each series tell its frame and mount, and are not counted; if not said, those of the
@@ -271,26 +287,28 @@ def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) ->
         mount = state.mounts.get(one.target)
         seen_before = one.frame in state.frames and mount is not None and {*one.markers} <= {*mount.markers}
         if frame_poses is None and seen_before:
-            if off := far_off(state, one):
+            if off := typical_distance(state, one):
                 raise BenchError(
                     f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from frame "
                     f"{one.frame!r} of the calibration; with --frame-poses it gets a frame of its own"
                 )
-            placed = known(model, one)
+            placed = with_known_frame(model, one)
         else:
-            some = frame_poses or min(FRAME_POSES, max(POSES, len(np.unique(one.pose)) // 2))
-            with explained(model.state.vjm):
-                placed = place(drifted(model), one, evenly(one, some))
+            some = frame_poses or min(FRAME_POSES, max(MIN_POSES, len(np.unique(one.pose)) // 2))
+            with raise_explanation(model.state.vjm):
+                placed = locate_series(with_drift(model), one, evenly_spaced_rows(one, some))
         rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.rows))
         if not rest.rows:
             raise BenchError(f"{one.name}: no rows are left beside the {len(placed.rows)} of its frame")
         left, covariance = predict(model, placed, rest)
         far.append(1e3 * np.linalg.norm(left, axis=2)[rest.seen])
-        within.append(inside(left, covariance)[rest.seen])
-    return Score(**distances(np.concatenate(far)), coverage_95=float(np.concatenate(within).mean()))
+        within.append(inside_ellipsoid(left, covariance)[rest.seen])
+    return PositionErrors(
+        **distance_statistics(np.concatenate(far)), coverage_95=float(np.concatenate(within).mean())
+    )
 
 
-def distances(mm: Array) -> Row:
+def distance_statistics(mm: Array) -> Row:
     """Distances of positions, (n,) [mm], as every report has them."""
     rms, p95 = float(np.sqrt((mm**2).mean())), float(np.percentile(mm, 95))
     return Row(n=len(mm), mean_mm=float(mm.mean()), rms_mm=rms, p95_mm=p95, max_mm=float(mm.max()))

@@ -17,7 +17,7 @@ from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.plant.build import Plant
 from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.disturbed import disturb
-from testbench.plant.equilibrium import settle
+from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.gear import GearErrors, Gears
 from testbench.plant.tracker import (
     LaserTracker,
@@ -25,12 +25,12 @@ from testbench.plant.tracker import (
     precision,
     read_orientations,
     read_positions,
-    stream,
+    trial_rng,
 )
-from testbench.workflows.cell import Cell, LoadedPoses, clear_poses, hanging
+from testbench.workflows.cell import Cell, LoadedPoses, clear_poses, poses_with_weight
 from testbench.workflows.plan_input import Place
 
-MOST_POSES = 20_000
+MAX_POSES = 20_000
 Mass = Annotated[float, Field(ge=0, le=10_000)]
 
 REAL_ARM = Disturbances(
@@ -50,7 +50,7 @@ class AbsoluteCampaign(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
     series: int = Field(default=1, ge=1, le=50)  #: Set-ups.
-    poses: int = Field(default=200, ge=1, le=MOST_POSES)  #: Of each series.
+    poses: int = Field(default=200, ge=1, le=MAX_POSES)  #: Of each series.
     #: What hangs in a pose, one after the other, a row each [kg]; 0 for own weight alone.
     masses: tuple[Mass, ...] = Field(default=(0.0,), min_length=1)
     #: How many poses of a series see all the masses, the first of them only the others; None for all.
@@ -78,7 +78,7 @@ class AbsoluteCampaign(BaseModel):
 
 
 @dataclass(frozen=True)
-class Frame:
+class PlacedFrame:
     """A frame in another: x there = rotation @ x here + position."""
 
     rotation: Array  #: (3, 3).
@@ -90,8 +90,8 @@ class Truth:
     """The true arm and how it was looked at."""
 
     arm: Plant  #: The arm that was measured.
-    stations: tuple[Frame, ...]  #: The world in the tracker's frame, of every series.
-    mounts: tuple[Frame, ...]  #: The mount of the targets in the tool's frame, of every series.
+    stations: tuple[PlacedFrame, ...]  #: The world in the tracker's frame, of every series.
+    mounts: tuple[PlacedFrame, ...]  #: The mount of the targets in the tool's frame, of every series.
     markers: Array  #: Targets on their mount, (m, 3) [m].
     outliers: tuple[Mask, ...]  #: Which positions of every series are outliers, (rows, m).
 
@@ -134,7 +134,7 @@ def _seen(truth: Truth, series: int, tool: Array, rotation: Array) -> tuple[Arra
 
 
 def simulate_series(
-    cell: Cell, asked: AbsoluteCampaign | None = None, seed: int = 1, q: Array | None = None
+    cell: Cell, absolute_campaign: AbsoluteCampaign | None = None, seed: int = 1, q: Array | None = None
 ) -> tuple[tuple[Series, ...], Truth]:
     """Draw an arm, set-ups and poses, settle the arm in each pose, and read its targets.
 
@@ -142,73 +142,79 @@ def simulate_series(
 
     Args:
         cell: The arm; its plant has the true compliances.
-        asked: What to measure; None for 200 poses of one target under own weight alone.
+        absolute_campaign: What to measure; None for 200 poses of one target under own weight alone.
         seed: Root of all randomness.
         q: Poses of every series, (poses, n) [rad, m]; None for random ones that the arm can take.
     """
-    asked = AbsoluteCampaign() if asked is None else asked
-    _check(cell, asked)
-    arm = disturb(cell.plant, asked.disturbances, stream(seed))
-    chances = [stream(seed, 1 + k).spawn(6) for k in range(asked.series)]
-    turn = _turns(asked, asked.poses if q is None else len(q))
+    absolute_campaign = AbsoluteCampaign() if absolute_campaign is None else absolute_campaign
+    _check(cell, absolute_campaign)
+    arm = disturb(cell.plant, absolute_campaign.disturbances, trial_rng(seed))
+    chances = [trial_rng(seed, 1 + k).spawn(6) for k in range(absolute_campaign.series)]
+    turn = _turns(absolute_campaign, absolute_campaign.poses if q is None else len(q))
     truth = Truth(
         arm=arm,
         stations=_of_all(
-            [_station(cell, asked, k, own[0]) for k, own in enumerate(chances)], asked.share_frame
+            [_station(cell, absolute_campaign, k, own[0]) for k, own in enumerate(chances)],
+            absolute_campaign.share_frame,
         ),
-        mounts=_of_all([_mount(own[1]) for own in chances], asked.share_target),
-        markers=cell.plant.model.body_pos[cell.plant.markers[: asked.targets]],
-        outliers=tuple(own[2].random((len(turn), asked.targets)) < asked.outliers for own in chances),
+        mounts=_of_all([_mount(own[1]) for own in chances], absolute_campaign.share_target),
+        markers=cell.plant.model.body_pos[cell.plant.markers[: absolute_campaign.targets]],
+        outliers=tuple(
+            own[2].random((len(turn), absolute_campaign.targets)) < absolute_campaign.outliers
+            for own in chances
+        ),
     )
     found = []
     for k, (*_, strays, poses, scatter, noise) in enumerate(chances):
-        here = clear_poses(cell, None, asked.poses, poses) if q is None else q
+        here = clear_poses(cell, None, absolute_campaign.poses, poses) if q is None else q
         pose = np.cumsum(turn == 0) - 1
-        rows = hanging(cell, here[pose], pose + 1, np.array(asked.masses)[turn])
-        off = asked.repeatability * scatter.standard_normal(here.shape)
+        rows = poses_with_weight(cell, here[pose], pose + 1, np.array(absolute_campaign.masses)[turn])
+        off = absolute_campaign.repeatability * scatter.standard_normal(here.shape)
         position, rotation = _seen(truth, k, *_settled(arm, rows, turn, off[pose]))
-        position = position + _off(asked, truth.outliers[k], strays)
-        clean = _series(cell, asked, k, rows, (position, rotation))
-        found.append(_noisy(clean, noise) if asked.noise else clean)
+        position = position + _off(absolute_campaign, truth.outliers[k], strays)
+        clean = _series(cell, absolute_campaign, k, rows, (position, rotation))
+        found.append(_noisy(clean, noise) if absolute_campaign.noise else clean)
     return tuple(found), truth
 
 
-def _of_all(found: list[Frame], shared: bool) -> tuple[Frame, ...]:
+def _of_all(placed_frames: list[PlacedFrame], shared: bool) -> tuple[PlacedFrame, ...]:
     """One of every series; the first of all where it is shared."""
-    return tuple(found[:1] * len(found) if shared else found)
+    return tuple(placed_frames[:1] * len(placed_frames) if shared else placed_frames)
 
 
-def _station(cell: Cell, asked: AbsoluteCampaign, k: int, rng: np.random.Generator) -> Frame:
+def _station(
+    cell: Cell, absolute_campaign: AbsoluteCampaign, k: int, rng: np.random.Generator
+) -> PlacedFrame:
     """The world in the tracker's frame: facing anywhere, and never quite upright."""
     azimuth, heading = rng.uniform(-np.pi, np.pi, 2)
     distance, height = cell.vjm.reach * rng.uniform(NEAREST, FARTHEST), rng.uniform(LOWEST, HIGHEST)
     tilt = Rotation.from_rotvec([*(TILT * rng.standard_normal(2)), 0.0])
     around = np.array([distance * np.cos(azimuth), distance * np.sin(azimuth), height])
     place = cell.vjm.base[:3, 3] + around
-    if asked.trackers is not None:
-        place = np.array(asked.trackers[k % len(asked.trackers)])
+    if absolute_campaign.trackers is not None:
+        place = np.array(absolute_campaign.trackers[k % len(absolute_campaign.trackers)])
     R = (tilt * Rotation.from_rotvec([0.0, 0.0, heading])).as_matrix()
-    return Frame(R, -R @ place)
+    return PlacedFrame(R, -R @ place)
 
 
-def _mount(rng: np.random.Generator) -> Frame:
+def _mount(rng: np.random.Generator) -> PlacedFrame:
     """The mount of the targets in the tool's frame."""
     shift, turn = (deviation * rng.standard_normal(3) for deviation in MOUNT)
-    return Frame(Rotation.from_rotvec(turn).as_matrix(), shift)
+    return PlacedFrame(Rotation.from_rotvec(turn).as_matrix(), shift)
 
 
-def _check(cell: Cell, asked: AbsoluteCampaign) -> None:
+def _check(cell: Cell, absolute_campaign: AbsoluteCampaign) -> None:
     have = cell.arm.markers
-    if asked.targets > len(have):
+    if absolute_campaign.targets > len(have):
         raise BenchError(f"targets: expected at most {len(have)}, as {cell.arm.name} has {', '.join(have)}")
     if not cell.arm.joints:
         raise BenchError(f"{cell.arm.name}: expected an arm with joints")
 
 
-def _turns(asked: AbsoluteCampaign, poses: int) -> Ids:
+def _turns(absolute_campaign: AbsoluteCampaign, poses: int) -> Ids:
     """Which of the masses hangs in every row, (rows,): pose by pose, those of a pose one after the other."""
-    loaded = poses if asked.loaded_poses is None else asked.loaded_poses
-    rows = np.where(np.arange(poses) < loaded, len(asked.masses), 1)
+    loaded = poses if absolute_campaign.loaded_poses is None else absolute_campaign.loaded_poses
+    rows = np.where(np.arange(poses) < loaded, len(absolute_campaign.masses), 1)
     return np.asarray(np.arange(rows.sum()) - np.repeat(np.cumsum(rows) - rows, rows))
 
 
@@ -222,37 +228,37 @@ def _settled(arm: Plant, rows: LoadedPoses, turn: Ids, off: Array) -> tuple[Arra
         own = np.flatnonzero(turn == k)  # poses of several loads come first
         before = None if rest is None else in_order(rest, slice(len(own)))
         q = rows.q[own] + off[own]
-        rest = settle(arm, q, rows.wrench[own], rows.point[own], before=before)
+        rest = solve_equilibrium(arm, q, rows.wrench[own], rows.point[own], before=before)
         tool[own], rotation[own] = rest.tool, rest.rotation
     return tool, rotation
 
 
-def _off(asked: AbsoluteCampaign, outliers: Mask, rng: np.random.Generator) -> Array:
+def _off(absolute_campaign: AbsoluteCampaign, outliers: Mask, rng: np.random.Generator) -> Array:
     """How far outliers are off, (rows, m, 3) [m]."""
     direction = rng.standard_normal((*outliers.shape, 3))
-    direction *= asked.outlier_size / np.linalg.norm(direction, axis=-1, keepdims=True)
+    direction *= absolute_campaign.outlier_size / np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.asarray(np.where(outliers[..., None], direction, 0.0))
 
 
 def _series(
-    cell: Cell, asked: AbsoluteCampaign, k: int, rows: LoadedPoses, seen: tuple[Array, Array]
+    cell: Cell, absolute_campaign: AbsoluteCampaign, k: int, rows: LoadedPoses, seen: tuple[Array, Array]
 ) -> Series:
     """A series without noise, of what the tracker sees."""
     position, rotation = seen
     return Series(
         name=f"series {k + 1}",
-        markers=cell.arm.markers[: asked.targets],
-        frame=f"tracker {1 if asked.share_frame else k + 1}",
-        target=f"mount {1 if asked.share_target else k + 1}",
+        markers=cell.arm.markers[: absolute_campaign.targets],
+        frame=f"tracker {1 if absolute_campaign.share_frame else k + 1}",
+        target=f"mount {1 if absolute_campaign.share_target else k + 1}",
         row=np.arange(len(rows.q)) + 1,
         pose=rows.pose,
         q=rows.q,
         wrench=rows.wrench + 0.0,  # no load is 0, not -0
         point=rows.point,
         position=position,
-        sigma=asked.sigma,
-        rotation=rotation if asked.orientations else None,
-        sigma_rotation=asked.sigma_rotation if asked.orientations else None,
+        sigma=absolute_campaign.sigma,
+        rotation=rotation if absolute_campaign.orientations else None,
+        sigma_rotation=absolute_campaign.sigma_rotation if absolute_campaign.orientations else None,
     )
 
 
@@ -274,7 +280,7 @@ def by_trackers(clean: Dataset, trackers: Sequence[Place], seed: int, sigma: flo
     """
     pose = np.unique(clean.pose, return_inverse=True)[1].ravel()
     station = pose % len(trackers)
-    rng, noise = stream(seed, 2), stream(seed, 1)
+    rng, noise = trial_rng(seed, 2), trial_rng(seed, 1)
     before, after = np.empty_like(clean.before), np.empty_like(clean.after)
     for k, (place, angle) in enumerate(zip(trackers, rng.uniform(-np.pi, np.pi, len(trackers)), strict=True)):
         R = Rotation.from_rotvec([0.0, 0.0, -angle]).as_matrix()

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.identify.certify import TIE_BREAK
-from testbench.identify.estimate import PAPERS, Average, Estimate
-from testbench.identify.huber import NO_OUTLIERS, REJECT
-from testbench.identify.least_squares import COMPLETED
-from testbench.identify.metric import Belief
+from testbench.identify.estimate import PAPER_GCO, Estimate, ModelAverage
+from testbench.identify.huber import NO_OUTLIERS, REJECTION_THRESHOLD
+from testbench.identify.least_squares import COMPLETED_METHOD
+from testbench.identify.metric import WeightedPrior
 
 MISFIT = 2.0  #: F_M over its floor beyond which noise is no explanation.
-MOST_REJECTED = 1 / 3  #: Share of rejected readings beyond which it is doubted that they are outliers.
+MAX_REJECTED = 1 / 3  #: Share of rejected readings beyond which it is doubted that they are outliers.
 MINIMUM_NORM = "least squares filled the free directions with the solution of minimum norm"
 NEAREST = (
     "least squares filled the free directions with the conservative model nearest to the solution of minimum "
@@ -23,7 +23,7 @@ def advice(estimate: Estimate) -> tuple[str, ...]:
     """Sentences for a person."""
     return (
         *_of_rank(estimate),
-        *_of_fit(estimate.average.whole if estimate.average else estimate),
+        *_of_fit(estimate.average.all_parts if estimate.average else estimate),
         *_of_method(estimate),
         *of_average(estimate.average),
         *_of_outliers(estimate),
@@ -53,11 +53,11 @@ def _of_fit(estimate: Estimate) -> list[str]:
 def _of_method(estimate: Estimate) -> list[str]:
     """What filled free directions, and what is not as it should be."""
     name, free = estimate.structure.name, estimate.regression.rank < estimate.structure.n
-    if estimate.belief is not None:
-        return [of_prior(estimate.belief)]
+    if estimate.weighted_prior is not None:
+        return [of_prior(estimate.weighted_prior)]
     if estimate.constraint == "psd" and estimate.certificate is not None:
         penalty = estimate.penalty
-        if penalty is not None and not estimate.method.startswith(PAPERS):
+        if penalty is not None and not estimate.method.startswith(PAPER_GCO):
             return [f"GCO: trace weight {penalty.weight:.3g} N m/rad"]
         said = [f"GCO filled the free directions with the least trace, weight {TIE_BREAK:g}"] * free
         if estimate.held_by_trace_weight:
@@ -66,7 +66,7 @@ def _of_method(estimate: Estimate) -> list[str]:
                 "predictions away from the measured poses depend on it"
             )
         return said
-    if estimate.method.startswith(COMPLETED):
+    if estimate.method.startswith(COMPLETED_METHOD):
         return [NEAREST]
     if estimate.constraint not in ("none", "free"):
         return []
@@ -74,9 +74,9 @@ def _of_method(estimate: Estimate) -> list[str]:
     return [MINIMUM_NORM] * free + [f"{name}: {estimate.status}"] * left
 
 
-def of_prior(belief: Belief) -> str:
+def of_prior(belief: WeightedPrior) -> str:
     """Which prior filled what the data cannot see."""
-    strength, name = belief.strength, belief.metric.prior
+    strength, name = belief.strength, belief.scaling.prior
     if strength.coupling is not None:
         shape, coupling = (100 * belief.misfit * u for u in (strength.uncertainty, strength.coupling))
         learnt = f"uncertainty of shapes {shape:.2g} %, of couplings {coupling:.2g} %"
@@ -89,21 +89,23 @@ def of_prior(belief: Belief) -> str:
     return f"prior: {name}, uncertainty {100 * strength.uncertainty:.3g} %, {scale}"
 
 
-def of_average(average: Average | None) -> list[str]:
+def of_average(average: ModelAverage | None) -> list[str]:
     """How much joints alone count, or laws of the joints; nothing where neither does."""
-    if average is None or not (average.laws or average.weight or average.ties):
+    if average is None or not (average.laws_weight or average.weight or average.ties_weight):
         return []
-    if average.ties == 1:
+    if average.ties_weight == 1:
         return ["the evidence favours coupled joints"]
-    if average.ties:
-        said = f"coupled joints have a weight of {100 * average.ties:.3g} % in the average, by evidence"
-        return [said, *of_average(replace(average, ties=0.0))]
-    if average.laws == 1:
+    if average.ties_weight:
+        said = (
+            f"coupled joints have a weight of {100 * average.ties_weight:.3g} % in the average, by evidence"
+        )
+        return [said, *of_average(replace(average, ties_weight=0.0))]
+    if average.laws_weight == 1:
         return ["the evidence favours joints that stiffen or have backlash or friction"]
-    if average.laws:
+    if average.laws_weight:
         return [
             "the estimate is an average; joints that stiffen or have backlash or friction have a weight of "
-            f"{100 * average.laws:.3g} %, linear joints the rest"
+            f"{100 * average.laws_weight:.3g} %, linear joints the rest"
         ]
     share = f"{100 * average.weight:.3g} %"
     if average.weight > 0.5:
@@ -117,10 +119,10 @@ def _of_outliers(estimate: Estimate) -> list[str]:
     if not bad:
         return []
     every = bad + estimate.regression.equations // 3
-    said = [f"{bad} of {every} readings rejected, beyond {REJECT} standard deviations"]
-    if estimate.lost:
-        runs = ", ".join(map(str, estimate.lost))
+    said = [f"{bad} of {every} readings rejected, beyond {REJECTION_THRESHOLD} standard deviations"]
+    if estimate.lost_runs:
+        runs = ", ".join(map(str, estimate.lost_runs))
         said.append(f"no reading is left of run {runs}: look at the load, the pose and the frame there")
-    if bad > MOST_REJECTED * every:
+    if bad > MAX_REJECTED * every:
         said.append(f"too many to be outliers: {NO_OUTLIERS}")
     return said

@@ -12,7 +12,7 @@ from testbench.arm.elastic import LinkEntry, read_elastic
 from testbench.arm.folder import find_arm
 from testbench.errors import Array, BenchError, Doubt
 from testbench.model.vjm import body_poses
-from testbench.workflows.arm_doubts import UPRIGHT, Looked, arm_doubts, sag, stance
+from testbench.workflows.arm_doubts import UPRIGHT, ArmContext, arm_warnings, base_stance, tool_sag
 from testbench.workflows.cell import build_cell, check_agreement
 from testbench.workflows.rows import rms
 
@@ -28,12 +28,12 @@ class Item(NamedTuple):
     words: str  #: What it is, its value, where it comes from.
 
 
-def to_confirm(arm: Looked) -> list[Item]:
+def to_confirm(arm: ArmContext) -> list[Item]:
     """Everything estimated or assumed, the largest effect on the tool's deflection first."""
     return sorted([*_numbers(arm), *_points(arm)], key=lambda item: -item.share)
 
 
-def _numbers(arm: Looked) -> Iterator[Item]:
+def _numbers(arm: ArmContext) -> Iterator[Item]:
     """Payload, compliances of joints, tubes of links."""
     elastic, payload, shares = arm.elastic, arm.elastic.payload, arm.sag.shares.tolist()
     if payload is None:
@@ -67,13 +67,13 @@ def _tube(link: LinkEntry) -> str:
     return f"{', '.join(unsure)}, {' and '.join(sorted(set(unsure.values())))}"
 
 
-def _points(arm: Looked) -> Iterator[Item]:
+def _points(arm: ArmContext) -> Iterator[Item]:
     """Load point and markers: what 10 mm aside change."""
     elastic, cell, names = arm.elastic, arm.cell, arm.elastic.to_confirm
     if elastic.load in names:
         # largest change of the sag as the load point moves along an axis of the tool
         moved = [replace(cell.vjm, load=cell.vjm.load + ASIDE * axis) for axis in np.eye(3)]
-        most = max(rms(sag(replace(cell, vjm=vjm)).whole - arm.sag.whole) for vjm in moved)
+        most = max(rms(tool_sag(replace(cell, vjm=vjm)).whole - arm.sag.whole) for vjm in moved)
         yield Item(most / rms(arm.sag.whole), f"load point {elastic.load}, estimated: {OF_ASIDE}")
     asked = [name for name in elastic.markers if name in names]
     if asked:
@@ -85,7 +85,7 @@ def _points(arm: Looked) -> Iterator[Item]:
 
 
 @dataclass(frozen=True, eq=False)
-class Checked(Looked):
+class Checked(ArmContext):
     """An arm and what was found."""
 
     apart: float  #: Largest distance between the two readings of it [m].
@@ -101,7 +101,7 @@ class Checked(Looked):
         zero = self.cell.arm.within(np.zeros(self.cell.arm.n_joints))
         middle = int(np.argsort(self.sag.size)[len(self.sag.size) // 2])
         poses = np.array([zero, self.sag.q[middle]])
-        turning, tilt, _ = stance(self.cell)
+        turning, tilt, _ = base_stance(self.cell)
         if turning == 0 and tilt <= UPRIGHT:
             poses[1, 0] = poses[0, 0]
         return self.cell.arm.followed(poses)
@@ -140,16 +140,16 @@ class Checked(Looked):
 def check(folder: str | Path) -> Checked:
     """Read an arm, look for what must be confirmed and what may be wrong; InputError for a wrong folder."""
     cell = build_cell(folder)
-    arm = Looked(cell, read_elastic(find_arm(folder) / "elastic.toml"), sag(cell))
+    arm = ArmContext(cell, read_elastic(find_arm(folder) / "elastic.toml"), tool_sag(cell))
     return Checked(
         **vars(arm),
         apart=check_agreement(cell.vjm, cell.plant),
         items=to_confirm(arm),
-        doubts=arm_doubts(arm),
+        doubts=arm_warnings(arm),
     )
 
 
-def refuse_doubts(folder: str | Path, doubts: Sequence[Doubt]) -> None:
+def refuse_warnings(folder: str | Path, doubts: Sequence[Doubt]) -> None:
     """Refuse an arm's folder, or runs of it, that raise a warning.
 
     Args:

@@ -11,22 +11,23 @@ from testbench.arm.elastic import Elastic
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, Doubt
 from testbench.model.vjm import Vjm, body_poses, chain, generalised_load
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.workflows.cell import Cell
 
-POSES = 96  #: Poses drawn over the joint limits.
-FEWEST = 16  #: Clear ones of them; with fewer all count, for the collision shapes do not say which are.
-TURN = np.pi  #: A joint that turns farther than once is drawn over one turn [rad].
+DRAWN_POSES = 96  #: Poses drawn over the joint limits.
+#: Clear ones of them; with fewer all count, for the collision shapes do not say which are.
+MIN_CLEAR_POSES = 16
+FULL_ROTATION = np.pi  #: A joint that turns farther than once is drawn over one turn [rad].
 LENGTH = 2.0  #: Of a tube over the distance of its joints, or the other way round [1].
 CLOSE = 0.1  #: Distances below this share of the reach say nothing [1].
 ANGLE = 45.0  #: Between a beam axis and the way to the next joint [deg].
 THICK = 3.0  #: Diameter over length of a tube [1].
-DRAWN = 2.0  #: Diameter of a tube over the width of the drawn link [1].
+MAX_DIAMETER_RATIO = 2.0  #: Diameter of a tube over the width of the drawn link [1].
 NEIGHBOURS = 100.0  #: Compliance of a joint over that of the next one [1].
 SAGS = 1e-4, 0.03  #: Median deflection of a tool under the rated payload [m].
 BEHIND = 0.02  #: Distance of a point behind the flange over the reach [1].
 INSIDE = 0.05  #: The same of a tool behind the end of the last link; one between fingers lies there [1].
-FAR = 0.5  #: Distance of a point of the tool from its origin over the reach [1].
+MAX_POINT_DISTANCE = 0.5  #: Distance of a point of the tool from its origin over the reach [1].
 MASS = 0.5, 500.0  #: Of an arm over the cube of its reach [kg/m^3].
 NOTHING = 1e-4  #: Mass of a link over that of the arm [1].
 ALL = 0.8  #: The same [1].
@@ -34,7 +35,7 @@ UPRIGHT = 2.0  #: Angle of the first turning joint against the vertical [deg].
 
 
 @dataclass(frozen=True)
-class Sag:
+class ToolSag:
     """Deflections of the tool under a hung weight, linear and without the arm's own weight."""
 
     q: Array  #: Poses, (poses, n) [rad, m].
@@ -58,7 +59,7 @@ class Sag:
         return np.asarray(along / along.sum())
 
 
-def sag(cell: Cell) -> Sag:
+def tool_sag(cell: Cell) -> ToolSag:
     """The sag of an arm a kilogram of payload, at poses drawn evenly over its joint limits."""
     q = work_area(cell)
     where, n = chain(cell.vjm, q), len(q)
@@ -71,7 +72,7 @@ def sag(cell: Cell) -> Sag:
         *(slice(k, k + 1) for k in range(links, len(theta))),
     ]
     moved = [np.einsum("xtp,tp->px", where.J_theta[:3, own], theta[own]) for own in parts]
-    return Sag(q, np.array(moved), np.einsum("xtp,tp->px", where.J_theta[3:], theta))
+    return ToolSag(q, np.array(moved), np.einsum("xtp,tp->px", where.J_theta[3:], theta))
 
 
 def work_area(cell: Cell) -> Array:
@@ -80,20 +81,20 @@ def work_area(cell: Cell) -> Array:
 
     lower, upper = cell.arm.limits
     turning = np.array([not joint.prismatic for joint in cell.arm.joints], dtype=bool)
-    lower = np.where(turning, np.maximum(lower, np.minimum(upper - TURN, -TURN)), lower)
-    upper = np.where(turning, np.minimum(upper, np.maximum(lower + TURN, TURN)), upper)
-    q = cell.arm.followed(stream(0).uniform(lower, upper, (POSES, cell.arm.n_joints)))
+    lower = np.where(turning, np.maximum(lower, np.minimum(upper - FULL_ROTATION, -FULL_ROTATION)), lower)
+    upper = np.where(turning, np.minimum(upper, np.maximum(lower + FULL_ROTATION, FULL_ROTATION)), upper)
+    q = cell.arm.followed(trial_rng(0).uniform(lower, upper, (DRAWN_POSES, cell.arm.n_joints)))
     clear = q[[pair is None for pair in collisions(cell.room, q)]]
-    return np.asarray(clear if len(clear) >= FEWEST else q)
+    return np.asarray(clear if len(clear) >= MIN_CLEAR_POSES else q)
 
 
 @dataclass(frozen=True, eq=False)
-class Looked:
+class ArmContext:
     """An arm and what its doubts are judged by."""
 
     cell: Cell  #: The arm.
     elastic: Elastic  #: Its elastic.toml, with the origin of every number.
-    sag: Sag  #: Of its tool over the work area.
+    sag: ToolSag  #: Of its tool over the work area.
 
     @property
     def vjm(self) -> Vjm:
@@ -101,7 +102,7 @@ class Looked:
         return self.cell.vjm
 
 
-def arm_doubts(looked: Looked) -> list[Doubt]:
+def arm_warnings(looked: ArmContext) -> list[Doubt]:
     """Everything that looks wrong, the geometry first."""
     looks = {
         "tube length": _tube_lengths,
@@ -119,7 +120,7 @@ def arm_doubts(looked: Looked) -> list[Doubt]:
     return [Doubt(name, sentence) for name, look in looks.items() for sentence in look(looked)]
 
 
-def _tube_lengths(arm: Looked) -> Iterator[str]:
+def _tube_lengths(arm: ArmContext) -> Iterator[str]:
     """A tube as long as the way to the next joint."""
     for link, step in zip(arm.elastic.link, arm.vjm.steps, strict=True):
         if link.tube is not None:
@@ -131,7 +132,7 @@ def _tube_lengths(arm: Looked) -> Iterator[str]:
                 yield f"{link.name}: its tube is {length:.3g} m long, its frames are {distance:.3g} m apart"
 
 
-def _beam_axes(arm: Looked) -> Iterator[str]:
+def _beam_axes(arm: ArmContext) -> Iterator[str]:
     """A beam that points to the next joint."""
     for link, step in zip(arm.cell.arm.links, arm.vjm.steps, strict=True):
         distance = float(np.linalg.norm(step))
@@ -143,7 +144,7 @@ def _beam_axes(arm: Looked) -> Iterator[str]:
                 yield f"{link.name}: its beam axis points {angle:.0f} deg off the next frame, {way}"
 
 
-def _diameters(arm: Looked) -> Iterator[str]:
+def _diameters(arm: ArmContext) -> Iterator[str]:
     """A tube neither a disc nor thicker than the link is drawn."""
     widths = {
         k: float(np.ptp(own @ arm.cell.arm.links[k].frame[:, 1:], axis=0).max())
@@ -155,11 +156,11 @@ def _diameters(arm: Looked) -> Iterator[str]:
         outer, length = link.tube.outer_diameter.value, link.tube.length.value
         if outer > THICK * length:
             yield f"{link.name}: its tube is {outer:.3g} m thick and {length:.3g} m long"
-        if k in widths and outer > DRAWN * widths[k]:
+        if k in widths and outer > MAX_DIAMETER_RATIO * widths[k]:
             yield f"{link.name}: its tube is {outer:.3g} m thick, its drawn shape {widths[k]:.3g} m wide"
 
 
-def _fragments(arm: Looked) -> Iterator[str]:
+def _fragments(arm: ArmContext) -> Iterator[str]:
     """Tubes of a thickness that their drawn links tell."""
     from testbench.workflows.new_arm import GUESSED
 
@@ -185,7 +186,7 @@ def _drawn(cell: Cell) -> dict[int, Array]:
     return found
 
 
-def _neighbours(arm: Looked) -> Iterator[str]:
+def _neighbours(arm: ArmContext) -> Iterator[str]:
     """Joints of one kind whose compliances are of one class."""
     for a, b in pairwise(arm.elastic.joint):
         if a.compliance.unit != b.compliance.unit:
@@ -196,7 +197,7 @@ def _neighbours(arm: Looked) -> Iterator[str]:
             yield f"{soft.name} is {ratio:.3g} times as soft as its neighbour {hard.name}"
 
 
-def _sags(arm: Looked) -> Iterator[str]:
+def _sags(arm: ArmContext) -> Iterator[str]:
     """A rated payload that moves the tool by what arms do."""
     payload, (low, high) = arm.cell.arm.payload, SAGS
     if payload is not None:
@@ -206,7 +207,7 @@ def _sags(arm: Looked) -> Iterator[str]:
             yield f"its {payload:g} kg move the tool by {1e3 * moved:.3g} mm (median), expected {expected}"
 
 
-def _payloads(arm: Looked) -> Iterator[str]:
+def _payloads(arm: ArmContext) -> Iterator[str]:
     """A payload that somebody has stated."""
     from testbench.workflows.propose import PAYLOAD_OFF
 
@@ -216,7 +217,7 @@ def _payloads(arm: Looked) -> Iterator[str]:
         yield f"its payload of {payload.value:g} kg is only estimated, {off}: enter the rated one"
 
 
-def _behind(arm: Looked) -> Iterator[str]:
+def _behind(arm: ArmContext) -> Iterator[str]:
     """Tool beyond the last link as drawn; load point and markers beyond its end, or the tool in it."""
     from testbench.workflows.beam import COINCIDE, flange_axis
 
@@ -238,20 +239,20 @@ def _behind(arm: Looked) -> Iterator[str]:
             yield f"{name} is {1e3 * hidden:.0f} mm behind the flange: is it where the tool carries it?"
 
 
-def _points(arm: Looked) -> Iterator[str]:
+def _points(arm: ArmContext) -> Iterator[str]:
     """Load point and markers near the tool, markers not on a line."""
     from testbench.workflows.propose import on_a_line
 
     vjm, names = arm.vjm, arm.cell.arm.markers
     for name, place in zip((arm.cell.arm.load, *names), (vjm.load, *vjm.markers), strict=True):
         distance = float(np.linalg.norm(place))
-        if distance > FAR * arm.vjm.reach:
+        if distance > MAX_POINT_DISTANCE * arm.vjm.reach:
             yield f"{name} is {distance:.3g} m from the tool, the whole arm reaches {arm.vjm.reach:.3g} m"
     if len(names) > 1 and on_a_line(vjm.markers):
         yield f"markers {', '.join(names)} lie on a line: a turn about it is not seen"
 
 
-def _masses(arm: Looked) -> Iterator[str]:
+def _masses(arm: ArmContext) -> Iterator[str]:
     """Links that weigh something, an arm that weighs as arms of its size do."""
     model = arm.cell.room.model
     weights = np.array([model.body(link.name).mass[0] for link in arm.cell.arm.links])
@@ -284,9 +285,9 @@ def _densities(cell: Cell, weights: Array) -> Iterator[str]:
         yield f"{inside}, expected {low:g} to {high:g}"
 
 
-def _base(arm: Looked) -> Iterator[str]:
+def _base(arm: ArmContext) -> Iterator[str]:
     """A base that stands upright: gravity acts along the world's -z."""
-    turning, tilt, below = stance(arm.cell)
+    turning, tilt, below = base_stance(arm.cell)
     weight = "Weight acts along the world's -z"
     if turning is None:
         return
@@ -296,7 +297,7 @@ def _base(arm: Looked) -> Iterator[str]:
         yield f"the arm hangs {below:.2g} m below its base: is it overhead? {weight}"
 
 
-def stance(cell: Cell) -> tuple[int | None, float, float]:
+def base_stance(cell: Cell) -> tuple[int | None, float, float]:
     """The first joint that turns, its angle against the vertical [deg], how far the arm hangs then [m]."""
     turning = next((k for k, joint in enumerate(cell.arm.joints) if not joint.prismatic), None)
     if turning is None:

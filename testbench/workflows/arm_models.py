@@ -21,57 +21,57 @@ from testbench.data.series import Series
 from testbench.errors import Array, BenchError, InputError, check_array, check_type, read_bytes, read_text
 from testbench.files.model_folder import ARM, DOCUMENT, FITS, MAX_BYTES, MAX_ROOT, POSTERIOR, copy_arm
 from testbench.identify.absolute.fit import Calibration
-from testbench.identify.absolute.noise import KINDS, Noise
+from testbench.identify.absolute.noise import EQUATION_KINDS, Noise
 from testbench.identify.absolute.posterior import model_of
-from testbench.identify.absolute.state import Mount, State
+from testbench.identify.absolute.state import ArmState, Mount
 from testbench.identify.absolute.unknowns import Unknowns
-from testbench.identify.arm_model import About, ArmModel
-from testbench.identify.metric import Belief
+from testbench.identify.arm_model import ArmModel, ModelOrigin
+from testbench.identify.metric import WeightedPrior
 from testbench.identify.posterior import Posterior
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
-from testbench.model.laws import vjm_of, with_laws
+from testbench.model.laws import model_for, with_laws
 from testbench.model.load import Load, resultant
 from testbench.model.structure import Structure, all153, labels_of
 from testbench.model.vjm import Vjm, tool_pose
 from testbench.model.weights import Weights, weights_known
 from testbench.runs import provenance as files
-from testbench.runs.manifest import told_as
+from testbench.runs.manifest import input_error
 from testbench.runs.whole import reading, whole_folder
 from testbench.workflows.advice import advice
 from testbench.workflows.cell import Cell
 
 if TYPE_CHECKING:  # who only reads a model needs no fits
-    from testbench.workflows.fits import Identified
-    from testbench.workflows.read_runs import Runs
+    from testbench.workflows.fits import IdentifyResult
+    from testbench.workflows.read_runs import MeasuredRuns
 
 FORMAT = 3  #: Of what is written; no other one is read.
 ARRAYS = ("root", "unseen", "scale")
 """Of posterior.npz, as `Posterior` has them."""
-LARGEST = 1e12  #: Of a model's numbers, whatever the unit: squares of products of them are finite.
-LONGEST, NAME = 20_000, 255
+MAX_MODEL_NUMBER = 1e12  #: Of a model's numbers, whatever the unit: squares of products of them are finite.
+MAX_TEXT, MAX_NAME_LENGTH = 20_000, 255
 """Longest text of a model, and longest name of its arm [characters]."""
-MOST = 100_000  #: Numbers of a list.
+MAX_LIST = 100_000  #: Numbers of a list.
 PRINTED = (
     "^[^\\x00-\\x1f\\x7f-\\x9f\\u2028\\u2029]*$"  #: Texts without control characters, which no XML holds.
 )
-Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Size = Annotated[float, Field(ge=0, le=LARGEST)]
-Factor = Annotated[float, Field(gt=0, le=LARGEST)]
-Count = Annotated[int, Field(ge=0, le=MOST)]
-Numbers = Annotated[list[Number], Field(max_length=MOST)]
-Rows = Annotated[list[Numbers], Field(max_length=MOST)]
+Number = Annotated[float, Field(ge=-MAX_MODEL_NUMBER, le=MAX_MODEL_NUMBER)]
+Size = Annotated[float, Field(ge=0, le=MAX_MODEL_NUMBER)]
+Factor = Annotated[float, Field(gt=0, le=MAX_MODEL_NUMBER)]
+Count = Annotated[int, Field(ge=0, le=MAX_LIST)]
+Numbers = Annotated[list[Number], Field(max_length=MAX_LIST)]
+Rows = Annotated[list[Numbers], Field(max_length=MAX_LIST)]
 Texts = Annotated[list[str], Field(max_length=1000)]
 
 
-class Part(Strict):
+class ModelPart(Strict):
     """A part of model.json, perhaps a stranger's: no text of it fills a page."""
 
-    model_config = ConfigDict(str_max_length=LONGEST)
+    model_config = ConfigDict(str_max_length=MAX_TEXT)
 
 
-class AboutPart(Part):
+class AboutPart(ModelPart):
     """Where a model comes from."""
 
     method: str
@@ -83,7 +83,7 @@ class AboutPart(Part):
     versions: dict[str, str]
 
 
-class Entry(Part):
+class ComplianceEntry(ModelPart):
     """An entry of C_theta, and of its mirror where the structure is symmetric [m/N, rad/(N m), rad/N]."""
 
     row: str  #: Link and axis, such as link_2.phi_x, or a joint.
@@ -91,22 +91,22 @@ class Entry(Part):
     value: Number
 
 
-class StructurePart(Part):
+class StructurePart(ModelPart):
     """Which compliances were unknown, and what they are."""
 
     name: str
     symmetric: bool
-    entries: Annotated[list[Entry], Field(min_length=1)]
+    entries: Annotated[list[ComplianceEntry], Field(min_length=1)]
 
 
-class WeightsPart(Part):
+class WeightsPart(ModelPart):
     """Masses and centres of all bodies."""
 
     mass_kg: list[Size]
     centre_m: Rows
 
 
-class ErrorsPart(Part):
+class ErrorsPart(ModelPart):
     """Errors of the joints, a row of coefficients a joint."""
 
     orders: list[Count]
@@ -117,7 +117,7 @@ class ErrorsPart(Part):
     torque_scale: list[Size]
 
 
-class NoisePart(Part):
+class NoisePart(ModelPart):
     """How far readings scatter; factors of every kind of equations."""
 
     open_position_m: Size
@@ -125,14 +125,14 @@ class NoisePart(Part):
     factor: list[Factor]
 
 
-class FramePart(Part):
+class FramePart(ModelPart):
     """The base in a tracker's frame."""
 
     rotation: Rows
     translation_m: Numbers
 
 
-class MountPart(Part):
+class MountPart(ModelPart):
     """Targets on the tool, by name."""
 
     markers: list[str]
@@ -140,7 +140,7 @@ class MountPart(Part):
     rotation: Rows
 
 
-class SpreadPart(Part):
+class SpreadPart(ModelPart):
     """Of the distribution in posterior.npz."""
 
     #: Of Student's distribution; null for the normal one.
@@ -150,12 +150,12 @@ class SpreadPart(Part):
     on_boundary: bool
 
 
-class Document(Part):
+class Document(ModelPart):
     """model.json; docs/formats.md says what each key holds."""
 
     format: int
     name: str  #: Of the model, such as ALL153 + prior.
-    arm: Annotated[str, Field(max_length=NAME, pattern=PRINTED)]
+    arm: Annotated[str, Field(max_length=MAX_NAME_LENGTH, pattern=PRINTED)]
     about: AboutPart
     structure: StructurePart
     weights: WeightsPart
@@ -191,13 +191,13 @@ def load_model(folder: str | Path, arm: str | Path | None = None) -> ArmModel:
     """
     folder = Path(folder)
     with reading(folder):
-        found = _read_document(folder)
+        document = _read_document(folder)
         if arm is not None:
-            _check_arm(folder, found, find_arm(arm))
-        own = replace(load_arm(folder), name=found.arm)
+            _check_arm(folder, document, find_arm(arm))
+        own = replace(load_arm(folder), name=document.arm)
         arrays = _read_arrays(folder / POSTERIOR)
         try:
-            return _model(found, own, arrays)
+            return _model(document, own, arrays)
         except InputError:
             raise
         except (BenchError, ValueError, IndexError) as err:
@@ -228,14 +228,14 @@ def _read_document(folder: Path) -> Document:
             raise InputError(path, "format", problem)
         return Document.model_validate_json(text)
     except ValidationError as err:
-        raise told_as(path, err) from err
+        raise input_error(path, err) from err
 
 
-def _check_arm(folder: Path, found: Document, place: Path) -> None:
+def _check_arm(folder: Path, document: Document, place: Path) -> None:
     for name in ARM:
-        own, other = folder / name, place / name
-        if not other.is_file() or files.digest(own) != files.digest(other):
-            problem = f"is a model of another arm, {found.arm}: its {name} is not that of {place}"
+        path, other = folder / name, place / name
+        if not other.is_file() or files.digest(path) != files.digest(other):
+            problem = f"is a model of another arm, {document.arm}: its {name} is not that of {place}"
             raise InputError(folder, "", problem)
 
 
@@ -255,16 +255,16 @@ def _read_arrays(path: Path) -> dict[str, Array]:
         raise InputError(path, "", f"expected the posterior of a model: {err}") from err
 
 
-def _model(found: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmModel:
+def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmModel:
     """The model; BenchError, ValueError or IndexError where numbers do not belong together."""
-    structure, spread = _structure(found.structure, arm), found.spread
-    state = _state(found, vjm_of(build_vjm(arm), structure), structure)
-    said, noise, scatter = found.about, found.noise, None
-    about = About(said.method, said.data, tuple(said.doubts), said.force_N, said.moment_Nm)
+    structure, spread = _structure(document.structure, arm), document.spread
+    state = _state(document, model_for(build_vjm(arm), structure), structure)
+    said, noise, scatter = document.about, document.noise, None
+    about = ModelOrigin(said.method, said.data, tuple(said.doubts), said.force_N, said.moment_Nm)
     if noise is not None:
-        factor = check_array(noise.factor, (len(KINDS),), "factor")
+        factor = check_array(noise.factor, (len(EQUATION_KINDS),), "factor")
         scatter = Noise(noise.open_position_m, noise.open_rotation_rad, factor)
-    columns = np.array(found.columns, dtype=int)
+    columns = np.array(document.columns, dtype=int)
     n, unknowns = len(columns), Unknowns(state.vjm, (), {}, state.errors, structure)
     posterior = Posterior(
         x=unknowns.current(state)[columns],
@@ -272,9 +272,9 @@ def _model(found: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmModel:
         unseen=check_array(arrays["unseen"], (None, n), "unseen"),
         scale=check_array(arrays["scale"], (n,), "scale"),
         tail=math.inf if spread.degrees_of_freedom is None else spread.degrees_of_freedom,
-        pull=spread.pull,
+        cone_distance=spread.pull,
         on_boundary=spread.on_boundary,
-        heavy=spread.heavy_rows,
+        heavy_rows=spread.heavy_rows,
     )
     return ArmModel(state, structure, columns, posterior, about, scatter)
 
@@ -291,36 +291,36 @@ def _structure(said: StructurePart, arm: Arm) -> Structure:
     return Structure(said.name, lawful.n_theta, a, b, lawful.labels, said.symmetric, lawful.laws)
 
 
-def _state(found: Document, vjm: Vjm, structure: Structure) -> State:
-    arm, said = vjm.arm, found.errors
+def _state(document: Document, vjm: Vjm, structure: Structure) -> ArmState:
+    arm, said = vjm.arm, document.errors
     errors = JointErrors(tuple(said.orders), said.ratio, said.play, said.stiffening)
     joints, bodies = arm.n_joints, arm.n_joints + 2
     coefficients = np.array(said.coefficients).reshape(len(said.coefficients), errors.size)
-    return State(
+    return ArmState(
         vjm=vjm,
         weights=Weights(
-            check_array(found.weights.mass_kg, (bodies,), "mass [kg]"),
-            check_array(found.weights.centre_m, (bodies, 3), "centre [m]"),
+            check_array(document.weights.mass_kg, (bodies,), "mass [kg]"),
+            check_array(document.weights.centre_m, (bodies, 3), "centre [m]"),
         ),
-        theta_0=check_array(found.theta_0, (structure.n_theta,), "theta_0 [m, rad]"),
-        C_theta=structure.matrix(np.array([entry.value for entry in found.structure.entries])),
+        theta_0=check_array(document.theta_0, (structure.n_theta,), "theta_0 [m, rad]"),
+        C_theta=structure.matrix(np.array([entry.value for entry in document.structure.entries])),
         errors=errors,
         n=check_array(coefficients, (joints, errors.size), "errors"),
         torque_scale=check_array(said.torque_scale, (joints,), "torque_scale [N m, N]"),
         frames={
             name: Frame(
-                check_array(one.rotation, (3, 3), f"frame {name}"),
-                check_array(one.translation_m, (3,), f"frame {name} [m]"),
+                check_array(frame_part.rotation, (3, 3), f"frame {name}"),
+                check_array(frame_part.translation_m, (3,), f"frame {name} [m]"),
             )
-            for name, one in found.frames.items()
+            for name, frame_part in document.frames.items()
         },
         mounts={
             name: Mount(
-                check_array(one.points_m, (len(one.markers), 3), f"mount {name} [m]"),
-                check_array(one.rotation, (3, 3), f"mount {name}"),
-                tuple(one.markers),
+                check_array(mount_part.points_m, (len(mount_part.markers), 3), f"mount {name} [m]"),
+                check_array(mount_part.rotation, (3, 3), f"mount {name}"),
+                tuple(mount_part.markers),
             )
-            for name, one in found.mounts.items()
+            for name, mount_part in document.mounts.items()
         },
     )
 
@@ -350,7 +350,7 @@ def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, o
         name: Name of the model, such as ALL153 + prior.
         fit: More about the fit for people, as plain data; nothing is computed from it.
     """
-    state, structure, own, about = model.state, model.structure, model.posterior, model.about
+    state, structure, posterior, about = model.state, model.structure, model.posterior, model.about
     values, noise = structure.entries(state.C_theta).tolist(), model.noise
     document = {
         "format": FORMAT,
@@ -388,42 +388,42 @@ def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, o
             "factor": noise.factor.tolist(),
         },
         "frames": {
-            name: {"rotation": one.rotation.tolist(), "translation_m": one.translation.tolist()}
-            for name, one in state.frames.items()
+            name: {"rotation": frame.rotation.tolist(), "translation_m": frame.translation.tolist()}
+            for name, frame in state.frames.items()
         },
         "mounts": {
             name: {
-                "markers": list(one.markers),
-                "points_m": one.points.tolist(),
-                "rotation": one.rotation.tolist(),
+                "markers": list(mount.markers),
+                "points_m": mount.points.tolist(),
+                "rotation": mount.rotation.tolist(),
             }
-            for name, one in state.mounts.items()
+            for name, mount in state.mounts.items()
         },
         "columns": model.columns.tolist(),
         "spread": {
-            "degrees_of_freedom": _finite(own.tail),
-            "heavy_rows": own.heavy,
-            "pull": own.pull,
-            "on_boundary": own.on_boundary,
+            "degrees_of_freedom": _finite(posterior.tail),
+            "heavy_rows": posterior.heavy_rows,
+            "pull": posterior.cone_distance,
+            "on_boundary": posterior.on_boundary,
         },
         "fit": fit,
     }
     copy_arm(model.arm, folder)
     files.write_json(Document.model_validate(document).model_dump(), folder / DOCUMENT)
-    np.savez_compressed(folder / POSTERIOR, **{key: getattr(own, key) for key in ARRAYS})
+    np.savez_compressed(folder / POSTERIOR, **{key: getattr(posterior, key) for key in ARRAYS})
 
 
 def write_stiffness(
-    cell: Cell, found: "Identified", runs: "Runs", data: Mapping[str, str], folder: Path
+    cell: Cell, identified: "IdentifyResult", runs: "MeasuredRuns", data: Mapping[str, str], folder: Path
 ) -> None:
     """Write the model to take into a folder that exists; `data` has the SHA-256 of every file of readings."""
-    fits, estimate, used = found.fits, found.taken, runs.used
+    fits, estimate, used = identified.fits, identified.taken, runs.used
     model, notes = cell.model(estimate), weights_known(cell.arm)[1]
     doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
     about = _about(f"{fits.recommended}: {estimate.method}", data, doubts, _about_tool(cell.vjm, used))
     fit = {
         "conservative": estimate.conservative,
-        "prior": None if estimate.belief is None else _prior(estimate.belief),
+        "prior": None if estimate.weighted_prior is None else _prior(estimate.weighted_prior),
         "runs": {
             "runs": used.runs,
             "poses": len(np.unique(used.pose)),
@@ -444,18 +444,18 @@ def write_stiffness(
     write_files(replace(model, about=about), folder, name=fits.recommended, fit=fit)
 
 
-def _prior(belief: Belief) -> object:
+def _prior(belief: WeightedPrior) -> object:
     strength = belief.strength
     return {
-        "name": belief.metric.prior,
-        "learnt": belief.moves is not None,
+        "name": belief.scaling.prior,
+        "learnt": belief.hyperparameter_effect is not None,
         "uncertainty": float(strength.uncertainty),
         "scale_uncertainty": _finite(strength.scale_uncertainty),
         "coupling": None if strength.coupling is None else float(strength.coupling),
         "misfit": float(belief.misfit),
         "scales": [
-            {"name": one.name, "factor": float(one.factor), "deviation": _finite(one.deviation)}
-            for one in belief.scales
+            {"name": scale.name, "factor": float(scale.factor), "deviation": _finite(scale.deviation)}
+            for scale in belief.scales
         ],
     }
 
@@ -468,18 +468,18 @@ def write_model(
     calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str], folder: Path
 ) -> None:
     """Write a calibrated arm into a folder that exists; `data` has the SHA-256 of every file of readings."""
-    vjm = calibration.own.unknowns.vjm
+    vjm = calibration.active.unknowns.vjm
     kept = [step.name for step in calibration.chosen.steps if step.kept]
     method = f"absolute calibration: {', '.join(['geometry', *kept])}"
-    loads = np.concatenate([_about_tool(vjm, one) for one in calibration.series])
+    loads = np.concatenate([_about_tool(vjm, series) for series in calibration.series])
     model = replace(model_of(calibration), about=_about(method, data, doubts, loads))
     write_files(model, folder, name=method, fit={})
 
 
-def _about(method: str, data: Mapping[str, str], doubts: Sequence[str], loads: Array) -> About:
+def _about(method: str, data: Mapping[str, str], doubts: Sequence[str], loads: Array) -> ModelOrigin:
     """Where a model comes from, under which loads about the tool's origin, (rows, 6) [N, N m]."""
     force, moment = np.linalg.norm(loads.reshape(-1, 2, 3), axis=2).max(axis=0).tolist()
-    return About(method, data, tuple(doubts), force, moment)
+    return ModelOrigin(method, data, tuple(doubts), force, moment)
 
 
 def _about_tool(vjm: Vjm, data: Dataset | Series) -> Array:

@@ -8,23 +8,23 @@ from testbench.progress import tell
 from testbench.runs.cluster import check_address, check_certificates, on_cluster
 from testbench.runs.cores import on_cores
 from testbench.runs.engine import Backend
-from testbench.runs.interrupt import STANDS
+from testbench.runs.interrupt import RESULTS_KEPT
 from testbench.workflows.options import Common
 
 
-def choose_backend(asked: Common) -> Backend:
+def choose_backend(common: Common) -> Backend:
     """The backend that a command line asks for.
 
     Raises:
         BenchError: When it asks for both, or the cluster's address or certificates are refused.
     """
-    if asked.cluster is None:
-        return partial(on_cores, workers=asked.workers)
-    if asked.workers is not None:
+    if common.cluster is None:
+        return partial(on_cores, workers=common.workers)
+    if common.workers is not None:
         raise BenchError("--workers counts processes of this machine: expected it without --cluster")
-    check_address(asked.cluster, insecure=asked.insecure)
-    check_certificates(asked.cluster)
-    return partial(on_cluster, address=asked.cluster, insecure=asked.insecure)
+    check_address(common.cluster, insecure=common.insecure)
+    check_certificates(common.cluster)
+    return partial(on_cluster, address=common.cluster, insecure=common.insecure)
 
 
 def show_progress(counts: Iterator[int], total: int, words: str, *, kept: bool = True) -> None:
@@ -42,4 +42,4 @@ def show_progress(counts: Iterator[int], total: int, words: str, *, kept: bool =
         if not done or not kept:
             raise
         stored = f"at least {done} of {total} {words} are stored: --resume goes on with them"
-        raise Interrupted(f"{STANDS}; {stored}") from err
+        raise Interrupted(f"{RESULTS_KEPT}; {stored}") from err

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from testbench.errors import Array
-from testbench.files.robot.robot import Chain, Shape, seen
+from testbench.files.robot.robot import ImportedChain, ImportedShape, visible_shapes
 
 COINCIDE = 0.02
 """Distance of joints below which they coincide, as a share of the reach [1]."""
@@ -18,7 +18,7 @@ CUTS = 17
 """Cross sections of a link."""
 INNER = 0.1, 0.9
 """First and last cross section, as shares of the length, clear of the flanges [1]."""
-FEWEST = 6
+MIN_CUTS = 6
 """Fewest cross sections that must meet the surface: at least a third of the link is drawn."""
 
 
@@ -35,7 +35,7 @@ class Beam:
     runs: Runs  #: Direction of the beam.
 
 
-def ends(chain: Chain, tool: Array) -> list[Array]:
+def joint_poses(chain: ImportedChain, tool: Array) -> list[Array]:
     """List the pose of the next joint, or of the tool, in every part's frame, (4, 4) each.
 
     Args:
@@ -48,7 +48,7 @@ def ends(chain: Chain, tool: Array) -> list[Array]:
     return [*(part.pose for part in chain.parts[1:]), tool]
 
 
-def reach(chain: Chain, tool: Array) -> float:
+def beam_reach(chain: ImportedChain, tool: Array) -> float:
     """Compute the stretched length from the first joint to the tool.
 
     Args:
@@ -58,10 +58,10 @@ def reach(chain: Chain, tool: Array) -> float:
     Returns:
         Length [m].
     """
-    return float(sum(np.linalg.norm(end[:3, 3]) for end in ends(chain, tool)[1:]))
+    return float(sum(np.linalg.norm(end[:3, 3]) for end in joint_poses(chain, tool)[1:]))
 
 
-def beams(chain: Chain, tool: Array) -> list[Beam]:
+def beams(chain: ImportedChain, tool: Array) -> list[Beam]:
     """Find the line of every link.
 
     Args:
@@ -71,15 +71,15 @@ def beams(chain: Chain, tool: Array) -> list[Beam]:
     Returns:
         The lines, from base to flange.
     """
-    long, every = reach(chain, tool), ends(chain, tool)
+    long, every = beam_reach(chain, tool), joint_poses(chain, tool)
     return [_beam(chain, k, end, long) for k, end in enumerate(every)]
 
 
-def _beam(chain: Chain, k: int, end: Array, long: float) -> Beam:
+def _beam(chain: ImportedChain, k: int, end: Array, long: float) -> Beam:
     """Find the line of link k."""
     offset, last = end[:3, 3], k == chain.n_joints
     distance = float(np.linalg.norm(offset))
-    own, after = chain.parts[k].joint, None if last else chain.parts[k + 1].joint
+    joint, after = chain.parts[k].joint, None if last else chain.parts[k + 1].joint
     following = None if after is None else end[:3, :3] @ after.axis
     runs: Runs = "to the tool" if last else "to the next joint"
     if distance > COINCIDE * long:
@@ -89,9 +89,9 @@ def _beam(chain: Chain, k: int, end: Array, long: float) -> Beam:
         x, runs = following if outward else -following, "along the next joint"
     else:
         part = chain.parts[k]
-        assert own is not None  # the last part has a joint
-        x, runs = flange_axis(own.axis, part.pose, end, part.com, COINCIDE * long), "along the flange"
-    axes = [following, None if own is None else own.axis]
+        assert joint is not None  # the last part has a joint
+        x, runs = flange_axis(joint.axis, part.pose, end, part.com, COINCIDE * long), "along the flange"
+    axes = [following, None if joint is None else joint.axis]
     return Beam(_frame(x, [axis for axis in axes if axis is not None]), distance, runs)
 
 
@@ -134,13 +134,13 @@ def _frame(x: Array, along: list[Array]) -> Array:
     raise AssertionError("one of three axes is not x")
 
 
-def triangles(shapes: Sequence[Shape]) -> Array:
+def triangles(shapes: Sequence[ImportedShape]) -> Array:
     """List triangles of a part's drawn shapes, or of colliding ones if none is drawn, (f, 3, 3) [m]."""
-    bearing = seen([s for s in shapes if s.bears])
+    bearing = visible_shapes([s for s in shapes if s.bears])
     return np.concatenate([np.empty((0, 3, 3)), *(s.surface[0][s.surface[1]] for s in bearing)])
 
 
-def extent(surface: Array, axis: Array) -> tuple[float, float]:
+def axial_extent(surface: Array, axis: Array) -> tuple[float, float]:
     """Compute the extent of a surface along an axis.
 
     Args:
@@ -170,7 +170,7 @@ def outer_diameter(surface: Array, frame: Array, span: tuple[float, float]) -> f
     least, most = turned[:, :, 0].min(axis=1), turned[:, :, 0].max(axis=1)
     found = [_diameter(turned[(least < x) & (x <= most)], x) for x in np.linspace(low, high, CUTS)]
     met = [d for d in found if d is not None]
-    return float(np.median(met)) if len(met) >= FEWEST else None
+    return float(np.median(met)) if len(met) >= MIN_CUTS else None
 
 
 def _diameter(surface: Array, x: float) -> float | None:

@@ -6,31 +6,32 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.arm.folder import Joint
+from testbench.arm.folder import ArmJoint
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.align import aligned
-from testbench.identify.absolute.choose import Step
-from testbench.identify.absolute.evidence import LOOSE, USUAL, Choice
-from testbench.identify.absolute.evidence import MOST as MOST_OF_USUAL
+from testbench.identify.absolute.align import align_all
+from testbench.identify.absolute.choose import SelectionStep
+from testbench.identify.absolute.evidence import DEFAULT_SCALES, LOOSE_STRENGTH, ActiveUnknowns
+from testbench.identify.absolute.evidence import MAX_SCALE_FACTOR as MOST_OF_USUAL
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.state import State, forward, nominal
+from testbench.identify.absolute.state import ArmState, nominal_state, series_equilibrium
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.estimate import Estimate
 from testbench.model.joint_errors import JointErrors
 from testbench.runs.rows import Row
-from testbench.workflows.absolute import Calibrated, distances, hidden
+from testbench.workflows.absolute import Calibrated, distance_statistics, hidden_geometry
 from testbench.workflows.named_parameters import Part, intervals
-from testbench.workflows.plan import MORE
+from testbench.workflows.plan import FURTHER
 from testbench.workflows.rows import MM, UM
-from testbench.workflows.unobservable import LOOSE as LOOSE_FRAME
+from testbench.workflows.unobservable import FREE_DEVIATION as LOOSE_FRAME
 from testbench.workflows.unobservable import unobservable
 
 NEGATIVE = "No arm bends against its load: the model explains the sag by other errors. Do not use it."
-FAR = 1.5  #: Error of held-out readings over that of the arm as drawn from which poses are too few [1].
+#: Error of held-out readings over that of the arm as drawn from which poses are too few [1].
+TOO_FEW_POSES_ERROR = 1.5
 SOUND = 0.8  #: Share of the readings that are sound: more outliers are a misfit [1].
 ABOVE, CONTRADICTED = 1.05, 2.0
 """Fitted error over that of the arm as drawn, and over that of held-out readings, from which a calibrated arm
@@ -41,18 +42,18 @@ PRESSED = 40.0, 0.05
 SIGNIFICANT = 3.0  #: Standard deviations above which the amplitude of an order is more than scatter.
 NOTHING = 1e-6  #: Share of the half width of its interval below which a value is rounding [1].
 SPOILED = 0.5  #: A reading that counts less than this is listed as an outlier [1].
-WORST = 10  #: Outliers that are listed, the farthest.
-MOST, LEAST, EACH = 24, 4, 8
+LISTED_OUTLIERS = 10  #: Outliers that are listed, the farthest.
+MAX_RANGES, MIN_RANGES, POSES_PER_RANGE = 24, 4, 8
 """Ranges of a joint at most and at least, and the poses that each should have on average."""
 ORDERS = 4  #: Periodic errors that are spoken of: higher ones look like nothing else.
-Left = tuple[list[Array], list[Array]]
+RemainingErrors = tuple[list[Array], list[Array]]
 """Reading minus arm as drawn, and minus calibrated arm: of every series (rows, m, 3) [m], base axes."""
 
 
-def left_of(found: Calibrated) -> Left:
+def remaining_errors(calibrated: Calibrated) -> RemainingErrors:
     """Find what the arms as drawn and as calibrated leave of the readings; zero where a target was lost."""
-    state, series = found.calibration.state, found.series
-    drawn = aligned(nominal(state.vjm, state.weights, state.torque_scale), series)
+    state, series = calibrated.calibration.state, calibrated.series
+    drawn = align_all(nominal_state(state.vjm, state.weights, state.torque_scale), series)
     before, after = (
         [residuals(arm, one)[: len(one.markers)].transpose(2, 0, 1) for one in series]
         for arm in (drawn, state)
@@ -60,18 +61,18 @@ def left_of(found: Calibrated) -> Left:
     return before, after
 
 
-def numbers(found: Calibrated, left: Left, more: tuple[float, float] | None = None) -> Row:
+def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, float] | None = None) -> Row:
     """Collect all numbers of a calibration.
 
     Args:
-        found: The calibration.
-        left: What both arms leave of the readings, by `left_of`.
+        calibrated: The calibration.
+        left: What both arms leave of the readings, by `remaining_errors`.
         more: Expected errors over the workspace now, and after further poses, by `gain_of_more` [m].
 
     Returns:
         Numbers by their keys in report.json, lengths in mm.
     """
-    calibration, series = found.calibration, found.series
+    calibration, series = calibrated.calibration, calibrated.series
     before, after = (
         [np.linalg.norm(x, axis=2)[one.seen] for one, x in zip(series, every, strict=True)] for every in left
     )
@@ -81,17 +82,22 @@ def numbers(found: Calibrated, left: Left, more: tuple[float, float] | None = No
     f = Row(
         arm=vjm.arm.name,
         series=[
-            Row(series=one.name, rows=one.rows, before=distances(MM * x), after=distances(MM * y))
+            Row(
+                series=one.name,
+                rows=one.rows,
+                before=distance_statistics(MM * x),
+                after=distance_statistics(MM * y),
+            )
             for one, x, y in zip(series, before, after, strict=True)
         ],
-        total_before=distances(MM * every[0]),
-        total_after=distances(MM * every[1]),
+        total_before=distance_statistics(MM * every[0]),
+        total_after=distance_statistics(MM * every[1]),
         steps=[_step(step) for step in calibration.chosen.steps],
         places=[row for k, joint in enumerate(vjm.arm.joints) for row in _ranges(joint, q[:, k], q, *every)],
         spectrum=list(_spectrum(calibration)),
-        pattern=_pattern(calibration.own.unknowns),
+        pattern=_pattern(calibration.active.unknowns),
         geometry=(geometry := _values(calibration, "geometry")),
-        far_geometry=_far_geometry(found, geometry),
+        far_geometry=_far_geometry(calibrated, geometry),
         compliances=_compliances(calibration),
         **_solved(calibration),
         noise=Row(
@@ -100,22 +106,22 @@ def numbers(found: Calibrated, left: Left, more: tuple[float, float] | None = No
             open_rotation_urad=UM * noise.open_rotation,
             position_factor=float(noise.factor[0]),
         ),
-        mounting=found.mounting,
+        mounting=calibrated.mounting,
         weight_alone=not any(one.wrench.any() or one.torque is not None for one in series),
         left_open=list(_left_open(calibration)),
-        notes=list(found.notes),
+        notes=list(calibrated.notes),
         **_pulled(calibration, series, left[1]),
     )
     f |= _validated(f)
     f["models"] = [_model(estimate, f)]
     f["rejected"] = _rejected(f, *(_nearest(x) for x in every))
-    f["pressed"] = calibration.pressed > max(PRESSED[0], PRESSED[1] * 3 * f.total_after.n)
-    f["more"] = more and Row(poses=MORE, now_mm=MM * more[0], after_mm=MM * more[1])
-    f["doubts"] = [f"{name}: {text}" for name, text in doubts(f)]
+    f["pressed"] = calibration.cone_pressure > max(PRESSED[0], PRESSED[1] * 3 * f.total_after.n)
+    f["more"] = more and Row(poses=FURTHER, now_mm=MM * more[0], after_mm=MM * more[1])
+    f["doubts"] = [f"{name}: {text}" for name, text in calibration_doubts(f)]
     return f
 
 
-def unusable(f: Row) -> str:
+def reason_against_use(f: Row) -> str:
     """Say why a calibrated arm must not be used; empty where nothing speaks against it."""
     if f.rejected:
         return str(f.rejected)
@@ -124,7 +130,7 @@ def unusable(f: Row) -> str:
     return "too few poses, held-out positions do not get better" if f.worse else ""
 
 
-def doubts(f: Row) -> Iterator[tuple[str, str]]:
+def calibration_doubts(f: Row) -> Iterator[tuple[str, str]]:
     """List what may be wrong with the calibrated arm, the gravest first: a name and a sentence each."""
     if f.mounting:
         yield "Mounting", f"{f.mounting}."
@@ -159,7 +165,7 @@ def range_words(row: Row) -> str:
 def _unread_words(f: Row) -> str:
     """Name the ranges without a reading, joint by joint; empty for none."""
     ranges: dict[tuple[str, str], list[str]] = {}
-    for row in unread(f):
+    for row in unread_ranges(f):
         ranges.setdefault((row.joint, row.unit), []).append(f"{row.low:.0f} to {row.high:.0f}")
     return "; ".join(f"{joint} {', '.join(own)} {unit}" for (joint, unit), own in ranges.items())
 
@@ -187,7 +193,7 @@ def _rejected(f: Row, before: float, after: float) -> str:
 
 def _solved(calibration: Calibration) -> Row:
     """Eigenvalues of every block of compliances, and how they were found."""
-    estimate, elastic = calibration.estimate, calibration.own.elastic
+    estimate, elastic = calibration.estimate, calibration.active.elastic
     if estimate is None or elastic is None:
         return Row(blocks=[], program=None)
     blocks = [
@@ -216,7 +222,7 @@ def _model(estimate: Estimate | None, f: Row) -> Row:
     )
 
 
-def _step(step: Step) -> Row:
+def _step(step: SelectionStep) -> Row:
     """A kind of error beside those kept before it: RMS distances of readings that were held out.
 
     Blocks of joint space, and whole series realigned: the latter None of a single series, the former where
@@ -237,10 +243,10 @@ def _validated(f: Row) -> Row:
     ends = (f.steps[0].before_mm, kept[-1] if kept else f.steps[0].before_mm) if f.steps else (None, None)
     if ends[0] is None or ends[1] is None:
         return Row(held_out_mm=None, worse=bool(f.steps) and f.steps[0].series_after_mm is None)
-    return Row(held_out_mm=list(ends), worse=ends[1] > FAR * f.total_before.rms_mm)
+    return Row(held_out_mm=list(ends), worse=ends[1] > TOO_FEW_POSES_ERROR * f.total_before.rms_mm)
 
 
-def _ranges(joint: Joint, own: Array, q: Array, before: Array, after: Array) -> Iterator[Row]:
+def _ranges(joint: ArmJoint, own: Array, q: Array, before: Array, after: Array) -> Iterator[Row]:
     """Ranges of a joint from limit to limit, or over a turn of a hinge that turns farther.
 
     Args:
@@ -253,7 +259,7 @@ def _ranges(joint: Joint, own: Array, q: Array, before: Array, after: Array) -> 
     low, high = joint.lower, joint.upper
     if not joint.prismatic and high - low > 2 * np.pi:
         own, (low, high) = (own + np.pi) % (2 * np.pi) - np.pi, (-np.pi, np.pi)
-    count = max(LEAST, min(MOST, len(np.unique(q, axis=0)) // EACH))
+    count = max(MIN_RANGES, min(MAX_RANGES, len(np.unique(q, axis=0)) // POSES_PER_RANGE))
     edges = np.linspace(low, high, count + 1)
     at = np.clip(np.searchsorted(edges, own, "right") - 1, 0, count - 1)
     for k in range(count):
@@ -270,29 +276,29 @@ def _ranges(joint: Joint, own: Array, q: Array, before: Array, after: Array) -> 
         )
 
 
-def unread(f: Row) -> list[Row]:
+def unread_ranges(f: Row) -> list[Row]:
     """List the ranges of joints without a reading, neighbours as one."""
-    found: list[Row] = []
+    rows: list[Row] = []
     for row in f.places:
-        if not row.n and found and (found[-1].joint, found[-1].high) == (row.joint, row.low):
-            found[-1] = Row(row, low=found[-1].low)
+        if not row.n and rows and (rows[-1].joint, rows[-1].high) == (row.joint, row.low):
+            rows[-1] = Row(row, low=rows[-1].low)
         elif not row.n:
-            found.append(row)
-    return found
+            rows.append(row)
+    return rows
 
 
 def _spectrum(calibration: Calibration) -> Iterator[Row]:
     """Amplitudes of every order of a joint that is on; the standard deviation is that along the amplitude."""
-    unknowns, own = calibration.own.unknowns, calibration.own
+    unknowns, active = calibration.active.unknowns, calibration.active
     orders, size, first = unknowns.errors.orders, unknowns.errors.size, unknowns.starts["errors"]
-    if not orders or not np.isin(first, own.columns):
+    if not orders or not np.isin(first, active.columns):
         return
     known = posterior_of(calibration)
     for k, joint in enumerate(unknowns.vjm.arm.joints):
         if joint.prismatic:
             continue
         on = first + k * size + np.arange(2 * len(orders)).reshape(2, -1)  # sines, cosines
-        columns = np.searchsorted(own.columns, on)
+        columns = np.searchsorted(active.columns, on)
         pair = known.x[columns].T
         amplitude = np.linalg.norm(pair, axis=1)
         along = np.where(amplitude[:, None] > 0, pair, 1.0)
@@ -314,44 +320,48 @@ def _spectrum(calibration: Calibration) -> Iterator[Row]:
 
 def _pattern(unknowns: Unknowns) -> list[Row]:
     """Joints that share a periodic error, and how each has it, of one: f(q + turn), mirrored -f(turn - q)."""
-    if (found := unknowns.pattern) is None:
+    if (pattern := unknowns.pattern) is None:
         return []
-    joints = [unknowns.vjm.arm.joints[k].name for k in found.joints]
-    every = zip(joints, np.degrees(found.turns).tolist(), found.senses, strict=True)
+    joints = [unknowns.vjm.arm.joints[k].name for k in pattern.joints]
+    every = zip(joints, np.degrees(pattern.turns).tolist(), pattern.senses, strict=True)
     return [Row(joint=name, turn_deg=turn, mirrored=sense < 0) for name, turn, sense in every]
 
 
 def _values(calibration: Calibration, part: Part) -> list[Row]:
     """Numbers of a part, with the half width of their 95 % interval; 0 what is rounding beside it."""
-    known = [one for one in intervals(calibration) if one.part == part]
-    found = [Row(name=one.name, value=one.value, half_95=one.half, unit=one.unit) for one in known]
-    return [Row(row, value=row.value * (abs(row.value) > NOTHING * row.half_95)) for row in found]
+    known = [interval for interval in intervals(calibration) if interval.part == part]
+    rows = [
+        Row(name=interval.name, value=interval.value, half_95=interval.half, unit=interval.unit)
+        for interval in known
+    ]
+    return [Row(row, value=row.value * (abs(row.value) > NOTHING * row.half_95)) for row in rows]
 
 
-def _far_geometry(found: Calibrated, geometry: Sequence[Row]) -> str:
+def _far_geometry(calibrated: Calibrated, geometry: Sequence[Row]) -> str:
     """The largest error of geometry where no arm has it, and what may hide in it; empty where it is usual."""
-    most = MM * MOST_OF_USUAL * USUAL["geometry turn"]
+    most = MM * MOST_OF_USUAL * DEFAULT_SCALES["geometry turn"]
     worst = max(geometry, key=lambda row: abs(row.value), default=None)
     if worst is None or abs(worst.value) <= most:
         return ""
     return (
-        f"{worst.name} is {worst.value:.0f} {worst.unit}, sound arms stay below {most:.0f}: {hidden(found)}"
+        f"{worst.name} is {worst.value:.0f} {worst.unit}, sound arms stay below {most:.0f}: "
+        f"{hidden_geometry(calibrated)}"
     )
 
 
 def _compliances(calibration: Calibration) -> list[Row]:
     """Of every joint with that of the link before it, beside the same of the arm's folder."""
-    vjm, found, known = calibration.state.vjm, [], _values(calibration, "joint compliances")
-    for one, joint, link, axis in zip(known, vjm.arm.joints, vjm.arm.links, vjm.beam_axes, strict=False):
+    vjm, rows, known = calibration.state.vjm, [], _values(calibration, "joint compliances")
+    for row, joint, link, axis in zip(known, vjm.arm.joints, vjm.arm.links, vjm.beam_axes, strict=False):
         part = slice(0, 3) if joint.prismatic else slice(3, 6)
         folder = joint.compliance + float(axis @ link.compliance[part, part] @ axis)
-        found.append(Row(one, folder=UM * folder))
-    return found
+        rows.append(Row(row, folder=UM * folder))
+    return rows
 
 
 def _pulled(calibration: Calibration, series: Sequence[Series], after: Sequence[Array]) -> Row:
     """The share of positions that count less than a sound one, and the farthest of those that hardly do."""
-    pulls = [x[: len(one.markers)].T for x, one in zip(calibration.pulls, series, strict=True)]
+    pulls = [x[: len(one.markers)].T for x, one in zip(calibration.influences, series, strict=True)]
     counted = np.concatenate([pull[one.seen] for pull, one in zip(pulls, series, strict=True)])
     outliers = [
         Row(
@@ -364,46 +374,50 @@ def _pulled(calibration: Calibration, series: Sequence[Series], after: Sequence[
         for one, pull, left in zip(series, pulls, after, strict=True)
         for row, k in np.argwhere((pull < SPOILED) & one.seen)
     ]
-    worst = sorted(outliers, key=lambda row: -float(row.error_mm))[:WORST]
+    worst = sorted(outliers, key=lambda row: -float(row.error_mm))[:LISTED_OUTLIERS]
     return Row(less_pull_percent=float(100 * (counted < 1).mean()), outliers=worst)
 
 
-def _left_open(found: Calibration) -> tuple[str, ...]:
+def _left_open(calibration: Calibration) -> tuple[str, ...]:
     """What readings leave open, and what hides behind what; periodic errors of high orders count as known."""
-    own, unknowns = found.own, found.own.unknowns
-    few, columns = _slow(own)
+    active, unknowns = calibration.active, calibration.active.unknowns
+    few, columns = _slow(active)
     deviation = np.zeros(unknowns.size)
-    deviation[own.columns[: own.rigid]] = found.chosen.learnt.deviation[own.columns[: own.rigid]]
+    deviation[active.columns[: active.rigid]] = calibration.chosen.scales.deviation[
+        active.columns[: active.rigid]
+    ]
     loose = np.where(np.isinf(deviation), LOOSE_FRAME, deviation)[columns]
     prior = np.diag(loose**2)
-    if own.elastic is not None:
-        L = LOOSE.uncertainty * own.elastic.L
+    if active.elastic is not None:
+        L = LOOSE_STRENGTH.uncertainty * active.elastic.L
         prior[-len(L) :, -len(L) :] = L @ L.T
-    state = replace(found.state, errors=few.errors, n=np.zeros((len(found.state.n), few.errors.size)))
-    information = found.information[np.ix_(columns, columns)]
-    return unobservable(few, information, prior, pull_of(few, state, found.series))
+    state = replace(
+        calibration.state, errors=few.errors, n=np.zeros((len(calibration.state.n), few.errors.size))
+    )
+    information = calibration.information[np.ix_(columns, columns)]
+    return unobservable(few, information, prior, pull_of(few, state, calibration.series))
 
 
-def _slow(own: Choice) -> tuple[Unknowns, Ids]:
+def _slow(active: ActiveUnknowns) -> tuple[Unknowns, Ids]:
     """The unknowns without periodic errors of higher orders, and where they stand among all."""
-    unknowns, errors = own.unknowns, own.unknowns.errors
+    unknowns, errors = active.unknowns, active.unknowns.errors
     few = JointErrors(errors.orders[:ORDERS], errors.ratio, errors.play, errors.stiffening)
     k, m = len(errors.orders), len(few.orders)
     of = np.r_[np.arange(m), k + np.arange(m), np.arange(2 * k, errors.size)]
     at = unknowns.starts["errors"] + errors.size * np.arange(unknowns.vjm.arm.n_joints)[:, None] + of
     before, after = np.arange(unknowns.starts["errors"]), np.arange(unknowns.starts["elastic"], unknowns.size)
     structure = unknowns.structure
-    if own.elastic is not None:
-        structure, after = own.elastic.structure, own.columns[own.rigid :]
+    if active.elastic is not None:
+        structure, after = active.elastic.structure, active.columns[active.rigid :]
     return replace(unknowns, errors=few, structure=structure), np.concatenate([before, at.ravel(), after])
 
 
-def rows_of(found: Calibrated, left: Left, some: Ids) -> Row:
+def rows_of(calibrated: Calibrated, left: RemainingErrors, some: Ids) -> Row:
     """Collect some readings of all series with the calibrated arm at each.
 
     Args:
-        found: The calibration.
-        left: What both arms leave of the readings, by `left_of`.
+        calibrated: The calibration.
+        left: What both arms leave of the readings, by `remaining_errors`.
         some: Numbers of the rows, from the first series to the last one, (rows,).
 
     Returns:
@@ -412,33 +426,33 @@ def rows_of(found: Calibrated, left: Left, some: Ids) -> Row:
         and reading minus arm as drawn (`before`) and calibrated (`after`), (rows, targets, 3) [m]. NaN where
         a target was lost, or where another series has more targets.
     """
-    state, first, parts = found.calibration.state, 0, []
-    targets = max(len(one.markers) for one in found.series)
-    for one, *both in zip(found.series, *left, strict=True):
-        at = some[(first <= some) & (some < first + one.rows)] - first
-        parts.append(_rows_of_one(state, select_rows(one, at), [x[at] for x in both], targets))
-        first += one.rows
+    state, first, parts = calibrated.calibration.state, 0, []
+    targets = max(len(one.markers) for one in calibrated.series)
+    for series, *both in zip(calibrated.series, *left, strict=True):
+        at = some[(first <= some) & (some < first + series.rows)] - first
+        parts.append(_rows_of_one(state, select_rows(series, at), [x[at] for x in both], targets))
+        first += series.rows
     return Row({key: np.concatenate([part[key] for part in parts]) for key in parts[0]})
 
 
-def _rows_of_one(state: State, series: Series, left: Sequence[Array], targets: int) -> Row:
-    told = forward(state, series)
-    read = told.where.points(state.mount(series).points) + left[1]
+def _rows_of_one(state: ArmState, series: Series, left: Sequence[Array], targets: int) -> Row:
+    equilibrium = series_equilibrium(state, series)
+    read = equilibrium.chain.points(state.mount(series).points) + left[1]
     before, after, at = (np.full((series.rows, targets, 3), np.nan) for _ in range(3))
     for values, own in ((before, left[0]), (after, left[1]), (at, read)):
         values[:, : len(series.markers)] = np.where(series.seen[..., None], own, np.nan)
-    sag = (state.C_theta @ told.u).T
+    sag = (state.C_theta @ equilibrium.u).T
     names = np.full(series.rows, series.name, dtype=object)
     return Row(
-        **{"name": names, "row": series.row, "q": series.q, "tool": told.where.position, "sag": sag},
+        **{"name": names, "row": series.row, "q": series.q, "tool": equilibrium.chain.position, "sag": sag},
         **{"read": at, "before": before, "after": after},
     )
 
 
-def largest_left(found: Calibrated, left: Left) -> Array:
+def largest_remaining_error(calibrated: Calibrated, left: RemainingErrors) -> Array:
     """Find the largest error of the calibrated arm in every row, (rows,) [m]; -1 of unread rows."""
     sizes = [
-        np.where(one.seen, np.linalg.norm(x, axis=2), -1.0).max(axis=1)
-        for one, x in zip(found.series, left[1], strict=True)
+        np.where(series.seen, np.linalg.norm(x, axis=2), -1.0).max(axis=1)
+        for series, x in zip(calibrated.series, left[1], strict=True)
     ]
     return np.concatenate(sizes)

@@ -8,7 +8,7 @@ import typer
 
 from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import find_arm, load_arm
-from testbench.errors import BenchError, word
+from testbench.errors import BenchError, shell_word
 from testbench.plant.true_arms import FAMILY, TrueArmName
 from testbench.runs.session import SESSION
 from testbench.workflows.cell import Scenario, Truth, of_arm
@@ -71,18 +71,18 @@ class CampaignOptions:
 
     def scenario(self, workspace_poses: int) -> Scenario:
         """The campaign that is asked for; InputError names an arm that there is not."""
-        own = Scenario(
+        scenario = Scenario(
             arm=find_arm(self.arm).resolve().name,
             payload=self.payload_kg,
             sigma=self.sigma_um / 1e6,
             truth=self.truth,
             workspace_poses=workspace_poses,
         )
-        return of_arm(load_arm(self.arm), own)
+        return of_arm(load_arm(self.arm), scenario)
 
 
 @dataclass(frozen=True)
-class Readings:
+class ReadingOptions:
     """Measured runs of an arm, and how they are read."""
 
     arm: ArmName
@@ -105,4 +105,4 @@ class Readings:
         flags += [("new_target", name) for name in self.new_target or ()]
         taken = SESSION.get().taken
         kept = [(key, value) for key, value in flags if {"new_target": "targets"}.get(key, key) not in taken]
-        return "".join(f" --{key.replace('_', '-')} {word(Path(str(value)))}" for key, value in kept)
+        return "".join(f" --{key.replace('_', '-')} {shell_word(Path(str(value)))}" for key, value in kept)

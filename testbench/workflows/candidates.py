@@ -16,7 +16,7 @@ from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, St
 from testbench.progress import tell
 from testbench.workflows.cell import Cell
 
-BATCH = 1024
+POSES_PER_BATCH = 1024
 PATIENCE = 200_000
 """Poses drawn before `find` gives up, and DRAWS_A_POSE more for every pose that it has found."""
 DRAWS_A_POSE = 1000
@@ -48,7 +48,7 @@ REASONS = tuple(ADVICE)  #: Why a pose is refused, in the order in which it is a
 
 
 @dataclass(frozen=True)
-class Conditions:
+class PoseConditions:
     """What a pose must satisfy beyond limits and collisions."""
 
     area: WorkArea | None = None  #: Where the tool has to be; None for anywhere.
@@ -62,7 +62,7 @@ class Checks:
 
     vjm: Vjm  #: The model, for its nominal kinematics.
     site: Site  #: Arm, payload and tracker as shapes.
-    conditions: Conditions  #: What is asked.
+    conditions: PoseConditions  #: What is asked.
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Candidates:
     rejected: dict[str, int]  #: How many each of `REASONS` refused, in their order.
 
 
-def build_checks(cell: Cell, conditions: Conditions) -> Checks:
+def build_checks(cell: Cell, conditions: PoseConditions) -> Checks:
     """The checks of an arm; BenchError where the tracker stands inside something that does not move."""
     station = conditions.station
     place = None if station is None else station.position
@@ -157,11 +157,11 @@ def find(
     rejected, drawn = dict.fromkeys(REASONS, 0), 0
     kept: list[Array] = []
     while len(kept) < count and drawn < patience + DRAWS_A_POSE * len(kept):
-        q = checks.vjm.arm.drawn(rng, BATCH)
+        q = checks.vjm.arm.drawn(rng, POSES_PER_BATCH)
         reasons = why_not(checks, q)
         good = np.flatnonzero([reason is None for reason in reasons])[: count - len(kept)]
         kept += list(q[good])
-        asked = BATCH if len(kept) < count else int(good[-1]) + 1  # the rest counts as never drawn
+        asked = POSES_PER_BATCH if len(kept) < count else int(good[-1]) + 1  # the rest counts as never drawn
         drawn += asked
         for reason in filter(None, reasons[:asked]):
             rejected[reason] += 1

@@ -19,7 +19,7 @@ from testbench.model.kinematics import build_vjm
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import labels_of
 from testbench.model.vjm import Vjm, body_poses
-from testbench.plant.tracker import Tracker, read_orientations, read_positions, stream
+from testbench.plant.tracker import Tracker, read_orientations, read_positions, trial_rng
 from testbench.plant.true_arms import true_plant
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
@@ -27,10 +27,10 @@ if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does
     from testbench.identify.arm_model import ArmModel
     from testbench.identify.estimate import Estimate
     from testbench.plant.build import Plant
-    from testbench.plant.equilibrium import Equilibrium
+    from testbench.plant.equilibrium import ArmEquilibrium
     from testbench.plant.site import Site
 
-    Pair = tuple[Equilibrium, Equilibrium]
+    Pair = tuple[ArmEquilibrium, ArmEquilibrium]
 
 T = TypeVar("T")
 Truth = Literal["nonlinear", "linear"]
@@ -167,7 +167,7 @@ class Cell(Displayed):
         """
         from testbench.identify.absolute.fit import Calibration  # here: simulating needs no fits
         from testbench.identify.absolute.posterior import model_of
-        from testbench.identify.arm_model import of_estimate
+        from testbench.identify.arm_model import model_of_estimate
         from testbench.identify.estimate import Estimate
         from testbench.model.weights import weights_known
 
@@ -178,7 +178,7 @@ class Cell(Displayed):
         names, own = found.structure.labels, labels_of(self.arm)
         if names[: len(own)] != own:
             raise BenchError(f"model: expected an estimate of {self.arm.name}, got one of {names[0]} ...")
-        return of_estimate(self.vjm, found, weights_known(self.arm)[0])
+        return model_of_estimate(self.vjm, found, weights_known(self.arm)[0])
 
 
 @dataclass(frozen=True, repr=False)
@@ -239,7 +239,7 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
     Raises:
         InputError: If it exceeds rounding; names the body.
     """
-    from testbench.plant.equilibrium import unloaded
+    from testbench.plant.equilibrium import unloaded_body_poses
 
     arm = vjm.arm
     q = arm.drawn(np.random.default_rng(0), POSES)
@@ -248,7 +248,7 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
     ours += [at + axes @ point[:, None] for point in (vjm.load, *vjm.markers)]
     names = (*(link.name for link in arm.links), arm.tool, arm.load, *arm.markers)
     largest = 0.0
-    for name, own, (p, R) in zip(names, ours, unloaded(plant, q, names), strict=True):
+    for name, own, (p, R) in zip(names, ours, unloaded_body_poses(plant, q, names), strict=True):
         theirs = np.dstack([R, p])[..., -own.shape[2] :]
         apart = float(np.abs(own - theirs).max())
         if not apart <= AGREEMENT * (1 + float(np.abs(p).max())):
@@ -286,14 +286,14 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
 
 
 @dataclass(frozen=True)
-class Poses:
+class CampaignPoses:
     """Hold the poses of a campaign; they depend neither on truth nor on payload."""
 
     station: Array  #: Poses to identify from, then those of the check runs, (poses, n) [rad, m].
     anywhere: Array  #: Poses of the second check, (workspace_poses, n) [rad, m].
 
 
-def draw_poses(cell: Cell, scenario: Scenario, seed: int) -> Poses:
+def draw_poses(cell: Cell, scenario: Scenario, seed: int) -> CampaignPoses:
     """Draw the poses of a campaign.
 
     Args:
@@ -307,13 +307,13 @@ def draw_poses(cell: Cell, scenario: Scenario, seed: int) -> Poses:
     Raises:
         PoseError: If too few are feasible.
     """
-    rng = stream(seed, 0)
+    rng = trial_rng(seed, 0)
     count = scenario.identification_poses + scenario.check_poses
     station = clear_poses(cell, scenario.station, count, rng)
-    return Poses(station, clear_poses(cell, scenario.workspace, scenario.workspace_poses, rng))
+    return CampaignPoses(station, clear_poses(cell, scenario.workspace, scenario.workspace_poses, rng))
 
 
-def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Campaign:
+def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: CampaignPoses) -> Campaign:
     """Simulate a campaign in given poses.
 
     Args:
@@ -331,13 +331,15 @@ def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Camp
             scenario.identification_poses + spread(scenario.check_poses, scenario.check_runs),
         ]
     )
-    loaded = hanging(cell, poses.station[pose], pose + 1, scenario.mass)
-    measured, true = measure_both(cell, scenario, loaded, stream(seed, 1))
-    everywhere = hanging(cell, poses.anywhere, np.arange(len(poses.anywhere)) + 1, scenario.mass)
+    loaded = poses_with_weight(cell, poses.station[pose], pose + 1, scenario.mass)
+    measured, true = measure_both(cell, scenario, loaded, trial_rng(seed, 1))
+    everywhere = poses_with_weight(cell, poses.anywhere, np.arange(len(poses.anywhere)) + 1, scenario.mass)
     (fitted, check), (_, check_true) = (
         split(data, np.arange(scenario.identification_poses) + 1) for data in (measured, true)
     )
-    return Campaign(scenario, seed, measured, fitted, check, check_true, measure(cell, scenario, everywhere))
+    return Campaign(
+        scenario, seed, measured, fitted, check, check_true, measure_markers(cell, scenario, everywhere)
+    )
 
 
 def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Generator) -> Array:
@@ -383,7 +385,7 @@ class LoadedPoses:
     point: Array  #: Point where the load acts, in the tool's frame, (runs, 3) [m].
 
 
-def hanging(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> LoadedPoses:
+def poses_with_weight(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> LoadedPoses:
     """Load poses with a weight at the arm's load point.
 
     Args:
@@ -400,7 +402,9 @@ def hanging(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> LoadedPoses
     return LoadedPoses(q, pose, wrench, np.tile(cell.plant.load, (len(q), 1)))
 
 
-def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator | None = None) -> Dataset:
+def measure_markers(
+    cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator | None = None
+) -> Dataset:
     """Read every marker before and after loading, and the tool's orientation if the setup reads it.
 
     Args:
@@ -451,7 +455,7 @@ def read_markers(
     """
     sigma, sigma_rotation = setup.sigmas
     tracker = Tracker(sigma, sigma_rotation) if setup.noise and rng else Tracker(0.0, 0.0)
-    rng, runs = rng or stream(0), np.arange(len(loaded.q)) + 1  # of no effect: the tracker has no noise
+    rng, runs = rng or trial_rng(0), np.arange(len(loaded.q)) + 1  # of no effect: the tracker has no noise
     before, after = (read_positions(tracker, rest.markers, rng) for rest in settled)
     data = Dataset(cell.arm.markers, runs, **vars(loaded), before=before, after=after, sigma=sigma)
     if sigma_rotation is None:
@@ -475,11 +479,15 @@ def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Ar
     Returns:
         The unloaded and the loaded equilibria.
     """
-    from testbench.plant.equilibrium import settle, settle_linear, settle_pair
+    from testbench.plant.equilibrium import (
+        solve_equilibrium,
+        solve_linear_equilibrium,
+        solve_unloaded_and_loaded,
+    )
 
     if truth == "nonlinear" and plant.beyond is not None and plant.beyond.slip is not None:
-        return settle_pair(plant, q, wrench, point)  # where it stood decides where it comes to
-    runs, find = len(q), settle_linear if truth == "linear" else settle
+        return solve_unloaded_and_loaded(plant, q, wrench, point)  # where it stood decides where it comes to
+    runs, find = len(q), solve_linear_equilibrium if truth == "linear" else solve_equilibrium
     loads = np.concatenate([np.zeros_like(wrench), wrench])
     rest = find(plant, np.concatenate([q, q]), loads, np.concatenate([point, point]))
     return in_order(rest, slice(runs)), in_order(rest, slice(runs, None))

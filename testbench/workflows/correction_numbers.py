@@ -7,66 +7,68 @@ from scipy.special import ndtr
 
 from testbench.correct import uncertainty
 from testbench.correct.beyond import extent
-from testbench.correct.rest import rest
+from testbench.correct.rest import equilibrium
 from testbench.errors import Array, Ids
-from testbench.files.program import unread
+from testbench.files.program import unread_columns
 from testbench.identify.posterior import CONFIDENCE, quantile
-from testbench.model.vjm import turns
+from testbench.model.vjm import joint_law_rotations
 from testbench.runs.rows import Row, finite
-from testbench.workflows.program import CorrectedProgram, extrapolated
+from testbench.workflows.program import CorrectedProgram, extrapolation_warnings
 from testbench.workflows.rows import MM
 
 MRAD = 1e3
-FITTED, MOST = 4, 200  #: Points to which a frame is fitted at least, and at most, evenly picked.
+MIN_FITTED, MAX_FITTED = 4, 200  #: Points to which a frame is fitted at least, and at most, evenly picked.
 JUMPS = 0.2  #: Change of a correction from a point to the next that raises a warning [deg, mm].
-OPEN = 0.25  #: Half width over the error from which the part that keeps it open is named [1].
+OPEN_SHARE = 0.25  #: Half width over the error from which the part that keeps it open is named [1].
 SUDDEN = 0.2  #: Change of a force over its size that is sudden [1].
 TURNED = 1e-2  #: A turn that is left counts from here [mrad].
 
 
-def numbers(found: CorrectedProgram, tolerance_mm: float | None = None) -> Row:
+def numbers(corrected_program: CorrectedProgram, tolerance_mm: float | None = None) -> Row:
     """Collect all numbers of a corrected program by their keys in report.json.
 
     Args:
-        found: The corrected program.
+        corrected_program: The corrected program.
         tolerance_mm: Largest error that passes, the interval counted; None without a tolerance [mm].
     """
-    own, model, program = found.found, found.model, found.program
-    points = _points(found, tolerance_mm)
+    compensated, model, program = corrected_program.found, corrected_program.model, corrected_program.program
+    points = _points(corrected_program, tolerance_mm)
     loaded = [row for row in points if row.before_mm > 0]
     before, half = ([row[key] for row in loaded or points] for key in ("before_mm", "half_95_mm"))
     unseen = sum(row.half_95_mm is None for row in points)
-    force = np.linalg.norm(sum(load.wrench[:, :3] for load in found.loads), axis=1)
-    absolute = model.absolute and own.asked == "drawn"
-    held = (own.held & own.corrected[:, None]).sum(axis=0)
-    before_mm, half_mm = sizes(before), None if unseen else sizes(half)
+    force = np.linalg.norm(sum(load.wrench[:, :3] for load in corrected_program.loads), axis=1)
+    absolute = model.absolute and compensated.reference == "drawn"
+    held = (compensated.stopped & compensated.corrected[:, None]).sum(axis=0)
+    before_mm, half_mm = error_statistics(before), None if unseen else error_statistics(half)
     most = [[row[key] for row in loaded or points] for key in ("before_most_mm", "most_mm")]
     return Row(
         program=program.path.name,
         arm=model.arm.name,
         method=model.about.method,
         absolute=model.absolute,
-        asked=own.asked,
-        hold=found.aim.hold,
+        asked=compensated.reference,
+        hold=corrected_program.aim.hold,
         points=program.points,
-        corrected=int(own.corrected.sum()),
+        corrected=int(compensated.corrected.sum()),
         force_n=[float(force.min()), float(force.max())],
         before_mm=before_mm,
         half_95_mm=half_mm,
-        before_most_mm=None if unseen else sizes(most[0]),
-        most_mm=None if unseen else sizes(most[1]),
+        before_most_mm=None if unseen else error_statistics(most[0]),
+        most_mm=None if unseen else error_statistics(most[1]),
         chance=None if unseen or not loaded else float(np.median(_chances(before, half))),
         harmful=bool(loaded) and half_mm is None,
-        half_fitted_mm=_fitted(found) if absolute else None,
+        half_fitted_mm=_fitted(corrected_program) if absolute else None,
         loaded=len(loaded),
         unseen=unseen,
-        **_turns(found),
-        jump=_jump(found),
+        **_turns(corrected_program),
+        jump=_jump(corrected_program),
         worst=max(points, key=lambda row: float(row.before_mm)),
-        extrapolated=extrapolated(extent(model, own.start, found.loads)),
-        open=uncertainty.most_open(model, own.q, found.loads, np.array(found.aim.point), absolute),
+        extrapolated=extrapolation_warnings(extent(model, compensated.start, corrected_program.loads)),
+        open=uncertainty.largest_uncertainty(
+            model, compensated.q, corrected_program.loads, np.array(corrected_program.aim.point), absolute
+        ),
         doubts=model.about.doubts,
-        unread=unread(program),
+        unread=unread_columns(program),
         held={joint.name: int(n) for joint, n in zip(model.arm.joints, held, strict=True) if n},
         tolerance=None if tolerance_mm is None else _kept(points, tolerance_mm),
         rows=points,
@@ -79,7 +81,7 @@ def warnings(f: Row) -> Iterator[str]:
     if f.corrected < f.points:
         yield f"Not corrected: {f.points - f.corrected} of {f.points} points"
     yield from f.extrapolated
-    if f.open and (not f.half_95_mm or f.half_95_mm.median > OPEN * f.before_mm.median):
+    if f.open and (not f.half_95_mm or f.half_95_mm.median > OPEN_SHARE * f.before_mm.median):
         yield f"{100 * f.open.share:.0f} % of the remaining variance comes from {f.open.name}"
     if f.turned:
         most = f.turn_left_mrad
@@ -110,17 +112,21 @@ def _kept(points: Sequence[Row], mm: float) -> Row:
     return Row(mm=mm, failed=sum(row.verdict == "fail" for row in points), failed_before=before.count(False))
 
 
-def _points(found: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
+def _points(corrected_program: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
     """A row a point: `half_95_mm` along its worst axis, None if nothing bounds it; corrections in deg, mm.
 
     `most_mm` is what the model leaves and that half width: a point within a tolerance passes.
     `before_most_mm` is the same of the program as it is.
     """
-    own, program, reasons = found.found, found.program, found.reasons
-    arm = found.model.arm
-    correction = arm.scale * arm.change_to_file(own.q - own.start)
-    before, half = MM * np.linalg.norm(own.before, axis=1), MM * own.half.max(axis=1)
-    after = MM * np.linalg.norm(own.after, axis=1)
+    compensated, program, reasons = (
+        corrected_program.found,
+        corrected_program.program,
+        corrected_program.reasons,
+    )
+    arm = corrected_program.model.arm
+    correction = arm.scale * arm.change_to_file(compensated.q - compensated.start)
+    before, half = MM * np.linalg.norm(compensated.before, axis=1), MM * compensated.half_width.max(axis=1)
+    after = MM * np.linalg.norm(compensated.after, axis=1)
     verdicts: list[str | None] = [None] * program.points
     if tolerance_mm is not None:
         verdicts = np.where(after + half <= tolerance_mm, "pass", "fail").tolist()
@@ -135,69 +141,75 @@ def _points(found: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
             before_most_mm=finite(before[k] + half[k]),
             verdict=verdicts[k],
             correction=correction[k].tolist(),
-            turn_left_mrad=float(MRAD * np.linalg.norm(own.turned[k])),
+            turn_left_mrad=float(MRAD * np.linalg.norm(compensated.rotation_error[k])),
             reason=reasons[k],
         )
         for k in range(program.points)
     ]
 
 
-def sizes(values: Sequence[float] | Array) -> Row:
+def error_statistics(values: Sequence[float] | Array) -> Row:
     """Find median, 95th percentile and largest of errors."""
     return Row(zip(("median", "p95", "max"), np.percentile(values, (50, 95, 100)).tolist(), strict=True))
 
 
-def _turns(found: CorrectedProgram) -> Row:
+def _turns(corrected_program: CorrectedProgram) -> Row:
     """How far the tool turns where nothing holds it, and what is left of its turn where that is held."""
-    own = found.found
-    turned = MRAD * np.linalg.norm(own.turned, axis=1) * own.corrected
-    free = turned * (found.aim.hold == "position")
-    left = (turned - free) * ~own.held.any(axis=1)
+    compensated = corrected_program.found
+    turned = MRAD * np.linalg.norm(compensated.rotation_error, axis=1) * compensated.corrected
+    free = turned * (corrected_program.aim.hold == "position")
+    left = (turned - free) * ~compensated.stopped.any(axis=1)
     return Row(
         turns_mrad=float(free.max()), turned=int((left > TURNED).sum()), turn_left_mrad=float(left.max())
     )
 
 
-def _jump(found: CorrectedProgram) -> Row | None:
+def _jump(corrected_program: CorrectedProgram) -> Row | None:
     """Where a correction changes most from a point to the next; None with one point."""
-    own, arm, joints = found.found, found.model.arm, found.model.arm.file_joints
-    if len(own.q) < 2:
+    compensated, arm, joints = (
+        corrected_program.found,
+        corrected_program.model.arm,
+        corrected_program.model.arm.file_joints,
+    )
+    if len(compensated.q) < 2:
         return None
-    steps = np.abs(np.diff(arm.change_to_file(own.q - own.start), axis=0))
+    steps = np.abs(np.diff(arm.change_to_file(compensated.q - compensated.start), axis=0))
     k, j = np.unravel_index(int(steps.argmax()), steps.shape)
-    load = np.sum([load.wrench[:, :3] for load in found.loads], axis=0)
+    load = np.sum([load.wrench[:, :3] for load in corrected_program.loads], axis=0)
     change, size = np.linalg.norm(load[k + 1] - load[k]), np.linalg.norm(load[k : k + 2], axis=1).max()
     return Row(
         joint=joints[j].name,
         size=joints[j].shown * float(steps[k, j]),
         unit=joints[j].shown_unit,
-        line=int(found.program.line[k]),
+        line=int(corrected_program.program.line[k]),
         load=bool(change > SUDDEN * size),
     )
 
 
-def _fitted(found: CorrectedProgram) -> Row | None:
+def _fitted(corrected_program: CorrectedProgram) -> Row | None:
     """Intervals relative to one another, a frame fitted to the points; None for few points."""
-    own, count = found.found, len(found.found.q)
-    if count < FITTED:
+    compensated, count = corrected_program.found, len(corrected_program.found.q)
+    if count < MIN_FITTED:
         return None
-    some = np.unique(np.linspace(0, count - 1, min(MOST, count)).round().astype(int))
-    stand = uncertainty.Poses(own.q, found.loads).of(some)
-    half = MM * uncertainty.fitted_half_widths(found.model, stand, np.array(found.aim.point)).max(axis=1)
-    return sizes(half) if np.isfinite(half).all() else None
+    some = np.unique(np.linspace(0, count - 1, min(MAX_FITTED, count)).round().astype(int))
+    stand = uncertainty.LoadedPoses(compensated.q, corrected_program.loads).of(some)
+    half = MM * uncertainty.fitted_half_widths(
+        corrected_program.model, stand, np.array(corrected_program.aim.point)
+    ).max(axis=1)
+    return error_statistics(half) if np.isfinite(half).all() else None
 
 
-def bent(found: CorrectedProgram, some: Ids) -> Array:
+def predicted_bending(corrected_program: CorrectedProgram, some: Ids) -> Array:
     """Find how the arm bends as programmed, less what the program knows of.
 
     Args:
-        found: The corrected program.
+        corrected_program: The corrected program.
         some: Numbers of the points, (points,).
 
     Returns:
         Virtual joints, (points, n_theta) [m, rad].
     """
-    state, q = found.model.state, found.found.start[some]
-    loaded = rest(state, q, [load.of(some) for load in found.loads]).theta
-    own = loaded if found.found.asked == "drawn" else loaded - rest(state, q).theta
-    return turns(state.vjm, own)
+    state, q = corrected_program.model.state, corrected_program.found.start[some]
+    loaded = equilibrium(state, q, [load.of(some) for load in corrected_program.loads]).theta
+    own = loaded if corrected_program.found.reference == "drawn" else loaded - equilibrium(state, q).theta
+    return joint_law_rotations(state.vjm, own)

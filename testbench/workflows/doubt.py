@@ -11,25 +11,25 @@ from scipy.special import gammainc
 from testbench.errors import Doubt
 from testbench.files.scatter import SIGMA
 from testbench.identify import Estimate
-from testbench.identify.hierarchy import KIND
-from testbench.identify.metric import Scale
+from testbench.identify.hierarchy import ALL_JOINTS
+from testbench.identify.metric import LearntScale
 
 QUIET, CHANCE = 0.6, 1e-6
 """Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
 
 
-def of_scale(scale: Scale) -> Doubt:
+def of_scale(scale: LearntScale) -> Doubt:
     """A scale of a learnt prior that the readings contradict."""
     low, high = (scale.factor * math.exp(sign * 2 * scale.deviation) for sign in (-1, 1))
-    beside = "the links" if scale.name == KIND else "the others of its kind"
+    beside = "the links" if scale.name == ALL_JOINTS else "the others of its kind"
     factor = f"{scale.factor:.2g} times ({low:.2g} to {high:.2g})"
     words = f"the readings want {factor} the prior's compliance, beside {beside}: check the folder"
     return Doubt("prior", f"{scale.name}: {words}")
 
 
-def of_noise(found: Iterable[Estimate]) -> list[Doubt]:
+def of_noise(estimates: Iterable[Estimate]) -> list[Doubt]:
     """Whether a model leaves far less than the stated noise alone would: whatever it lacks adds to that."""
-    quiet = [own for own in found if own.f_m < QUIET * own.f_m_floor]
+    quiet = [estimate for estimate in estimates if estimate.f_m < QUIET * estimate.f_m_floor]
     if not quiet:
         return []
     least = min(quiet, key=lambda e: e.f_m / e.f_m_floor)

@@ -10,7 +10,7 @@ from testbench.errors import Array, BenchError
 from testbench.files.write import csv_text
 from testbench.identify import Estimate, Method
 from testbench.identify.estimate import make_estimate
-from testbench.identify.evaluate import Score, all_deflections, score
+from testbench.identify.evaluate import DeflectionErrors, all_deflections, score
 from testbench.identify.fold import reduce
 from testbench.model.vjm import Vjm
 from testbench.workflows.cell import Campaign, Cell
@@ -25,7 +25,7 @@ from testbench.workflows.rows import (
     error_row,
     fit_row,
 )
-from testbench.workflows.workspace_errors import Places, kept_mm, places_of, rms
+from testbench.workflows.workspace_errors import WorkspacePoses, kept_mm, places_of, rms
 
 
 @dataclass(frozen=True)
@@ -35,17 +35,17 @@ class Result:
     model: Model  #: What was asked for.
     estimate: Estimate  #: What was found.
     seconds: float  #: Wall time of the estimator.
-    identification: Score  #: Errors on the runs it was identified from, against their readings.
-    check: Score  #: Errors on the check runs, against their readings.
-    check_true: Score  #: The same against their true deflections.
-    truth: Score  #: Errors against the true deflections.
-    wrong: Array  #: The same marker by marker: true minus predicted, (runs, m, 3) [m].
+    identification: DeflectionErrors  #: Errors on the runs it was identified from, against their readings.
+    check: DeflectionErrors  #: Errors on the check runs, against their readings.
+    check_true: DeflectionErrors  #: The same against their true deflections.
+    truth: DeflectionErrors  #: Errors against the true deflections.
+    error_vectors: Array  #: The same marker by marker: true minus predicted, (runs, m, 3) [m].
     residuals: Array  #: Readings minus predictions of all measured runs, (runs, m, 3) [m].
 
     @property
     def places(self) -> Array:
         """Errors against the true deflections run by run, RMS over the markers, (runs,) [m]."""
-        return rms(self.wrong)
+        return rms(self.error_vectors)
 
 
 class EstimatorFailed(BenchError):
@@ -63,11 +63,13 @@ def identify(
     found = []
     for model in models:
         start = clock()
-        found.append((model, attempted(cell, model, campaign.identification), clock() - start))
+        found.append((model, fit_or_rigid(cell, model, campaign.identification), clock() - start))
     return _judged(cell, campaign, found)
 
 
-def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
+def score_estimate(
+    cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float
+) -> Result:
     """Score an estimate on the runs that it was identified from, on the check runs and by the truth."""
     return _judged(cell, campaign, [(model, estimate, seconds)])[0]
 
@@ -88,34 +90,36 @@ def _judged(cell: Cell, campaign: Campaign, found: Sequence[tuple[Model, Estimat
             check=score(own[1], check.deflection),
             check_true=score(own[1], campaign.check_true.deflection),
             truth=score(own[2], truth.deflection),
-            wrong=truth.deflection - own[2],
+            error_vectors=truth.deflection - own[2],
             residuals=campaign.measured.deflection - own[3],
         )
         for (model, estimate, seconds), *own in zip(found, *predicted, strict=True)
     ]
 
 
-def of_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
+def fit_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
     """What a model makes of runs; an estimator of one's own does not see the folder's compliances."""
     if isinstance(model.estimator, Method):
         return model.estimator(cell.vjm, model.structure, data)
     try:
-        found = model.estimator(unseen(cell.vjm), model.structure, data)
+        estimate = model.estimator(without_compliances(cell.vjm), model.structure, data)
     except Exception as err:
         why = str(err) if isinstance(err, BenchError) else f"{type(err).__name__}: {err}"
         raise EstimatorFailed(model, " ".join(why.split())) from err
-    if not isinstance(found, Estimate):
-        raise EstimatorFailed(model, f"expected an Estimate, got {type(found).__name__}")
+    if not isinstance(estimate, Estimate):
+        raise EstimatorFailed(model, f"expected an Estimate, got {type(estimate).__name__}")
     n = model.structure.n
-    if found.pi.shape != (n,) or not (np.isfinite(found.pi).all() and np.isfinite(found.C_theta).all()):
-        raise EstimatorFailed(model, f"expected {n} finite parameters, got shape {found.pi.shape}")
-    return found
+    if estimate.pi.shape != (n,) or not (
+        np.isfinite(estimate.pi).all() and np.isfinite(estimate.C_theta).all()
+    ):
+        raise EstimatorFailed(model, f"expected {n} finite parameters, got shape {estimate.pi.shape}")
+    return estimate
 
 
-def attempted(cell: Cell, model: Model, data: Dataset) -> Estimate:
+def fit_or_rigid(cell: Cell, model: Model, data: Dataset) -> Estimate:
     """The same; of an estimator that fails a rigid arm, whose status says why: see `has_failed`."""
     try:
-        return of_model(cell, model, data)
+        return fit_model(cell, model, data)
     except EstimatorFailed as err:
         regression = reduce(cell.vjm, model.structure, data)
         rigid = make_estimate(regression, np.zeros(model.structure.n), method="own estimator")
@@ -127,7 +131,7 @@ def has_failed(estimate: Estimate) -> bool:
     return estimate.status.startswith(FAILED)
 
 
-def unseen(vjm: Vjm) -> Vjm:
+def without_compliances(vjm: Vjm) -> Vjm:
     """An arm without compliances, NaN in their place: in simulations the folder's may be the true ones."""
     links = tuple(replace(link, compliance=np.full((6, 6), np.nan)) for link in vjm.arm.links)
     joints = tuple(replace(joint, compliance=np.nan) for joint in vjm.arm.joints)
@@ -135,7 +139,7 @@ def unseen(vjm: Vjm) -> Vjm:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnErrors:
     """What the pictures of the first seed are made of: nobody simulates it again."""
 
     measured: str | None  #: All measured runs as CSV, in the row of the first model.
@@ -166,20 +170,20 @@ class CampaignRow(FitRow):
     workspace: ErrorRow  #: Over the whole workspace, against the true deflections.
     measured: Measured
     true_arm: str  #: Its name in `TRUTHS`; model and prior are those of the folder.
-    places: Places | None  #: Poses of the workspace; None but in the first seed.
+    places: WorkspacePoses | None  #: Poses of the workspace; None but in the first seed.
     place_mm: tuple[float, ...] | None  #: Error in each of them.
-    drawn: Drawn | None = None  #: For pictures; None but in the first seed.
+    drawn: DrawnErrors | None = None  #: For pictures; None but in the first seed.
 
 
 def campaign_rows(
     cell: Cell, campaign: Campaign, results: Sequence[Result], true_arm: str, *, placed: bool
 ) -> list[CampaignRow]:
     """A row a model; `placed` with its errors pose by pose, and what pictures need."""
-    data, found = measured(campaign), []
+    data, rows = measured_row(campaign), []
     for k, result in enumerate(results):
         lost = has_failed(result.estimate)
         shown = placed and not lost
-        own = CampaignRow(
+        row = CampaignRow(
             **vars(_fit(result)),
             identification=NO_ERRORS if lost else error_row(result.identification),
             check=NO_ERRORS if lost else error_row(result.check),
@@ -191,32 +195,36 @@ def campaign_rows(
             place_mm=kept_mm(result.places) if shown else None,
             drawn=_drawn(cell, campaign, result, whole=k == 0) if shown else None,
         )
-        found.append(own)
-    return found
+        rows.append(row)
+    return rows
 
 
 def _fit(result: Result) -> FitRow:
     model, estimate = result.model, result.estimate
     if has_failed(estimate):
         return failed_row(EstimatorFailed(model, estimate.status.removeprefix(FAILED)))
-    prior = model.filled or estimate.belief is not None
+    prior = model.filled or estimate.weighted_prior is not None
     return fit_row(model.name, estimate, result.seconds, prior=prior)
 
 
 def failed_row(err: EstimatorFailed) -> FitRow:
     """What an estimator leaves that failed."""
-    name, own, status = err.model.name, err.model.structure, FAILED + err.why
-    return FitRow(name=name, structure=own.name, prior=err.model.filled, status=status, parameters=own.n)
+    name, structure, status = err.model.name, err.model.structure, FAILED + err.why
+    return FitRow(
+        name=name, structure=structure.name, prior=err.model.filled, status=status, parameters=structure.n
+    )
 
 
-def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> Drawn:
+def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> DrawnErrors:
     """What pictures need of a model; `whole` with the runs, once a campaign."""
     data = (campaign.measured, campaign.truth) if whole else ()
     measured, over = [csv_text(own, cell.arm) for own in data] or (None, None)
-    return Drawn(measured, over, *(tuple(own.ravel().tolist()) for own in (result.residuals, result.wrong)))
+    return DrawnErrors(
+        measured, over, *(tuple(own.ravel().tolist()) for own in (result.residuals, result.error_vectors))
+    )
 
 
-def measured(campaign: Campaign) -> Measured:
+def measured_row(campaign: Campaign) -> Measured:
     """Counts and deflections of a campaign."""
     every, fitted, check = campaign.measured, campaign.identification, campaign.check
     return Measured(

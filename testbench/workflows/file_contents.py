@@ -7,10 +7,10 @@ import numpy as np
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, Ids
-from testbench.files.columns import Column, Columns
+from testbench.files.columns import Columns, ReadColumn
 from testbench.files.names import What
 from testbench.files.read_pairs import Export
-from testbench.identify.registered import Registered
+from testbench.identify.registered import RegisteredDataset
 from testbench.model.vjm import marker_points, tool_points, tool_pose
 from testbench.runs.rows import Row
 from testbench.workflows.rows import MM, UM
@@ -79,39 +79,39 @@ def column_rows(found: Columns) -> Iterator[Row]:
     Yields:
         Quantity, columns of the file, unit, values as text, and how many rows have one.
     """
-    groups: dict[tuple[object, ...], list[Column]] = {}
+    groups: dict[tuple[object, ...], list[ReadColumn]] = {}
     for column in sorted(found.found.values(), key=lambda c: c.index):
         slot = column.slot
         alone = slot.index if slot.what in ("joint", "sigma") else 0
         groups.setdefault((slot.what, slot.marker, slot.when, alone), []).append(column)
-    for own in groups.values():
-        slot, names = own[0].slot, [column.name for column in own]
+    for columns in groups.values():
+        slot, names = columns[0].slot, [column.name for column in columns]
         what = CALLED.get(slot.what, slot.what) + (f" {slot.index + 1}" if slot.what == "joint" else "")
         state = {"before": "unloaded", "after": "loaded"}.get(slot.when, slot.when)
-        there = np.any([~found.table.blank(column.index) for column in own], axis=0)
+        there = np.any([~found.table.blank(column.index) for column in columns], axis=0)
         yield Row(
             quantity=" ".join(filter(None, (what, slot.marker, state))),
             file_columns=", ".join(names) if len(names) <= 2 else f"{names[0]} ... {names[-1]}",
-            unit=own[0].unit.name if own[0].unit else "",
-            values=_values(found, own),
+            unit=columns[0].unit.name if columns[0].unit else "",
+            values=_values(found, columns),
             rows=str(int(there.sum())),  # a word: there is nothing to draw
         )
 
 
-def _values(found: Columns, own: list[Column]) -> str:
+def _values(found: Columns, columns: list[ReadColumn]) -> str:
     """The words of a column, or its least and largest number in the column's unit."""
-    unit = own[0].unit
+    unit = columns[0].unit
     if unit is None:
-        words = list(dict.fromkeys(found.table.texts(own[0].index)))
+        words = list(dict.fromkeys(found.table.texts(columns[0].index)))
         few = ", ".join(word[:20] for word in words[:LISTED])
         return few if len(words) <= LISTED else f"{few} ... ({len(words)})"
-    numbers = np.concatenate([found.values(column) / unit.scale for column in own])
+    numbers = np.concatenate([found.values(column) / unit.scale for column in columns])
     known = numbers[np.isfinite(numbers)]
     ends = dict.fromkeys(f"{x:.5g}" for x in (known.min(), known.max())) if len(known) else ["none"]
     return " to ".join(ends)
 
 
-def farthest_off(registered: Registered) -> Row | None:
+def farthest_off(registered: RegisteredDataset) -> Row | None:
     """Find the unloaded reading that fits the arm without sag worst, and how far it is off [mm]."""
     data = registered.data
     if not data.seen.any():
@@ -121,13 +121,13 @@ def farthest_off(registered: Registered) -> Row | None:
     return Row(target=_where(data, int(i), int(k)), distance_mm=MM * float(off[i, k]))
 
 
-def nominal_targets(registered: Registered) -> Array:
+def nominal_targets(registered: RegisteredDataset) -> Array:
     """Find the targets of the rigid arm in all runs, (runs, m, 3) [m]."""
     vjm, data = registered.vjm, registered.data
     return tool_points(vjm, data.q, marker_points(vjm, data.markers))
 
 
-def shown_runs(registered: Registered, some: Ids) -> Row:
+def shown_runs(registered: RegisteredDataset, some: Ids) -> Row:
     """Find what is drawn of some runs; NaN where a target was lost.
 
     Args:

@@ -12,11 +12,17 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.model.laws import STRUT
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell, clear_poses
-from testbench.workflows.fits import Identified
-from testbench.workflows.identifiability import DECIDED, Identifiability, of_regression, told, unseen
+from testbench.workflows.fits import IdentifyResult
+from testbench.workflows.identifiability import (
+    DECIDED,
+    Identifiability,
+    explained_variance,
+    of_regression,
+    unseen_poses,
+)
 from testbench.workflows.models import JOINTS
 from testbench.workflows.rows import MM, UM
 from testbench.workflows.workspace_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
@@ -37,30 +43,32 @@ OF_MODEL = (
 """What report.json takes from models.json."""
 
 
-def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array], *, widths: bool) -> Row:
+def numbers(
+    filed: Cell, cell: Cell, identified: IdentifyResult, left: Mapping[str, Array], *, widths: bool
+) -> Row:
     """Collect the numbers of report.json, without a verdict.
 
     Args:
         filed: The arm as its folder has it.
         cell: The same with the targets that were found.
-        found: Its fits.
-        left: Residuals by model, `left_by`.
+        identified: Its fits.
+        left: Residuals by model, `residuals_by_model`.
         widths: Whether intervals are wanted.
     """
-    fits, note, places = found.fits, "", None
+    fits, note, places = identified.fits, "", None
     if widths:
         try:
-            places = elsewhere(filed, found)
+            places = workspace_half_widths(filed, identified)
         except (PoseError, NoEquilibrium) as err:
             note = str(err)
     return Row(
         {key: fits[key] for key in ("arm", "dataset", "runs", "poses", "recommended", "why")},
-        models=[_model(own, found, places) for own in fits.models],
+        models=[_model(own, identified, places) for own in fits.models],
         failed=[Row(vars(own), conservative=None, rank=None) for own in fits.failed],
-        noise_p95_mm=MM * _noise_limit(found.runs.every),
-        residuals=_residuals(found, left),
-        seen=_seen(cell, found),
-        laws=_laws(found),
+        noise_p95_mm=MM * _noise_limit(identified.runs.every),
+        residuals=_residuals(identified, left),
+        seen=_seen(cell, identified),
+        laws=_laws(identified),
         map=places,
         no_map="intervals were not asked for" if not widths else note,
         doubts=[vars(doubt) for doubt in fits.doubts],
@@ -70,18 +78,18 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
     )
 
 
-def identifiability(cell: Cell, found: Identified) -> Row:
+def identifiability(cell: Cell, identified: IdentifyResult) -> Row:
     """Judge what the fitted runs do not show of the model to take, and what else to measure.
 
     Args:
         cell: The arm with the targets that were found.
-        found: Its fits.
+        identified: Its fits.
 
     Returns:
         The expected error at random poses, the same after one more way to measure each, and the directions
         that the runs do not show.
     """
-    data, regression = found.runs.used, found.taken.of_compliances
+    data, regression = identified.runs.used, identified.taken.of_compliances
     own: Identifiability = of_regression(cell.vjm, regression, data, cad_prior(cell.arm), USUAL)
     return Row(
         structure=own.structure.name,
@@ -96,13 +104,13 @@ def identifiability(cell: Cell, found: Identified) -> Row:
             Row(place=p.place, measure=p.words, rank=p.rank, expected_error_mm=finite(MM * p.error))
             for p in own.proposals
         ],
-        unseen=unseen(own),
+        unseen=unseen_poses(own),
     )
 
 
-def _laws(found: Identified) -> list[Row]:
+def _laws(identified: IdentifyResult) -> list[Row]:
     """List what joints do beyond a linear spring, by the model to take; nothing of a linear one."""
-    taken = next(own for own in found.fits.models if own.name == found.fits.recommended)
+    taken = next(own for own in identified.fits.models if own.name == identified.fits.recommended)
     return [
         Row(
             part=name,
@@ -115,38 +123,40 @@ def _laws(found: Identified) -> list[Row]:
     ]
 
 
-def held_out(found: Identified, left: Mapping[str, Array], fewest: int) -> tuple[Mapping[str, Array], str]:
+def held_out(
+    identified: IdentifyResult, left: Mapping[str, Array], fewest: int
+) -> tuple[Mapping[str, Array], str]:
     """Give the RMS error of every model in each run that was held out [mm].
 
     Where these runs are none or too few, the errors are those of cross-validation.
 
     Args:
-        found: The fits.
-        left: Residuals by model, `left_by`.
+        identified: The fits.
+        left: Residuals by model, `residuals_by_model`.
         fewest: Least number of runs that a verdict takes.
 
     Returns:
         Errors by model, (n,) each, and what one of the n is.
     """
-    data, check = found.runs.every, found.runs.check
+    data, check = identified.runs.every, identified.runs.check
     held = np.isin(data.pose, [] if check is None else check.pose) & data.seen.any(axis=1)
-    if held.sum() < fewest and found.held_out:
-        return found.held_out, "group of fitted runs held out in turn"
+    if held.sum() < fewest and identified.held_out:
+        return identified.held_out, "group of fitted runs held out in turn"
     count = np.maximum(data.seen[held].sum(axis=1), 1)
     rms = {name: MM * np.sqrt((own[held] ** 2).sum(axis=(1, 2)) / count) for name, own in left.items()}
     return rms, "run held out"
 
 
-def _model(own: Row, found: Identified, places: Row | None) -> Row:
+def _model(row: Row, identified: IdentifyResult, places: Row | None) -> Row:
     """Describe a model; its compliances are in models.json."""
-    held = {other.name: other.f_m for other in found.fits.held_out}
+    held = {other.name: other.f_m for other in identified.fits.held_out}
     return Row(
-        {key: own[key] for key in OF_MODEL},
-        rejected=len(own.rejected),
-        aggregated=[name for name, compliance in own.joints.items() if compliance is None],
-        f_m_held_out=held.get(own.name),
-        intervals=Row({key: x for key, x in (own.intervals or {}).items() if key != "deflections"}),
-        elsewhere=None if places is None else _there(own.name, places),
+        {key: row[key] for key in OF_MODEL},
+        rejected=len(row.rejected),
+        aggregated=[name for name, compliance in row.joints.items() if compliance is None],
+        f_m_held_out=held.get(row.name),
+        intervals=Row({key: x for key, x in (row.intervals or {}).items() if key != "deflections"}),
+        elsewhere=None if places is None else _there(row.name, places),
     )
 
 
@@ -162,24 +172,24 @@ def _there(name: str, places: Row) -> Row | None:
     )
 
 
-def left_by(cell: Cell, found: Identified) -> dict[str, Array]:
+def residuals_by_model(cell: Cell, identified: IdentifyResult) -> dict[str, Array]:
     """Subtract models from readings, (runs, m, 3) [m] by model; 0 where a target was lost."""
-    data, names = found.runs.every, list(found.estimates)
-    moved = all_deflections(cell.vjm, [found.estimates[name] for name in names], data)
+    data, names = identified.runs.every, list(identified.estimates)
+    moved = all_deflections(cell.vjm, [identified.estimates[name] for name in names], data)
     return dict(zip(names, np.where(data.seen[..., None], data.deflection - moved, 0.0), strict=True))
 
 
-def longest(vectors: Array) -> Array:
+def largest_vector(vectors: Array) -> Array:
     """Give the length of the longest vector of every run, (runs, m, 3) to (runs,)."""
     return np.asarray(np.linalg.norm(vectors, axis=2).max(axis=1))
 
 
-def _residuals(found: Identified, left: Mapping[str, Array]) -> list[Row]:
+def _residuals(identified: IdentifyResult, left: Mapping[str, Array]) -> list[Row]:
     """List per run the largest motion of a target, and the largest residual of each model."""
-    data, check = found.runs.every, found.runs.check
+    data, check = identified.runs.every, identified.runs.check
     held = np.isin(data.pose, [] if check is None else check.pose)
-    moved = MM * longest(np.where(data.seen[..., None], data.deflection, 0.0))
-    sizes = {name: (MM * longest(own)).tolist() for name, own in left.items()}
+    moved = MM * largest_vector(np.where(data.seen[..., None], data.deflection, 0.0))
+    sizes = {name: (MM * largest_vector(own)).tolist() for name, own in left.items()}
     return [
         Row(
             run=int(data.run[k]),
@@ -188,16 +198,16 @@ def _residuals(found: Identified, left: Mapping[str, Array]) -> list[Row]:
             held_back=bool(held[k]),
             moved_mm=float(moved[k]),
             residual_mm={name: mm[k] for name, mm in sizes.items()},
-            taken_mm=sizes[found.fits.recommended][k],
+            taken_mm=sizes[identified.fits.recommended][k],
         )
         for k in range(data.runs)
     ]
 
 
-def _seen(cell: Cell, found: Identified) -> Row:
+def _seen(cell: Cell, identified: IdentifyResult) -> Row:
     """Tell how much the runs say of each link and joint, beside a prior known to 30 %."""
-    regression = found.taken.of_compliances
-    component, share = told(cell.vjm, regression, cad_prior(cell.arm), USUAL)
+    regression = identified.taken.of_compliances
+    component, share = explained_variance(cell.vjm, regression, cad_prior(cell.arm), USUAL)
     own = {name: share[np.array(component) == name] for name in dict.fromkeys(component)}
     return Row(
         structure=regression.structure.name,
@@ -216,43 +226,45 @@ def _seen(cell: Cell, found: Identified) -> Row:
     )
 
 
-def compared(models: Sequence[Row], taken: str) -> list[str]:
+def compared_models(models: Sequence[Row], taken: str) -> list[str]:
     """Name one's own, least squares, GCO without prior, joints alone, if fitted; last the model to take."""
     others = [m for m in models if not m.prior and m.name != taken]
     links = [m for m in others if m.structure != JOINTS]
     kinds = ([m for m in links if m.constraint == kind] for kind in ("none", "psd"))
     joints = [m for m in others if m.structure == JOINTS]
     mine = [m.name for m in models if m.constraint == "own" and m.name != taken]
-    return [*mine, *(own[0].name for own in (*kinds, joints) if own), taken]
+    return [*mine, *(rows[0].name for rows in (*kinds, joints) if rows), taken]
 
 
-def elsewhere(cell: Cell, found: Identified) -> Row:
+def workspace_half_widths(cell: Cell, identified: IdentifyResult) -> Row:
     """Predict the half widths of the tool's deflection over the workspace, under the largest fitted load.
 
     Raises:
         PoseError: When no poses can be drawn.
         NoEquilibrium: When the model to take has none.
     """
-    data, taken = found.runs.used, found.fits.recommended
+    data, taken = identified.runs.used, identified.fits.recommended
     k = int(np.linalg.norm(data.wrench[:, :3], axis=1).argmax())
     load = Load(data.wrench[k], data.point[k])
-    q = clear_poses(cell, None, PLACES, stream(0))
+    q = clear_poses(cell, None, PLACES, trial_rng(0))
     moved, half, missing = {}, {}, []
-    mine = {m.name for m in found.fits.models if m.constraint == "own"} - {taken}
-    for name in (name for name in compared(found.fits.models, taken) if name not in mine):
-        own = cell.model(found.estimates[name])
+    mine = {m.name for m in identified.fits.models if m.constraint == "own"} - {taken}
+    for name in (name for name in compared_models(identified.fits.models, taken) if name not in mine):
+        arm_model = cell.model(identified.estimates[name])
         try:
-            there = predict(own, q, [load], points=np.zeros((0, 3)))
+            there = predict(arm_model, q, [load], points=np.zeros((0, 3)))
         except NoEquilibrium:
             if name == taken:
                 raise
             missing.append(name)
         else:
             moved[name], half[name] = there.deflection[:, 0], there.widest[:, 0]
-    at = places_at(cell.arm, q, tool_pose(cell.vjm, q)[0], np.linalg.norm(moved[taken], axis=1))
+    workspace_poses = places_at(cell.arm, q, tool_pose(cell.vjm, q)[0], np.linalg.norm(moved[taken], axis=1))
     # joints alone are not compared: what they leave out is in no half width
     shown = [name for name in half if name != JOINTS or name == taken]
-    errors = error_places(at, {name: bounded_mm(own) for name, own in half.items()}, shown, HALF_WIDTH)
+    errors = error_places(
+        workspace_poses, {name: bounded_mm(own) for name, own in half.items()}, shown, HALF_WIDTH
+    )
     order = np.array(errors.run) - 1
     apart = {name: np.linalg.norm(own - moved[taken], axis=1) for name, own in moved.items() if name != taken}
     return Row(

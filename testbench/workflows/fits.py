@@ -5,25 +5,31 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import SHOWN, Dataset, evenly, in_order
+from testbench.data.dataset import MAX_SHOWN, Dataset, evenly, in_order
 from testbench.errors import Array, BenchError, Doubt
 from testbench.identify import Estimate, Method, intervals
-from testbench.identify.evaluate import Score, deflections, score
-from testbench.identify.fold import BLOCK_RUNS, Parts, with_poses
-from testbench.identify.hierarchy import Unchecked, contradicted, unchecked
-from testbench.identify.metric import metric
-from testbench.identify.regression import ROUNDING, Regression
-from testbench.model.laws import UNIT_SIZES, sizes_of, vjm_of
+from testbench.identify.evaluate import DeflectionErrors, deflections, score
+from testbench.identify.fold import BLOCK_RUNS, PartitionedRegression, with_poses
+from testbench.identify.hierarchy import UndeterminedParts, contradicted_scales, undetermined_parts
+from testbench.identify.metric import scale_by_prior
+from testbench.identify.regression import ZERO_COLUMN, Regression
+from testbench.model.laws import UNIT_SIZES, model_for, sizes_of
 from testbench.model.vjm import chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell
 from testbench.workflows.doubt import of_noise, of_scale
-from testbench.workflows.evaluation import EstimatorFailed, failed_row, of_model
+from testbench.workflows.evaluation import EstimatorFailed, failed_row, fit_model
 from testbench.workflows.identifiability import set_aside
-from testbench.workflows.model_selection import Recommendation, default_name, folded, recommend, why
+from testbench.workflows.model_selection import (
+    Recommendation,
+    default_name,
+    reason_for,
+    recommend,
+    reduce_runs,
+)
 from testbench.workflows.models import Model
-from testbench.workflows.read_runs import Runs
+from testbench.workflows.read_runs import MeasuredRuns
 from testbench.workflows.rows import MM, error_row, fit_row
 
 Clock = Callable[[], float]  #: Wall time [s].
@@ -31,11 +37,11 @@ UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, 
 
 
 @dataclass(frozen=True)
-class Identified:
+class IdentifyResult:
     """Models fitted to a user's runs, and what there is to say of them."""
 
-    fits: Row  #: Numbers and words, as `fit` has them.
-    runs: Runs
+    fits: Row  #: Numbers and words, as `fit_models` has them.
+    runs: MeasuredRuns
     estimates: Mapping[str, Estimate]  #: By the name of the model.
     held_out: Mapping[str, Array]  #: F_M of models on what was held out in turn, (folds,) [1].
 
@@ -46,19 +52,21 @@ class Identified:
 
 
 @dataclass(frozen=True)
-class Found:
+class FittedModels:
     """Models fitted to runs; one entry a model."""
 
-    runs: Runs
+    runs: MeasuredRuns
     models: Sequence[Model]
     estimates: Sequence[Estimate]
     seconds: Sequence[float]  #: Of the fit; the runs were reduced for all models before.
-    used: Sequence[Score]  #: Errors on the runs that were fitted.
-    check: Sequence[Score | None]  #: On those held back.
+    used: Sequence[DeflectionErrors]  #: Errors on the runs that were fitted.
+    check: Sequence[DeflectionErrors | None]  #: On those held back.
     taken: Recommendation
 
 
-def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths: bool = False) -> Identified:
+def fit_models(
+    cell: Cell, models: Sequence[Model], runs: MeasuredRuns, clock: Clock, *, widths: bool = False
+) -> IdentifyResult:
     """Fit every model, judge it, and recommend one; `widths` asks for intervals of predicted deflections.
 
     What is found is models.json: of every model a `FitRow` with its errors, intervals, compliances and laws,
@@ -70,43 +78,47 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
     """
     try:
         models, still = _moved(cell, models, runs.used)
-        own, lost = _working(cell, models, replace(runs, notes=(*runs.notes, *still)), clock)
+        fitted_models, lost = _working(cell, models, replace(runs, notes=(*runs.notes, *still)), clock)
     except BenchError as err:
         raise BenchError("; ".join([*(doubt.sentence for doubt in runs.doubts), str(err)])) from err
-    runs, taken = own.runs, own.taken
+    runs, taken = fitted_models.runs, fitted_models.taken
     widest = runs.check or runs.used
-    if widths and widest.runs > SHOWN:
-        runs = replace(runs, notes=(*runs.notes, f"intervals are computed for {SHOWN} of {widest.runs} runs"))
-        widest = in_order(widest, evenly(np.arange(widest.runs), SHOWN))
-    every = [(m.name, estimate) for m, estimate in zip(own.models, own.estimates, strict=True)]
+    if widths and widest.runs > MAX_SHOWN:
+        runs = replace(
+            runs, notes=(*runs.notes, f"intervals are computed for {MAX_SHOWN} of {widest.runs} runs")
+        )
+        widest = in_order(widest, evenly(np.arange(widest.runs), MAX_SHOWN))
+    every = [
+        (m.name, estimate) for m, estimate in zip(fitted_models.models, fitted_models.estimates, strict=True)
+    ]
     estimates = dict(every)
     # beside a prior, intervals that count noise alone would look the surest
-    plain = all(estimate.belief is None for estimate in own.estimates)
-    sure = [widths and (plain or e.belief is not None or name == taken.name) for name, e in every]
+    plain = all(estimate.weighted_prior is None for estimate in fitted_models.estimates)
+    sure = [widths and (plain or e.weighted_prior is not None or name == taken.name) for name, e in every]
     fits = Row(
         dataset=runs.name,
         arm=cell.arm.name,
         runs=runs.used.runs,
         poses=len(np.unique(runs.used.pose)),
         models=tuple(
-            _fit(cell, own, k, widest if wanted else None)
+            _fit(cell, fitted_models, k, widest if wanted else None)
             for k, wanted in enumerate(stepwise(sure, "intervals"))
         ),
         recommended=taken.name,
-        why=why(taken, estimates[taken.name]),
+        why=reason_for(taken, estimates[taken.name]),
         held_out=[Row(name=c.name, f_m=c.error, standard_error=c.standard_error) for c in taken.candidates],
         doubts=(
             *runs.doubts,
-            *of_noise(own.estimates),
+            *of_noise(fitted_models.estimates),
             *_of_prior(estimates, taken.name, default_name(cell.arm)),
         ),
-        unchecked=_unchecked(cell, next(m for m in own.models if m.name == taken.name), estimates),
+        unchecked=_unchecked(cell, next(m for m in fitted_models.models if m.name == taken.name), estimates),
         notes=runs.notes,
         registration=runs.registration,
         scale=runs.scale,
         failed=tuple(map(failed_row, lost)),
     )
-    return Identified(fits, runs, estimates, {c.name: c.errors for c in taken.candidates})
+    return IdentifyResult(fits, runs, estimates, {c.name: c.errors for c in taken.candidates})
 
 
 def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence[Model], list[str]]:
@@ -120,7 +132,7 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
     loads = (generalised_load(chain(cell.vjm, data.q[b]), data.wrench[b], data.point[b]) for b in blocks)
     u = np.max([np.abs(load).max(axis=1) for load in loads], axis=0)
-    acts = u > ROUNDING * u.max()
+    acts = u > ZERO_COLUMN * u.max()
     entries = [np.concatenate([m.structure.a, m.structure.b]) for m in models]
     moved = [m for m, own in zip(models, entries, strict=True) if acts[own[own < len(acts)]].any()]
     still = [m.name for m in models if m not in moved]
@@ -130,8 +142,8 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
 
 
 def _working(
-    cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock
-) -> tuple[Found, list[EstimatorFailed]]:
+    cell: Cell, models: Sequence[Model], runs: MeasuredRuns, clock: Clock
+) -> tuple[FittedModels, list[EstimatorFailed]]:
     """What is found without estimators of one's own that fail, and those.
 
     Raises:
@@ -142,7 +154,7 @@ def _working(
     for model in (model for model in models if not _plain(model)):
         start = clock()
         try:
-            own[model.name] = (of_model(cell, model, runs.used), clock() - start)
+            own[model.name] = (fit_model(cell, model, runs.used), clock() - start)
         except EstimatorFailed as err:
             lost.append(err)
     while True:
@@ -158,17 +170,17 @@ def _working(
 Own = Mapping[str, tuple[Estimate, float]]  #: What is fitted already, and its time [s], by name.
 
 
-def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, own: Own) -> Found:
+def _fit_all(cell: Cell, models: Sequence[Model], runs: MeasuredRuns, clock: Clock, own: Own) -> FittedModels:
     """Fit, judge and choose models; BenchError when a method cannot fit its structure."""
     estimates, seconds = [], []
-    reduced = folded(cell, models, runs.used)
+    reduced = reduce_runs(cell, models, runs.used)
     for model in stepwise(models, "fitting models"):
         start = clock()
         if plain := _plain(model):
-            readings: Parts | Regression = reduced.parts[model.structure.name]
-            if isinstance(readings, Parts) and not plain.penalised:
-                readings = with_poses(cell.vjm, readings.together(), runs.used)
-            estimate = plain.of(cell.vjm, readings)
+            readings: PartitionedRegression | Regression = reduced.parts[model.structure.name]
+            if isinstance(readings, PartitionedRegression) and not plain.penalised:
+                readings = with_poses(cell.vjm, readings.joined(), runs.used)
+            estimate = plain.fit_reduced(cell.vjm, readings)
             spent = clock() - start
         else:
             estimate, spent = own[model.name]
@@ -176,7 +188,7 @@ def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, own:
         seconds.append(spent)
     used = [_errors(cell, each, runs.used) for each in estimates]
     check = [None if runs.check is None else _errors(cell, each, runs.check) for each in estimates]
-    return Found(runs, models, estimates, seconds, used, check, recommend(cell, models, reduced))
+    return FittedModels(runs, models, estimates, seconds, used, check, recommend(cell, models, reduced))
 
 
 def _plain(model: Model) -> Method | None:
@@ -185,46 +197,47 @@ def _plain(model: Model) -> Method | None:
     return method if isinstance(method, Method) and method.loss == "plain" else None
 
 
-def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> Score:
+def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> DeflectionErrors:
     return score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen])
 
 
 def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list[Doubt]:
     """What the readings say against the prior of the default, or of the model that is taken."""
-    belief = by_name[default if default in by_name else taken].belief
-    said = [of_scale(scale) for scale in contradicted(belief)] if belief else []
+    belief = by_name[default if default in by_name else taken].weighted_prior
+    said = [of_scale(scale) for scale in contradicted_scales(belief)] if belief else []
     if default in by_name and taken != default:
         words = f"{taken} predicts better than {default}: is the arm's folder that of this arm?"
         said.append(Doubt("prior", words))
     return said
 
 
-def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> Unchecked:
+def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> UndeterminedParts:
     """What the readings do not check of a model's prior; nothing where it has none."""
     method = taken.estimator
     if not isinstance(method, Method) or method.prior is None:
-        return Unchecked()
-    own = estimates[taken.name].of_compliances
-    return unchecked(own, metric(method.prior, cell.vjm, own.structure))
+        return UndeterminedParts()
+    regression = estimates[taken.name].of_compliances
+    return undetermined_parts(regression, scale_by_prior(method.prior, cell.vjm, regression.structure))
 
 
-def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Row:
+def _fit(cell: Cell, fitted_models: FittedModels, k: int, widest: Dataset | None) -> Row:
     """A model; where runs are given with intervals of its predictions there.
 
     A joint that is counted in the link before it has no compliance. Laws are half widths of backlash and
     friction [rad, m], and the share by which a joint is stiffer when its spring is turned by a milliradian (a
     slide: a millimetre) [1].
     """
-    estimate, check = found.estimates[k], found.check[k]
-    prior = found.models[k].filled or estimate.belief is not None
+    estimate, check = fitted_models.estimates[k], fitted_models.check[k]
+    prior = fitted_models.models[k].filled or estimate.weighted_prior is not None
     blocks = (estimate.C_theta[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(len(cell.arm.links)))
     return Row(
-        vars(fit_row(found.models[k].name, estimate, found.seconds[k], prior=prior)),
+        vars(fit_row(fitted_models.models[k].name, estimate, fitted_models.seconds[k], prior=prior)),
         equations=estimate.regression.equations,
-        identification=error_row(found.used[k]),
+        identification=error_row(fitted_models.used[k]),
         check=None if check is None else error_row(check),
         intervals=None if widest is None else _intervals(cell, estimate, widest),
-        learnt=estimate.belief is not None and estimate.belief.moves is not None,
+        learnt=estimate.weighted_prior is not None
+        and estimate.weighted_prior.hyperparameter_effect is not None,
         links={link.name: C.tolist() for link, C in zip(cell.arm.links, blocks, strict=True)},
         joints=_joints(cell, estimate),
         units=UNITS,
@@ -243,9 +256,9 @@ def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
 
 def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
     """What every joint does beyond a linear spring; nothing of a linear model."""
-    if estimate.average is None or not estimate.average.laws:
+    if estimate.average is None or not estimate.average.laws_weight:
         return {}
-    found = sizes_of(vjm_of(cell.vjm, estimate.structure), estimate.C_theta)
+    found = sizes_of(model_for(cell.vjm, estimate.structure), estimate.C_theta)
     return {joint: {kind: UNIT_SIZES[kind] * own[kind] for kind in own} for joint, own in found.items()}
 
 

@@ -16,14 +16,14 @@ from testbench.data.dataset import Dataset
 from testbench.design.rows import marker_motion
 from testbench.errors import Array, Ids
 from testbench.identify.fold import reduce
-from testbench.identify.metric import Metric, metric, precision_root, whitened
+from testbench.identify.metric import PriorScaling, precision_root, scale_by_prior, weighted_rows
 from testbench.identify.observability import (
     Direction,
-    direction,
     directions,
-    idle,
     null_space,
-    whereabouts,
+    participants,
+    participation,
+    zero_columns,
 )
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior, Strength, aggregate
@@ -32,7 +32,7 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, marker_points, observation
 from testbench.runs.rows import Row
 
-POSES = 60
+RANDOM_POSES = 60
 """Random poses under the loads of the data: what these do not see, no pose under these loads shows."""
 TASKS = 50  #: Random poses in which predictions are judged.
 OFFSET = 0.3  #: Distance of a second load point or of one more marker [m].
@@ -47,7 +47,7 @@ AXES = ("stretch", "deflection y", "deflection z", "torsion", "rotation y", "rot
 
 
 @dataclass(frozen=True)
-class Proposal:
+class MeasurementProposal:
     """One more way to measure, and what it would bring."""
 
     words: str  #: What to do.
@@ -82,7 +82,7 @@ class Identifiability:
     share: Array
     error: float  #: RMS distance of predicted from true deflection to expect at random poses [m].
     deflection: float  #: RMS distance that the markers are expected to move there [m].
-    proposals: tuple[Proposal, ...]  #: What would help, the best first.
+    proposals: tuple[MeasurementProposal, ...]  #: What would help, the best first.
 
     @property
     def lost_to_poses(self) -> int:
@@ -107,20 +107,20 @@ def of_regression(
 ) -> Identifiability:
     """The same of a regression; the dataset may be some of its runs, evenly out of all."""
     structure, scaled = regression.structure, any_metric(prior, vjm, regression.structure)
-    everywhere = reduce(vjm, structure, more_poses(vjm, data, POSES, seed=0))
+    everywhere = reduce(vjm, structure, more_poses(vjm, data, RANDOM_POSES, seed=0))
     own = _rows(regression)
     loads, unit = np.vstack([own, _rows(everywhere)]), _unit(prior, vjm, structure)
     groups, none = _groups(vjm, structure), np.zeros((0, structure.n))
     to_structure = directions(generic_rows(vjm, structure), unit, groups, none)
     to_loads = directions(loads, unit, groups, to_structure)
-    wanted = tasks(vjm, data, structure)
+    wanted = sampled_tasks(vjm, data, structure)
     moved = np.linalg.norm(wanted @ (scaled.L @ scaled.expected), axis=-1)
     known = _known(scaled, strength, regression)
     component, entry = _places(vjm, structure)
-    found = []
+    proposals = []
     for words, more in _measured_otherwise(vjm, data, regression):
         error = expected_error(_known(scaled, strength, regression, more), wanted)
-        found.append(Proposal(words, rank(np.vstack([own, _rows(more)])), error, 0))
+        proposals.append(MeasurementProposal(words, rank(np.vstack([own, _rows(more)])), error, 0))
     return Identifiability(
         structure=structure,
         component=component,
@@ -133,18 +133,18 @@ def of_regression(
         rank_of_structure=structure.n - len(to_structure),
         equations=_equations(vjm, data),
         poses=len(np.unique(data.q, axis=0)),
-        lost_to_structure=tuple(map(direction, to_structure)),
-        not_loaded=tuple(np.flatnonzero(idle(loads)).tolist()),
-        lost_to_loads=tuple(map(direction, to_loads)),
-        spread=whereabouts(null_space(own), null_space(loads), unit),
+        lost_to_structure=tuple(map(participants, to_structure)),
+        not_loaded=tuple(np.flatnonzero(zero_columns(loads)).tolist()),
+        lost_to_loads=tuple(map(participants, to_loads)),
+        spread=participation(null_space(own), null_space(loads), unit),
         share=_share(known, scaled, strength),
         error=expected_error(known, wanted),
         deflection=math.sqrt(np.square(moved).mean()),
-        proposals=_placed(sorted(found, key=lambda p: (p.error, -p.rank))),
+        proposals=_placed(sorted(proposals, key=lambda p: (p.error, -p.rank))),
     )
 
 
-def unseen(found: Identifiability) -> list[Row]:
+def unseen_poses(identifiability: Identifiability) -> list[Row]:
     """List the directions that the data do not show, a row for each set of links and joints that trade.
 
     Returns:
@@ -152,34 +152,43 @@ def unseen(found: Identifiability) -> list[Row]:
         these are too few), `parts`, the number of `directions`, and `parameters` that change in the first.
     """
     rows: dict[tuple[str, tuple[str, ...]], Row] = {}
-    for why, lost in (("structure", found.lost_to_structure), ("loads", found.lost_to_loads)):
+    for why, lost in (
+        ("structure", identifiability.lost_to_structure),
+        ("loads", identifiability.lost_to_loads),
+    ):
         for own in lost:
             every = [*own.parameters, *own.others]
-            parts = tuple(dict.fromkeys(found.component[k] for k in sorted(every)))
-            names = ", ".join(_name(found, k) for k in every)
+            parts = tuple(dict.fromkeys(identifiability.component[k] for k in sorted(every)))
+            names = ", ".join(_name(identifiability, k) for k in every)
             start = Row(why=why, parts=", ".join(parts), directions=0, parameters=names)
             rows.setdefault((why, parts), start)["directions"] += 1
-    if found.lost_to_poses:
-        most = sorted(dict.fromkeys(found.component), key=lambda name: -_spread(found, name))[:NAMED]
-        last = Row(why="poses", parts=", ".join(most), directions=found.lost_to_poses, parameters="")
+    if identifiability.lost_to_poses:
+        most = sorted(
+            dict.fromkeys(identifiability.component), key=lambda name: -_spread(identifiability, name)
+        )[:NAMED]
+        last = Row(
+            why="poses", parts=", ".join(most), directions=identifiability.lost_to_poses, parameters=""
+        )
         rows["poses", ()] = last
     return list(rows.values())
 
 
-def _spread(found: Identifiability, part: str) -> float:
+def _spread(identifiability: Identifiability, part: str) -> float:
     """How many of the directions lost to too few poses a link or joint holds."""
-    return float(found.spread[np.array(found.component) == part].sum())
+    return float(identifiability.spread[np.array(identifiability.component) == part].sum())
 
 
-def _name(found: Identifiability, parameter: int) -> str:
+def _name(identifiability: Identifiability, parameter: int) -> str:
     """Name a parameter: its joint, or its link and axes."""
-    part, (a, b) = found.component[parameter], found.entry[parameter].tolist()
+    part, (a, b) = identifiability.component[parameter], identifiability.entry[parameter].tolist()
     if a < 0:
         return part
     return f"{part} {AXES[a]}" if a == b else f"{part} {AXES[min(a, b)]} with {AXES[max(a, b)]}"
 
 
-def told(vjm: Vjm, regression: Regression, prior: Prior, strength: Strength) -> tuple[tuple[str, ...], Array]:
+def explained_variance(
+    vjm: Vjm, regression: Regression, prior: Prior, strength: Strength
+) -> tuple[tuple[str, ...], Array]:
     """Link or joint of every parameter, and what the data take off its prior's variance, (n,)."""
     scaled = any_metric(prior, vjm, regression.structure)
     return _places(vjm, regression.structure)[0], _share(
@@ -187,7 +196,7 @@ def told(vjm: Vjm, regression: Regression, prior: Prior, strength: Strength) -> 
     )
 
 
-def tasks(vjm: Vjm, data: Dataset, structure: Structure) -> Array:
+def sampled_tasks(vjm: Vjm, data: Dataset, structure: Structure) -> Array:
     """Where predictions are wanted: random poses, the data's loads and markers, (poses, m, 3, n) [m]."""
     wanted = more_poses(vjm, data, TASKS, seed=1)
     args = (chain(vjm, wanted.q), structure, wanted.wrench, wanted.point)
@@ -195,25 +204,25 @@ def tasks(vjm: Vjm, data: Dataset, structure: Structure) -> Array:
 
 
 def expected_error(known: Posterior, wanted: Array) -> float:
-    """RMS distance of predicted from true deflections [m] at `tasks`; infinite if nothing fixes the scale."""
+    """RMS error of deflections [m] at `sampled_tasks`; infinite if nothing fixes the scale."""
     if len(known.unseen):
         return math.inf
     deviation = known.deviations(wanted.reshape(-1, wanted.shape[-1]))
     return math.sqrt(3 * np.square(deviation).mean())  # three axes a marker
 
 
-def _known(scaled: Metric, strength: Strength, *data: Regression) -> Posterior:
+def _known(scaled: PriorScaling, strength: Strength, *data: Regression) -> Posterior:
     """Parameters by a prior and by what the rows of data would tell, their readings aside."""
-    rows = [whitened(one, scaled)[0] for one in data]
+    rows = [weighted_rows(regression, scaled)[0] for regression in data]
     M = np.vstack([*rows, precision_root(scaled, strength)[0]])
     return Posterior.of_rows(M, scaled.L, scaled.L @ scaled.expected)
 
 
-def _placed(found: list[Proposal]) -> tuple[Proposal, ...]:
-    placed: list[Proposal] = []
+def _placed(proposals: list[MeasurementProposal]) -> tuple[MeasurementProposal, ...]:
+    placed: list[MeasurementProposal] = []
     first = 0
-    for k, proposal in enumerate(found):
-        best = found[first]
+    for k, proposal in enumerate(proposals):
+        best = proposals[first]
         if proposal.error > (1 + TIE) * best.error or proposal.rank != best.rank:
             first = k
         placed.append(replace(proposal, place=first + 1))
@@ -235,20 +244,20 @@ def _places(vjm: Vjm, structure: Structure) -> tuple[tuple[str, ...], Array]:
     return tuple(names[k] for k in where), entry
 
 
-def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
+def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
     """The metric of the prior; for blocks that lack entries that of its entries taken one by one.
 
-    It refuses what `metric` refuses, but for the entries that are lacking.
+    It refuses what `scale_by_prior` refuses, but for the entries that are lacking.
     """
     check_symmetric(structure)
-    if structure.whole:
-        return metric(prior, vjm, structure)
+    if structure.has_full_blocks:
+        return scale_by_prior(prior, vjm, structure)
     pairs = [(a, b) for block in structure.blocks for b in block for a in block if a <= b]
     a, b = np.array(pairs).T
-    metric(prior, vjm, replace(structure, a=a, b=b))  # refuses a bad prior
+    scale_by_prior(prior, vjm, replace(structure, a=a, b=b))  # refuses a bad prior
     size = _unit(prior, vjm, structure) * np.where(structure.a == structure.b, 1, np.sqrt(0.5))
     expected = structure.entries(aggregate(prior.C_theta, vjm, structure)) / size
-    return Metric(prior.name, structure, np.diag(size), expected, ())
+    return PriorScaling(prior.name, structure, np.diag(size), expected, ())
 
 
 def set_aside(vjm: Vjm, structure: Structure) -> list[str]:
@@ -274,7 +283,7 @@ def _groups(vjm: Vjm, structure: Structure) -> list[Ids]:
     return [np.flatnonzero(place == k) for k in np.unique(place)]
 
 
-def _share(known: Posterior, scaled: Metric, strength: Strength) -> Array:
+def _share(known: Posterior, scaled: PriorScaling, strength: Strength) -> Array:
     """What the data take off the prior's variance of every parameter, (n,).
 
     The prior's variance is that at a known common scale: what the data tell of all parameters by fixing
@@ -296,7 +305,7 @@ def _equations(vjm: Vjm, data: Dataset) -> int:
     return int(np.linalg.matrix_rank(motion)) * len(different)
 
 
-def imagined(data: Dataset, **changes: object) -> Dataset:
+def without_readings(data: Dataset, **changes: object) -> Dataset:
     """The dataset with other runs, markers or loads, and all readings zero: only its rows are wanted."""
     other = {"run": data.run, "q": data.q, "markers": data.markers, **changes}
     runs, markers = len(np.asarray(other["run"])), len(tuple(other["markers"]))  # type: ignore[arg-type]
@@ -317,26 +326,26 @@ def more_poses(vjm: Vjm, data: Dataset, count: int, *, seed: int) -> Dataset:
     if data.runs > count:
         turn = np.linspace(0, data.runs - 1, count).astype(int)
     ids = np.arange(count)
-    return imagined(data, run=ids, pose=ids, q=q, wrench=data.wrench[turn], point=data.point[turn])
+    return without_readings(data, run=ids, pose=ids, q=q, wrench=data.wrench[turn], point=data.point[turn])
 
 
 def _measured_otherwise(vjm: Vjm, data: Dataset, regression: Regression) -> Iterator[tuple[str, Regression]]:
     """What each proposal adds, reduced."""
     structure = regression.structure
     for words, extra in _loads(data):
-        yield words, reduce(vjm, structure, imagined(data, **extra))
+        yield words, reduce(vjm, structure, without_readings(data, **extra))
     poses = np.unique(data.q, axis=0, return_inverse=True)[1].ravel()
     fresh = more_poses(vjm, data, poses.max() + 1, seed=2).q[poses]
-    yield "as many poses again at random", reduce(vjm, structure, imagined(data, q=fresh))
+    yield "as many poses again at random", reduce(vjm, structure, without_readings(data, q=fresh))
     points = marker_points(vjm, data.markers)
     name = f"one more marker off the {'plane' if len(points) > 2 else 'line'} of the {len(points)}"
     name = "a second marker" if len(points) == 1 else name
-    marker = reduce(_with_marker(vjm, points, name), structure, imagined(data, markers=(name,)))
+    marker = reduce(_with_marker(vjm, points, name), structure, without_readings(data, markers=(name,)))
     yield name, replace(marker, terms=marker.terms[:1])
     if data.rotation_before is None:
         blank = np.zeros((data.runs, 3))
         turned = replace(
-            imagined(data), rotation_before=blank, rotation_after=blank, sigma_rotation=SIGMA_ROTATION
+            without_readings(data), rotation_before=blank, rotation_after=blank, sigma_rotation=SIGMA_ROTATION
         )
         read = reduce(vjm, structure, turned)
         yield (

@@ -52,7 +52,7 @@ def load_dataset(
     path, arm = Path(folder) / CAMPAIGNS, load_arm(Path(folder) / "arms" / ARM)
     known = read_table(path, KNOWN, split=split)
     measured, truth = (_sets(Path(folder) / name, arm, split) for name in (READINGS, DEFLECTIONS))
-    found = []
+    public_campaigns = []
     for number, of, part, seed, *C in zip(*(known[name].tolist() for name in KNOWN), strict=True):
         try:
             own, true, prior = measured[number], truth[number], Prior(f"{number}", _compliances(arm, *C))
@@ -60,8 +60,8 @@ def load_dataset(
         except (KeyError, ValueError) as err:
             problem = "expected its prior, readings and true deflections"
             raise InputError(path, f"campaign {number}", problem) from err
-        found.append(PublicCampaign(number, of, part, prior, Campaign(SCENARIO, seed, *sets)))
-    return found
+        public_campaigns.append(PublicCampaign(number, of, part, prior, Campaign(SCENARIO, seed, *sets)))
+    return public_campaigns
 
 
 def _compliances(arm: Arm, links: Sequence[float], joints: Sequence[float]) -> Array:

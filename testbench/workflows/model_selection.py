@@ -17,23 +17,31 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, Ids
 from testbench.identify import Estimate, Estimator, Method, with_prior
-from testbench.identify.crossval import Candidate, Duel, Fold, divided, folds, unless_beaten
-from testbench.identify.fold import Parts, reduce_parts
+from testbench.identify.crossval import Candidate, Duel, Fold, divide_poses, folds, unless_beaten
+from testbench.identify.fold import PartitionedRegression, reduce_parts
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import f_m
 from testbench.model.laws import with_laws, with_ties
 from testbench.progress import stepwise
 from testbench.workflows.advice import of_average
 from testbench.workflows.cell import Cell
-from testbench.workflows.evaluation import of_model
-from testbench.workflows.models import EVERY, JOINTS, MODELS, Model, named_models, own_name, right_name
+from testbench.workflows.evaluation import fit_model
+from testbench.workflows.models import (
+    ALL_UNKNOWNS,
+    JOINTS,
+    MODELS,
+    Model,
+    arm_model_name,
+    canonical_name,
+    named_models,
+)
 
 FILLED = " + prior"
 DEFAULT = f"ALL153{FILLED}"  #: Of an arm of six joints; of any arm `default_name`.
-PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+MODELS_WITHOUT_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68")
 WITH_PRIOR = (JOINTS, "MGCO56", "MGCO68", "ALL153")
 """What is fitted to a user's runs where no model is named, without and with a prior."""
-LEAST_POSES = 4  #: Below it what is held out in turn is too little to overthrow a default.
+MIN_POSES = 4  #: Below it what is held out in turn is too little to overthrow a default.
 
 
 @dataclass(frozen=True)
@@ -46,7 +54,7 @@ class Recommendation:
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChosenModel:
     """The model that is taken by default."""
 
     name: str
@@ -61,7 +69,9 @@ def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = 
     """
     if prior is None:
         return named_models(cell, _possible(cell, tuple(MODELS)))
-    plain, filled = (named_models(cell, _possible(cell, names)) for names in (PLAIN, WITH_PRIOR))
+    plain, filled = (
+        named_models(cell, _possible(cell, names)) for names in (MODELS_WITHOUT_PRIOR, WITH_PRIOR)
+    )
     return [*plain, *with_priors(cell.arm, filled, prior, strength)]
 
 
@@ -87,18 +97,21 @@ def asked_models(
     """
     models = named_models(cell, names) if names else default_models(cell, prior, strength)
     if names and prior is not None:
-        models = [with_priors(cell.arm, [m], prior, strength)[0] if m.structure.whole else m for m in models]
+        models = [
+            with_priors(cell.arm, [m], prior, strength)[0] if m.structure.has_full_blocks else m
+            for m in models
+        ]
     return models if loss is None else [replace(m, estimator=loss(m.estimator)) for m in models]
 
 
 def default_name(arm: Arm) -> str:
     """What the default of an arm is called, such as ALL153 + prior."""
-    return f"{right_name(arm, EVERY)}{FILLED}"
+    return f"{canonical_name(arm, ALL_UNKNOWNS)}{FILLED}"
 
 
 def _possible(cell: Cell, kinds: Sequence[str]) -> list[str]:
     """Names of those kinds of models that the arm has."""
-    return list(dict.fromkeys(name for kind in kinds if (name := own_name(cell, kind))))
+    return list(dict.fromkeys(name for kind in kinds if (name := arm_model_name(cell, kind))))
 
 
 def with_priors(
@@ -111,55 +124,58 @@ def with_priors(
 def _with_prior(arm: Arm, model: Model, prior: Prior, strength: Strength | None) -> Model:
     """With a prior; where it is learnt the model of all links and joints has the joints' laws beside."""
     method, s = with_prior(model.estimator, prior, strength), model.structure
-    whole = s.whole and len(s.blocks) == 2 * s.links - 1
+    whole = s.has_full_blocks and len(s.blocks) == 2 * s.links - 1
     structure = with_ties(with_laws(s, arm)) if method.learns and whole else s
     return Model(f"{model.name}{FILLED}", structure, method)
 
 
-def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
+def choose_model(cell: Cell, data: Dataset, prior: Prior) -> ChosenModel:
     """The default, or joints alone where these predict what is held out clearly better."""
-    models = [*named_models(cell, (JOINTS,)), *with_priors(cell.arm, named_models(cell, (EVERY,)), prior)]
-    found = recommend(cell, models, data)
-    [model] = [m for m in models if m.name == found.name]
-    estimate = of_model(cell, model, data)
-    return Choice(model.name, estimate, why(found, estimate))
+    models = [
+        *named_models(cell, (JOINTS,)),
+        *with_priors(cell.arm, named_models(cell, (ALL_UNKNOWNS,)), prior),
+    ]
+    recommendation = recommend(cell, models, data)
+    [model] = [m for m in models if m.name == recommendation.name]
+    estimate = fit_model(cell, model, data)
+    return ChosenModel(model.name, estimate, reason_for(recommendation, estimate))
 
 
-def why(found: Recommendation, estimate: Estimate) -> str:
+def reason_for(recommendation: Recommendation, estimate: Estimate) -> str:
     """Why a model is taken, and how much other models count in it."""
-    return "; ".join([*of_average(estimate.average), found.why])
+    return "; ".join([*of_average(estimate.average), recommendation.why])
 
 
 @dataclass(frozen=True)
-class Folded:
+class ReducedRuns:
     """Runs to fit, reduced once for all models, in parts of which some are held out in turn."""
 
     data: Dataset  #: Those that are held, for estimators of one's own.
     poses: int  #: All are in.
     part: Ids  #: Of every run, `crossval.divided`.
-    parts: Mapping[str, Parts]  #: By the name of the structure.
+    parts: Mapping[str, PartitionedRegression]  #: By the name of the structure.
 
 
-def folded(cell: Cell, models: Sequence[Model], data: Dataset) -> Folded:
+def reduce_runs(cell: Cell, models: Sequence[Model], data: Dataset) -> ReducedRuns:
     """Runs reduced for the structures of models."""
     structures = {m.structure.name: m.structure for m in models}
-    part = divided(data)
+    part = divide_poses(data)
     parts = reduce_parts(cell.vjm, list(structures.values()), data, part)
-    return Folded(data, len(np.unique(data.pose)), part, dict(zip(structures, parts, strict=True)))
+    return ReducedRuns(data, len(np.unique(data.pose)), part, dict(zip(structures, parts, strict=True)))
 
 
-def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | Folded) -> Recommendation:
+def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | ReducedRuns) -> Recommendation:
     """The default, or the model of fewest unknowns where it is not there, unless beaten on what is held out.
 
     The default can be beaten by joints alone only; what else was fitted stands beside it to compare. Outliers
     stay in, as every model has to face the same readings.
     """
-    runs = runs if isinstance(runs, Folded) else folded(cell, models, runs)
+    runs = runs if isinstance(runs, ReducedRuns) else reduce_runs(cell, models, runs)
     default = default_name(cell.arm)
     first = min(models, key=lambda m: (m.name != default, m.structure.n))
-    if runs.poses < LEAST_POSES or len(models) == 1:
-        few = f"with fewer than {LEAST_POSES} poses none is held out"
-        why = few if runs.poses < LEAST_POSES else "no other model was fitted"
+    if runs.poses < MIN_POSES or len(models) == 1:
+        few = f"with fewer than {MIN_POSES} poses none is held out"
+        why = few if runs.poses < MIN_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
     every = tuple(Candidate(m.name, _errors(cell, m, runs)) for m in models)
     rivals = [c for c in every if first.name != default or c.name in (default, JOINTS)]
@@ -178,15 +194,15 @@ def _why(duel: Duel, first: str, default: str) -> str:
     )
 
 
-def _errors(cell: Cell, model: Model, runs: Folded) -> Array:
+def _errors(cell: Cell, model: Model, runs: ReducedRuns) -> Array:
     """F_M on what is held out, (folds,) [1]; an estimator of one's own sees the other runs as they are."""
     method = model.estimator
 
     def fit(fold: Fold) -> Array:
         if isinstance(method, Method):
-            pi = method.of(cell.vjm, fold.parts, widths=False).pi
+            pi = method.fit_reduced(cell.vjm, fold.parts, widths=False).pi
             return np.pad(pi, (0, model.structure.n - len(pi)))  # laws are last
-        return of_model(cell, model, select(runs.data, np.isin(runs.part, fold.kept))).pi
+        return fit_model(cell, model, select(runs.data, np.isin(runs.part, fold.kept))).pi
 
     held = folds(runs.parts[model.structure.name])
     return np.array([f_m(fold.held_out, fit(fold)) for fold in stepwise(held, "cross-validating")])

@@ -93,10 +93,10 @@ PAPERS_JOINTS = 6  #: Joints of the arms for which the paper chose links and par
 ANY_ARM = (JOINTS, "MLS56", "MGCO56", "MGCO147", "ALL153")
 """Kinds of models that take all links or none, and so are of any arm."""
 LEVEL = 1e-9  #: Of a direction's upward part: rounding.
-EVERY = "ALL"  #: Of any arm the model of all links and joints, whatever its count.
+ALL_UNKNOWNS = "ALL"  #: Of any arm the model of all links and joints, whatever its count.
 
 
-def own_names(arm: Arm) -> dict[str, str]:
+def arm_model_names(arm: Arm) -> dict[str, str]:
     """Map the names of an arm's models to their kinds, keys of `MODELS`."""
     if arm.n_joints == PAPERS_JOINTS:
         return {name: name for name in MODELS}
@@ -107,7 +107,7 @@ def own_names(arm: Arm) -> dict[str, str]:
     return found if arm.joints else {name: kind for name, kind in found.items() if kind != JOINTS}
 
 
-def own_name(cell: Cell, kind: str) -> str | None:
+def arm_model_name(cell: Cell, kind: str) -> str | None:
     """Return the name of an arm's model of a kind.
 
     MGCO68 leaves out joint 1 because gravity does not load it. If gravity does, MGCO69 replaces it.
@@ -120,12 +120,12 @@ def own_name(cell: Cell, kind: str) -> str | None:
         The name; None if the arm has no such model.
     """
     kind = "MGCO69" if kind == "MGCO68" and _first_is_loaded(cell.vjm) else kind
-    return next((name for name, own in own_names(cell.arm).items() if own == kind), None)
+    return next((name for name, own in arm_model_names(cell.arm).items() if own == kind), None)
 
 
 def plain_name(cell: Cell) -> str:
     """Return the default model for a fit without a prior."""
-    found = own_name(cell, "MGCO68") or own_name(cell, "MGCO56")
+    found = arm_model_name(cell, "MGCO68") or arm_model_name(cell, "MGCO56")
     assert found  # of any arm
     return found
 
@@ -151,10 +151,10 @@ def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
     Raises:
         BenchError: If the arm has no such model.
     """
-    return [MODELS[own_names(cell.arm)[right_name(cell.arm, name)]](cell) for name in names]
+    return [MODELS[arm_model_names(cell.arm)[canonical_name(cell.arm, name)]](cell) for name in names]
 
 
-def right_name(arm: Arm, name: str) -> str:
+def canonical_name(arm: Arm, name: str) -> str:
     """Find the exact name of an arm's model.
 
     Args:
@@ -167,9 +167,9 @@ def right_name(arm: Arm, name: str) -> str:
     Raises:
         BenchError: If the arm has no such model.
     """
-    names = own_names(arm)
+    names = arm_model_names(arm)
     every = {known.casefold(): known for known in names}
-    every |= {EVERY.casefold(): next(known for known, kind in names.items() if kind == "ALL153")}
+    every |= {ALL_UNKNOWNS.casefold(): next(known for known, kind in names.items() if kind == "ALL153")}
     if name.casefold() in every:
         return every[name.casefold()]
     of = "" if arm.n_joints == PAPERS_JOINTS else f" of {arm.name}, {arm.n_joints} joints"

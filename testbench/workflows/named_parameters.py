@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.errors import Array
-from testbench.identify.absolute.evidence import Choice
+from testbench.identify.absolute.evidence import ActiveUnknowns
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import posterior_of
 
@@ -55,22 +55,22 @@ def intervals(calibration: Calibration) -> tuple[Interval, ...]:
     They count with the readings and the learnt priors: an error that readings cannot tell from another one,
     such as two shifts along one axis, has the interval of its prior.
     """
-    own, known, found = calibration.own, posterior_of(calibration), []
-    for group in functionals(own):
-        a = group.of[:, own.columns]
+    active, known, found = calibration.active, posterior_of(calibration), []
+    for group in functionals(active):
+        a = group.of[:, active.columns]
         value, half = group.scale * (a @ known.x), group.scale * known.half_widths(a)
         rows = zip(group.names, value.tolist(), half.tolist(), group.units, strict=True)
         found += [Interval(group.part, *row) for row in rows]
     return tuple(found)
 
 
-def functionals(own: Choice) -> tuple[Functionals, ...]:
+def functionals(active: ActiveUnknowns) -> tuple[Functionals, ...]:
     """All that has a name: geometry, then errors of the joints, joints' compliances, entries of C_theta."""
     parts: dict[Part, list[Named]] = {
-        "geometry": list(_geometry(own)),
-        "joint errors": list(_errors(own)),
-        "joint compliances": [] if own.elastic is None else list(_joints(own)),
-        "entries": list(_entries(own)),
+        "geometry": list(_geometry(active)),
+        "joint errors": list(_errors(active)),
+        "joint compliances": [] if active.elastic is None else list(_joints(active)),
+        "entries": list(_entries(active)),
     }
     found = []
     for part, named in parts.items():
@@ -80,27 +80,27 @@ def functionals(own: Choice) -> tuple[Functionals, ...]:
     return tuple(found)
 
 
-def _geometry(own: Choice) -> Iterator[Named]:
+def _geometry(active: ActiveUnknowns) -> Iterator[Named]:
     """Constants of the inner links' virtual joints."""
-    every = np.eye(own.unknowns.size)[own.unknowns.columns("geometry")]
-    for row, (link, axis) in zip(every, product(own.unknowns.vjm.arm.links[1:-1], AXES), strict=True):
+    every = np.eye(active.unknowns.size)[active.unknowns.columns("geometry")]
+    for row, (link, axis) in zip(every, product(active.unknowns.vjm.arm.links[1:-1], AXES), strict=True):
         yield f"{link.name} {axis}", "mm" if axis in AXES[:3] else "mrad", row
 
 
-def _errors(own: Choice) -> Iterator[Named]:
+def _errors(active: ActiveUnknowns) -> Iterator[Named]:
     """Coefficients of the joint errors that are on."""
-    unknowns, errors, every = own.unknowns, own.unknowns.errors, np.eye(own.unknowns.size)
+    unknowns, errors, every = active.unknowns, active.unknowns.errors, np.eye(active.unknowns.size)
     words = [f"{wave} {k}" for wave in ("sin", "cos") for k in errors.orders]
     words += errors.kinds[len(words) :]
     places = product(unknowns.vjm.arm.joints, zip(words, errors.kinds, strict=True))
     for column, (joint, (word, kind)) in enumerate(places, unknowns.starts["errors"]):
-        if column in own.columns and not (joint.prismatic and kind == "harmonics"):
+        if column in active.columns and not (joint.prismatic and kind == "harmonics"):
             yield f"{joint.name} {word}", "um" if joint.prismatic else "urad", every[column]
 
 
-def _joints(own: Choice) -> Iterator[Named]:
+def _joints(active: ActiveUnknowns) -> Iterator[Named]:
     """A joint's compliance and that of the link before it about, of a slide along, its axis."""
-    unknowns, arm = own.unknowns, own.unknowns.vjm.arm
+    unknowns, arm = active.unknowns, active.unknowns.vjm.arm
     a, b = unknowns.structure.a, unknowns.structure.b
     for k, joint in enumerate(arm.joints):
         v, row = np.zeros(arm.n_theta), np.zeros(unknowns.size)
@@ -110,12 +110,12 @@ def _joints(own: Choice) -> Iterator[Named]:
         yield joint.name, "um/N" if joint.prismatic else "urad/(N m)", row
 
 
-def _entries(own: Choice) -> Iterator[Named]:
+def _entries(active: ActiveUnknowns) -> Iterator[Named]:
     """Entries of C_theta that are on."""
-    structure, arm, every = own.unknowns.structure, own.unknowns.vjm.arm, np.eye(own.unknowns.size)
+    structure, arm, every = active.unknowns.structure, active.unknowns.vjm.arm, np.eye(active.unknowns.size)
     links = 6 * len(arm.links)
-    for column in own.columns[own.rigid :].tolist():
-        a, b = (int(x[column - own.unknowns.starts["elastic"]]) for x in (structure.a, structure.b))
+    for column in active.columns[active.rigid :].tolist():
+        a, b = (int(x[column - active.unknowns.starts["elastic"]]) for x in (structure.a, structure.b))
         if a < links:
             name = f"{arm.links[a // 6].name} {ENTRY[a % 6]}, {ENTRY[b % 6]}"
             turns = (a % 6 > 2) + (b % 6 > 2)

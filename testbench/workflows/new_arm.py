@@ -9,10 +9,10 @@ from pathlib import Path
 
 from testbench.arm.folder import COMPLIANCE_UNIT, OFFSETS
 from testbench.errors import Array
-from testbench.files.robot.robot import Chain, Note
+from testbench.files.robot.robot import ImportedChain, Note
 from testbench.files.robot.write import rigid_mjcf
-from testbench.workflows.beam import reach
-from testbench.workflows.propose import ALUMINIUM, LinkProposal, Proposal, Wishes, in_wrist, propose
+from testbench.workflows.beam import beam_reach
+from testbench.workflows.propose import ALUMINIUM, LinkProposal, Proposal, UserInputs, in_wrist, propose
 
 SPREAD = 1.9  #: The law misses the known compliances by this factor, root mean square of the logarithm [1].
 GUESSED = "so from payload and reach"  #: Ends the note of a diameter that no shape tells.
@@ -68,7 +68,7 @@ def sentence(note: Note) -> str:
     )
 
 
-def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> list[str]:
+def write_arm(chain: ImportedChain, wishes: UserInputs, folder: Path) -> list[str]:
     """Write everything of an arm's folder.
 
     Args:
@@ -102,11 +102,11 @@ def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> list[str]:
     return [*notes, *(f"estimated: {words}" for words in guessed)]
 
 
-def elastic_toml(chain: Chain, wishes: Wishes, proposal: Proposal) -> str:
+def elastic_toml(chain: ImportedChain, wishes: UserInputs, proposal: Proposal) -> str:
     """What to confirm, then the numbers, each with how it is known; all that nobody stated is "estimated"."""
     payload, note = _quantity(proposal.payload, "kg", "as stated by --payload-kg", "published"), ""
     if wishes.payload is None:
-        note = f"from its mass of {chain.mass:.4g} kg and reach of {reach(chain, chain.tip.pose):.2f} m"
+        note = f"from its mass of {chain.mass:.4g} kg and reach of {beam_reach(chain, chain.tip.pose):.2f} m"
         if bare := [part.name for part in chain.parts[1:] if not part.weighed]:
             no = "masses" if len(bare) == chain.n_joints else f"mass of {', '.join(bare)}"
             note += f", the file has no {no}"
@@ -135,15 +135,15 @@ def elastic_toml(chain: Chain, wishes: Wishes, proposal: Proposal) -> str:
     return "\n".join(text) + "\n"
 
 
-def _joint_rows(chain: Chain) -> list[str]:
+def _joint_rows(chain: ImportedChain) -> list[str]:
     """The table [joints] of joints that follow others."""
-    found = chain.joint_map
-    if found is None:
+    joint_map = chain.joint_map
+    if joint_map is None:
         return []
     lines = ["", "[joints]"]
     for k, joint in enumerate(chain.joints):
-        row = {name: c for name, c in zip(found.names, found.L[k].tolist(), strict=True) if c}
-        offset = 1e3 * found.q_0[k] if joint.prismatic else math.degrees(found.q_0[k])
+        row = {name: c for name, c in zip(joint_map.names, joint_map.L[k].tolist(), strict=True) if c}
+        offset = 1e3 * joint_map.q_0[k] if joint.prismatic else math.degrees(joint_map.q_0[k])
         if row == {joint.name: 1.0} and not offset:
             continue
         cells = [f"{name} = {c!r}" for name, c in row.items()]  # such names stand without quotes

@@ -8,15 +8,15 @@ from scipy.linalg import block_diag
 from testbench.design.planning import Plan
 from testbench.design.rows import SCALE_UNCERTAINTY, Specification, measured_rows
 from testbench.errors import Array, Mask
-from testbench.identify.metric import metric, precision_root
+from testbench.identify.metric import precision_root, scale_by_prior
 from testbench.identify.prior import Prior, Strength
-from testbench.model.laws import as_loaded, lawful, with_laws
+from testbench.model.laws import for_load_history, with_joint_laws, with_laws
 from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.workflows.plan_settings import pull_words
-from testbench.workflows.predicted_error import first_digit, within
+from testbench.workflows.predicted_error import first_digit, prior_uncertainty
 
-LEFT = 0.5  #: Share of the variance of a law's size beyond which readings do not tell it [1].
+OPEN_VARIANCE_SHARE = 0.5  #: Share of the variance of a law's size beyond which readings do not tell it [1].
 LIGHTER = 0.4  #: Weight of a second load over the first [1].
 
 
@@ -32,27 +32,32 @@ class OpenLaw:
 
 
 def open_laws(plan: Plan, prior: Prior) -> list[OpenLaw]:
-    """Laws of which a plan's readings leave more than `LEFT` of their sizes' variance.
+    """Laws of which a plan's readings leave more than `OPEN_VARIANCE_SHARE` of their sizes' variance.
 
     Sizes are uncertain by one before, compliances as the plan has them. None where links are not all
     identified with a prior: then joints are linear.
     """
     spec, vjm = plan.specification, plan.specification.experiment.vjm
     plain = all153(vjm.arm)
-    linear = spec.experiment.metric.structure.n < plain.n or not vjm.arm.joints
+    linear = spec.experiment.scaling.structure.n < plain.n or not vjm.arm.joints
     if spec.uncertainty is None or linear:
         return []
-    whole = metric(prior, lawful(vjm), with_laws(plain, vjm.arm))
-    B, _ = precision_root(metric(prior, vjm, plain), Strength(within(spec), SCALE_UNCERTAINTY))
-    own = replace(spec, experiment=replace(spec.experiment, vjm=lawful(vjm), metric=whole))
-    M = block_diag(B.T @ B, np.eye(whole.structure.laws)) + _information(own, plan)
+    whole = scale_by_prior(prior, with_joint_laws(vjm), with_laws(plain, vjm.arm))
+    B, _ = precision_root(
+        scale_by_prior(prior, vjm, plain), Strength(prior_uncertainty(spec), SCALE_UNCERTAINTY)
+    )
+    specification = replace(
+        spec, experiment=replace(spec.experiment, vjm=with_joint_laws(vjm), scaling=whole)
+    )
+    M = block_diag(B.T @ B, np.eye(whole.structure.laws)) + _information(specification, plan)
     stays = _open(M, plain.n)
     tells = {
-        words: stays & ~_open(M + _information(s, plan), plain.n) for words, s in further(own, plan).items()
+        words: stays & ~_open(M + _information(s, plan), plain.n)
+        for words, s in further_readings(specification, plan).items()
     }
     kinds: dict[str, dict[str, int]] = {}
     for k in np.flatnonzero(stays).tolist():
-        joint, _, kind = whole.structure.labels[whole.structure.plain + k].rpartition(" ")
+        joint, _, kind = whole.structure.labels[whole.structure.n_compliance_rows + k].rpartition(" ")
         kinds.setdefault(kind, {})[joint] = k
     return [_open_law(kind, places, tells) for kind, places in kinds.items()]
 
@@ -65,10 +70,10 @@ def _open_law(kind: str, places: dict[str, int], tells: dict[str, Mask]) -> Open
     return OpenLaw(kind, list(places), by if told[by] else None, told[by], never)
 
 
-def further(spec: Specification, plan: Plan) -> dict[str, Specification]:
+def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification]:
     """What may be read once more in every pose, in words, the easiest first."""
     vjm, at, every = spec.experiment.vjm, spec.experiment.vjm.load, len(spec.loads)
-    back = replace(spec.experiment, vjm=as_loaded(vjm, np.ones(len(plan.q), dtype=bool)))
+    back = replace(spec.experiment, vjm=for_load_history(vjm, np.ones(len(plan.q), dtype=bool)))
     lighter = tuple(Load(LIGHTER * load.wrench, load.point) for load in spec.loads)
     pulls = first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3]))) * np.eye(3)
     return {
@@ -84,10 +89,10 @@ def further(spec: Specification, plan: Plan) -> dict[str, Specification]:
 
 def _information(spec: Specification, plan: Plan) -> Array:
     """What the plan's poses tell of all unknowns, (n, n)."""
-    A = measured_rows(spec, plan.q, plan.load).reshape(-1, spec.experiment.metric.structure.n)
+    A = measured_rows(spec, plan.q, plan.load).reshape(-1, spec.experiment.scaling.structure.n)
     return np.asarray(A.T @ A)
 
 
 def _open(M: Array, plain: int) -> Mask:
     """Which laws information leaves open, those behind so many plain unknowns, (laws,)."""
-    return np.asarray(np.diag(np.linalg.inv(M))[plain:] > LEFT)
+    return np.asarray(np.diag(np.linalg.inv(M))[plain:] > OPEN_VARIANCE_SHARE)

@@ -22,13 +22,13 @@ from testbench.model.vjm import Vjm
 from testbench.runs import provenance as files
 from testbench.workflows.cell import Cell
 from testbench.workflows.models import MODELS, Model
-from testbench.workflows.own_process import SUFFIX, Limits, Own, ask, file_of
+from testbench.workflows.own_process import SUFFIX, EstimatorSource, Limits, call_estimator, file_of
 
 FLAG = "--estimator"
 FORM = "[NAME=]FILE.py:function or [NAME=]module:function"
 ASKED = re.compile(r"(?:(?P<name>[^=:/]*)=)?(?P<source>[^:]+):(?P<function>[^\W\d]\w*)")
-NAME = re.compile(r"[^\W\d][\w-]{0,39}")
-MOST = 1.0
+ESTIMATOR_NAME = re.compile(r"[^\W\d][\w-]{0,39}")
+MAX_COMPLIANCE = 1.0
 """Largest compliance and covariance of an answer [SI]: no arm gives way by a metre under a newton."""
 MODULE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
 
@@ -60,80 +60,82 @@ class EstimatorOptions(LimitOptions):
     ] = None
 
     @property
-    def own(self) -> tuple[Own, ...]:
-        """Those that were asked for; BenchError as `read_own`."""
-        return read_own(self.estimator or (), self.limits, tuple(MODELS))
+    def own(self) -> tuple[EstimatorSource, ...]:
+        """Those that were asked for; BenchError as `read_estimators`."""
+        return read_estimators(self.estimator or (), self.limits, tuple(MODELS))
 
 
-def read_own(texts: Sequence[str], limits: Limits, taken: Sequence[str], flag: str = FLAG) -> tuple[Own, ...]:
+def read_estimators(
+    texts: Sequence[str], limits: Limits, taken: Sequence[str], flag: str = FLAG
+) -> tuple[EstimatorSource, ...]:
     """Estimators as they are named on the command line; each is imported once, in a process apart.
 
     BenchError when one cannot be imported, lacks its function, or has a name that is taken.
     """
-    found = tuple(_read(text, limits, flag) for text in texts)
-    names = [own.name for own in found]
+    estimator_sources = tuple(_read(text, limits, flag) for text in texts)
+    names = [estimator_source.name for estimator_source in estimator_sources]
     for name in names:
         if names.count(name) > 1 or name.casefold() in map(str.casefold, taken):
             raise BenchError(f"{flag}: the name {name!r} is taken: put another before it, NAME=...")
-    return found
+    return estimator_sources
 
 
-def _read(text: str, limits: Limits, flag: str) -> Own:
+def _read(text: str, limits: Limits, flag: str) -> EstimatorSource:
     found = ASKED.fullmatch(text)
     source = found["source"] if found else ""
     if not found or not (source.endswith(SUFFIX) or MODULE.fullmatch(source)):
         raise BenchError(f"{flag}: expected {FORM}, got {text!r}")
     name = found["function"] if found["name"] is None else found["name"]
-    if not NAME.fullmatch(name):
+    if not ESTIMATOR_NAME.fullmatch(name):
         raise BenchError(f"{flag}: expected a name of letters, digits, _ and -, got {name!r}")
     if source.endswith(SUFFIX):
         source = str(Path(source).resolve())
         files.digest(Path(source))  # refuses what is no file
-    own = Own(name, source, found["function"], limits)
+    estimator_source = EstimatorSource(name, source, found["function"], limits)
     try:
-        return replace(own, sha256=files.digest(file_of(own)))
+        return replace(estimator_source, sha256=files.digest(file_of(estimator_source)))
     except BenchError as err:
         raise BenchError(f"{flag}: {source}: {err}") from err
 
 
-def digests_of(own: Sequence[Own]) -> dict[str, dict[str, str]]:
+def digests_of(estimator_sources: Sequence[EstimatorSource]) -> dict[str, dict[str, str]]:
     """What manifest.json says of estimators: SHA-256 of the files, by the estimator's name."""
-    return {"estimators": {each.name: each.sha256 for each in own}} if own else {}
+    return {"estimators": {each.name: each.sha256 for each in estimator_sources}} if estimator_sources else {}
 
 
 Models = Callable[[Cell, Prior | None], list[Model]]
 
 
-def check_unchanged(own: Sequence[Own]) -> None:
+def check_unchanged(estimator_sources: Sequence[EstimatorSource]) -> None:
     """Refuse, by BenchError, a file that is not the one that was asked for."""
-    for each in own:
+    for each in estimator_sources:
         if files.digest(file_of(each)) != each.sha256:
             raise BenchError(f"{FLAG}: {each.source} has changed since the run began")
 
 
-def hired(own: Sequence[Own]) -> Models:
+def estimator_models(estimator_sources: Sequence[EstimatorSource]) -> Models:
     """Return a function that makes their models of a cell and the prior of a trial.
 
     Raises:
         BenchError: When a file has changed, see `check_unchanged`.
     """
-    check_unchanged(own)
+    check_unchanged(estimator_sources)
     return lambda cell, prior: [
-        Model(each.name, replace(all153(cell.arm), name=f"own {k}"), Hired(each, prior))
-        for k, each in enumerate(own, 1)
+        Model(each.name, replace(all153(cell.arm), name=f"own {k}"), UserEstimator(each, prior))
+        for k, each in enumerate(estimator_sources, 1)
     ]
 
 
 @dataclass(frozen=True)
-class Hired:
+class UserEstimator:
     """An estimator of one's own, called like any method."""
 
-    own: Own
+    own: EstimatorSource
     prior: Prior | None  #: Of the trial; None where there is none.
 
     def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         """Its answer, judged as every estimate is; BenchError where it has none."""
-        pi = parameters(structure, ask(self.own, (vjm, structure, data, self.prior)).found)
+        pi = parameters_of(structure, call_estimator(self.own, (vjm, structure, data, self.prior)).values)
         words = f"own estimator {self.own.function}"
         estimate = make_estimate(reduce(vjm, structure, data), pi, method=words, constraint="own")
         check_reach(deflections(vjm, estimate, data), vjm)
@@ -155,7 +157,7 @@ def check_reach(moved: Array, vjm: Vjm) -> None:
         raise BenchError(f"predicts a deflection of {most:,.0f} m: the arm reaches {vjm.reach:.3g} m")
 
 
-def parameters(structure: Structure, found: Array) -> Array:
+def parameters_of(structure: Structure, found: Array) -> Array:
     """Parameters (n,) of an answer: they, or compliances (n_theta, n_theta).
 
     Raises:
@@ -167,8 +169,8 @@ def parameters(structure: Structure, found: Array) -> Array:
         raise BenchError(f"wrong shape: expected ({n},) or ({size}, {size}), got {found.shape}")
     if not np.isfinite(found).all():
         raise BenchError("expected finite numbers, got NaN or infinity")
-    if np.abs(found).max() > MOST:
-        raise BenchError(f"expected compliances of at most {MOST:g} in SI units, got a larger one")
+    if np.abs(found).max() > MAX_COMPLIANCE:
+        raise BenchError(f"expected compliances of at most {MAX_COMPLIANCE:g} in SI units, got a larger one")
     if found.ndim == 1:
         return found
     scale = eigenvalue_scale(found)

@@ -22,7 +22,7 @@ import scipy.linalg  # noqa: F401 - its BLAS has to be loaded before it can be l
 from threadpoolctl import threadpool_limits
 
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError, shown
+from testbench.errors import Array, BenchError, printable
 from testbench.identify.prior import Prior
 from testbench.identify.regression import Regression
 from testbench.model.structure import Structure
@@ -30,8 +30,8 @@ from testbench.model.vjm import Vjm
 
 SIZE = Path("/proc/self/statm")  #: Begins with the memory that a process has, in pages.
 SUFFIX = ".py"  #: Of a file; without it a source is a module.
-MOST = 2**26  #: Largest array of an answer [byte].
-LONGEST = 200  #: Of a message [characters].
+MAX_ARRAY_BYTES = 2**26  #: Largest array of an answer [byte].
+MAX_MESSAGE = 200  #: Of a message [characters].
 ENDED = "its process ended without an answer"
 DAEMON = (
     "needs a process of its own, which this worker of a cluster may not start: start workers with "
@@ -51,7 +51,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Own:
+class EstimatorSource:
     """An estimator of a user: plain data, for manifest.json and for workers."""
 
     name: str  #: As every view calls it.
@@ -62,35 +62,35 @@ class Own:
 
 
 @dataclass(frozen=True)
-class Answer:
+class EstimatorAnswer:
     """What a call returned."""
 
-    found: Array  #: Of any shape: parameters (n,) or compliances.
+    values: Array  #: Of any shape: parameters (n,) or compliances.
     covariance: Array | None  #: The second of two arrays; None where there was one.
     cpu_seconds: float  #: Processor time of the call.
 
 
-def ask(own: Own, given: Given) -> Answer:
+def call_estimator(estimator_source: EstimatorSource, given: Given) -> EstimatorAnswer:
     """Call an estimator in a fork of a process that has loaded the library: nothing lasts from call to call.
 
     Raises:
         BenchError: Why it has no answer.
     """
-    answer = _called(own, given)
-    assert isinstance(answer, Answer)
+    answer = _called(estimator_source, given)
+    assert isinstance(answer, EstimatorAnswer)
     return answer
 
 
-def file_of(own: Own) -> Path:
+def file_of(estimator_source: EstimatorSource) -> Path:
     """Import an estimator, and return the file that has its function.
 
     Raises:
         BenchError: When it cannot be imported, or lacks the function.
     """
-    return Path(str(_called(own, None)))
+    return Path(str(_called(estimator_source, None)))
 
 
-def _called(own: Own, given: Given | None) -> Answer | str:
+def _called(estimator_source: EstimatorSource, given: Given | None) -> EstimatorAnswer | str:
     """Run a call in a process, which is ended with all of its group."""
     if multiprocessing.current_process().daemon:
         raise BenchError(DAEMON)
@@ -98,14 +98,16 @@ def _called(own: Own, given: Given | None) -> Answer | str:
     context.set_forkserver_preload([__name__, "joblib"])  # its workers name a way to start that it knows
     ours, theirs = context.Pipe(duplex=False)
     with ours:
-        process = context.Process(target=_serve, args=(theirs, own, given))
+        process = context.Process(target=_serve, args=(theirs, estimator_source, given))
         process.start()
         assert process.pid  # 0 would be our own group
         theirs.close()
         try:
             ours.recv()  # it has begun: to load the library takes no time of the call
-            slow = BenchError(f"too slow: stopped after {own.limits.seconds:g} s")
-            found: Answer | str | BenchError = ours.recv() if ours.poll(own.limits.seconds) else slow
+            slow = BenchError(f"too slow: stopped after {estimator_source.limits.seconds:g} s")
+            found: EstimatorAnswer | str | BenchError = (
+                ours.recv() if ours.poll(estimator_source.limits.seconds) else slow
+            )
         except EOFError:
             found = BenchError(ENDED)
         finally:
@@ -114,20 +116,20 @@ def _called(own: Own, given: Given | None) -> Answer | str:
                 os.killpg(process.pid, signal.SIGKILL)
             process.join()
     if isinstance(found, BenchError):
-        raise BenchError(shown(" ".join(str(found).split()))[:LONGEST])
+        raise BenchError(printable(" ".join(str(found).split()))[:MAX_MESSAGE])
     return found
 
 
-def _serve(link: Connection, own: Own, given: Given | None) -> None:
+def _serve(link: Connection, estimator_source: EstimatorSource, given: Given | None) -> None:
     """Answer one call, in a process group of its own; what is printed goes to the standard error."""
     try:
         os.setsid()
         os.dup2(2, 1)
         Thread(target=_end_with_parent, daemon=True).start()
-        _limit(own.limits)
+        _limit(estimator_source.limits)
         link.send(None)
         with threadpool_limits(1):
-            link.send(_answer(own, given))
+            link.send(_answer(estimator_source, given))
     finally:
         os._exit(0)  # without what an estimator has left to be done at the end
 
@@ -139,12 +141,12 @@ def _end_with_parent() -> None:
     os.killpg(0, signal.SIGKILL)
 
 
-def _limit(asked: Limits) -> None:
+def _limit(limits: Limits) -> None:
     """Hold this process to limits of memory and processor time."""
     if SIZE.exists():
         pages = int(SIZE.read_text().split()[0])
-        _at_most(resource.RLIMIT_AS, pages * resource.getpagesize() + asked.memory)
-    _at_most(resource.RLIMIT_CPU, math.ceil(asked.seconds) + 1)
+        _at_most(resource.RLIMIT_AS, pages * resource.getpagesize() + limits.memory)
+    _at_most(resource.RLIMIT_CPU, math.ceil(limits.seconds) + 1)
 
 
 def _at_most(kind: int, most: int) -> None:
@@ -153,13 +155,13 @@ def _at_most(kind: int, most: int) -> None:
     resource.setrlimit(kind, (most, most))
 
 
-def _answer(own: Own, given: Given | None) -> Answer | str | BenchError:
+def _answer(estimator_source: EstimatorSource, given: Given | None) -> EstimatorAnswer | str | BenchError:
     """What its function returns; without an argument where its file is."""
     sys.dont_write_bytecode = True  # nothing is left beside the file
     random.seed(0)  # who draws from global generators draws the same in every process
     np.random.seed(0)  # noqa: NPY002
     try:
-        function, file = _function(own)
+        function, file = _function(estimator_source)
         if given is None:
             return file
         start = time.process_time()
@@ -167,27 +169,27 @@ def _answer(own: Own, given: Given | None) -> Answer | str | BenchError:
         seconds = time.process_time() - start
         parts = found if isinstance(found, tuple) and len(found) == 2 else (found,)
         arrays = [_array(part) for part in parts]
-        return Answer(arrays[0], arrays[1] if len(arrays) > 1 else None, seconds)
+        return EstimatorAnswer(arrays[0], arrays[1] if len(arrays) > 1 else None, seconds)
     except BenchError as err:
         return BenchError(str(err))  # one that can travel
     except BaseException as err:  # any, SystemExit among them: it is the user's code
         return BenchError(f"raised {type(err).__name__}: {err}".rstrip(": "))
 
 
-def _function(own: Own) -> tuple[Callable[..., object], str]:
+def _function(estimator_source: EstimatorSource) -> tuple[Callable[..., object], str]:
     """The function, imported anew, and the path of its file."""
-    if own.source.endswith(SUFFIX):
-        spec = spec_from_file_location(f"own_estimator_{own.name}", own.source)
+    if estimator_source.source.endswith(SUFFIX):
+        spec = spec_from_file_location(f"own_estimator_{estimator_source.name}", estimator_source.source)
         assert spec
         assert spec.loader  # of any file of Python
         module = module_from_spec(spec)
         sys.modules[module.__name__] = module  # where dataclasses look for their module
         spec.loader.exec_module(module)
     else:
-        module = importlib.import_module(own.source)
-    function, file = getattr(module, own.function, None), getattr(module, "__file__", None)
+        module = importlib.import_module(estimator_source.source)
+    function, file = getattr(module, estimator_source.function, None), getattr(module, "__file__", None)
     if not callable(function):
-        raise BenchError(f"it has no function {own.function!r}")
+        raise BenchError(f"it has no function {estimator_source.function!r}")
     if file is None:
         raise BenchError("it has no file")
     return function, file
@@ -205,6 +207,6 @@ def _array(found: object) -> Array:
         array = np.asarray(found, dtype=float)
     except (TypeError, ValueError) as err:
         raise BenchError(f"expected an array of numbers, got {type(found).__name__}") from err
-    if array.nbytes > MOST:
+    if array.nbytes > MAX_ARRAY_BYTES:
         raise BenchError(f"wrong shape: expected parameters or compliances, got {array.shape}")
     return array

@@ -6,17 +6,17 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.arm.stiffness import turned
+from testbench.arm.stiffness import rotated_compliance
 from testbench.errors import Array, BenchError
-from testbench.identify.prior import Prior, Strength, cad_prior, distorted
-from testbench.plant.tracker import stream
+from testbench.identify.prior import Prior, Strength, cad_prior, perturbed
+from testbench.plant.tracker import trial_rng
 from testbench.workflows.cell import Cell
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import Model
 
 SCALE, SHAPE, UNCERTAINTY = 2.0, 0.3, 0.3
 """How wrong a prior is, by a common factor and axis by axis, and how firmly it is believed."""
-FAR, TURN = 10.0, np.deg2rad(20)
+WRONG_FACTOR, WRONG_ROTATION = 10.0, np.deg2rad(20)
 """How wrong one link or the joints are, as a factor, and by how much beam axes are turned [rad]."""
 
 Spoil = Callable[[Array, int, np.random.Generator], Array]
@@ -30,28 +30,29 @@ class Wrong:
     spoil: Spoil
     called: str  #: In a word or two.
     words: str
-    far: Literal["link", "joints"] | None = None  #: What is FAR too soft or too stiff: a link, or all joints.
+    #: What is WRONG_FACTOR too soft or too stiff: a link, or all joints.
+    far: Literal["link", "joints"] | None = None
 
 
 def wrong_prior(cell: Cell, seed: int, scale: float = SCALE) -> Prior:
     """The CAD prior, `scale` times too soft and SHAPE wrong axis by axis; another one for every seed."""
-    return distorted(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=stream(seed, 5))
+    return perturbed(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=trial_rng(seed, 5))
 
 
 def prior_of(cell: Cell, name: str, seed: int) -> Prior:
     """A prior by the name of its error, one of PRIORS: right, or `wrong_prior` with something more."""
     if name not in PRIORS:
         raise BenchError(f"no prior {name!r}; priors are {', '.join(PRIORS)}")
-    if name == RIGHT:
+    if name == UNPERTURBED:
         return cad_prior(cell.arm)
     wrong = wrong_prior(cell, seed)
-    C = PRIORS[name].spoil(wrong.C_theta.copy(), len(cell.arm.links), stream(seed, 9))
+    C = PRIORS[name].spoil(wrong.C_theta.copy(), len(cell.arm.links), trial_rng(seed, 9))
     return Prior(f"{wrong.name}; {name}", C)
 
 
 def wrong_link(cell: Cell, seed: int) -> int:
-    """Which link `prior_of` has FAR wrong in the prior that has one so, from 0."""
-    return int(stream(seed, 9).integers(len(cell.arm.links)))
+    """Which link `prior_of` has WRONG_FACTOR wrong in the prior that has one so, from 0."""
+    return int(trial_rng(seed, 9).integers(len(cell.arm.links)))
 
 
 def with_wrong_prior(cell: Cell, models: Sequence[Model], names: Sequence[str], seed: int) -> list[Model]:
@@ -61,41 +62,47 @@ def with_wrong_prior(cell: Cell, models: Sequence[Model], names: Sequence[str], 
 
 
 def _one_link(C: Array, links: int, rng: np.random.Generator) -> Array:
-    """One link FAR too soft or too stiff."""
+    """One link WRONG_FACTOR too soft or too stiff."""
     k = 6 * int(rng.integers(links))
     C[k : k + 6, k : k + 6] *= _far(rng)
     return C
 
 
 def _joints(C: Array, links: int, rng: np.random.Generator) -> Array:
-    """All joints FAR too soft, or all too stiff."""
+    """All joints WRONG_FACTOR too soft, or all too stiff."""
     C[6 * links :, 6 * links :] *= _far(rng)
     return C
 
 
 def _axes(C: Array, links: int, rng: np.random.Generator) -> Array:
-    """The beam axes of every link turned by TURN, each about a random axis."""
+    """The beam axes of every link turned by WRONG_ROTATION, each about a random axis."""
     for own in (slice(6 * k, 6 * k + 6) for k in range(links)):
-        C[own, own] = turned(C[own, own], rng.standard_normal(3), TURN)
+        C[own, own] = rotated_compliance(C[own, own], rng.standard_normal(3), WRONG_ROTATION)
     return C
 
 
 def _far(rng: np.random.Generator) -> float:
-    return FAR if rng.random() < 0.5 else 1 / FAR
+    return WRONG_FACTOR if rng.random() < 0.5 else 1 / WRONG_FACTOR
 
 
-RIGHT = "right"
+UNPERTURBED = "right"
 PRIORS: Mapping[str, Wrong] = {
-    RIGHT: Wrong(lambda C, *_: C, "right", "the folder's compliances"),
+    UNPERTURBED: Wrong(lambda C, *_: C, "right", "the folder's compliances"),
     "scaled": Wrong(
         lambda C, *_: C,
         "scaled",
         f"{SCALE:g} times too soft, and {100 * SHAPE:.0f} % off axis by axis, as all that follow",
     ),
-    "link": Wrong(_one_link, "one link off", f"one link {FAR:g} times too soft or too stiff", far="link"),
-    "joints": Wrong(_joints, "joints off", f"all joints {FAR:g} times too soft or too stiff", far="joints"),
-    "axes": Wrong(_axes, "axes turned", f"beam axes of every link turned by {np.rad2deg(TURN):.0f} degrees"),
+    "link": Wrong(
+        _one_link, "one link off", f"one link {WRONG_FACTOR:g} times too soft or too stiff", far="link"
+    ),
+    "joints": Wrong(
+        _joints, "joints off", f"all joints {WRONG_FACTOR:g} times too soft or too stiff", far="joints"
+    ),
+    "axes": Wrong(
+        _axes, "axes turned", f"beam axes of every link turned by {np.rad2deg(WRONG_ROTATION):.0f} degrees"
+    ),
     "uncoupled": Wrong(lambda C, *_: np.diag(np.diag(C)), "no couplings", "no couplings inside a link"),
 }
 """By name what is wrong with a prior; all but the right one are SCALE and SHAPE wrong before."""
-PRIORS_CALLED = {name: own.called for name, own in PRIORS.items()}
+PRIORS_CALLED = {name: wrong.called for name, wrong in PRIORS.items()}

@@ -12,24 +12,31 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.series import Series, select_rows
 from testbench.design import absolute
-from testbench.design.absolute import Union
+from testbench.design.absolute import JointUnknowns
 from testbench.design.baselines import error_after, observability
 from testbench.design.criteria import criterion_of
 from testbench.design.exchange import greedy
-from testbench.design.forecast import Forecast, open_to, widened, without_bound
-from testbench.design.planning import Chosen, Plan, candidate_set, choose_greedily, make_plan, promise
-from testbench.design.planning import choose as search_best
-from testbench.design.refine import Reach, Search
-from testbench.design.rows import Experiment, Specification, Tasks, loads_of, task_rows, workspace_rows
-from testbench.design.whole_arm import promise_on
+from testbench.design.forecast import Forecast, inflate_intervals, unbounded_rows, without_bound
+from testbench.design.planning import (
+    ChosenPoses,
+    Plan,
+    candidate_set,
+    choose_greedily,
+    forecast_errors,
+    make_plan,
+)
+from testbench.design.planning import choose_poses as search_best
+from testbench.design.refine import Feasibility, Search
+from testbench.design.rows import MeasurementSetup, Specification, Tasks, loads_of, task_rows, workspace_rows
+from testbench.design.whole_arm import forecast_on
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array, check_type
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.pull import pull_of
-from testbench.identify.absolute.state import Mount, nominal
+from testbench.identify.absolute.state import Mount, nominal_state
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.arm_model import ArmModel
-from testbench.identify.metric import metric
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
@@ -37,20 +44,21 @@ from testbench.model.load import Load, weight
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
 from testbench.plant.site import build_site, contacts
-from testbench.plant.tracker import Station, stream
+from testbench.plant.tracker import Station, trial_rng
 from testbench.workflows.absolute import Calibrated
-from testbench.workflows.candidates import Candidates, Conditions, build_checks, feasible, find
+from testbench.workflows.candidates import Candidates, PoseConditions, build_checks, feasible, find
 from testbench.workflows.cell import Cell
 from testbench.workflows.plan_settings import HIGHEST_ORDER, PlanSettings, structure
-from testbench.workflows.predicted_error import fitted
+from testbench.workflows.predicted_error import linear_fit_after
 from testbench.workflows.rows import MM, UM
-from testbench.workflows.unobservable import LOOSE, unobservable
+from testbench.workflows.unobservable import FREE_DEVIATION, unobservable
 
 WORKSPACE = 200  #: Poses that stand for the workspace.
 STEP, SLIDE_STEP = math.radians(5), 0.02
 """Largest steps of a hinge [rad] and a slide [m] between collision checks on the way from pose to pose."""
 NAMED = 5  #: Tasks that a message names; more are counted.
-MORE, FEW = 50, 120  #: Further poses of which a calibration tells what they bring, and candidates for them.
+#: Further poses of which a calibration tells what they bring, and candidates for them.
+FURTHER, FURTHER_CANDIDATES = 50, 120
 FRAME, MOUNT = "tracker", "target"  #: Names of what is unknown of the set-up of absolute readings.
 
 
@@ -61,7 +69,7 @@ class Planned(Displayed):
     cell: Cell  #: The arm.
     settings: PlanSettings  #: Settings of the plan.
     found: Candidates  #: Feasible poses, and how many were rejected.
-    plan: Chosen  #: Poses in the order of measuring; a `Plan` if they are for tasks.
+    plan: ChosenPoses  #: Poses in the order of measuring; a `Plan` if they are for tasks.
     poses: Forecast  #: Errors to expect in these poses [m].
     forecast: Forecast  #: Errors to expect at the tasks; for absolute readings over the workspace [m].
     workspace: Forecast  #: Errors to expect over the workspace, under the first load [m].
@@ -81,7 +89,7 @@ class Planned(Displayed):
 class AbsolutePlanned(Planned):
     """Hold a plan of absolute readings and the errors to expect from it."""
 
-    union: Union  #: The unknowns.
+    union: JointUnknowns  #: The unknowns.
     q: Array  #: Poses in which the plan is judged, (poses, n) [rad, m].
     wanted: Array  #: Predictions there, `absolute.position_rows`.
     given: Calibrated | None  #: Earlier calibration; None without one.
@@ -126,8 +134,8 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
         BenchError: When a number is out of range, or too little is measured without a prior.
         PoseError: When there are fewer feasible poses than the plan needs.
     """
-    found = search(cell, settings)
-    best = choose(cell, settings, tasks, found)
+    candidates = search(cell, settings)
+    best = choose(cell, settings, tasks, candidates)
     spec = best.specification
     indices = observability(best.examined.problem, best.chosen)
     if spec.uncertainty is None and indices.seen < indices.of:
@@ -135,24 +143,24 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
             f"poses: {settings.poses} poses see {indices.seen} of the {indices.of} directions that these "
             "loads can show; give more poses, or plan with a prior"
         )
-    fit = fitted(spec, cad_prior(cell.arm), best.q, best.load)
+    fit = linear_fit_after(spec, cad_prior(cell.arm), best.q, best.load)
     poses, forecast, around = (
-        widened(promise_on(fit, at, load))
+        inflate_intervals(forecast_on(fit, at, load))
         for at, load in (
             (best.q, loads_of(spec, best.load)),
             (tasks.q, tasks.load),
             (spec.workspace, spec.loads[0]),
         )
     )
-    around = without_bound(around, open_to(best.examined.problem, workspace_rows(spec)))
-    return Planned(cell, settings, found, best, poses, forecast, around)
+    around = without_bound(around, unbounded_rows(best.examined.problem, workspace_rows(spec)))
+    return Planned(cell, settings, candidates, best, poses, forecast, around)
 
 
 def search(cell: Cell, settings: PlanSettings) -> Candidates:
     """Feasible poses; PoseError for fewer than the plan needs says which condition refused them."""
-    checks, rng = build_checks(cell, settings.conditions), stream(settings.seed, 0)
-    found = find(checks, settings.candidates_wanted, rng, least=settings.poses)
-    return replace(found, q=nearest_turn(found.q, cell.arm))
+    checks, rng = build_checks(cell, settings.conditions), trial_rng(settings.seed, 0)
+    candidates = find(checks, settings.candidates_wanted, rng, least=settings.poses)
+    return replace(candidates, q=nearest_turn(candidates.q, cell.arm))
 
 
 def nearest_turn(q: Array, arm: Arm) -> Array:
@@ -165,37 +173,37 @@ def nearest_turn(q: Array, arm: Arm) -> Array:
     return np.where(arm.turns & (near >= lower) & (near <= upper), near, q)
 
 
-def around(cell: Cell, settings: PlanSettings) -> Array:
+def workspace_poses(cell: Cell, settings: PlanSettings) -> Array:
     """Poses that stand for the workspace, (poses, n) [rad, m]; PoseError where the arm can be nowhere."""
-    checks = build_checks(cell, Conditions(settings.area))
-    return find(checks, WORKSPACE, stream(settings.seed, 2), least=1).q
+    checks = build_checks(cell, PoseConditions(settings.area))
+    return find(checks, WORKSPACE, trial_rng(settings.seed, 2), least=1).q
 
 
-def reach_of(cell: Cell, settings: PlanSettings) -> Reach:
+def reach_of(cell: Cell, settings: PlanSettings) -> Feasibility:
     """Where the arm can go."""
     checks = build_checks(cell, settings.conditions)
-    return Reach(lambda q: feasible(checks, q), straight_way(cell, settings.station))
+    return Feasibility(lambda q: feasible(checks, q), straight_way(cell, settings.station))
 
 
-def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, found: Candidates) -> Plan:
+def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, candidates: Candidates) -> Plan:
     """The best plan found; BenchError where without a prior poses are too few or loads show too little."""
-    own = metric(cad_prior(cell.arm), cell.vjm, structure(cell, settings.model))
+    scaling = scale_by_prior(cad_prior(cell.arm), cell.vjm, structure(cell, settings.model))
     percent = settings.uncertainty_percent
     spec = Specification(
-        experiment=Experiment(cell.vjm, own, cell.vjm.markers, settings.sigma_um / UM),
+        experiment=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, settings.sigma_um / UM),
         loads=(
             *(weight(cell.vjm, mass) for mass in settings.loads_kg),
             *(Load(np.array([*force, 0, 0, 0]), cell.vjm.load) for force in settings.pulls_n),
         ),
         tasks=tasks,
-        workspace=around(cell, settings),
+        workspace=workspace_poses(cell, settings),
         uncertainty=None if percent is None else percent / 100,
         poses=settings.poses,
     )
     if spec.uncertainty is None:
-        _check_without_prior(spec, found.q)
-    rng = stream(settings.seed, 1)
-    return make_plan(spec, settings.criterion, found.q, reach_of(cell, settings), rng)
+        _check_without_prior(spec, candidates.q)
+    rng = trial_rng(settings.seed, 1)
+    return make_plan(spec, settings.criterion, candidates.q, reach_of(cell, settings), rng)
 
 
 def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:
@@ -215,7 +223,7 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
     """Refuse what only a prior could fill, before the search begins."""
     problem = candidate_set(spec, q).problem
     rows = task_rows(spec)
-    if numbers := (np.flatnonzero(open_to(problem, rows)) + 1).tolist():
+    if numbers := (np.flatnonzero(unbounded_rows(problem, rows)) + 1).tolist():
         named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if len(numbers) > NAMED else "")
         raise BenchError(
             f"tasks {named} ({len(numbers)} of {len(rows)}): their loads move the arm in directions that "
@@ -239,25 +247,25 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
         raise BenchError(f"{cell.arm.name}: expected an arm with joints")
     known = given and model_of(given.calibration)
     union = union_after(known, settings) if known else union_of(cell, settings)
-    found, q = search(cell, settings), around(cell, settings)
+    candidates, q = search(cell, settings), workspace_poses(cell, settings)
     wanted = absolute.position_rows(union, q)
-    examined = absolute.candidate_set(union, found.q, settings.poses)
+    examined = absolute.candidate_set(union, candidates.q, settings.poses)
     asked = Search(
         measured=lambda q, _load, lift: absolute.measured_rows(union, q, lift),
         poses=settings.poses,
         limits=cell.arm.limits,
         reach=reach_of(cell, settings),
-        rng=stream(settings.seed, 1),
+        rng=trial_rng(settings.seed, 1),
         followed=cell.arm.followed,
     )
     best_of = search_best if given is None else choose_greedily
     best = best_of(asked, criterion_of(settings.criterion, examined.problem, wanted), examined)
-    there, over = (promise(best, rows) for rows in (absolute.position_rows(union, best.q), wanted))
-    return AbsolutePlanned(cell, settings, found, best, there, over, over, union, q, wanted, given)
+    there, over = (forecast_errors(best, rows) for rows in (absolute.position_rows(union, best.q), wanted))
+    return AbsolutePlanned(cell, settings, candidates, best, there, over, over, union, q, wanted, given)
 
 
 def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, float]:
-    """RMS errors over the workspace [m]: now, frame and mount fitted, and after `MORE` further poses.
+    """RMS errors over the workspace [m]: now, frame and mount fitted, and after `FURTHER` further poses.
 
     Args:
         cell: The arm.
@@ -268,21 +276,21 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
         BenchError: When the arm can be nowhere.
     """
     settings = PlanSettings(
-        absolute=True, criterion="I", poses=MORE, sigma_um=UM * sigma, candidates_wanted=FEW
+        absolute=True, criterion="I", poses=FURTHER, sigma_um=UM * sigma, candidates_wanted=FURTHER_CANDIDATES
     )
-    union = replace(union_after(given, settings), little=float(MORE))
-    wanted = absolute.position_rows(union, around(cell, settings)[:FEW])
-    return absolute.realigned(union, wanted), best_of(union, search(cell, settings).q, wanted)[1]
+    union = replace(union_after(given, settings), little=float(FURTHER))
+    wanted = absolute.position_rows(union, workspace_poses(cell, settings)[:FURTHER_CANDIDATES])
+    return absolute.realignment_loss(union, wanted), best_of(union, search(cell, settings).q, wanted)[1]
 
 
-def best_of(union: Union, q: Array, wanted: Array) -> tuple[list[int], float]:
-    """`MORE` of some poses (poses, n) [rad, m], each the best next one; RMS error of `wanted` then [m]."""
-    problem = absolute.candidate_set(union, q, MORE).problem
-    chosen = greedy(problem, criterion_of("I", problem, wanted), problem.rows, MORE)
+def best_of(union: JointUnknowns, q: Array, wanted: Array) -> tuple[list[int], float]:
+    """`FURTHER` of some poses (poses, n) [rad, m], each the best next one; RMS error of `wanted` then [m]."""
+    problem = absolute.candidate_set(union, q, FURTHER).problem
+    chosen = greedy(problem, criterion_of("I", problem, wanted), problem.rows, FURTHER)
     return chosen.tolist(), error_after(problem, wanted)(chosen)
 
 
-def union_of(cell: Cell, settings: PlanSettings) -> Union:
+def union_of(cell: Cell, settings: PlanSettings) -> JointUnknowns:
     """What is unknown where a tracker reads an arm absolutely."""
     pose, vjm = _one_pose(cell.vjm, settings), cell.vjm
     unknowns = unknowns_of(
@@ -290,7 +298,7 @@ def union_of(cell: Cell, settings: PlanSettings) -> Union:
     )
     prior, n = cad_prior(cell.arm), cell.arm.n_joints
     state = replace(
-        nominal(vjm, read_weights(cell.arm), np.ones(n)),
+        nominal_state(vjm, read_weights(cell.arm), np.ones(n)),
         C_theta=prior.C_theta,
         errors=unknowns.errors,
         n=np.zeros((n, unknowns.errors.size)),
@@ -300,17 +308,17 @@ def union_of(cell: Cell, settings: PlanSettings) -> Union:
     assert settings.uncertainty_percent is not None
     L = absolute.expected_root(
         unknowns,
-        metric(prior, vjm, unknowns.structure),
+        scale_by_prior(prior, vjm, unknowns.structure),
         settings.uncertainty_percent / 100,
         geometry=settings.geometry_mm / MM,
         error=settings.gear_urad / UM,
     )
     hinges = np.array([not joint.prismatic for joint in cell.arm.joints])
     beyond = settings.gear_urad * math.sqrt(HIGHEST_ORDER - settings.orders)  # orders that are noise
-    return Union(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0))
+    return JointUnknowns(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0))
 
 
-def union_after(given: ArmModel, settings: PlanSettings) -> Union:
+def union_after(given: ArmModel, settings: PlanSettings) -> JointUnknowns:
     """What is unknown after readings were taken; further ones have a frame and a mount of their own."""
     if given.noise is None or not given.state.mounts:
         raise BenchError("given: expected a model of absolute readings")
@@ -325,9 +333,9 @@ def union_after(given: ArmModel, settings: PlanSettings) -> Union:
     state = replace(given.state, frames={FRAME: Frame(np.eye(3), np.zeros(3))}, mounts={MOUNT: mount})
     first, root = unknowns.starts["geometry"], given.posterior.root
     L = np.zeros((unknowns.size, first + len(root)))
-    L[:first, :first] = absolute.LOOSE * np.eye(first)
+    L[:first, :first] = absolute.FRAME_DEVIATION * np.eye(first)
     L[first + given.columns, first:] = root.T
-    return Union(unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.LITTLE_MORE)
+    return JointUnknowns(unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.LITTLE_MORE)
 
 
 def _one_pose(vjm: Vjm, settings: PlanSettings, targets: tuple[str, ...] | None = None) -> Series:
@@ -352,13 +360,13 @@ def _one_pose(vjm: Vjm, settings: PlanSettings, targets: tuple[str, ...] | None 
     )
 
 
-def left_open(union: Union, q: Array) -> tuple[str, ...]:
+def undetermined_by(union: JointUnknowns, q: Array) -> tuple[str, ...]:
     """What poses (poses, n) [rad, m] leave unknown, in words."""
-    once = absolute.at(replace(union, pose=select_rows(union.pose, np.arange(1))), q)
+    once = absolute.series_at(replace(union, pose=select_rows(union.pose, np.arange(1))), q)
     pull = pull_of(
         union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)
     )
     tells, prior = absolute.information_of(union, q), union.L @ union.L.T
     set_up = union.unknowns.starts["geometry"]
-    prior[:set_up, :set_up] = LOOSE**2 * np.eye(set_up)
+    prior[:set_up, :set_up] = FREE_DEVIATION**2 * np.eye(set_up)
     return unobservable(union.unknowns, tells, prior, pull)

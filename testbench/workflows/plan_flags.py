@@ -8,13 +8,13 @@ import typer
 
 from testbench.design.criteria import check_criterion
 from testbench.errors import BenchError, in_flags, of_flag
-from testbench.identify.absolute.fit import Options as Fit
+from testbench.identify.absolute.fit import CalibrationOptions as Fit
 from testbench.plant.site import Payload
-from testbench.workflows.absolute import Calibrated, File, calibrated, read_all
+from testbench.workflows.absolute import Calibrated, File, calibrate_with_masses, read_all
 from testbench.workflows.campaign_flags import ArmName, MapFile, mass
 from testbench.workflows.cell import Cell
-from testbench.workflows.models import EVERY, plain_name, right_name
-from testbench.workflows.plan_input import box, payload_of, place
+from testbench.workflows.models import ALL_UNKNOWNS, canonical_name, plain_name
+from testbench.workflows.plan_input import parse_work_area, payload_of, place
 from testbench.workflows.plan_settings import USUAL, PlanSettings
 
 SAME = ("poses", "orders", "seed", "sigma_um", "sling_m", "geometry_mm", "gear_urad", "uncertainty_percent")
@@ -32,7 +32,7 @@ FLAGS = {
 
 
 @dataclass(frozen=True)
-class Options:
+class PlanOptions:
     """What an engineer asks for, in the units of a command line."""
 
     arm: ArmName
@@ -71,7 +71,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Absolute:
+class AbsolutePlanOptions:
     """Flags of a plan of absolute readings."""
 
     absolute: Annotated[bool, typer.Option("--absolute", help="Plan absolute readings, without tasks.")] = (
@@ -88,46 +88,48 @@ class Absolute:
     orders: Annotated[int, typer.Option(metavar="N", help="Highest order of periodic errors.")] = 3
 
 
-def known_before(cell: Cell, asked: Options, flags: Absolute) -> Calibrated | None:
+def known_before(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) -> Calibrated | None:
     """Calibrate the arm by the readings that were taken before; None without any."""
     if not flags.given:
         return None
-    files = [File(path, asked.mapping, sigma_um=asked.sigma_um) for path in flags.given]
+    files = [File(path, options.mapping, sigma_um=options.sigma_um) for path in flags.given]
     series, notes = read_all(files, cell.arm)
-    return calibrated(cell.vjm, series, Fit(), notes)
+    return calibrate_with_masses(cell.vjm, series, Fit(), notes)
 
 
-def settings_of(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:
+def settings_of(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) -> PlanSettings:
     """Turn the flags into settings.
 
     Raises:
         BenchError: When two flags exclude each other, or one is out of range.
     """
-    _check(asked, flags)
-    usual, loads = USUAL[flags.absolute], asked.load or []
-    wanted = {"criterion": asked.criterion, "poses": asked.poses, "candidates_wanted": asked.candidates}
+    _check(options, flags)
+    usual, loads = USUAL[flags.absolute], options.load or []
+    wanted = {"criterion": options.criterion, "poses": options.poses, "candidates_wanted": options.candidates}
     chosen = {key: usual[key] if own is None else own for key, own in wanted.items()}
     if not flags.absolute:
         loads = loads or [payload_of(cell.arm, None, "--load")]
         with of_flag("--criterion"):
             check_criterion(str(chosen["criterion"]))
     with of_flag("--model"):
-        model = right_name(cell.arm, asked.model or (plain_name(cell) if asked.no_prior else EVERY))
-    percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
+        model = canonical_name(
+            cell.arm, options.model or (plain_name(cell) if options.no_prior else ALL_UNKNOWNS)
+        )
+    percent = 30.0 if options.uncertainty_percent is None else options.uncertainty_percent
     with in_flags(FLAGS):
         settings = PlanSettings(
             **{**vars(flags), "given": tuple(path.name for path in flags.given or ()), **chosen},
             model=model,
             loads_kg=tuple(loads),
-            pulls_n=tuple(place(text, "--pull fx,fy,fz [N]") for text in asked.pull or []),
-            sigma_um=asked.sigma_um,
-            uncertainty_percent=None if asked.no_prior else percent,
-            tracker_m=None if asked.tracker is None else place(asked.tracker),
-            acceptance_deg=asked.acceptance_deg,
-            box_m=None if asked.box is None else box(asked.box),
-            sling_m=asked.sling_m,
-            floor_z_m=asked.floor_z,
-            seed=asked.seed,
+            pulls_n=tuple(place(text, "--pull fx,fy,fz [N]") for text in options.pull or []),
+            sigma_um=options.sigma_um,
+            uncertainty_percent=None if options.no_prior else percent,
+            tracker_m=None if options.tracker is None else place(options.tracker),
+            acceptance_deg=options.acceptance_deg,
+            box_m=None if options.box is None else parse_work_area(options.box),
+            sling_m=options.sling_m,
+            floor_z_m=options.floor_z,
+            seed=options.seed,
         )
     if loads:
         with of_flag("--sling-m"):
@@ -135,11 +137,16 @@ def settings_of(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:
     return settings
 
 
-def _check(asked: Options, flags: Absolute) -> None:
+def _check(options: PlanOptions, flags: AbsolutePlanOptions) -> None:
     """Refuse what excludes --absolute, and what excludes --no-prior."""
-    mapping = None if flags.given else asked.mapping
-    others = {"--task": asked.task, "--no-prior": asked.no_prior, "--pull": asked.pull, "--map": mapping}
+    mapping = None if flags.given else options.mapping
+    others = {
+        "--task": options.task,
+        "--no-prior": options.no_prior,
+        "--pull": options.pull,
+        "--map": mapping,
+    }
     if named := [flag for flag, given in others.items() if flags.absolute and given]:
         raise BenchError(f"{named[0]}: expected no --absolute with it")
-    if asked.uncertainty_percent is not None and asked.no_prior:
+    if options.uncertainty_percent is not None and options.no_prior:
         raise BenchError("--uncertainty-percent: expected no --no-prior with it")

@@ -17,7 +17,7 @@ from testbench.files.columns import Columns, find_columns, vector, wrench
 from testbench.files.mapping import read_map
 from testbench.files.names import UNITS, find_unit
 from testbench.files.rows import joint_coordinates
-from testbench.files.table import Table, read_table
+from testbench.files.table import TableCells, read_table
 from testbench.model.load import Load
 from testbench.workflows.cell import Cell
 
@@ -25,9 +25,10 @@ Place = tuple[float, float, float]
 LOAD_RANGE = (1e-3, 1e4)  #: Masses that can hang from an arm [kg], as in campaign.Scenario.
 PULL_RANGE = (GRAVITY * LOAD_RANGE[0], GRAVITY * LOAD_RANGE[1])  #: Sizes of forces that can pull [N].
 MAX_TASKS = 1000
-LARGEST = 1e6  #: Of a number in a flag, whatever its unit.
+MAX_NUMBER = 1e6  #: Of a number in a flag, whatever its unit.
 LOAD = "load_kg"  #: Column of a plan: what hangs in a run.
-FORCE = ("force_x_N", "force_y_N", "force_z_N")  #: Columns of a plan: what pulls in a run, world axes.
+#: Columns of a plan: what pulls in a run, world axes.
+FORCE_COLUMNS = ("force_x_N", "force_y_N", "force_z_N")
 OVERLOAD = 1.5  #: Share of the stated payload beyond which a hung mass is doubted.
 
 MASSES = tuple(unit.name for unit in UNITS if unit.si in ("kg", "N"))
@@ -41,8 +42,8 @@ def read_loads(path: Path) -> tuple[Array | None, Array | None]:
         Masses, (runs,) [kg], 0 where a force pulls; None for poses without loads. Forces, world axes,
         (runs, 3) [N], 0 where a weight hangs; None for a plan without columns force_*_N.
     """
-    table = read_table(path, lambda name: name in (LOAD, *FORCE))
-    pulls = _read_pulls(table) if set(FORCE) & set(table.names) else None
+    table = read_table(path, lambda name: name in (LOAD, *FORCE_COLUMNS))
+    pulls = _read_pulls(table) if set(FORCE_COLUMNS) & set(table.names) else None
     if LOAD not in table.names and pulls is None:
         return None, None
     mass, (low, high) = _column(table, LOAD), LOAD_RANGE
@@ -55,20 +56,20 @@ def read_loads(path: Path) -> tuple[Array | None, Array | None]:
     return np.where(pulled, 0.0, mass), pulls
 
 
-def _read_pulls(table: Table) -> Array:
-    if missing := [name for name in FORCE if name not in table.names]:
+def _read_pulls(table: TableCells) -> Array:
+    if missing := [name for name in FORCE_COLUMNS if name not in table.names]:
         raise table.header_error(f"expected {', '.join(missing)} too")
     if others := [name for name in table.names if name.startswith(("moment_", "point_"))]:
         problem = "expected forces alone, which act at the arm's load point"
         raise table.header_error(f"{problem}, got {', '.join(others)}")
-    pulls = np.nan_to_num(np.column_stack([_column(table, name) for name in FORCE]))
+    pulls = np.nan_to_num(np.column_stack([_column(table, name) for name in FORCE_COLUMNS]))
     size, (low, high) = np.linalg.norm(pulls, axis=1), PULL_RANGE
     off = (size > 0) & ~((size >= low) & (size <= high))
     table.refuse(off, "", lambda row: f"expected a force of {low:g} to {high:g} N, got {size[row]:g}")
     return np.asarray(pulls)
 
 
-def _column(table: Table, name: str) -> Array:
+def _column(table: TableCells, name: str) -> Array:
     """Numbers of a column, (rows,), NaN where a cell is blank or there is no such column."""
     if name not in table.names:
         return np.full(table.rows, np.nan)
@@ -98,7 +99,7 @@ def joints_of(text: str, arm: Arm) -> Array:
     return arm.from_shown(np.array(_numbers(text, len(arm.file_joints), "--start [deg, mm]")))
 
 
-def box(text: str) -> tuple[Place, Place]:
+def parse_work_area(text: str) -> tuple[Place, Place]:
     """Two corners of the work area, x0,y0,z0,x1,y1,z1 [m]; BenchError for anything but six finite numbers."""
     x0, y0, z0, x1, y1, z1 = _numbers(text, 6, "--box x0,y0,z0,x1,y1,z1 [m]")
     return (x0, y0, z0), (x1, y1, z1)
@@ -109,8 +110,10 @@ def _numbers(text: str, count: int, flag: str) -> tuple[float, ...]:
         values = tuple(read_decimals(part.strip() for part in text.split(",")))
     except ValueError:
         values = ()
-    if len(values) != count or not all(abs(value) <= LARGEST for value in values):
-        problem = f"expected {count} numbers with commas between them, up to {LARGEST:g}, got {text[:80]!r}"
+    if len(values) != count or not all(abs(value) <= MAX_NUMBER for value in values):
+        problem = (
+            f"expected {count} numbers with commas between them, up to {MAX_NUMBER:g}, got {text[:80]!r}"
+        )
         raise BenchError(f"{flag}: {problem}")
     return values
 
@@ -178,7 +181,7 @@ def payload_of(arm: Arm, asked: float | None, flag: str) -> float:
     return arm.payload
 
 
-def overloads(arm: Arm, masses: Iterable[float], pulls: Iterable[Sequence[float]] = ()) -> list[str]:
+def overload_warnings(arm: Arm, masses: Iterable[float], pulls: Iterable[Sequence[float]] = ()) -> list[str]:
     """Sentences where masses [kg] or pulls, (3,) each [N], are far beyond the payload that the arm states."""
     most = OVERLOAD * (np.inf if arm.payload is None else arm.payload)
     mass, force = max(masses), max((math.hypot(*pull) for pull in pulls), default=0.0)

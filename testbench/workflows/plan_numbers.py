@@ -10,43 +10,43 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.folder import Arm, Joint
+from testbench.arm.folder import Arm, ArmJoint
 from testbench.data.series import Series
 from testbench.design import absolute
 from testbench.design.baselines import (
-    RANDOM,
+    RANDOM_PLANS,
     PriorInfluence,
     baselines,
     error_after,
     observability,
     prior_influence,
 )
-from testbench.design.criteria import Linear, mean_square
+from testbench.design.criteria import LinearCriterion, mean_square
 from testbench.design.exchange import greedy
-from testbench.design.forecast import Forecast, widened
-from testbench.design.planning import Plan, promise
+from testbench.design.forecast import Forecast, inflate_intervals
+from testbench.design.planning import Plan, forecast_errors
 from testbench.design.rows import deflection_rows, loads_of, task_rows
-from testbench.design.whole_arm import error_on, promise_on
+from testbench.design.whole_arm import error_on, forecast_on
 from testbench.errors import Array, Ids
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.plant.site import has_surroundings
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.runs.rows import Row, finite
 from testbench.workflows.open_laws import open_laws
-from testbench.workflows.plan import AbsolutePlanned, Planned, left_open
+from testbench.workflows.plan import AbsolutePlanned, Planned, undetermined_by
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.predicted_error import (
     Expected,
     error_map,
-    fitted,
+    forecast_summary,
     half_widths,
     joints_alone,
-    overall,
-    unloaded,
-    unshown,
-    within,
+    linear_fit_after,
+    prior_uncertainty,
+    unloaded_joints,
+    unobservable_joints,
 )
 from testbench.workflows.rows import MM
 from testbench.workflows.workspace_errors import Meaning, bounded_mm, error_places, places_at, rms
@@ -73,7 +73,7 @@ def numbers(made: Planned) -> Row:
         units=[joint.shown_unit for joint in arm.file_joints],
         margins=margins.tolist(),
         surrounded=has_surroundings(cell.room),
-        error_mm=overall(made.forecast),
+        error_mm=forecast_summary(made.forecast),
         certificate=Row(
             efficiency=efficiency,
             phi=plan.value,
@@ -157,29 +157,29 @@ def _pairs(made: Planned) -> Row:
     cell, plan, prior = made.cell, made.plan, cad_prior(made.cell.arm)
     assert isinstance(plan, Plan)
     spec, rows = plan.specification, task_rows(plan.specification)
-    own, influence = spec.experiment.metric, prior_influence(plan, rows)
-    alone = fitted(joints_alone(spec, prior), prior, plan.q, plan.load)
-    drawn, rng = len(made.found.q) * len(spec.loads), stream(made.settings.seed, 3)
+    scaling, influence = spec.experiment.scaling, prior_influence(plan, rows)
+    alone = linear_fit_after(joints_alone(spec, prior), prior, plan.q, plan.load)
+    drawn, rng = len(made.found.q) * len(spec.loads), trial_rng(made.settings.seed, 3)
     others = baselines(plan, rows, drawn=drawn, rng=rng)
     around, chance = made.workspace, others.random[made.settings.poses]
     hidden = MM * math.sqrt(influence.hidden)
     return Row(
-        model=own.structure.name,
-        whole_arm=own.structure.n == all153(cell.arm).n,
-        prior=None if spec.uncertainty is None else own.prior,
-        within_percent=100 * within(spec),
+        model=scaling.structure.name,
+        whole_arm=scaling.structure.n == all153(cell.arm).n,
+        prior=None if spec.uncertainty is None else scaling.prior,
+        within_percent=100 * prior_uncertainty(spec),
         half_width_95_mm=MM * float(np.median(half_widths(made.forecast))),
         joints_alone_mm=MM * float(np.sqrt(np.square(error_on(alone, spec.tasks.q, spec.tasks.load)).mean())),
-        workspace_error_mm=overall(around) if math.isfinite(around.overall) else None,
+        workspace_error_mm=forecast_summary(around) if math.isfinite(around.overall) else None,
         error_if_prior_twice_as_uncertain_mm=_doubted(made, plan),
         random_plans=Row(
-            plans=RANDOM,
-            planned_mm=MM * promise(plan, rows).overall,
+            plans=RANDOM_PLANS,
+            planned_mm=MM * forecast_errors(plan, rows).overall,
             median_mm=finite(MM * float(np.median(chance))),
             best_tenth_mm=_percentile(chance, 10),
         ),
         plan=_runs(made, plan),
-        tasks=_tasks(made, plan, rms(rows @ own.expected)),
+        tasks=_tasks(made, plan, rms(rows @ scaling.expected)),
         observability=observability(plan.examined.problem, plan.chosen),
         directions=_directions(plan, influence),
         curve=[
@@ -190,8 +190,8 @@ def _pairs(made: Planned) -> Row:
         advice=_advice(MM * others.greedy),
         map=error_map(cell, plan, around),
         open_laws=open_laws(plan, prior),
-        unshown=unshown(plan, hidden / (MM * made.forecast.overall)),
-        unloaded=unloaded(plan, prior),
+        unshown=unobservable_joints(plan, hidden / (MM * made.forecast.overall)),
+        unloaded=unloaded_joints(plan, prior),
     )
 
 
@@ -201,8 +201,8 @@ def _doubted(made: Planned, plan: Plan) -> Expected | None:
     if spec.uncertainty is None:
         return None
     doubted = replace(spec, uncertainty=2 * spec.uncertainty)
-    fit = fitted(doubted, cad_prior(made.cell.arm), plan.q, plan.load)
-    return overall(widened(promise_on(fit, spec.tasks.q, spec.tasks.load)))
+    fit = linear_fit_after(doubted, cad_prior(made.cell.arm), plan.q, plan.load)
+    return forecast_summary(inflate_intervals(forecast_on(fit, spec.tasks.q, spec.tasks.load)))
 
 
 def _poses(arm: Arm, made: tuple[Array, Array], forecast: Forecast, moved: tuple[str, Array]) -> list[Row]:
@@ -253,14 +253,14 @@ def _runs(made: Planned, plan: Plan) -> list[Row]:
     """The poses of a plan for tasks, and what hangs or pulls in each."""
     spec, masses = plan.specification, made.settings.loads_kg
     load = loads_of(spec, plan.load)
-    moved = rms(deflection_rows(spec.experiment, plan.q, load) @ spec.experiment.metric.expected)
-    found = _measured(made, ("deflection", moved))
-    for row, index, wrench in zip(found, plan.load, load.wrench, strict=True):
+    moved = rms(deflection_rows(spec.experiment, plan.q, load) @ spec.experiment.scaling.expected)
+    rows = _measured(made, ("deflection", moved))
+    for row, index, wrench in zip(rows, plan.load, load.wrench, strict=True):
         pulls = index >= len(masses)  # they come behind all that hangs
         row["load_kg"] = 0.0 if pulls else float(masses[index])
         row["pull_N"] = wrench[:3].tolist() if pulls else None
         row["load"] = pull_words(row.pull_N) if pulls else f"{row.load_kg:g} kg"
-    return found
+    return rows
 
 
 def _tasks(made: Planned, plan: Plan, moved: Array) -> list[Row]:
@@ -284,7 +284,7 @@ def _directions(plan: Plan, influence: PriorInfluence) -> Row:
     spec, problem = plan.specification, plan.examined.problem
     believed = spec.uncertainty is not None
     return Row(
-        unknowns=spec.experiment.metric.structure.n,
+        unknowns=spec.experiment.scaling.structure.n,
         shown=problem.r,
         seen=observability(problem, plan.chosen).seen,
         outweighed=influence.outweighed if believed else problem.r,
@@ -329,12 +329,15 @@ def _percentile(errors: Array, percent: float) -> float | None:
 def _absolute(made: AbsolutePlanned) -> Row:
     """What only a plan of absolute readings has."""
     arm, union, plan, q, asked = made.cell.arm, made.union, made.plan, made.q, made.settings.poses
-    rng, problem = stream(made.settings.seed, 3), plan.examined.problem
-    criterion, error = Linear(mean_square(made.wanted @ problem.lift)), error_after(problem, made.wanted)
+    rng, problem = trial_rng(made.settings.seed, 3), plan.examined.problem
+    criterion, error = (
+        LinearCriterion(mean_square(made.wanted @ problem.lift)),
+        error_after(problem, made.wanted),
+    )
     middle, low, _ = _random(made, error, asked, rng)
     counts = sorted({asked, *(count for count in COUNTS if count <= max(2 * asked, COUNTS[1]))})
     order = greedy(problem, criterion, problem.rows, counts[-1])
-    at = places_at(arm, q, tool_pose(made.cell.vjm, q)[0], absolute.sag(union, q))
+    workspace_poses = places_at(arm, q, tool_pose(made.cell.vjm, q)[0], absolute.sag_at(union, q))
     return Row(
         model=union.unknowns.structure.name,
         prior=cad_prior(arm).name,
@@ -342,22 +345,22 @@ def _absolute(made: AbsolutePlanned) -> Row:
         unknowns=_counts(made),
         beyond_mm=MM * float(np.sqrt(np.square(absolute.joint_rest(union, q)).mean())),
         random_plans=Row(plans=CHANCE, median_mm=middle, best_tenth_mm=low),
-        before_mm=None if made.given is None else MM * absolute.realigned(union, made.wanted),
-        filled=[] if made.given is None else list(filled(arm, made.given.series, plan.q)),
-        plan=_measured(made, ("sag", absolute.sag(union, plan.q))),
-        hidden=[] if made.given is not None else list(left_open(union, plan.q)),
+        before_mm=None if made.given is None else MM * absolute.realignment_loss(union, made.wanted),
+        filled=[] if made.given is None else list(joint_coverage(arm, made.given.series, plan.q)),
+        plan=_measured(made, ("sag", absolute.sag_at(union, plan.q))),
+        hidden=[] if made.given is not None else list(undetermined_by(union, plan.q)),
         curve=[_count(k, MM * error(order[:k]), _random(made, error, k, rng)) for k in counts],
-        map=error_places(at, {CALIBRATED: bounded_mm(made.forecast.error)}, means=POSITION),
+        map=error_places(workspace_poses, {CALIBRATED: bounded_mm(made.forecast.error)}, means=POSITION),
     )
 
 
 def _counts(made: AbsolutePlanned) -> Row:
     """How many unknowns there are of each kind, and how many directions so many poses can see."""
-    found = Row()
+    row = Row()
     for (name, start), (_, end) in pairwise(made.union.unknowns.starts.items()):
         kind = name.split()[0]
-        found[kind] = found.get(kind, 0) + end - start
-    return Row(found, seen=made.plan.examined.problem.r)
+        row[kind] = row.get(kind, 0) + end - start
+    return Row(row, seen=made.plan.examined.problem.r)
 
 
 def _random(
@@ -372,7 +375,7 @@ def _random(
 BINS = 72  #: Ranges of a joint: 5 degrees each of a hinge that turns once.
 
 
-def filled(arm: Arm, series: Sequence[Series], q: Array) -> Iterator[Row]:
+def joint_coverage(arm: Arm, series: Sequence[Series], q: Array) -> Iterator[Row]:
     """Of every joint how much was not read, and how many of the poses (poses, n) [rad, m] go there."""
     for j, joint in enumerate(arm.joints):
         read = np.zeros(BINS, dtype=bool)
@@ -382,7 +385,7 @@ def filled(arm: Arm, series: Sequence[Series], q: Array) -> Iterator[Row]:
         yield Row(joint=joint.name, unread_percent=100 * float((~read).mean()), poses=int(there.sum()))
 
 
-def _bin(joint: Joint, own: Array) -> Ids:
+def _bin(joint: ArmJoint, own: Array) -> Ids:
     """Range of every angle, from limit to limit, or over a turn of a hinge that turns farther."""
     low, high = joint.lower, joint.upper
     if not joint.prismatic and high - low > 2 * np.pi:
@@ -391,7 +394,7 @@ def _bin(joint: Joint, own: Array) -> Ids:
     return np.asarray(np.clip(at, 0, BINS - 1))
 
 
-def write_poses(f: Row, joints: Sequence[Joint], path: Path) -> None:
+def write_poses(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
     """plan.csv: `plan_columns` or `absolute_columns`; rad and m in full: read back bit by bit."""
     masses, pulls = f.loads_kg, bool(f.pulls_n)
     head = plan_columns(joints, pulls=pulls)
@@ -410,13 +413,13 @@ def write_poses(f: Row, joints: Sequence[Joint], path: Path) -> None:
     _write_table(head, rows, path)
 
 
-def write_tasks(f: Row, joints: Sequence[Joint], path: Path) -> None:
+def write_tasks(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
     """tasks_expected.csv: of every task its pose and the error to expect."""
     every = [{"task": f"{row.task}", **_cells(row, joints)} for row in f.tasks]
     _write_table(list(every[0]), [list(cells.values()) for cells in every], path)
 
 
-def _cells(row: Row, joints: Sequence[Joint]) -> dict[str, str]:
+def _cells(row: Row, joints: Sequence[ArmJoint]) -> dict[str, str]:
     """Joints in deg or mm, and what is expected of a pose."""
     shown = {joint.shown_column: f"{x:.4f}" for joint, x in zip(joints, row.q_shown, strict=True)}
     return shown | {key: f"{x:.4f}" for key, x in row.items() if key.startswith("expected_")}
@@ -428,7 +431,7 @@ def _write_table(head: Sequence[str], rows: Sequence[Sequence[object]], path: Pa
     path.write_text(text.getvalue(), encoding="utf-8")
 
 
-def plan_columns(joints: Sequence[Joint], *, pulls: bool = False) -> list[str]:
+def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False) -> list[str]:
     """The header of a plan, in order; a row is a run, in the order of measuring.
 
     run: integer. JOINT_rad, JOINT_deg: joint angle, twice; of a slide JOINT_m, JOINT_mm. load_kg: hung mass.
@@ -445,7 +448,7 @@ def plan_columns(joints: Sequence[Joint], *, pulls: bool = False) -> list[str]:
     return [*names, "travel_deg", *["travel_mm"] * any(j.prismatic for j in joints), "way"]
 
 
-def absolute_columns(joints: Sequence[Joint], *, loaded: bool) -> list[str]:
+def absolute_columns(joints: Sequence[ArmJoint], *, loaded: bool) -> list[str]:
     """The header of a plan of absolute readings, in order.
 
     As `plan_columns`, but for load_kg, where one mass hangs after the first reading of every pose;

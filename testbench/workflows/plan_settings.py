@@ -8,22 +8,22 @@ from numbers import Real
 from testbench.design.criteria import check_criterion
 from testbench.errors import BenchError
 from testbench.files.scatter import SIGMA_RANGE
-from testbench.identify.prior import RANGE
+from testbench.identify.prior import UNCERTAINTY_RANGE
 from testbench.model.poses import WorkArea
 from testbench.model.structure import Structure
 from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
-from testbench.workflows.candidates import Conditions
+from testbench.workflows.candidates import PoseConditions
 from testbench.workflows.cell import Cell
-from testbench.workflows.models import EVERY, named_models, own_names
+from testbench.workflows.models import ALL_UNKNOWNS, arm_model_names, named_models
 from testbench.workflows.plan_input import LOAD_RANGE, PULL_RANGE, Place
 from testbench.workflows.rows import UM
 
 HIGHEST = 1000.0  #: Height of a floor, up or down [m]; beyond it a unit is a slip.
-MOST_POSES = 200
-MOST_CANDIDATES = 50_000  #: Also times loads and pulls: memory grows with them.
+MAX_POSES = 200
+MAX_CANDIDATES = 50_000  #: Also times loads and pulls: memory grows with them.
 HIGHEST_ORDER = 30  #: Of the periodic errors that joints have, as our true arms have.
-MOST_ORDERS = 12  #: Of those that are unknowns of a plan.
+MAX_ORDERS = 12  #: Of those that are unknowns of a plan.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class PlanSettings:
     absolute: bool = False
     given: tuple[str, ...] = ()  #: Names of files of earlier readings.
     #: Name of the model whose structure will be identified; "ALL" for all links and joints.
-    model: str = EVERY
+    model: str = ALL_UNKNOWNS
     criterion: str = "test"  #: One of `design.criteria.CRITERIA`; for absolute readings not "test".
     poses: int = 12  #: Number of poses to measure.
     #: Masses that may be hung. For absolute readings each of them is hung in turn, after a reading without a
@@ -65,13 +65,18 @@ class PlanSettings:
         self._check_loads()
         doubled = 1 if self.absolute else 2  # of deflections it is doubled for doubters
         ranges: tuple[tuple[str, float | None, float, float], ...] = (
-            ("poses", self.poses, 1, MOST_POSES),
-            ("candidates_wanted", self.candidates_wanted, self.poses, MOST_CANDIDATES),
+            ("poses", self.poses, 1, MAX_POSES),
+            ("candidates_wanted", self.candidates_wanted, self.poses, MAX_CANDIDATES),
             ("sigma_um", self.sigma_um, UM * SIGMA_RANGE[0], UM * SIGMA_RANGE[1]),
-            ("uncertainty_percent", self.uncertainty_percent, 100 * RANGE[0], 100 / doubled * RANGE[1]),
+            (
+                "uncertainty_percent",
+                self.uncertainty_percent,
+                100 * UNCERTAINTY_RANGE[0],
+                100 / doubled * UNCERTAINTY_RANGE[1],
+            ),
             ("geometry_mm", self.geometry_mm, 1e-6, 100),
             ("gear_urad", self.gear_urad, 1e-6, 1e5),
-            ("orders", self.orders, 0, MOST_ORDERS),
+            ("orders", self.orders, 0, MAX_ORDERS),
             ("floor_z_m", self.floor_z_m, -HIGHEST, HIGHEST),
             ("acceptance_deg", self.acceptance_deg, 0.1, 90),
             ("sling_m", self.sling_m, 0, 100),
@@ -99,7 +104,7 @@ class PlanSettings:
         for pull in pulls:
             _check_range("pulls_n, its size", math.hypot(*pull), *PULL_RANGE)
         every = self.candidates_wanted * (1 if self.absolute else len(loads) + len(pulls))
-        _check_range("loads_kg and pulls_n, times candidates_wanted", every, 1, MOST_CANDIDATES)
+        _check_range("loads_kg and pulls_n, times candidates_wanted", every, 1, MAX_CANDIDATES)
 
     @property
     def station(self) -> Station | None:
@@ -115,10 +120,10 @@ class PlanSettings:
         return None if self.box_m is None else WorkArea(*self.box_m)
 
     @property
-    def conditions(self) -> Conditions:
+    def conditions(self) -> PoseConditions:
         """Return the conditions of a pose, under the largest load: all others hang inside its outline."""
         payload = Payload(max(self.loads_kg), self.sling_m) if self.loads_kg else None
-        return Conditions(self.area, self.station, payload)
+        return PoseConditions(self.area, self.station, payload)
 
 
 USUAL = {
@@ -155,8 +160,8 @@ def structure(cell: Cell, name: str) -> Structure:
         BenchError: If the arm has no such model, or the model depends on a dataset.
     """
     [model] = named_models(cell, [name])
-    if not model.structure.whole:
-        others = ", ".join(other for other in own_names(cell.arm) if other != name)
+    if not model.structure.has_full_blocks:
+        others = ", ".join(other for other in arm_model_names(cell.arm) if other != name)
         raise BenchError(
             f"no plan for {name}: it leaves out entries by what one dataset shows; expected one of {others}"
         )

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 from pydantic import Field
 
-from testbench.data.dataset import joined
+from testbench.data.dataset import join_rows
 from testbench.errors import Array, Ids, PoseError
-from testbench.plant.equilibrium import settle_linear
-from testbench.plant.tracker import stream
-from testbench.workflows.cell import Campaign, Cell, LoadedPoses, Setup, Truth, measure, measure_both
+from testbench.plant.equilibrium import solve_linear_equilibrium
+from testbench.plant.tracker import trial_rng
+from testbench.workflows.cell import Campaign, Cell, LoadedPoses, Setup, Truth, measure_both, measure_markers
 
-BATCH = 120
+POSES_PER_BATCH = 120
 MAX_BATCHES = 200
 
 
@@ -44,7 +44,7 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
 
     Poses, wrenches and noise do not depend on the kind of truth.
     """
-    poses_rng, noise_rng = stream(seed, 0), stream(seed, 1)
+    poses_rng, noise_rng = trial_rng(seed, 0), trial_rng(seed, 1)
     q = cell.arm.drawn(poses_rng, scenario.poses)
     loads = np.diag([scenario.force] * 3 + [scenario.moment] * 3)
     pose = np.repeat(np.arange(scenario.poses), 6)
@@ -52,9 +52,9 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     check_q, check_wrench, drawn = _check_runs(cell, scenario, poses_rng)
     ids = scenario.poses + np.arange(scenario.check_runs) + 1
     checks = at_tool(check_q, ids, check_wrench)
-    identification = measure(cell, scenario, at_tool(q[pose], pose + 1, wrench), noise_rng)
+    identification = measure_markers(cell, scenario, at_tool(q[pose], pose + 1, wrench), noise_rng)
     check, true = measure_both(cell, scenario, checks, noise_rng)
-    both = joined([identification, check])
+    both = join_rows([identification, check])
     measured = replace(both, run=np.arange(both.runs) + 1)
     return Campaign(scenario, seed, measured, identification, check, true, true, drawn)
 
@@ -70,18 +70,19 @@ def _check_runs(cell: Cell, scenario: FullPose, rng: np.random.Generator) -> tup
     """Random poses and wrenches whose first-order deflection is in range; and how many were drawn."""
     kept_q, kept_wrench = np.empty((0, cell.arm.n_joints)), np.empty((0, 6))
     for k in range(1, MAX_BATCHES + 1):
-        q = cell.arm.drawn(rng, BATCH)
-        wrench = random_wrenches(BATCH, scenario.force, scenario.moment, rng)
-        zero = np.zeros((BATCH, 3))
-        moved = [settle_linear(cell.plant, q, load, zero).tool for load in (0 * wrench, wrench)]
+        q = cell.arm.drawn(rng, POSES_PER_BATCH)
+        wrench = random_wrenches(POSES_PER_BATCH, scenario.force, scenario.moment, rng)
+        zero = np.zeros((POSES_PER_BATCH, 3))
+        moved = [solve_linear_equilibrium(cell.plant, q, load, zero).tool for load in (0 * wrench, wrench)]
         size = np.linalg.norm(moved[1] - moved[0], axis=1)
         inside = (size >= scenario.least) & (size <= scenario.most)
         kept_q, kept_wrench = np.vstack([kept_q, q[inside]]), np.vstack([kept_wrench, wrench[inside]])
         if len(kept_q) >= scenario.check_runs:
-            return kept_q[: scenario.check_runs], kept_wrench[: scenario.check_runs], k * BATCH
+            return kept_q[: scenario.check_runs], kept_wrench[: scenario.check_runs], k * POSES_PER_BATCH
     raise PoseError(
         f"found {len(kept_q)} of {scenario.check_runs} check runs with a deflection of "
-        f"{1e3 * scenario.least:g} to {1e3 * scenario.most:g} mm among {MAX_BATCHES * BATCH} drawn; widen "
+        f"{1e3 * scenario.least:g} to {1e3 * scenario.most:g} mm among {MAX_BATCHES * POSES_PER_BATCH} "
+        f"drawn; widen "
         "the range or change the loads"
     )
 

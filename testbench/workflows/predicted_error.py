@@ -9,9 +9,9 @@ import numpy as np
 from testbench.design.forecast import BROAD, Forecast
 from testbench.design.planning import Plan
 from testbench.design.rows import Specification, deflection_rows, loads_of
-from testbench.design.whole_arm import Fitted, error_on, fit_of
+from testbench.design.whole_arm import LinearFit, error_on, fit_of
 from testbench.errors import Array, Ids, Mask
-from testbench.identify.metric import metric
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.posterior import CONFIDENCE
 from testbench.identify.prior import Prior, cad_prior
 from testbench.model.load import Load, on_joints
@@ -19,7 +19,7 @@ from testbench.model.structure import Structure, all153, joints_only
 from testbench.model.vjm import Vjm, chain, tool_pose
 from testbench.workflows.cell import Cell
 from testbench.workflows.model_selection import FILLED
-from testbench.workflows.models import JOINTS, named_models, own_name
+from testbench.workflows.models import JOINTS, arm_model_name, named_models
 from testbench.workflows.rows import MM
 from testbench.workflows.workspace_errors import (
     ErrorPlaces,
@@ -37,8 +37,8 @@ EXPECTED = Meaning(
     "RMS",
 )
 OTHERS = ("MLS56", JOINTS)  #: Kinds of models that stand beside: least squares of links, and joints alone.
-OPEN = 0.1  #: Share of the expected error that has to stay open for such joints to be told [1].
-NONE = 1e-6  #: Share of the largest torque below which a joint is not turned [1].
+OPEN_ERROR_SHARE = 0.1  #: Share of the expected error that has to stay open for such joints to be told [1].
+ZERO_TORQUE = 1e-6  #: Share of the largest torque below which a joint is not turned [1].
 
 
 @dataclass(frozen=True)
@@ -50,21 +50,21 @@ class Expected:
     p95: float
 
 
-def overall(forecast: Forecast) -> Expected:
+def forecast_summary(forecast: Forecast) -> Expected:
     """What a forecast says of all poses together."""
     return Expected(MM * forecast.overall, MM * forecast.overall_low, MM * forecast.overall_high)
 
 
-def within(spec: Specification) -> float:
+def prior_uncertainty(spec: Specification) -> float:
     """How well the arm's compliances are known, relative [1]."""
     return UNKNOWN if spec.uncertainty is None else spec.uncertainty
 
 
-def fitted(spec: Specification, prior: Prior, q: Array, load: Ids) -> Fitted:
+def linear_fit_after(spec: Specification, prior: Prior, q: Array, load: Ids) -> LinearFit:
     """A specification's model after poses (poses, n) [rad, m] were measured, each under its load (poses,)."""
     every = spec.experiment
-    whole = replace(every, metric=metric(prior, every.vjm, all153(every.vjm.arm)))
-    return fit_of(whole, within(spec), spec, q, load)
+    whole = replace(every, scaling=scale_by_prior(prior, every.vjm, all153(every.vjm.arm)))
+    return fit_of(whole, prior_uncertainty(spec), spec, q, load)
 
 
 def joints_alone(spec: Specification, prior: Prior) -> Specification:
@@ -75,8 +75,8 @@ def joints_alone(spec: Specification, prior: Prior) -> Specification:
 def least_squares(spec: Specification, prior: Prior, structure: Structure) -> Specification:
     """The same measured to identify a structure by least squares; the prior only sets its units."""
     every = spec.experiment
-    own = metric(prior, every.vjm, structure)
-    return replace(spec, experiment=replace(every, metric=own), uncertainty=None)
+    scaling = scale_by_prior(prior, every.vjm, structure)
+    return replace(spec, experiment=replace(every, scaling=scaling), uncertainty=None)
 
 
 def half_widths(forecast: Forecast) -> Array:
@@ -84,25 +84,25 @@ def half_widths(forecast: Forecast) -> Array:
     return np.asarray(NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * BROAD * forecast.deviation)
 
 
-def error_map(cell: Cell, plan: Plan, own: Forecast) -> ErrorPlaces:
-    """Errors over the workspace under the first load, by the planned model its `own`, and by `OTHERS`.
+def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
+    """Errors over the workspace under the first load, by the planned model its `forecast`, and by `OTHERS`.
 
     GCO without a prior is no linear fit: it is not foretold.
     """
     spec, prior = plan.specification, cad_prior(cell.arm)
     q, load = spec.workspace, spec.loads[0]
-    name = spec.experiment.metric.structure.name + (FILLED if spec.uncertainty is not None else "")
+    name = spec.experiment.scaling.structure.name + (FILLED if spec.uncertainty is not None else "")
     found = {}
-    for other in (own_name(cell, kind) for kind in OTHERS):
+    for other in (arm_model_name(cell, kind) for kind in OTHERS):
         if other is None or other == name:
             continue
         [model] = named_models(cell, [other])
-        fit = fitted(least_squares(spec, prior, model.structure), prior, plan.q, plan.load)
+        fit = linear_fit_after(least_squares(spec, prior, model.structure), prior, plan.q, plan.load)
         found[other] = bounded_mm(error_on(fit, q, load))
-    found[name] = bounded_mm(own.error)
-    moved = rms(deflection_rows(spec.experiment, q, load) @ spec.experiment.metric.expected)
-    at = places_at(cell.arm, q, tool_pose(cell.vjm, q)[0], moved)
-    return error_places(at, found, list(found), EXPECTED)
+    found[name] = bounded_mm(forecast.error)
+    moved = rms(deflection_rows(spec.experiment, q, load) @ spec.experiment.scaling.expected)
+    workspace_poses = places_at(cell.arm, q, tool_pose(cell.vjm, q)[0], moved)
+    return error_places(workspace_poses, found, list(found), EXPECTED)
 
 
 @dataclass(frozen=True)
@@ -114,13 +114,13 @@ class Unshown:
     pull_N: list[float] | None
 
 
-def unshown(plan: Plan, share: float) -> Unshown | None:
+def unobservable_joints(plan: Plan, share: float) -> Unshown | None:
     """Which joints' compliances no load of a plan can show though the tasks need them; None where all are.
 
     The pull is along the world's axis that turns them most in the plan's poses, about as strong as the first
     load. `share` of the expected error at the tasks stays open, whatever is measured [1].
     """
-    if share <= OPEN:
+    if share <= OPEN_ERROR_SHARE:
         return None
     spec, examined = plan.specification, plan.examined
     vjm, tasks = spec.experiment.vjm, spec.tasks
@@ -143,7 +143,7 @@ class Unloaded:
     error_mm: float | None  #: Expected at the tasks under that force, RMS; None without a bound [mm].
 
 
-def unloaded(plan: Plan, prior: Prior) -> Unloaded | None:
+def unloaded_joints(plan: Plan, prior: Prior) -> Unloaded | None:
     """Which joints no load turns in any pose of a plan, and what that costs; None where all are turned.
 
     Args:
@@ -158,7 +158,7 @@ def unloaded(plan: Plan, prior: Prior) -> Unloaded | None:
     _, pull = _pull(plan, closed)
     if pull is None:
         return Unloaded([names[k] for k in closed], None, None)
-    error = error_on(fitted(spec, prior, plan.q, plan.load), spec.tasks.q, pull)
+    error = error_on(linear_fit_after(spec, prior, plan.q, plan.load), spec.tasks.q, pull)
     mm = float(MM * np.sqrt(np.square(error).mean()))
     return Unloaded([names[k] for k in closed], pull.wrench[:3].tolist(), mm if math.isfinite(mm) else None)
 
@@ -185,7 +185,7 @@ def _torques(vjm: Vjm, q: Array, load: Load) -> Array:
 def _turned(torques: Array) -> Mask:
     """Which joints are turned in any of the poses, (n,)."""
     most = np.abs(torques).max(axis=1)
-    return np.asarray(most > NONE * most.max())
+    return np.asarray(most > ZERO_TORQUE * most.max())
 
 
 def first_digit(value: float) -> float:

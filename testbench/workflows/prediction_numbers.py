@@ -6,21 +6,21 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.folder import Joint
+from testbench.arm.folder import ArmJoint
 from testbench.errors import Array
 from testbench.files.formula import as_cell
 from testbench.identify.posterior import CONFIDENCE
 from testbench.runs.rows import Row, finite
-from testbench.workflows.program import Predicted, direction_words, extrapolated
+from testbench.workflows.program import Predicted, direction_words, extrapolation_warnings
 from testbench.workflows.rows import MM
 from testbench.workflows.workspace_errors import Meaning, bounded_mm, error_places, places_at
 
 TABLE = "predictions.csv"
-WORST = 14  #: Poses that a report lists.
+LISTED_POSES = 14  #: Poses that a report lists.
 MOVED_BY, HALF_WIDTH = "moved by the force", "half width, 95 %"  #: What a map tells of a place.
 
 
-def prediction_columns(joints: Sequence[Joint]) -> list[str]:
+def prediction_columns(joints: Sequence[ArmJoint]) -> list[str]:
     """List the columns of predictions.csv, in order; docs/formats.md says what each holds."""
     names = ["pose", "line", "point", *(joint.column for joint in joints)]
     names += [f"{axis}_m" for axis in "xyz"]
@@ -38,9 +38,14 @@ def write_predictions(made: Predicted, folder: Path) -> None:
         made: The prediction.
         folder: Where the file goes.
     """
-    found, tool = made.found, made.stiffness
-    of_tool = np.hstack([found.turn, tool.principal, tool.softest])
-    parts = (found.position, found.position_half, found.deflection, found.half)
+    prediction, tool = made.found, made.stiffness
+    of_tool = np.hstack([prediction.rotation_vector, tool.principal, tool.softest])
+    parts = (
+        prediction.position,
+        prediction.position_half_width,
+        prediction.deflection,
+        prediction.half_width,
+    )
     names = [as_cell(name) for name in made.names]
     with (folder / TABLE).open("w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")
@@ -61,9 +66,9 @@ def _cells(*values: Array) -> list[str]:
 
 def numbers(made: Predicted) -> Row:
     """Collect all numbers but those of every pose, which are in predictions.csv; keys of report.json."""
-    found, size = made.found, MM * made.found.size
+    prediction, size = made.found, MM * made.found.size
     about, extent = made.model.about, made.extent
-    some = np.array([made.stiffness.give[:, 0].argmax(), *made.worst_first[:WORST]])
+    some = np.array([made.stiffness.displacement_per_force[:, 0].argmax(), *made.worst_first[:LISTED_POSES]])
     poses = [_pose(made, int(k), half) for k, half in zip(some, made.push_halves(some), strict=True)]
     return Row(
         arm=made.model.arm.name,
@@ -76,14 +81,14 @@ def numbers(made: Predicted) -> Row:
         least_mm=float(size[:, 0].min()),
         median_mm=float(np.median(size[:, 0])),
         most_mm=float(size[:, 0].max()),
-        unseen_percent=float(100 * np.isinf(found.half).any(axis=2).mean()),
-        other_off_mm=float(MM * found.apart.max()),
-        position_half_mm=finite(MM * np.median(found.position_half[:, 0].max(axis=1))),
+        unseen_percent=float(100 * np.isinf(prediction.half_width).any(axis=2).mean()),
+        other_off_mm=float(MM * prediction.linearisation_error.max()),
+        position_half_mm=finite(MM * np.median(prediction.position_half_width[:, 0].max(axis=1))),
         force_n=extent.force,
         moment_nm=extent.moment,
         force_ratio=finite(extent.force_ratio),
         moment_ratio=finite(extent.moment_ratio),
-        extrapolated=extrapolated(extent),
+        extrapolated=extrapolation_warnings(extent),
         doubts=about.doubts,
         notes=made.asked.notes,
         softest=poses[0],
@@ -99,44 +104,47 @@ def _pose(made: Predicted, k: int, push_half: float) -> Row:
     y, z. `push_mm` is how far the force of the map moves the loaded tool in its softest direction; its half
     width is that of this force.
     """
-    found, asked, direction = made.found, made.asked, made.stiffness.softest[k]
-    half = finite(MM * found.widest[k, 0])
+    prediction, file_poses, direction = made.found, made.asked, made.stiffness.softest[k]
+    half = finite(MM * prediction.widest[k, 0])
     return Row(
-        pose=asked.labels[k],
-        line=int(asked.line[k]),
-        joints=made.model.arm.words(asked.q[k]),
-        tool_m=found.position[k, 0].tolist(),
-        deflection_mm=float(MM * found.size[k, 0]),
-        deflections_mm=(MM * found.deflection[k, 0]).tolist(),
+        pose=file_poses.labels[k],
+        line=int(file_poses.line[k]),
+        joints=made.model.arm.words(file_poses.q[k]),
+        tool_m=prediction.position[k, 0].tolist(),
+        deflection_mm=float(MM * prediction.size[k, 0]),
+        deflections_mm=(MM * prediction.deflection[k, 0]).tolist(),
         half_mm=half,
         half_words="not seen" if half is None else f"{half:.3f}",
-        halves_mm=[finite(x) for x in MM * found.half[k, 0]],
-        turn_mrad=float(1e3 * np.linalg.norm(found.turn[k])),
+        halves_mm=[finite(x) for x in MM * prediction.half_width[k, 0]],
+        turn_mrad=float(1e3 * np.linalg.norm(prediction.rotation_vector[k])),
         stiffness_n_per_um=[finite(x) for x in 1e-6 * made.stiffness.principal[k]],
         softest=direction_words(direction),
         softest_direction=direction.tolist(),
-        push_mm=float(MM * made.map.force * made.stiffness.give[k, 0]),
+        push_mm=float(MM * made.map.force * made.stiffness.displacement_per_force[k, 0]),
         push_half_mm=finite(MM * push_half),
     )
 
 
 def _map(made: Predicted) -> Row:
     """The worst deflection under a force in any direction, over poses of the workspace, the softest first."""
-    found = made.map
-    worst: Array = MM * found.worst
-    at = places_at(made.model.arm, found.q, found.position, found.worst)
-    values = {MOVED_BY: bounded_mm(found.worst), HALF_WIDTH: bounded_mm(found.half.max(axis=1))}
-    words = f"of the tool by {found.force:,.0f} N in the worst direction, and its half width, 95 %"
+    stiffness_map = made.map
+    worst: Array = MM * stiffness_map.worst
+    workspace_poses = places_at(made.model.arm, stiffness_map.q, stiffness_map.position, stiffness_map.worst)
+    values = {
+        MOVED_BY: bounded_mm(stiffness_map.worst),
+        HALF_WIDTH: bounded_mm(stiffness_map.half.max(axis=1)),
+    }
+    words = f"of the tool by {stiffness_map.force:,.0f} N in the worst direction, and its half width, 95 %"
     return Row(
-        force_n=found.force,
+        force_n=stiffness_map.force,
         places=len(worst),
         median_mm=float(np.median(worst)),
         p95_mm=float(np.percentile(worst, 95)),
         worst_mm=float(worst[0]),
-        half_mm=finite(MM * found.half[0].max()),
-        unseen_percent=float(100 * np.isinf(found.half).any(axis=1).mean()),
-        at_m=found.position[0].tolist(),
-        joints=made.model.arm.words(found.q[0]),
-        softest=direction_words(found.direction[0]),
-        errors=error_places(at, values, [MOVED_BY], Meaning("movement", words, "median")),
+        half_mm=finite(MM * stiffness_map.half[0].max()),
+        unseen_percent=float(100 * np.isinf(stiffness_map.half).any(axis=1).mean()),
+        at_m=stiffness_map.position[0].tolist(),
+        joints=made.model.arm.words(stiffness_map.q[0]),
+        softest=direction_words(stiffness_map.direction[0]),
+        errors=error_places(workspace_poses, values, [MOVED_BY], Meaning("movement", words, "median")),
     )

@@ -15,11 +15,11 @@ from testbench.correct.newton import Aim, Hold
 from testbench.correct.newton import Asked as Meant
 from testbench.correct.predicted import Prediction, predict
 from testbench.correct.process import process_wrench
-from testbench.correct.stiffness import Stiffness, give_halves, stiffness
+from testbench.correct.stiffness import Stiffness, compliance_half_widths, stiffness
 from testbench.data.dataset import in_order
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
 from testbench.files.motion import CSV, WRITERS, format_of, write_moves
-from testbench.files.program import Program, read_poses, read_program, refuse_joint_jumps, unread
+from testbench.files.program import Program, read_poses, read_program, refuse_joint_jumps, unread_columns
 from testbench.files.table import read_table
 from testbench.files.write import write_program
 from testbench.identify.arm_model import ArmModel
@@ -27,7 +27,7 @@ from testbench.model.load import Load, weight
 from testbench.model.poses import WorkArea
 from testbench.model.vjm import tool_pose
 from testbench.plant.site import Site
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.runs.place import Kind, inside
 from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.plan_input import place, read_loads
@@ -35,10 +35,11 @@ from testbench.workflows.plan_input import place, read_loads
 T = TypeVar("T")
 NAMED = 5  #: Points that a message names; more are counted.
 PLACES = 600  #: Poses of the map.
-FORCE = 1000.0  #: Of the map where neither a flag nor the arm's payload says one [N].
+DEFAULT_FORCE = 1000.0  #: Of the map where neither a flag nor the arm's payload says one [N].
 OVERLOAD = 1.5  #: Times the payload beyond which a force is said.
 SLACK = 1.05  #: Up to so many times the largest load nothing is said.
-NEAR, MOSTLY = 10.0, 30.0  #: Angles up to which a direction is along an axis, and mostly along it [deg].
+#: Angles up to which a direction is along an axis, and mostly along it [deg].
+ALONG_ANGLE, MOSTLY_ALONG_ANGLE = 10.0, 30.0
 PROMISED = "expected_error_mm"  #: Column that only plans have.
 
 
@@ -55,7 +56,7 @@ class CorrectedProgram:
     @property
     def reasons(self) -> tuple[str | None, ...]:
         """Why points cannot be put right, in words; None where they are."""
-        return tuple(refusal_words(self.model.arm, one) for one in self.found.refused)
+        return tuple(refusal_words(self.model.arm, refusal) for refusal in self.found.refused)
 
     @property
     def unreached(self) -> tuple[str, ...]:
@@ -78,10 +79,10 @@ def correct_program(
     q = _drawn_joints(model, program, aim, start)
     loads = _loads_of(model, program, aim, q)
     try:
-        found = compensate(model, q, loads, aim, room)
+        compensated = compensate(model, q, loads, aim, room)
     except NoEquilibrium as err:
         raise InputError(program.path, "", str(err)) from err
-    return CorrectedProgram(program, model, aim, loads, found)
+    return CorrectedProgram(program, model, aim, loads, compensated)
 
 
 def _drawn_joints(model: ArmModel, program: Program, aim: Aim, start: Array | None) -> Array:
@@ -90,18 +91,20 @@ def _drawn_joints(model: ArmModel, program: Program, aim: Aim, start: Array | No
         assert program.q is not None
         return program.q
     near = start if program.q is None else program.q
-    found = joints_along(model.vjm, program.position, program.rotation, start=near, point=np.array(aim.point))
-    far = np.flatnonzero(~found.there)
+    reached = joints_along(
+        model.vjm, program.position, program.rotation, start=near, point=np.array(aim.point)
+    )
+    far = np.flatnonzero(~reached.converged)
     if len(far):
-        missing = 1e3 * np.column_stack([found.distance, found.angle])
+        missing = 1e3 * np.column_stack([reached.distance, reached.angle])
         names = [
             "line {} by {:.3g} mm and {:.3g} mrad".format(program.line[k], *missing[k]) for k in far[:NAMED]
         ]
         more = f" and {len(far) - NAMED} more" if len(far) > NAMED else ""
         raise InputError(program.path, "", f"out of the arm's reach: {', '.join(names)}{more}")
     if not program.jumps:
-        refuse_joint_jumps(program.path, model.arm, program.line, found.q)
-    return found.q
+        refuse_joint_jumps(program.path, model.arm, program.line, reached.q)
+    return reached.q
 
 
 def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Load, ...]:
@@ -120,7 +123,7 @@ def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Lo
     return (*pulls, *hung)
 
 
-def destination(out: Path, report: Path | None) -> tuple[str, Kind, Path]:
+def output_paths(out: Path, report: Path | None) -> tuple[str, Kind, Path]:
     """Tell what a corrected program is written as, and where its report goes.
 
     Args:
@@ -145,17 +148,17 @@ def destination(out: Path, report: Path | None) -> tuple[str, Kind, Path]:
     return form, kind, report or out.with_name(f"{named}_report")
 
 
-def refuse_unreached(found: CorrectedProgram) -> None:
+def refuse_unreached(corrected_program: CorrectedProgram) -> None:
     """Refuse a program with points that cannot be put right.
 
     Raises:
         InputError: Names the first points with their reasons, and the flag that leaves them as they are.
     """
-    if found.unreached:
-        named, more = "; ".join(found.unreached[:NAMED]), len(found.unreached) - NAMED
+    if corrected_program.unreached:
+        named, more = "; ".join(corrected_program.unreached[:NAMED]), len(corrected_program.unreached) - NAMED
         named += f"; and {more} more" if more > 0 else ""
         problem = f"{named}; --keep-unreachable leaves such points as they are"
-        raise InputError(found.program.path, "", problem)
+        raise InputError(corrected_program.program.path, "", problem)
 
 
 def aim_of(hold: Hold, asked: Meant | None, tip: str, spindle: str) -> Aim:
@@ -178,39 +181,39 @@ def aim_of(hold: Hold, asked: Meant | None, tip: str, spindle: str) -> Aim:
     return Aim(hold, asked, place(tip, "--tip x,y,z [m]"), (x, y, z))
 
 
-def write_corrected(found: CorrectedProgram, file: Path, form: str) -> None:
+def write_corrected(corrected_program: CorrectedProgram, file: Path, form: str) -> None:
     """Write a corrected program, as a table or in a robot's language.
 
     Args:
-        found: The corrected program.
+        corrected_program: The corrected program.
         file: Where it goes.
         form: "csv" or a language, by `format_of`.
     """
-    arm, program, q = found.model.arm, found.program, found.found.q
+    arm, program, q = corrected_program.model.arm, corrected_program.program, corrected_program.found.q
     if form == CSV:
-        write_program(file, program, q, more_columns(found))
+        write_program(file, program, q, more_columns(corrected_program))
     else:
         write_moves(file, WRITERS[form], arm.to_file(q), arm.file_joints, program.labels)
 
 
-def more_columns(found: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
+def more_columns(corrected_program: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
     """What a corrected program says beside its joints, by column."""
-    own, arm = found.found, found.model.arm
-    moved = arm.change_to_file(own.q - own.start)
+    compensated, arm = corrected_program.found, corrected_program.model.arm
+    moved = arm.change_to_file(compensated.q - compensated.start)
     columns: dict[str, Array | Sequence[str]] = {
         f"correction_{joint.shown_column}": joint.shown * moved[:, k]
         for k, joint in enumerate(arm.file_joints)
     }
-    columns |= {f"before_{x}_mm": 1e3 * own.before[:, k] for k, x in enumerate("xyz")}
-    half = np.where(np.isfinite(own.half), own.half, np.nan)
+    columns |= {f"before_{x}_mm": 1e3 * compensated.before[:, k] for k, x in enumerate("xyz")}
+    half = np.where(np.isfinite(compensated.half_width), compensated.half_width, np.nan)
     columns |= {f"half_95_{x}_mm": 1e3 * half[:, k] for k, x in enumerate("xyz")}
-    columns["turn_left_mrad"] = 1e3 * np.linalg.norm(own.turned, axis=1)
-    columns["left_out"] = [reason or "" for reason in found.reasons]
+    columns["turn_left_mrad"] = 1e3 * np.linalg.norm(compensated.rotation_error, axis=1)
+    columns["left_out"] = [reason or "" for reason in corrected_program.reasons]
     return columns
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class PosesWithLoads:
     """Poses and their loads."""
 
     path: Path  #: The file.
@@ -224,9 +227,9 @@ class Asked:
     @property
     def words(self) -> str:
         """What acts, for people."""
-        own = self.loads[: -1 if self.hung.any() else None]
+        loads = self.loads[: -1 if self.hung.any() else None]
         force, moment = (
-            np.linalg.norm(sum((load.wrench[:, part] for load in own), np.zeros((1, 3))), axis=1)
+            np.linalg.norm(sum((load.wrench[:, part] for load in loads), np.zeros((1, 3))), axis=1)
             for part in (slice(0, 3), slice(3, 6))
         )
         parts = ((self.hung, "kg"), (force, "N"), (moment, "N m"))
@@ -238,7 +241,9 @@ def _between(values: Array) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def read_asked(path: Path, model: ArmModel, mapping: Path | None, mass: Callable[[], float]) -> Asked:
+def read_pose_file(
+    path: Path, model: ArmModel, mapping: Path | None, mass: Callable[[], float]
+) -> PosesWithLoads:
     """Poses of a plan or of a program; of a corrected program its joints, which are what is commanded.
 
     A map has other names of a program's columns; `mass` gives what hangs where the file says of no load [kg].
@@ -246,14 +251,14 @@ def read_asked(path: Path, model: ArmModel, mapping: Path | None, mass: Callable
     if PROMISED in read_table(path, lambda name: name == PROMISED).names:
         return _of_plan(path, model, mass)
     program = read_program(path, model.arm, mapping, jumps=True)
-    aim, notes = Aim(), unread(program)
+    aim, notes = Aim(), unread_columns(program)
     if program.corrected and program.q is not None:
         notes += ("The program was corrected: its joints count as they stand",)
         program = replace(program, position=None, rotation=None)
     program, said = with_payload(model, program, mass)
     q = _drawn_joints(model, program, aim, None)
     loads = _loads_of(model, program, aim, q)
-    return Asked(path, program.line, program.labels, q, loads, program.mass, (*notes, *said))
+    return PosesWithLoads(path, program.line, program.labels, q, loads, program.mass, (*notes, *said))
 
 
 def with_payload(
@@ -266,14 +271,16 @@ def with_payload(
     return replace(program, mass=np.full(program.points, hung)), (_no_load(model, hung),)
 
 
-def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> Asked:
+def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> PosesWithLoads:
     """Poses that `testbench plan` wrote, in which a weight hangs or a force pulls."""
     q, (found, pulls) = read_poses(path, model.arm), read_loads(path)
     hung = np.full(len(q), mass()) if found is None else found
     notes = (_no_load(model, hung[0]),) if found is None else ()
     labels = tuple(map(str, range(1, len(q) + 1)))
     forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load).over(len(q))]
-    return Asked(path, np.arange(len(q)) + 2, labels, q, (*forces, weight(model.vjm, hung)), hung, notes)
+    return PosesWithLoads(
+        path, np.arange(len(q)) + 2, labels, q, (*forces, weight(model.vjm, hung)), hung, notes
+    )
 
 
 def _no_load(model: ArmModel, mass: float) -> str:
@@ -284,16 +291,16 @@ def _no_load(model: ArmModel, mass: float) -> str:
     return f"The file gives no load: {what} is assumed"
 
 
-def _carried(asked: Asked, some: slice, compute: Callable[[Array, list[Load]], T]) -> T:
+def _carried(file_poses: PosesWithLoads, some: slice, compute: Callable[[Array, list[Load]], T]) -> T:
     """What follows from some poses and loads; InputError names the line of the first that has no rest."""
     try:
-        return compute(asked.q[some], [load.of(some) for load in asked.loads])
+        return compute(file_poses.q[some], [load.of(some) for load in file_poses.loads])
     except NoEquilibrium as err:
         if some.stop - some.start == 1:
-            raise InputError(asked.path, f"line {asked.line[some.start]}", str(err)) from err
+            raise InputError(file_poses.path, f"line {file_poses.line[some.start]}", str(err)) from err
         middle = (some.start + some.stop) // 2
-        _carried(asked, slice(some.start, middle), compute)  # ends here where one of these has none
-        return _carried(asked, slice(middle, some.stop), compute)
+        _carried(file_poses, slice(some.start, middle), compute)  # ends here where one of these has none
+        return _carried(file_poses, slice(middle, some.stop), compute)
 
 
 @dataclass(frozen=True)
@@ -315,7 +322,7 @@ class Predicted:
 
     model: ArmModel
     cell: Cell  #: The same arm and its room.
-    asked: Asked
+    asked: PosesWithLoads
     found: Prediction
     stiffness: Stiffness  #: Of the loaded tool.
     extent: Extent  #: How large the loads are.
@@ -341,46 +348,48 @@ class Predicted:
             Half widths, (k,) [m].
         """
         tool = in_order(self.stiffness, poses)
-        return give_halves(self.model, self.asked.q[poses], tool, self.map.force)[:, 0]
+        return compliance_half_widths(self.model, self.asked.q[poses], tool, self.map.force)[:, 0]
 
 
-def predicted(model: ArmModel, asked: Asked, force: float, area: WorkArea | None = None) -> Predicted:
+def predict_file(
+    model: ArmModel, file_poses: PosesWithLoads, force: float, area: WorkArea | None = None
+) -> Predicted:
     """Predict all poses of a file by the equilibrium behind Eq. (7), and map what a force does [N].
 
     Raises:
         InputError: When a pose has no equilibrium; names its line.
         PoseError: When too few poses have their tool in the area of the map.
     """
-    cell, every = Cell(model.arm, model.vjm), slice(0, len(asked.q))
+    cell, every = Cell(model.arm, model.vjm), slice(0, len(file_poses.q))
 
     def both(q: Array, loads: list[Load]) -> tuple[Prediction, Stiffness]:
         own = predict(model, q, loads)
         return own, stiffness(model, q, loads, own.theta)
 
-    found, tool = _carried(asked, every, both)
+    prediction, tool = _carried(file_poses, every, both)
     return Predicted(
         model=model,
         cell=cell,
-        asked=asked,
-        found=found,
+        asked=file_poses,
+        found=prediction,
         stiffness=tool,
-        extent=extent(model, asked.q, asked.loads),
+        extent=extent(model, file_poses.q, file_poses.loads),
         map=_map(model, cell, force, area),
     )
 
 
 def _map(model: ArmModel, cell: Cell, force: float, area: WorkArea | None) -> StiffnessMap:
     """The compliance of Eq. (7) under own weight alone, times a force, at clear poses drawn at random."""
-    q = clear_poses(cell, area, PLACES, stream(0))
+    q = clear_poses(cell, area, PLACES, trial_rng(0))
     found = stiffness(model, q)
     position, _ = tool_pose(model.vjm, q)
-    half = give_halves(model, q, found, force)
-    worst: Array = force * found.give[:, 0]
+    half = compliance_half_widths(model, q, found, force)
+    worst: Array = force * found.displacement_per_force[:, 0]
     order = np.argsort(-worst, kind="stable")
     return StiffnessMap(force, *(x[order] for x in (q, position, worst, found.softest, half)))
 
 
-def extrapolated(found: Extent) -> tuple[str, ...]:
+def extrapolation_warnings(found: Extent) -> tuple[str, ...]:
     """What loads are beyond those of the model's data, or the payload, with its number."""
     if found.force_ratio is not None and np.isinf(found.force_ratio):
         said = [f"extrapolated: {found.force:,.0f} N; the model was identified under own weight only"]
@@ -420,9 +429,9 @@ def direction_words(direction: Array) -> str:
     size = np.abs(direction) / np.linalg.norm(direction)
     first, second = np.argsort(-size)[:2]
     angle = float(np.degrees(np.arccos(min(size[first], 1.0))))
-    if angle <= NEAR:
+    if angle <= ALONG_ANGLE:
         return f"along {'xyz'[first]}"
-    if angle <= MOSTLY:
+    if angle <= MOSTLY_ALONG_ANGLE:
         return f"mostly along {'xyz'[first]}"
     side = "" if direction[first] * direction[second] > 0 else "-"
     return f"between {'xyz'[first]} and {side}{'xyz'[second]}"

@@ -18,7 +18,7 @@ from testbench.arm.folder import find_arm
 from testbench.arm.lines import toml_place
 from testbench.errors import BenchError, InputError, read_text, sheet_of
 from testbench.runs import provenance as files
-from testbench.runs.session import NONE, Session
+from testbench.runs.session import EMPTY_SESSION, Session
 
 NAME = Path("testbench.toml")
 TEMPLATE = Path(__file__).with_suffix(".toml")  #: All keys, as comments.
@@ -64,7 +64,7 @@ Place = Annotated[str, Field(pattern=r"^[-+.\de]+(,[-+.\de]+){2}$")]
 Box = Annotated[str, Field(pattern=r"^[-+.\de]+(,[-+.\de]+){5}$")]
 
 
-class OwnFile(Strict):
+class FileSettings(Strict):
     """What holds for one file alone."""
 
     map: File | None = None
@@ -91,7 +91,7 @@ class Project(Strict):
     sling_m: Annotated[float, Field(ge=0, le=100)] | None = None
     tool_point: Place | None = None
     spindle: Literal["x", "-x", "y", "-y", "z", "-z"] | None = None
-    files: dict[File, OwnFile] = Field({}, max_length=200)
+    files: dict[File, FileSettings] = Field({}, max_length=200)
 
 
 def read_project(path: Path = NAME) -> Project | None:
@@ -112,7 +112,7 @@ def parse_project(path: Path, text: str) -> Project:
         place = [str(key) for key in first["loc"] if key != "[key]"]
         problem = f"{first['msg']}, got {str(first['input'])[:80]!r}"
         if first["type"] == "extra_forbidden":
-            keys = (Project if len(place) == 1 else OwnFile).model_fields
+            keys = (Project if len(place) == 1 else FileSettings).model_fields
             problem = f"unknown key; keys are {', '.join(keys)}"
         raise InputError(path, toml_place(path, place), problem) from err
 
@@ -123,10 +123,10 @@ class ProjectCommand(TyperCommand):
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
         """Parse the command line, with the project's values below it."""
         if not ctx.resilient_parsing and not {*args} & {*ctx.help_option_names}:
-            found = read_project()
-            if found is not None:
-                args = self._with_arm(ctx, args, found.arm)
-                ctx.obj, ctx.default_map = found, self._defaults(found)
+            project = read_project()
+            if project is not None:
+                args = self._with_arm(ctx, args, project.arm)
+                ctx.obj, ctx.default_map = project, self._defaults(project)
         return super().parse_args(ctx, args)
 
     def _with_arm(self, ctx: typer.Context, args: list[str], arm: str | None) -> list[str]:
@@ -143,7 +143,7 @@ class ProjectCommand(TyperCommand):
             return [arm, *args]
         return args
 
-    def _defaults(self, found: Project) -> dict[str, object]:
+    def _defaults(self, project: Project) -> dict[str, object]:
         """Values of parameters, as words of a command line."""
         own = {str(p.name): p for p in self.params if p.param_type_name == "option"}
         reads, values = {p.name for p in self.params} & READ, dict[str, object]()
@@ -152,7 +152,7 @@ class ProjectCommand(TyperCommand):
             skipped.add("load")  # rows without a mass may be of the arm's own weight alone
         for key in Project.model_fields.keys() - skipped:
             name = ALIASES.get(key, key)
-            words = [str(word) for word in _several(getattr(found, key)) if word is not None]
+            words = [str(word) for word in _several(getattr(project, key)) if word is not None]
             if name in own and words and getattr(own[name], "multiple", False):
                 values[name] = words
             elif name in own and len(words) == 1:  # of several loads the file says which
@@ -177,7 +177,7 @@ def merged(ctx: typer.Context, values: Mapping[str, object]) -> tuple[dict[str, 
 
     found, values = ctx.obj, dict(values)
     if not isinstance(found, Project):
-        return values, NONE
+        return values, EMPTY_SESSION
     source = {name: getattr(ctx.get_parameter_source(name), "name", "") for name in values}
     for name, other in NEEDLESS.items():
         if source.get(name) == "DEFAULT_MAP" and values.get(other) is not None:
@@ -187,7 +187,7 @@ def merged(ctx: typer.Context, values: Mapping[str, object]) -> tuple[dict[str, 
     taken |= {"arm": found.arm} if ARM in ctx.meta else {}
     for name in values.keys() & {*FILES} if found.files else ():
         several, paths = isinstance(values[name], list), [Path(str(path)) for path in _several(values[name])]
-        for key in OwnFile.model_fields:
+        for key in FileSettings.model_fields:
             said = [getattr(_own(found, path), key, None) for path in paths]
             if not any(said) or source.get(names[key], "COMMANDLINE") == "COMMANDLINE":
                 continue
@@ -200,6 +200,8 @@ def merged(ctx: typer.Context, values: Mapping[str, object]) -> tuple[dict[str, 
     return values, Session({"file": str(NAME), "sha256": files.digest(NAME), "taken": taken}, known)
 
 
-def _own(found: Project, path: Path) -> OwnFile | None:
+def _own(project: Project, path: Path) -> FileSettings | None:
     """What the project file says of a file, however it is named."""
-    return next((own for name, own in found.files.items() if Path(name).resolve() == path.resolve()), None)
+    return next(
+        (settings for name, settings in project.files.items() if Path(name).resolve() == path.resolve()), None
+    )

@@ -15,8 +15,16 @@ from testbench.arm.document import unique
 from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.arm.stiffness import Material, Tube
 from testbench.errors import Array, BenchError
-from testbench.files.robot.robot import Body, Chain, Note, Point, Site
-from testbench.workflows.beam import COINCIDE, Beam, beams, extent, outer_diameter, reach, triangles
+from testbench.files.robot.robot import Body, ImportedChain, ImportedSite, Note, Point
+from testbench.workflows.beam import (
+    COINCIDE,
+    Beam,
+    axial_extent,
+    beam_reach,
+    beams,
+    outer_diameter,
+    triangles,
+)
 
 ARM_COMPLIANCE = 0.33e-6  #: Of a joint that carries 1000 kg m [rad/(N m)].
 POWER = 0.75  #: Compliance falls with this power of payload times reach [1].
@@ -24,12 +32,12 @@ WRIST = 6.0  #: Compliance of a joint of the wrist over that of one of the arm [
 LEVER = 0.1  #: A slide is as stiff as a turning joint at this share of the reach [1].
 WRIST_JOINTS = 3  #: Joints after the third are of the wrist, at most so many.
 PAYLOAD_OFF = 3.0  #: A guess of a payload misses one arm in ten by more than this factor [1].
-HEAVY = 100.0  #: Payload from which an arm is of cast iron [kg].
+CAST_IRON_PAYLOAD = 100.0  #: Payload from which an arm is of cast iron [kg].
 CAST_IRON, ALUMINIUM = Material(1.1e11, 0.26), Material(7.0e10, 0.33)
 HOLLOW = 0.9  #: Inner over outer diameter, as of our KR 500 [1].
 OUTER = 0.30  #: Outer diameter of a link that carries 1000 kg m where no shape tells it [m].
 SLENDER = 0.2  #: It grows with this power of payload times reach [1].
-SHORT = 0.05  #: A link shorter than this share of the reach is cut over the whole of its shape [1].
+SHORT_LINK = 0.05  #: A link shorter than this share of the reach is cut over the whole of its shape [1].
 STUB = 0.5  #: No tube is shorter than this share of its diameter: wrists whose joints meet [1].
 AROUND = 0.1  #: Distance of the proposed markers from the tool over the reach [1].
 BEYOND = 0.05  #: Distance of the proposed load point from the tool, along its axis, over the reach [1].
@@ -42,7 +50,7 @@ pieces or one on a part of the link."""
 
 
 @dataclass(frozen=True, eq=False)
-class Wishes:
+class UserInputs:
     """What an engineer says of an arm that its file does not; None or empty where nothing is said."""
 
     payload: float | None = None  #: Rated payload [kg].
@@ -66,7 +74,8 @@ class LinkProposal:
 class Proposal:
     """What `testbench new` writes beside the robot's kinematics."""
 
-    tool: Site  #: In the last part; called "tool", or with underscores where the robot has one of that name.
+    #: In the last part; called "tool", or with underscores where the robot has one of that name.
+    tool: ImportedSite
     load: Point
     markers: tuple[Point, ...]
     payload: float  #: Rated or estimated [kg].
@@ -77,7 +86,7 @@ class Proposal:
     proposed: tuple[Note, ...]
 
 
-def propose(chain: Chain, wishes: Wishes) -> Proposal:
+def propose(chain: ImportedChain, wishes: UserInputs) -> Proposal:
     """Everything of an arm's folder that the robot's file does not hold.
 
     Args:
@@ -88,9 +97,9 @@ def propose(chain: Chain, wishes: Wishes) -> Proposal:
         BenchError: When no arm has such a payload, or no link such a tube.
     """
     tool = chain.tip.pose if wishes.tool is None else np.asarray(chain.tip.pose @ wishes.tool)
-    lines, long = beams(chain, tool), reach(chain, tool)
+    lines, long = beams(chain, tool), beam_reach(chain, tool)
     payload = (
-        estimated_payload(chain.mass, reach(chain, chain.tip.pose))
+        estimated_payload(chain.mass, beam_reach(chain, chain.tip.pose))
         if wishes.payload is None
         else wishes.payload
     )
@@ -115,7 +124,7 @@ def propose(chain: Chain, wishes: Wishes) -> Proposal:
     }
     n, joints = chain.n_joints, enumerate(chain.joints)
     return Proposal(
-        tool=Site(tool_name, tool),
+        tool=ImportedSite(tool_name, tool),
         load=(load_name, load),
         markers=tuple(markers),
         payload=payload,
@@ -163,13 +172,13 @@ def _link(part: Body, line: Beam, payload: float, long: float) -> LinkProposal:
     outer: float | None = None
     told_by: ToldBy = "none"
     if len(surface):
-        low, high = extent(surface, line.frame[:, 0])
+        low, high = axial_extent(surface, line.frame[:, 0])
         told_by = "pieces"
-        if line.distance >= SHORT * long:
+        if line.distance >= SHORT_LINK * long:
             drawn = max(0.0, min(high, line.distance) - max(low, 0.0))
             low, high, told_by = 0.0, line.distance, "part"
         outer = outer_diameter(surface, line.frame, (low, high))
-    made = CAST_IRON if payload >= HEAVY else ALUMINIUM
+    made = CAST_IRON if payload >= CAST_IRON_PAYLOAD else ALUMINIUM
     D = OUTER * (payload * long / 1000) ** SLENDER if outer is None else outer
     length, D = max(line.distance, STUB * D), round(D, 4)
     try:
@@ -187,7 +196,7 @@ def on_a_line(positions: Array) -> bool:
     return bool(across <= FLAT * along)
 
 
-def _sites(chain: Chain, tool: Array) -> tuple[Point, ...]:
+def _sites(chain: ImportedChain, tool: Array) -> tuple[Point, ...]:
     """The sites of the last part in the tool's frame if they can be markers, else none."""
     found = [site for site in chain.parts[-1].sites if site.name != chain.tip.name]
     places = np.array([site.pose[:3, 3] for site in found]).reshape(-1, 3)
@@ -195,7 +204,7 @@ def _sites(chain: Chain, tool: Array) -> tuple[Point, ...]:
     return () if on_a_line(local) else tuple((s.name, p) for s, p in zip(found, local, strict=True))
 
 
-def _ahead(chain: Chain, tool: Array, last: Beam, long: float) -> float:
+def _ahead(chain: ImportedChain, tool: Array, last: Beam, long: float) -> float:
     """How far the drawn end, of a flange or a gripper, is ahead of a tool in the last joint [m]."""
     surface = triangles(chain.parts[-1].shapes).reshape(-1, 3)
     if last.distance > COINCIDE * long or not len(surface):

@@ -49,10 +49,10 @@ def write_rounds(root: int, folder: str, rounds: Sequence[int]) -> list[list[obj
     cell = build_cell(ARM)
     for k in rounds:
         arms = range(GRID * k, GRID * (k + 1), len(PRIORS))
-        own, rows = Path(folder) / str(k), [row for first in arms for row in _rows(cell, first, root)]
-        own.mkdir()
+        path, rows = Path(folder) / str(k), [row for first in arms for row in _rows(cell, first, root)]
+        path.mkdir()
         for name in TABLES:
-            write_table(own / name, _joined([row[name] for row in rows]))
+            write_table(path / name, _joined([row[name] for row in rows]))
     return [[] for _ in rounds]
 
 
@@ -66,13 +66,15 @@ def _rows(cell: Cell, first: int, root: int) -> Iterator[Row]:
     true = true_cell(cell, kind, root + first)
     for number, error in enumerate(PRIORS, first):
         seed = root + number
-        own = simulate_at(true, SCENARIO, seed, draw_poses(cell, SCENARIO, seed))
+        campaign = simulate_at(true, SCENARIO, seed, draw_poses(cell, SCENARIO, seed))
         head = {"campaign": number, "split": split_of(first)}
         about = _repeated(1, head | {"arm": 0 if kind == FOLDER else first, "seed": seed})
         yield {
             CAMPAIGNS: about | _compliances(cell, prior_of(cell, error, seed).C_theta, "prior_"),
-            READINGS: _points(cell, head, {"identification": own.identification, "check": own.check}),
-            DEFLECTIONS: _points(cell, head, {"check": own.check_true, "workspace": own.truth}),
+            READINGS: _points(
+                cell, head, {"identification": campaign.identification, "check": campaign.check}
+            ),
+            DEFLECTIONS: _points(cell, head, {"check": campaign.check_true, "workspace": campaign.truth}),
             ARMS: about
             | _repeated(1, {"true_arm": kind, "prior_error": error})
             | _compliances(cell, true.plant.arm.C_theta, ""),

@@ -19,14 +19,14 @@ from testbench.identify.diagnosis.deflections import deflection_scale
 from testbench.identify.diagnosis.diagnose import diagnose, unplaced_runs
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.hypothesis import Submission
-from testbench.identify.metric import metric
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import cad_prior
-from testbench.identify.registered import STATION, Choice, Registered, registered, station
-from testbench.identify.registration import Frame, spread
+from testbench.identify.registered import STATION, Choice, RegisteredDataset, register_dataset, station_number
+from testbench.identify.registration import Frame, largest_deviation
 from testbench.model.structure import all153
-from testbench.workflows.campaign_flags import Readings
+from testbench.workflows.campaign_flags import ReadingOptions
 from testbench.workflows.cell import Cell
-from testbench.workflows.plan_input import overloads
+from testbench.workflows.plan_input import overload_warnings
 from testbench.workflows.registration_notes import registration_notes
 from testbench.workflows.rows import MM, UM
 
@@ -48,7 +48,7 @@ class _File(Strict):
 
 
 @dataclass(frozen=True)
-class Runs:
+class MeasuredRuns:
     """A user's runs."""
 
     name: str  #: Of the file.
@@ -62,9 +62,9 @@ class Runs:
     scale: float | None = None
 
 
-def files_read(asked: Readings) -> list[Path]:
+def files_read(options: ReadingOptions) -> list[Path]:
     """The files that are read: table, map, frames."""
-    return [asked.dataset, *([asked.mapping] if asked.mapping else []), *_frame_files(asked.frame)]
+    return [options.dataset, *([options.mapping] if options.mapping else []), *_frame_files(options.frame)]
 
 
 def _frame_files(frame: str) -> list[Path]:
@@ -72,33 +72,33 @@ def _frame_files(frame: str) -> list[Path]:
     return [Path(frame)] if frame.endswith(".toml") else []
 
 
-def read(cell: Cell, asked: Readings, mapping: Path | Map | None = None) -> Export:
+def read_export_file(cell: Cell, options: ReadingOptions, mapping: Path | Map | None = None) -> Export:
     """Read runs.
 
     Args:
         cell: The cell that was measured.
-        asked: The file, and how it is read.
+        options: The file, and how it is read.
         mapping: A map beside the one that was asked for.
 
     Raises:
         InputError: Names what is wrong with the file or its map.
     """
-    sigma = None if asked.sigma_um is None else asked.sigma_um / UM
-    markers = (*cell.arm.markers, *(asked.new_target or ()))
+    sigma = None if options.sigma_um is None else options.sigma_um / UM
+    markers = (*cell.arm.markers, *(options.new_target or ()))
     if "" in markers or len(set(markers)) < len(markers):
-        new, have = ", ".join(asked.new_target or ()), ", ".join(cell.arm.markers)
+        new, have = ", ".join(options.new_target or ()), ", ".join(cell.arm.markers)
         raise BenchError(f"--new-target: expected new names, got {new}; {cell.arm.name} has {have}")
     arm = replace(cell.arm, markers=markers)
-    found = read_export(asked.dataset, arm, mapping or asked.mapping, sigma, asked.load)
-    if not found.data.wrench.any():
-        raise InputError(asked.dataset, "", "expected loads, all forces and moments are 0")
-    return found
+    export = read_export(options.dataset, arm, mapping or options.mapping, sigma, options.load)
+    if not export.data.wrench.any():
+        raise InputError(options.dataset, "", "expected loads, all forces and moments are 0")
+    return export
 
 
-def register(cell: Cell, export: Export, asked: Readings) -> tuple[Cell, Registered]:
+def register_export(cell: Cell, export: Export, options: ReadingOptions) -> tuple[Cell, RegisteredDataset]:
     """The cell with targets where they are, runs in the base's frame; a flag counts more than the map."""
     try:
-        return to_base(cell, export.data, _said(export, asked))
+        return to_base(cell, export.data, _said(export, options))
     except InputError:
         raise
     except BenchError as err:
@@ -109,30 +109,32 @@ def register(cell: Cell, export: Export, asked: Readings) -> tuple[Cell, Registe
         raise BenchError(f"{err}; {words}") from err
 
 
-def look_at(
-    cell: Cell, export: Export, found: Registered, asked: Readings
+def diagnose_runs(
+    cell: Cell, export: Export, found: RegisteredDataset, options: ReadingOptions
 ) -> tuple[tuple[Doubt, ...], float]:
     """Doubts about registered runs of an arm, as its folder has it, and the factor of their deflections."""
     prior = cad_prior(cell.arm)
     try:
-        seen = diagnose(Submission(cell.vjm, export.data, found, _said(export, asked) != "auto"), prior)
-        factor = deflection_scale(found.vjm, metric(prior, found.vjm, all153(found.vjm.arm)), found.data)
+        issues = diagnose(Submission(cell.vjm, export.data, found, _said(export, options) != "auto"), prior)
+        factor = deflection_scale(
+            found.vjm, scale_by_prior(prior, found.vjm, all153(found.vjm.arm)), found.data
+        )
     except BenchError as err:
-        raise InputError(asked.dataset, "", str(err)) from err
+        raise InputError(options.dataset, "", str(err)) from err
     masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
-    heavy = (Doubt("payload", words) for words in overloads(cell.arm, masses.tolist()))
-    return (*(describe(one, cell.arm, export.columns.joints) for one in seen), *heavy), factor
+    heavy = (Doubt("payload", words) for words in overload_warnings(cell.arm, masses.tolist()))
+    return (*(describe(issue, cell.arm, export.columns.joints) for issue in issues), *heavy), factor
 
 
-def _said(export: Export, asked: Readings) -> str:
+def _said(export: Export, options: ReadingOptions) -> str:
     """The frame that was said, "auto" if none was."""
     frame = export.columns.names.map.frame
-    return asked.frame if asked.frame != "auto" or frame is None else frame
+    return options.frame if options.frame != "auto" or frame is None else frame
 
 
 def read_runs(
-    cell: Cell, asked: Readings, held: Sequence[int] = (), *, full_pose: bool = False
-) -> tuple[Cell, Runs]:
+    cell: Cell, options: ReadingOptions, held: Sequence[int] = (), *, full_pose: bool = False
+) -> tuple[Cell, MeasuredRuns]:
     """The cell that was measured, and its runs: those to fit, and those in the poses `held` back.
 
     Frames and targets are found from the unloaded readings of all poses, those held back among them.
@@ -142,19 +144,19 @@ def read_runs(
         BenchError: When a pose is not in the data, none is left on one side, no target was read in those held
             back, or a frame cannot be found.
     """
-    export = read(cell, asked)
+    export = read_export_file(cell, options)
     if full_pose and export.data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
-        raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
+        raise InputError(options.dataset, "header", f"{problem} (--full-pose); it has positions only")
     filed = cell
-    cell, found = register(cell, export, asked)
-    doubts, factor = look_at(filed, export, found, asked)
+    cell, found = register_export(cell, export, options)
+    doubts, factor = diagnose_runs(filed, export, found, options)
     name, notes, frames = (
-        asked.dataset.name,
+        options.dataset.name,
         (*export.notes, *registration_notes(found)),
         registration_row(found),
     )
-    runs = Runs(name, found.data, found.data, None, notes, frames, doubts, factor)
+    runs = MeasuredRuns(name, found.data, found.data, None, notes, frames, doubts, factor)
     if not held:
         return cell, runs
     try:
@@ -167,7 +169,7 @@ def read_runs(
     return cell, replace(runs, used=used, check=check)
 
 
-def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Registered]:
+def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, RegisteredDataset]:
     """The cell with targets where they are, and the runs in the base's frame.
 
     The frame is auto, base, tracker, or the name of a TOML file with the frames.
@@ -181,7 +183,7 @@ def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Regis
         choice = {f"{STATION} {k}": one.of(to_world) for k, one in read_frames(files[0]).items()}
     else:
         raise BenchError(f"frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
-    found = registered(cell.vjm, data, choice)
+    found = register_dataset(cell.vjm, data, choice)
     return replace(cell, vjm=found.vjm), found
 
 
@@ -204,40 +206,42 @@ def read_frames(path: Path) -> dict[int, Frame]:
     return {one.station: Frame(R, np.array(one.position_m)) for one, R in zip(given, turns, strict=True)}
 
 
-def registration_row(registered: Registered) -> dict[str, object] | None:
+def registration_row(registered: RegisteredDataset) -> dict[str, object] | None:
     """Frames and targets, and how well the unloaded readings fit them; None where no frame fitted.
 
     Of a frame the base's position in it, turn as a rotation vector, and largest standard deviations, 0 for
     one that was given; of a target its place in the tool's frame, its distance from where the arm's folder
     has it, None if it has not, and its largest standard deviation.
     """
-    found = registered.registration
-    if found is None:
+    registration = registered.registration
+    if registration is None:
         return None
-    away = MM * np.linalg.norm(found.targets - found.nominal, axis=1)
+    away = MM * np.linalg.norm(registration.targets - registration.nominal, axis=1)
     return {
         "frame": registered.frame,
         "frames": [
             {
-                "station": station(name),
-                "position_mm": (MM * one.translation).tolist(),
-                "rotation_deg": np.degrees(one.rotation_vector).tolist(),
-                "position_sd_mm": MM * spread(one.covariance[3:, 3:]),
-                "rotation_sd_deg": math.degrees(one.deviation),
+                "station": station_number(name),
+                "position_mm": (MM * frame.translation).tolist(),
+                "rotation_deg": np.degrees(frame.rotation_vector).tolist(),
+                "position_sd_mm": MM * largest_deviation(frame.covariance[3:, 3:]),
+                "rotation_sd_deg": math.degrees(frame.deviation),
             }
-            for name, one in ((name, own.of(registered.vjm.base)) for name, own in found.frames.items())
+            for name, frame in (
+                (name, frame.of(registered.vjm.base)) for name, frame in registration.frames.items()
+            )
         ],
         "targets": [
             {
                 "marker": name,
-                "position_mm": (MM * found.targets[k]).tolist(),
+                "position_mm": (MM * registration.targets[k]).tolist(),
                 "from_nominal_mm": float(away[k]) if np.isfinite(away[k]) else None,
-                "position_sd_mm": MM * float(found.target_deviations[k].max()),
+                "position_sd_mm": MM * float(registration.target_deviations[k].max()),
             }
-            for k, name in enumerate(found.markers)
+            for k, name in enumerate(registration.markers)
         ],
-        "rms_mm": MM * found.rms,
-        "noise_mm": MM * found.noise,
-        "readings": len(found.distance),
-        "wild": found.wild,
+        "rms_mm": MM * registration.rms,
+        "noise_mm": MM * registration.noise,
+        "readings": len(registration.distance),
+        "wild": registration.downweighted,
     }

@@ -8,8 +8,8 @@ import numpy as np
 from testbench.data.dataset import Dataset
 from testbench.errors import InputError
 from testbench.identify.fold import BLOCK_RUNS
-from testbench.identify.registered import Registered
-from testbench.identify.registration import Frame, Registration, spread
+from testbench.identify.registered import RegisteredDataset
+from testbench.identify.registration import Frame, Registration, largest_deviation
 from testbench.model.vjm import Vjm, chain
 from testbench.model.weights import own_weight, read_weights
 from testbench.workflows.rows import MM
@@ -17,16 +17,16 @@ from testbench.workflows.rows import MM
 SMALL = 1e-9  #: Rotation that has no axis [rad].
 
 
-def registration_notes(found: Registered) -> tuple[str, ...]:
+def registration_notes(registered: RegisteredDataset) -> tuple[str, ...]:
     """Sentences on the frames, on how well the readings fit, and on targets that were taken as found."""
-    if found.registration is None:
-        return (f"readings are taken to be in the base's frame: {found.why}",)
+    if registered.registration is None:
+        return (f"readings are taken to be in the base's frame: {registered.why}",)
     frames = ["readings are in the base's frame"]
-    if found.frame == "tracker":
-        every = found.registration.frames.items()
-        frames = [_frame_note(name, one.of(found.vjm.base)) for name, one in every]
-    fit = _fit_note(found.registration, _sag(found.vjm, found.data))
-    return (*frames, fit, *_target_notes(found, found.registration))
+    if registered.frame == "tracker":
+        every = registered.registration.frames.items()
+        frames = [_frame_note(name, frame.of(registered.vjm.base)) for name, frame in every]
+    fit = _fit_note(registered.registration, _sag(registered.vjm, registered.data))
+    return (*frames, fit, *_target_notes(registered, registered.registration))
 
 
 def _frame_note(name: str, frame: Frame) -> str:
@@ -39,27 +39,31 @@ def _frame_note(name: str, frame: Frame) -> str:
     text += f"turned by {math.degrees(angle):.3f} deg about ({about})"
     if not frame.covariance.any():
         return text
-    where = MM * spread(frame.covariance[3:, 3:])
+    where = MM * largest_deviation(frame.covariance[3:, 3:])
     return f"{text}. Uncertainty by noise: {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
 
 
-def _fit_note(found: Registration, sag: float | None) -> str:
+def _fit_note(registration: Registration, sag: float | None) -> str:
     """How well all readings fit, and how far own weight alone sags the tool, RMS [m], where that is known."""
-    text = f"unloaded readings fit the arm's kinematics to {MM * found.rms:.2f} mm RMS"
-    if found.wild:
-        text += f"; {found.wild} of {len(found.distance)} fit worse and have less weight"
+    text = f"unloaded readings fit the arm's kinematics to {MM * registration.rms:.2f} mm RMS"
+    if registration.downweighted:
+        text += (
+            f"; {registration.downweighted} of {len(registration.distance)} fit worse and have less weight"
+        )
     size = "" if sag is None else f" by {MM * sag:.2f} mm RMS, by the arm's folder"
     return f"{text}. Own weight deflects the tool{size}; differences of readings do not contain this"
 
 
-def _target_notes(found: Registered, own: Registration) -> Iterator[str]:
+def _target_notes(registered: RegisteredDataset, registration: Registration) -> Iterator[str]:
     """Where targets taken as found are, and how far from where the arm's folder has them."""
-    deviations = own.target_deviations.max(axis=1)
-    for k in np.flatnonzero(found.taken):
-        at = ", ".join(f"{MM * x:.1f}" for x in own.targets[k])
-        away = float(np.linalg.norm(own.targets[k] - own.nominal[k]))
+    deviations = registration.target_deviations.max(axis=1)
+    for k in np.flatnonzero(registered.targets_taken):
+        at = ", ".join(f"{MM * x:.1f}" for x in registration.targets[k])
+        away = float(np.linalg.norm(registration.targets[k] - registration.nominal[k]))
         new = "new" if math.isnan(away) else f"{MM * away:.1f} mm from nominal"
-        text = f"target {own.markers[k]} at ({at}) mm in the tool's frame, {new}. Uncertainty by noise:"
+        text = (
+            f"target {registration.markers[k]} at ({at}) mm in the tool's frame, {new}. Uncertainty by noise:"
+        )
         yield f"{text} {MM * deviations[k]:.2f} mm"
 
 

@@ -8,7 +8,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
-from testbench.identify.evaluate import Score
+from testbench.identify.evaluate import DeflectionErrors
 from testbench.runs.spread import Number, Share, Spread
 from testbench.workflows.advice import advice
 
@@ -78,17 +78,17 @@ class FitRow:
 
 def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool = False) -> FitRow:
     """What a method found; unknowns are compliances, laws of joints aside."""
-    certificate, own = estimate.certificate, estimate.of_compliances
+    certificate, regression = estimate.certificate, estimate.of_compliances
     return FitRow(
         name=name,
-        structure=own.structure.name,
+        structure=regression.structure.name,
         method=estimate.method,
         constraint=estimate.constraint,
         prior=prior,
         status=estimate.status,
-        parameters=own.structure.n,
-        rank=own.rank,
-        unique=own.rank == own.structure.n,
+        parameters=regression.structure.n,
+        rank=regression.rank,
+        unique=regression.rank == regression.structure.n,
         conservative=estimate.conservative,
         min_eigenvalue=estimate.min_eigenvalue,
         f_m=estimate.f_m,
@@ -98,7 +98,7 @@ def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool
         trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
         held_by_trace_weight=estimate.held_by_trace_weight,
         trace_weight_Nm_per_rad=None if estimate.penalty is None else estimate.penalty.weight,
-        total_trace_rad_per_Nm=total_trace(own.structure, estimate.pi[: own.structure.n]),
+        total_trace_rad_per_Nm=total_trace(regression.structure, estimate.pi[: regression.structure.n]),
         solve_seconds=seconds,
         advice=advice(estimate),
     )
@@ -108,7 +108,7 @@ NO_ERRORS = ErrorRow(None, None, None, None, None)  #: Of an estimator that fail
 FAILED = "failed: "  #: Begins the status of one.
 
 
-def error_row(score: Score) -> ErrorRow:
+def error_row(score: DeflectionErrors) -> ErrorRow:
     """Errors in millimetres and per cent."""
     return ErrorRow(
         rms_mm=MM * score.rms,

@@ -5,21 +5,23 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.pull import POSES, Pull, Structural, structural
+from testbench.identify.absolute.pull import FURTHER_ROWS, AddedInformation, Structural, structural
 from testbench.identify.absolute.unknowns import Unknowns
-from testbench.identify.observability import Hidden, Quantity, hidden
+from testbench.identify.observability import HiddenQuantity, ObservedQuantity, hidden_quantities
 from testbench.model.structure import TEMPLATE
 
-LOOSE = 0.01
+FREE_DEVIATION = 0.01
 """Standard deviation of what has no prior, frames and mounts [m, rad]: much more than readings leave of it,
 and not so much that rounding would hide the rest."""
 SINGLE = {"ratio": "gear ratio", "play": "play", "stiffening": "stiffening"}
 STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling beyond a beam"
 ERROR = "'s error of "  #: Between a joint and the orders of its periodic errors.
-FEW = 2  #: Bands of one joint's errors that are named one by one.
+MAX_NAMED_BANDS = 2  #: Bands of one joint's errors that are named one by one.
 
 
-def unobservable(unknowns: Unknowns, information: Array, prior: Array, pull: Pull) -> tuple[str, ...]:
+def unobservable(
+    unknowns: Unknowns, information: Array, prior: Array, pull: AddedInformation
+) -> tuple[str, ...]:
     """What readings leave unknown of a calibration, in as few sentences as say it.
 
     Args:
@@ -34,7 +36,7 @@ def unobservable(unknowns: Unknowns, information: Array, prior: Array, pull: Pul
     d, every_one = np.diag(L), (information, *pull.turned, pull.everywhere)
     plain = np.count_nonzero(L) == np.count_nonzero(d)  # a root of variances alone is no product of matrices
     M, *more = (d[:, None] * one * d if plain else np.asarray(L.T @ one @ L) for one in every_one)
-    found = hidden(quantities(unknowns), L, M, every.directions, more)
+    found = hidden_quantities(quantities(unknowns), L, M, every.directions, more)
     names = [joint.name for joint in unknowns.vjm.arm.joints]
     return (*structure_words(every, names, unknowns.structure.n), *sentences(found, names))
 
@@ -60,34 +62,52 @@ def structure_words(found: Structural, joints: Sequence[str], compliances: int) 
         )
 
 
-def sentences(found: Sequence[Hidden], joints: Sequence[str]) -> tuple[str, ...]:
+def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[str, ...]:
     """One sentence an advice for what is not seen, one for errors of a joint among themselves."""
-    behind = [one for one in found if one.behind]
-    said = [_words(one, joints) for one in behind if not _among_themselves(one)]
-    said += [_mutual(own, joints) for own in _grouped([one for one in behind if _among_themselves(one)])]
-    unseen = [one for one in found if not one.behind]
-    for advice in dict.fromkeys(one.helps for one in unseen):
-        said.append(_unseen([one for one in unseen if one.helps == advice], joints))
+    behind = [hidden_quantity for hidden_quantity in found if hidden_quantity.behind]
+    said = [
+        _words(hidden_quantity, joints)
+        for hidden_quantity in behind
+        if not _among_themselves(hidden_quantity)
+    ]
+    said += [
+        _mutual(own, joints)
+        for own in _grouped(
+            [hidden_quantity for hidden_quantity in behind if _among_themselves(hidden_quantity)]
+        )
+    ]
+    unseen = [hidden_quantity for hidden_quantity in found if not hidden_quantity.behind]
+    for advice in dict.fromkeys(hidden_quantity.helps for hidden_quantity in unseen):
+        said.append(
+            _unseen(
+                [hidden_quantity for hidden_quantity in unseen if hidden_quantity.helps == advice], joints
+            )
+        )
     return tuple(said)
 
 
-def _words(one: Hidden, joints: Sequence[str]) -> str:
-    left = f"{100 * one.share:.0f} % of its prior variance left"
-    if not one.behind:
-        return f"{one.name} is not seen ({left}){_advice(one, joints)}"
-    behind = " and ".join(filter(None, [", ".join(one.behind[:-1]), one.behind[-1]]))
+def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
+    left = f"{100 * hidden_quantity.share:.0f} % of its prior variance left"
+    if not hidden_quantity.behind:
+        return f"{hidden_quantity.name} is not seen ({left}){_advice(hidden_quantity, joints)}"
+    behind = " and ".join(filter(None, [", ".join(hidden_quantity.behind[:-1]), hidden_quantity.behind[-1]]))
     return (
-        f"{one.name} hides behind {behind} (correlation {one.correlation:.2f}, {left}){_advice(one, joints)}"
+        f"{hidden_quantity.name} hides behind {behind} (correlation {hidden_quantity.correlation:.2f}, "
+        f"{left}){_advice(hidden_quantity, joints)}"
     )
 
 
-def _advice(one: Hidden, joints: Sequence[str]) -> str:
+def _advice(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
     """What would show it; nothing where that was not asked for."""
-    if one.helps is None:
+    if hidden_quantity.helps is None:
         return ""
-    if one.helps < 0:
-        return f": {POSES} more poses hardly help, another load may"
-    return f": turn {joints[one.helps]} more" if one.helps < len(joints) else ": turn several joints together"
+    if hidden_quantity.helps < 0:
+        return f": {FURTHER_ROWS} more poses hardly help, another load may"
+    return (
+        f": turn {joints[hidden_quantity.helps]} more"
+        if hidden_quantity.helps < len(joints)
+        else ": turn several joints together"
+    )
 
 
 def _joint(name: str) -> str:
@@ -95,62 +115,76 @@ def _joint(name: str) -> str:
     return name.split(ERROR)[0] if ERROR in name else ""
 
 
-def _among_themselves(one: Hidden) -> bool:
+def _among_themselves(hidden_quantity: HiddenQuantity) -> bool:
     """Whether a joint's error hides behind others of the same joint alone."""
-    return bool(_joint(one.name)) and all(_joint(name) == _joint(one.name) for name in one.behind)
+    return bool(_joint(hidden_quantity.name)) and all(
+        _joint(name) == _joint(hidden_quantity.name) for name in hidden_quantity.behind
+    )
 
 
-def _grouped(found: Sequence[Hidden]) -> list[list[Hidden]]:
+def _grouped(found: Sequence[HiddenQuantity]) -> list[list[HiddenQuantity]]:
     """By joint and advice, in their order."""
-    keys = dict.fromkeys((_joint(one.name), one.helps) for one in found)
-    return [[one for one in found if (_joint(one.name), one.helps) == key] for key in keys]
+    keys = dict.fromkeys((_joint(hidden_quantity.name), hidden_quantity.helps) for hidden_quantity in found)
+    return [
+        [
+            hidden_quantity
+            for hidden_quantity in found
+            if (_joint(hidden_quantity.name), hidden_quantity.helps) == key
+        ]
+        for key in keys
+    ]
 
 
-def _mutual(own: Sequence[Hidden], joints: Sequence[str]) -> str:
+def _mutual(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
     if len(own) == 1:
         return _words(own[0], joints)
-    orders = ", ".join(one.name.split(ERROR)[1].removeprefix("orders ").removeprefix("order ") for one in own)
+    orders = ", ".join(
+        hidden_quantity.name.split(ERROR)[1].removeprefix("orders ").removeprefix("order ")
+        for hidden_quantity in own
+    )
     joint = _joint(own[0].name)
     return (
         f"{joint}'s errors of orders {orders} hide behind each other ({_left(own)}){_advice(own[0], joints)}"
     )
 
 
-def _unseen(own: Sequence[Hidden], joints: Sequence[str]) -> str:
+def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
     if len(own) == 1:
         return _words(own[0], joints)
     names: list[str] = []
     for group in _grouped(own):
-        if not _joint(group[0].name) or len(group) <= FEW:
-            names += [one.name for one in group]
+        if not _joint(group[0].name) or len(group) <= MAX_NAMED_BANDS:
+            names += [hidden_quantity.name for hidden_quantity in group]
         else:
             names.append(f"{len(group)} bands of {_joint(group[0].name)}'s errors")
     return f"{', '.join(names)} are not seen ({_left(own)}){_advice(own[0], joints)}"
 
 
-def _left(own: Sequence[Hidden]) -> str:
-    shares = [100 * one.share for one in own]
+def _left(own: Sequence[HiddenQuantity]) -> str:
+    shares = [100 * hidden_quantity.share for hidden_quantity in own]
     return f"{min(shares):.0f} to {max(shares):.0f} % of their prior variance left"
 
 
-def quantities(unknowns: Unknowns) -> tuple[Quantity, ...]:
+def quantities(unknowns: Unknowns) -> tuple[ObservedQuantity, ...]:
     """All of them, in the order of the columns."""
     return (*_set_ups(unknowns), *_lengths(unknowns), *_bands(unknowns), *_springs(unknowns))
 
 
-def _of(unknowns: Unknowns, name: str, columns: Ids) -> Quantity:
+def _of(unknowns: Unknowns, name: str, columns: Ids) -> ObservedQuantity:
     """One whose numbers are columns themselves."""
-    return Quantity(name, np.eye(unknowns.size)[columns])
+    return ObservedQuantity(name, np.eye(unknowns.size)[columns])
 
 
-def _set_ups(unknowns: Unknowns) -> Iterator[Quantity]:
+def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     every = np.eye(unknowns.size)
     keys = [*(("frame", name) for name in unknowns.frames), *(("mount", name) for name in unknowns.mounts)]
     for kind, name in keys:
-        yield Quantity(f"the {kind} of {name}", every[unknowns.columns(f"{kind} {name}")], own=False)
+        yield ObservedQuantity(
+            f"the {kind} of {name}", every[unknowns.columns(f"{kind} {name}")], of_the_arm=False
+        )
 
 
-def _lengths(unknowns: Unknowns) -> Iterator[Quantity]:
+def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     """Of every inner link the offset of the joint behind it, its other turns and its shifts."""
     arm, first = unknowns.vjm.arm, unknowns.starts["geometry"]
     for k in range(1, arm.n_joints):
@@ -160,12 +194,12 @@ def _lengths(unknowns: Unknowns) -> Iterator[Quantity]:
         across = np.linalg.svd(axis[None])[2][1:]  # two axes at right angles to the joint's
         along, other = (shift, turn) if joint.prismatic else (turn, shift)
         kinds = ("shift", "turn") if joint.prismatic else ("turn", "shift")
-        yield Quantity(f"{joint.name}'s offset", axis[None] @ along)
-        yield Quantity(f"{link}'s {kinds[0]}", across @ along)
-        yield Quantity(f"{link}'s {kinds[1]}", other)
+        yield ObservedQuantity(f"{joint.name}'s offset", axis[None] @ along)
+        yield ObservedQuantity(f"{link}'s {kinds[0]}", across @ along)
+        yield ObservedQuantity(f"{link}'s {kinds[1]}", other)
 
 
-def _bands(unknowns: Unknowns) -> Iterator[Quantity]:
+def _bands(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     errors, first = unknowns.errors, unknowns.starts["errors"]
     orders = np.tile(errors.orders, 2)
     kinds, bands = np.array(errors.kinds), errors.bands
@@ -181,7 +215,7 @@ def _bands(unknowns: Unknowns) -> Iterator[Quantity]:
             yield _of(unknowns, name, own + np.flatnonzero(kinds == kind))
 
 
-def _springs(unknowns: Unknowns) -> Iterator[Quantity]:
+def _springs(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     arm, structure, first = unknowns.vjm.arm, unknowns.structure, unknowns.starts["elastic"]
     links = 6 * len(arm.links)
     kind = np.array([_kind(a % 6, b % 6) for a, b in zip(structure.a, structure.b, strict=True)])

@@ -31,7 +31,7 @@ TRUE = Meaning("error", "distance to the true deflection, RMS over the markers",
 
 
 @dataclass(frozen=True)
-class Places:
+class WorkspacePoses:
     """Poses of a workspace as the row of a trial holds them, one entry each."""
 
     run: tuple[int, ...]  #: Identifier in the campaign.
@@ -83,10 +83,10 @@ class ErrorPlaces:
         return int(np.isnan(self.errors(name)).sum())
 
 
-def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> Places:
+def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> WorkspacePoses:
     """Poses (n, joints) [rad, m], numbered from 1; unloaded tool (n, 3) and deflection (n,) there [m]."""
     x, y, z = position.round(M_DECIMALS).T.tolist()
-    return Places(
+    return WorkspacePoses(
         run=tuple(range(1, len(q) + 1)),
         q=tuple(q.round(Q_DECIMALS).ravel().tolist()),
         joints=tuple(map(arm.words, q)),
@@ -97,11 +97,11 @@ def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> Places:
     )
 
 
-def places_of(cell: Cell, data: Dataset) -> Places:
+def places_of(cell: Cell, data: Dataset) -> WorkspacePoses:
     """Places of noise-free runs, the tool where the arm's kinematics have it."""
     position, _ = tool_pose(cell.vjm, data.q)
-    at = places_at(cell.arm, data.q, position, rms(data.deflection))
-    return replace(at, run=tuple(data.run.tolist()))
+    workspace_poses = places_at(cell.arm, data.q, position, rms(data.deflection))
+    return replace(workspace_poses, run=tuple(data.run.tolist()))
 
 
 def rms(moved: Array) -> Array:
@@ -121,7 +121,7 @@ def bounded_mm(metres: Array) -> tuple[float | None, ...]:
 
 
 def error_places(
-    at: Places,
+    workspace_poses: WorkspacePoses,
     error_mm: Mapping[str, Sequence[float | None]],
     compared: Sequence[str] = (),
     means: Meaning = TRUE,
@@ -137,9 +137,9 @@ def error_places(
     with np.errstate(invalid="ignore"):  # neither has a bound
         apart = first if len(names) == 1 else np.nan_to_num(np.abs(first - last), nan=0.0, posinf=np.inf)
     order = np.argsort(-apart, kind="stable")
-    q = np.reshape(at.q, (len(at.run), -1))[order]
-    position = np.column_stack([at.x_m, at.y_m, at.z_m])[order]
-    joints, positions = tuple(at.joints[k] for k in order), tuple(map(tuple, position.tolist()))
+    q = np.reshape(workspace_poses.q, (len(workspace_poses.run), -1))[order]
+    position = np.column_stack([workspace_poses.x_m, workspace_poses.y_m, workspace_poses.z_m])[order]
+    joints, positions = tuple(workspace_poses.joints[k] for k in order), tuple(map(tuple, position.tolist()))
     sorted_mm = {name: tuple(mm[k] for k in order) for name, mm in error_mm.items()}
     bounded = {
         name: [(mm, k) for k, mm in enumerate(own) if mm is not None] for name, own in sorted_mm.items()
@@ -147,11 +147,11 @@ def error_places(
     worst = {name: max(own, key=lambda both: both[0]) for name, own in bounded.items() if own}
     return ErrorPlaces(
         compared=names,
-        run=tuple(np.array(at.run)[order].tolist()),
+        run=tuple(np.array(workspace_poses.run)[order].tolist()),
         q=tuple(map(tuple, q.tolist())),
         joints=joints,
         position_m=positions,
-        deflection_mm=tuple(np.array(at.deflection_mm)[order].tolist()),
+        deflection_mm=tuple(np.array(workspace_poses.deflection_mm)[order].tolist()),
         error_mm=sorted_mm,
         worst={name: WorstPlace(k, positions[k], joints[k], mm) for name, (mm, k) in worst.items()},
         means=means,

@@ -12,7 +12,7 @@ from testbench.files.robot.weigh import DENSITY
 from testbench.files.robot.write import drawn_mesh
 from testbench.workflows.cell import build_cell
 from testbench.workflows.new_arm import sentence, write_arm
-from testbench.workflows.propose import Wishes
+from testbench.workflows.propose import UserInputs
 
 ARMS = {
     light_urdf: (mujoco_urdf, "tool0", "a1 a2 a3 a4 a5 a6 a7"),
@@ -32,7 +32,7 @@ def arms(tmp_path_factory):
         (home / "arm").mkdir()
         file = robot(home)
         chain = read_chain(file)
-        write_arm(chain, Wishes(), home / "arm")
+        write_arm(chain, UserInputs(), home / "arm")
         made[robot] = file, chain, home / "arm"
     return made
 
@@ -178,7 +178,7 @@ def test_a_mesh_that_cannot_be_read_costs_a_note_and_the_collision_mesh_is_drawn
     chain = read_chain(file)
     assert any("gone.dae" in note for note in notes(chain))
     (tmp_path / "arm").mkdir()
-    write_arm(chain, Wishes(), tmp_path / "arm")
+    write_arm(chain, UserInputs(), tmp_path / "arm")
     assert 'class="visual" rgba' in (tmp_path / "arm/rigid.xml").read_text()
     assert build_cell(tmp_path / "arm").arm.n_joints == 7
 

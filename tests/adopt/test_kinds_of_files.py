@@ -7,7 +7,7 @@ import pytest
 
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import InputError
-from testbench.files.meaning import joint_family, overlooked
+from testbench.files.meaning import joint_family, unread_column_warnings
 from testbench.files.propose_map import map_text, propose
 from testbench.files.read_pairs import read_export
 from testbench.files.read_series import read_series
@@ -252,12 +252,14 @@ LIKE = {
 def test_columns_of_a_kind_that_are_not_read_are_listed(kind, header):
     names = header.split(";") if ";" in header or "[" in header or "angles" in header else header.split(" ")
     names = [header] if header in ("Axis 7 [mm]", "Torque Z") else names
-    assert overlooked(["Comment", *names, "T1 x"]) == [UNREAD.format(kind) + ", ".join(names)]
+    assert unread_column_warnings(["Comment", *names, "T1 x"]) == [UNREAD.format(kind) + ", ".join(names)]
 
 
 def test_other_columns_raise_no_warning():
     assert (
-        overlooked(["Comment", "A", "B", "Operator", "Nr", "Temp", "RMS", "Nominal X", "dX", "Set", "T"])
+        unread_column_warnings(
+            ["Comment", "A", "B", "Operator", "Nr", "Temp", "RMS", "Nominal X", "dX", "Set", "T"]
+        )
         == []
     )
 

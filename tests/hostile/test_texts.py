@@ -16,7 +16,7 @@ import pytest
 from markdown_it import MarkdownIt
 from spoil import swap
 
-from testbench.errors import BenchError, InputError, shown, word
+from testbench.errors import BenchError, InputError, printable, shell_word
 from testbench.files.formula import as_cell, from_cell
 from testbench.files.program import read_program
 from testbench.files.read_pairs import read_csv
@@ -105,7 +105,7 @@ def test_markdown_of_a_text_shows_it_and_nothing_else(text):
     """Alone, in the middle of a line, stressed, and in a cell of a table."""
     md = MarkdownIt("commonmark", {"html": True}).enable(["table", "strikethrough"])
     own = as_markdown(text)
-    assert as_plain(own) == shown(text)
+    assert as_plain(own) == printable(text)
     for place in ("{}", "Of {}: 5 mm", "**{}**", "- {}", "- Of {}(see below)"):
         made = md.render(place.format(own))
         assert not set(re.findall(r"<(\w+)", made)) - {"p", "strong", "ul", "li"}, made
@@ -129,7 +129,7 @@ def test_labels_of_a_program_come_back_from_the_corrected_one_as_no_formulas(lab
         rows = [[label, *[k] * len(joints), "=HYPERLINK(1)"] for k, label in enumerate(labels)]
         csv.writer(file).writerows([["label", *joints, "=1+1"], *rows])
     program = read_program(lab / "program.csv", arm)
-    assert program.labels == tuple(map(shown, labels))
+    assert program.labels == tuple(map(printable, labels))
     write_program(lab / "new.csv", program, program.q, {"said": ["=2"] * len(labels)})
     with (lab / "new.csv").open(newline="") as file:
         assert not [cell for row in csv.reader(file) for cell in row if cell[:1] in ("=", "@")]
@@ -221,6 +221,6 @@ def test_a_marker_reads_back_as_it_was_written(attack, lab):
 
 @pytest.mark.parametrize("name", ["a b", "x; rm -rf ~", "$(id)", "`id`", "it's", "--force", "-", "a\\b", "*"])
 def test_a_path_in_a_command_line_that_is_proposed_is_one_word_and_no_flag(name):
-    [found] = shlex.split(word(Path(name)))
+    [found] = shlex.split(shell_word(Path(name)))
     assert Path(found) == Path(name)
     assert not found.startswith("-")

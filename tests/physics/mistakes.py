@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from sound_sets import PAYLOAD, Sound
 
-from testbench import BenchError, registered
+from testbench import BenchError, register_dataset
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Doubt
 from testbench.identify.diagnosis.diagnose import diagnose, unplaced_runs
@@ -40,7 +40,7 @@ def named(own: Sound) -> list[Doubt]:
     """Doubts about a data set, as `testbench identify` finds them."""
     vjm, data = own.cell.vjm, own.data
     try:
-        found = registered(vjm, data, "tracker" if own.declared else "auto")
+        found = register_dataset(vjm, data, "tracker" if own.declared else "auto")
     except BenchError as why:
         issue = unplaced_runs(vjm, data)
         return [describe(issue, vjm.arm) if issue else Doubt("refused", str(why))]

@@ -14,13 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset
-from testbench.identify.prior import Prior, cad_prior, distorted
+from testbench.identify.prior import Prior, cad_prior, perturbed
 from testbench.model.poses import WorkArea
 from testbench.plant.build import with_model
 from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.disturbed import disturb
-from testbench.plant.equilibrium import settle_pair
-from testbench.plant.tracker import stream
+from testbench.plant.equilibrium import solve_unloaded_and_loaded
+from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import TRUTHS
 from testbench.workflows.cell import Cell, LoadedPoses, clear_poses, true_cell
 
@@ -62,13 +62,13 @@ def sound(cells: Mapping[str, Cell], seed: int, mount: np.ndarray | None = None)
     Hung masses are stated as of an upright arm. Readings are in the arm's base, or a level tracker's frames.
     """
     mount = np.eye(3) if mount is None else mount
-    rng = stream(seed, 30)
+    rng = trial_rng(seed, 30)
     name = str(rng.choice(list(PAYLOAD), p=[0.75, 0.25]))
     cell, loads, truth = cells[name], LOADS[seed % len(LOADS)], list(TRUTHS)[seed // len(LOADS) % len(TRUTHS)]
     disturbed = bool(rng.random() < 0.5)
     typical = TYPICAL if name == "kr500_l480" else replace(TYPICAL, compensator=None)
     true = true_cell(cell, truth, seed).plant
-    true = disturb(true, typical if disturbed else QUIET, stream(seed, 20))
+    true = disturb(true, typical if disturbed else QUIET, trial_rng(seed, 20))
     off = rng.uniform(0, 5e-3) * rng.standard_normal((len(cell.arm.markers), 3))
     model = copy.copy(true.model)
     model.body_pos[true.markers] += off
@@ -77,7 +77,7 @@ def sound(cells: Mapping[str, Cell], seed: int, mount: np.ndarray | None = None)
     poses = clear_poses(cell, AREA[name], int(rng.integers(10, 25)), rng)
     asked = _loaded(cell, poses, loads, rng)
     wrench = (asked.wrench.reshape(-1, 2, 3) @ mount).reshape(-1, 6)  # in the base's axes
-    before, after = settle_pair(true, asked.q, wrench, asked.point)
+    before, after = solve_unloaded_and_loaded(true, asked.q, wrench, asked.point)
     sigma = float(rng.choice([20e-6, 50e-6, 100e-6]))
     first = np.unique(asked.pose, return_index=True)[1][asked.pose - 1]  # one unloaded reading of a pose
     data = Dataset(
@@ -92,7 +92,7 @@ def sound(cells: Mapping[str, Cell], seed: int, mount: np.ndarray | None = None)
         sigma=sigma,
     )
     scale = float(np.exp(SCALE * rng.standard_normal()))
-    prior = distorted(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=rng)
+    prior = perturbed(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=rng)
     tracker = bool(rng.random() < TRACKER)
     if tracker:
         cell, data = _in_tracker(cell, data, rng, mount)

@@ -11,31 +11,37 @@ from unsure import unsure_everywhere
 
 from testbench.data.series import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
-from testbench.identify.absolute.align import aligned
-from testbench.identify.absolute.evidence import Learnt
-from testbench.identify.absolute.fit import LEAST_OF_ONE, ON_THE_WAY, Options, calibrate, thinned
-from testbench.identify.absolute.inner import eliminate, moved_frame, moved_mount
-from testbench.identify.absolute.noise import Noise, combine, repeated, roots
-from testbench.identify.absolute.pattern import Pattern, basis, find, turned, waves
-from testbench.identify.absolute.posterior import deviations_root, known, place, posterior_of, predict
-from testbench.identify.absolute.scatter import expected_of, scatter, single
-from testbench.identify.absolute.state import Mount, equilibrium, forward, nominal
+from testbench.identify.absolute.align import align_all
+from testbench.identify.absolute.evidence import ErrorScales
+from testbench.identify.absolute.fit import LEAST_OF_ONE, ON_THE_WAY, CalibrationOptions, calibrate, subsample
+from testbench.identify.absolute.inner import moved_frame, moved_mount, solve_step
+from testbench.identify.absolute.noise import Noise, combine_rows, inverse_noise_roots, repeated_rows
+from testbench.identify.absolute.pattern import Pattern, basis, find_pattern, shift_waves, wave_columns
+from testbench.identify.absolute.posterior import (
+    deviations_root,
+    locate_series,
+    posterior_of,
+    predict,
+    with_known_frame,
+)
+from testbench.identify.absolute.scatter import expected_of, scatter, single_reading_noise
+from testbench.identify.absolute.state import Mount, joint_equilibrium, nominal_state, series_equilibrium
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
-from testbench.identify.arm_model import About, ArmModel
-from testbench.identify.evidence import ALIKE, TAIL
-from testbench.identify.fold import Part, Point, Reduced, equations
+from testbench.identify.arm_model import ArmModel, ModelOrigin
+from testbench.identify.evidence import STUDENT_DOF, STUDENT_SCALE
+from testbench.identify.fold import Linearisation, ReducedReadings, SeriesBlock, whitened_rows
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.registration import Frame
 from testbench.identify.robust_loss import READINGS, SQUARE
-from testbench.identify.rows import rows_of
-from testbench.model.joint_errors import BANDS, FIRM, JointErrors
+from testbench.identify.rows import series_rows
+from testbench.model.joint_errors import BACKLASH_SMOOTHING, BANDS, JointErrors
 from testbench.model.joint_errors import basis as errors_of
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
-from testbench.workflows.absolute import DRIFT, drifted
+from testbench.workflows.absolute import DRIFT, with_drift
 from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.named_parameters import functionals
 
@@ -57,12 +63,12 @@ def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series
     """Of a target that is turned on the tool by any angle."""
     W = Rotation.from_rotvec((0.4, -1.2, 0.7)).as_matrix()
     one = replace(series[0], rotation=series[0].rotation @ W)
-    state = aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (one,))
+    state = align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (one,))
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrors(), joints_only(kr500.arm))
     step = 1e-5 * rng.standard_normal(unknowns.starts["geometry"])
     frame, mount = moved_frame(state.frame(one), step[:6]), moved_mount(state.mount(one), step[6:])
-    rows = rows_of(unknowns, state, one)
-    after = rows_of(unknowns, replace(state, frames={one.frame: frame}, mounts={one.target: mount}), one)
+    rows = series_rows(unknowns, state, one)
+    after = series_rows(unknowns, replace(state, frames={one.frame: frame}, mounts={one.target: mount}), one)
     left = rows[:, :, -1] - np.einsum("sxcr,c->sxr", rows[:, :, : len(step)], step)
     np.testing.assert_allclose(after[:, :, -1], left, rtol=0, atol=1e-7)  # of 1e-5
 
@@ -71,7 +77,7 @@ def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series
 def test_a_reading_alone_scatters_as_the_mean_of_its_pose_says(series, factor):
     """Less may be left open than was thought; readings are better than said only where nothing is."""
     one = replace(series[0], sigma=SIGMA, sigma_rotation=TURN)
-    found = single(Noise(S, S, np.array([factor, factor, 1.0, 1.0])), expected_of([one]))
+    found = single_reading_noise(Noise(S, S, np.array([factor, factor, 1.0, 1.0])), expected_of([one]))
     for kind, (own, opened) in enumerate(((SIGMA, found.open_position), (TURN, found.open_rotation))):
         of_means = factor**2 * (own**2 + 3 * S**2)
         if of_means > own**2:
@@ -86,7 +92,7 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     """Torques from the joints' axes and a force at the tool, of an arm without weight that does not bend."""
     vjm = kr500.vjm
     n = 1e-3 * (1 + np.arange(6.0))
-    bare = nominal(vjm, read_weights(kr500.arm), np.full(6, 1000.0))
+    bare = nominal_state(vjm, read_weights(kr500.arm), np.full(6, 1000.0))
     light = replace(bare.weights, mass=np.zeros_like(bare.weights.mass))
     state = replace(bare, weights=light, errors=JointErrors(**{kind: True}), n=n[:, None])
     q = np.array([[0.3, -1.2, 1.6, 0.3, -0.5, 0.1]])
@@ -95,20 +101,20 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     tip = [np.array([tool_pose(vjm, q + sign * one)[0][0] for one in step]) for sign in (1, -1)]
     torque = (tip[0] - tip[1]) @ wrench[0, :3] / 2e-6 / 1000
     turned = n * (np.tanh(torque / 0.1) if kind == "play" else torque * np.abs(torque))
-    where = equilibrium(state, q, [Load(wrench, np.zeros((1, 3)))]).where
+    where = joint_equilibrium(state, q, [Load(wrench, np.zeros((1, 3)))]).chain
     np.testing.assert_allclose(where.position, tool_pose(vjm, q + turned)[0], rtol=0, atol=1e-6)
 
 
 def test_a_posterior_is_what_the_readings_tell_and_a_prior_which_ties_geometry_to_nothing(kr500, series):
     """So is the covariance of which intervals are made, in the units of the arm."""
-    options = Options(orders=2, only=frozenset({"joint springs", "links"}), strength=Strength(3.0))
+    options = CalibrationOptions(orders=2, only=frozenset({"joint springs", "links"}), strength=Strength(3.0))
     found = calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
-    assert np.abs(found.chosen.learnt.factor - 1).max() > 0.02  # or nothing would tell it from its square
-    own, root = found.own, posterior_of(found).root
+    assert np.abs(found.chosen.scales.factor - 1).max() > 0.02  # or nothing would tell it from its square
+    own, root = found.active, posterior_of(found).root
     precision, r = np.linalg.inv(root.T @ root), own.rigid
     size = np.sqrt(np.diag(precision))
     prior = (precision - found.information[np.ix_(own.columns, own.columns)]) / size / size[:, None]
-    expected = np.diag((found.chosen.learnt.deviation[own.columns[:r]] * size[:r]) ** -2.0)
+    expected = np.diag((found.chosen.scales.deviation[own.columns[:r]] * size[:r]) ** -2.0)
     np.testing.assert_allclose(prior[:r, :r], expected, rtol=0, atol=1e-6)
     np.testing.assert_allclose(prior[:r, r:], 0, atol=1e-6)
 
@@ -136,8 +142,8 @@ def test_readings_with_covariances_and_orientations_are_whitened_in_base_axes(rn
     pose = np.repeat(np.arange(poses), k)
     series = still(poses * k, rng, pose=pose, **turned, **({} if alike else {"precision": np.linalg.inv(C)}))
     noise = Noise(OPEN, OPEN_TURN, np.array([1.1, 1.2, 1.3, 1.4]))
-    W, kinds = roots(series, noise, R, repeated(series))
-    H = combine([np.arange(k)[None]], np.eye(k)).T
+    W, kinds = inverse_noise_roots(series, noise, R, repeated_rows(series))
+    H = combine_rows([np.arange(k)[None]], np.eye(k)).T
     np.testing.assert_allclose(H @ H.T, np.eye(k), atol=1e-12)
     open_ = np.diag(H @ np.ones((k, k)) @ H.T)
     for p in range(poses):
@@ -158,16 +164,22 @@ def test_readings_of_a_pose_pull_no_harder_than_the_wildest_of_them(state, kr500
     unknowns = unknowns_of(kr500.vjm, (series,), JointErrors(), joints_only(kr500.arm))
     far, own = rng.normal(size=(6, 3, 1)), noise.factor[0] ** 2 * (C[:, 0] + OPEN**2 * np.eye(3))
     far /= np.sqrt((far * np.linalg.solve(own, far)).sum(axis=1, keepdims=True))
-    far *= READINGS.bend / np.array([1.0, 0.2, 0.6, 0.9, 1.0, 1.0])[:, None, None]
+    far *= READINGS.threshold / np.array([1.0, 0.2, 0.6, 0.9, 1.0, 1.0])[:, None, None]
     series = replace(series, position=series.position + far.swapaxes(1, 2))
-    held, whole = (equations(Point(unknowns, state, noise, loss), series) for loss in (READINGS, SQUARE))
+    held, whole = (
+        whitened_rows(Linearisation(unknowns, state, noise, loss), series) for loss in (READINGS, SQUARE)
+    )
     np.testing.assert_array_equal(held[1], [[0, 2, 2, 0, 2, 2]])
     np.testing.assert_allclose(held[0], whole[0] * np.sqrt(np.repeat([0.2, 0.9], 3)))
 
 
 def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
     """A linear problem of two kinds of equations, and of three groups of unknowns beside free ones."""
-    count, play, band = free + small + 2 * large, sizes.USUAL["play"], sizes.USUAL["harmonics"]
+    count, play, band = (
+        free + small + 2 * large,
+        sizes.DEFAULT_SCALES["play"],
+        sizes.DEFAULT_SCALES["harmonics"],
+    )
     groups = [("play", free + np.arange(small))]
     groups += [("harmonics", free + small + k * large + np.arange(large)) for k in range(2)]
     unknowns = SimpleNamespace(groups=groups, size=count, held=frozenset(), starts={"geometry": free})
@@ -184,20 +196,22 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
     own, A, y = drawn_at_random(rng)
     groups, counts = own.unknowns.groups, np.array([len(a) for a in A])
     lines = [np.column_stack(pair) for pair in zip(A, y, strict=True)]
-    S, learnt = np.array([one.T @ one for one in lines]), sizes.usual(own.unknowns, 2)
-    learnt = sizes.learn(own, S, counts, learnt)
+    S, learnt = np.array([one.T @ one for one in lines]), sizes.default_scales(own.unknowns, 2)
+    learnt = sizes.learn_scales(own, S, counts, learnt)
     a, b = np.vstack(A), np.concatenate(y)
 
     def loss(h):
         factor, size = np.exp(h[:2]), np.exp(h[2:])
         deviation = np.full(a.shape[1], 30.0)  # of the free ones, which are of order one
-        found = sizes.SPARE * (np.log(factor) + 1 / (2 * factor**2)).sum()
+        found = sizes.SPARE_EQUATIONS * (np.log(factor) + 1 / (2 * factor**2)).sum()
         for d, (kind, at) in zip(size, groups, strict=True):
-            large = len(at) > sizes.LARGE
-            usual = sizes.USUAL[kind] * (sizes.SHARE if large else 1.0)
-            found += (1.0 if large else sizes.HELD) * (np.log(d) + usual**2 / (2 * d**2))
+            large = len(at) > sizes.LARGE_GROUP
+            usual = sizes.DEFAULT_SCALES[kind] * (sizes.LARGE_GROUP_SHARE if large else 1.0)
+            found += (1.0 if large else sizes.IMAGINED_UNKNOWNS) * (np.log(d) + usual**2 / (2 * d**2))
             deviation[at] = d
-        found += (TAIL + 1) / 2 * np.log1p((np.log(size[2] / size[1]) / ALIKE) ** 2 / TAIL)
+        found += (
+            (STUDENT_DOF + 1) / 2 * np.log1p((np.log(size[2] / size[1]) / STUDENT_SCALE) ** 2 / STUDENT_DOF)
+        )
         C = np.diag(np.repeat(factor**2, counts)) + a * deviation**2 @ a.T
         return found + np.linalg.slogdet(C)[1] / 2 + b @ np.linalg.solve(C, b) / 2
 
@@ -216,16 +230,16 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
 @pytest.fixture(scope="module")
 def state(kr500):
     """The arm as drawn, which a tracker sees turned and far away."""
-    found = nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6))
+    found = nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6))
     mount = Mount(np.array([[0.2, -0.1, 0.3]]), np.eye(3), ("P1",))
     return replace(found, frames={"f": Frame(R, np.array([3.0, -2, 1]))}, mounts={"t": mount})
 
 
 def read_by(state, series):
     """The series with the targets where the state has them."""
-    told = forward(state, series)
+    told = series_equilibrium(state, series)
     frame = state.frame(series)
-    x = told.where.points(state.mount(series).points) @ frame.rotation.T + frame.translation
+    x = told.chain.points(state.mount(series).points) @ frame.rotation.T + frame.translation
     return replace(series, position=x)
 
 
@@ -249,17 +263,18 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     root = np.triu(rng.normal(size=(36, 36))) + 4 * np.eye(36)
     noise = Noise(OPEN, OPEN_TURN, np.array([0.8, 1, 1, 1]))
     arm = Posterior.normal(np.zeros(36), deviations_root(1e4 * root, L))
-    model = ArmModel(state, structure, np.arange(36), arm, About("made up"), noise)
+    model = ArmModel(state, structure, np.arange(36), arm, ModelOrigin("made up"), noise)
     C = np.tile(SIGMA**2 * np.eye(3), (20, 1, 1, 1)) if alike else covariances(rng, 20, 1)
     series = read_by(state, still(20, rng, **({} if alike else {"precision": np.linalg.inv(C)})))
     told, rest = np.arange(9), np.arange(9, 20)
-    placed = place(model, series, told)
-    again = known(replace(model, state=placed.state), select_rows(series, told))  # the frame was there before
+    placed = locate_series(model, series, told)
+    # the frame was there before
+    again = with_known_frame(replace(model, state=placed.state), select_rows(series, told))
     np.testing.assert_allclose(again.posterior.root, placed.posterior.root, rtol=1e-6, atol=1e-12)
     left, covariance = predict(model, placed, series)
     np.testing.assert_allclose(left, 0, atol=1e-9)
     every = unknowns_of(kr500.vjm, (series,), JointErrors(), structure)
-    A = rows_of(every, state, series)[0, :, :-1].transpose(2, 0, 1)  # row, axis, unknown
+    A = series_rows(every, state, series)[0, :, :-1].transpose(2, 0, 1)  # row, axis, unknown
     F, M = A[:, :, :9], A[:, :, 9:] @ block_diag(np.eye(30), L)
     S = noise.factor[0] ** 2 * (R.T @ C[:, 0] @ R + OPEN**2 * np.eye(3))
     P = np.linalg.inv(S[told])
@@ -276,7 +291,7 @@ def test_of_a_series_to_come_a_model_is_less_sure_by_how_far_geometry_moves(kr50
     """Of the 30 numbers of geometry alone, each by itself."""
     model = unsure_everywhere(kr500)
     a = rng.standard_normal((3, len(model.columns)))
-    before, after = (one.posterior.covariance(a) for one in (model, drifted(model)))
+    before, after = (one.posterior.covariance(a) for one in (model, with_drift(model)))
     np.testing.assert_allclose(after - before, DRIFT**2 * a[:, :30] @ a[:, :30].T, atol=1e-6 * DRIFT**2)
 
 
@@ -325,15 +340,18 @@ def test_waves_are_the_pattern_turned_and_mirrored_and_differences_that_add_up_t
     first, size = 7, 7 + 4 * ERRORS.size + 5
     B, z = basis(pattern, ERRORS, first, size).toarray(), rng.normal(size=size)
     np.testing.assert_allclose((B.T @ B) / np.diag(B.T @ B), np.eye(size), atol=1e-12)
-    at = first + ERRORS.size * np.arange(4)[:, None] + waves(ERRORS)
+    at = first + ERRORS.size * np.arange(4)[:, None] + wave_columns(ERRORS)
     x, rest = B @ z, np.setdiff1d(np.arange(size), at[list(PLACED)])
     np.testing.assert_allclose(x[rest], z[rest])
-    off = [turned(np.eye(2 * K), *PLACED[j], HIGH) @ x[at[j]] for j in PLACED]  # its inverse is its transpose
+    # its inverse is its transpose
+    off = [shift_waves(np.eye(2 * K), *PLACED[j], HIGH) @ x[at[j]] for j in PLACED]
     np.testing.assert_allclose(np.mean(off, axis=0), z[at[0]], atol=1e-12)
     assert np.sum((off - z[at[0]]) ** 2) == pytest.approx(np.sum(z[at[[2, 3]]] ** 2))
     f, q = rng.normal(size=2 * K), rng.uniform(-3, 3, 30)
     for turn, sense in PLACED.values():
-        np.testing.assert_allclose(phi(q) @ turned(f, turn, sense, HIGH), sense * phi(sense * q + turn) @ f)
+        np.testing.assert_allclose(
+            phi(q) @ shift_waves(f, turn, sense, HIGH), sense * phi(sense * q + turn) @ f
+        )
 
 
 def told(errors, ranges, rng):
@@ -346,7 +364,7 @@ def told(errors, ranges, rng):
 
 
 def sought(readings):
-    return find(readings, np.full(2 * K, OWN**2), np.full(2 * K, SIZE**2), HIGH)
+    return find_pattern(readings, np.full(2 * K, OWN**2), np.full(2 * K, SIZE**2), HIGH)
 
 
 @pytest.mark.parametrize("seed", range(1000, 1004))
@@ -354,7 +372,9 @@ def test_joints_that_share_a_pattern_are_found_with_their_turns_and_no_others(se
     """The one with errors of its own, and the one that was hardly turned, are left out."""
     rng = np.random.default_rng(seed)
     f = SIZE * rng.standard_normal(2 * K)
-    errors = [turned(f, *PLACED.get(j, (1.0, 1)), HIGH) + OWN * rng.standard_normal(2 * K) for j in range(5)]
+    errors = [
+        shift_waves(f, *PLACED.get(j, (1.0, 1)), HIGH) + OWN * rng.standard_normal(2 * K) for j in range(5)
+    ]
     errors[1] = SIZE * rng.standard_normal(2 * K)
     pattern = sought(told(errors, [(-2.5, 2.5), (-2.5, 2.5), (-1.5, 3.5), (-3.5, 1.5), (0.5, 0.6)], rng))
     assert pattern.joints == tuple(PLACED)
@@ -381,8 +401,8 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
         rigid=size, columns=np.arange(size), elastic=None, unknowns=SimpleNamespace(size=size, basis=B)
     )
     R = np.linalg.qr(np.column_stack([A, y]), mode="r")
-    plain = Reduced((0,), (Part(0, (R.T @ R)[None], np.array([40])),), {0: R})
-    found = eliminate(own, plain.turned(B), Learnt(deviation, np.array([factor])))
+    plain = ReducedReadings((0,), (SeriesBlock(0, (R.T @ R)[None], np.array([40])),), {0: R})
+    found = solve_step(own, plain.turned(B), ErrorScales(deviation, np.array([factor])))
     back = np.linalg.inv(B.toarray())
     P = A.T @ A / factor**2 + back.T @ np.diag(deviation**-2.0) @ back
     np.testing.assert_allclose(found.root.T @ found.root, P, atol=1e-9)
@@ -403,12 +423,12 @@ def longer(one, times):
 def test_steps_on_the_way_take_few_rows_all_of_a_pose_and_enough_of_every_series(series):
     [one] = series
     many, huge = longer(one, 40), longer(one, 200)
-    few, short = thinned((many, one))
+    few, short = subsample((many, one))
     assert short is one
     assert ON_THE_WAY / 2 < few.rows <= ON_THE_WAY or few.rows == many.rows
     _, count = np.unique(few.pose, return_counts=True)
     assert (count == 2).all()
-    few, short = thinned((huge, many))
+    few, short = subsample((huge, many))
     assert LEAST_OF_ONE <= short.rows < many.rows
     assert few.rows + short.rows <= 1.05 * ON_THE_WAY
     assert set(np.unique(few.pose)) < set(huge.pose)
@@ -430,7 +450,7 @@ def test_errors_of_a_joint_together_are_those_of_every_kind_alone_in_their_order
     expected = {
         "harmonics": harmonics,
         "ratio": q.T[None],
-        "play": np.tanh(pull / FIRM)[None],
+        "play": np.tanh(pull / BACKLASH_SMOOTHING)[None],
         "stiffening": (pull * np.abs(pull))[None],
     }
     for kind, own in expected.items():

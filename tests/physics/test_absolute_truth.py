@@ -10,15 +10,15 @@ from testbench import BenchError, cad_prior
 from testbench.data.series import select_rows
 from testbench.identify.absolute import choose
 from testbench.identify.absolute import state as absolute
-from testbench.identify.absolute.evidence import LOOSE, Learnt, solve
-from testbench.identify.absolute.fit import Options, calibrate
-from testbench.identify.absolute.state import forward, nominal
+from testbench.identify.absolute.evidence import LOOSE_STRENGTH, ErrorScales, solve_active
+from testbench.identify.absolute.fit import CalibrationOptions, calibrate
+from testbench.identify.absolute.state import nominal_state, series_equilibrium
 from testbench.model.joint_errors import JointErrors
 from testbench.model.vjm import chain
 from testbench.model.weights import read_weights
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GeometryErrors
-from testbench.plant.equilibrium import settle
+from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.gear import GearErrors
 from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import Cell
@@ -38,7 +38,7 @@ def seen(truth, series, where):
 
 def true_poses(truth, series, *at):
     """The same of the true arm at rest, in poses under loads."""
-    rest = settle(truth.arm, *at)
+    rest = solve_equilibrium(truth.arm, *at)
     return seen(truth, series, SimpleNamespace(position=rest.tool, rotation=rest.rotation))
 
 
@@ -127,7 +127,7 @@ def off(cell, disturbances, mass):
     (series,), truth = simulate_series(cell, asked, 3)
     mount, station = truth.mounts[0], truth.stations[0]
     state = replace(
-        nominal(cell.vjm, read_weights(cell.arm), np.ones(cell.arm.n_joints)),
+        nominal_state(cell.vjm, read_weights(cell.arm), np.ones(cell.arm.n_joints)),
         theta_0=truth.theta_0,
         C_theta=truth.C_theta,
     )
@@ -135,7 +135,7 @@ def off(cell, disturbances, mass):
         orders = tuple(range(1, len(gears.sine) + 1))
         n = np.concatenate([gears.sine, gears.cosine, gears.ratio[None]]).T
         state = replace(state, errors=JointErrors(orders=orders, ratio=True), n=n)
-    tool = forward(state, series).where
+    tool = series_equilibrium(state, series).chain
     points = truth.markers @ mount.rotation.T + mount.position
     seen = tool.points(points) @ station.rotation.T + station.position
     return np.linalg.norm(seen - series.position, axis=2)[:, 0]
@@ -165,8 +165,8 @@ def test_joint_errors_that_stand_in_for_soft_links_are_declined_once_links_are_k
     asked = AbsoluteCampaign(poses=60, disturbances=replace(REAL_ARM, gear=None))
     series, _ = simulate_series(softer(kr500, links=6), asked, 4)
     prior = cad_prior(kr500.arm)
-    rigid = calibrate(kr500.vjm, series, prior, Options(orders=8, without=frozenset({"links"})))
-    found = calibrate(kr500.vjm, series, prior, Options(orders=8))
+    rigid = calibrate(kr500.vjm, series, prior, CalibrationOptions(orders=8, without=frozenset({"links"})))
+    found = calibrate(kr500.vjm, series, prior, CalibrationOptions(orders=8))
     assert {"joint springs", "joint errors"} <= {step.name for step in rigid.chosen.steps if step.kept}
     steps = {step.name: step.kept for step in found.chosen.steps}
     assert (steps["joint errors"], steps["links"]) == (False, True)
@@ -185,7 +185,7 @@ def test_a_series_is_foretold_only_by_a_fair_share_of_the_readings(kr500, monkey
     near = select_rows(short, np.sort(np.argsort(far)[:12]))
     for some, series in (((long, short), {0, 1}), ((long, near), {1})):
         held.clear()
-        found = calibrate(kr500.vjm, some, cad_prior(kr500.arm), Options(orders=2))
+        found = calibrate(kr500.vjm, some, cad_prior(kr500.arm), CalibrationOptions(orders=2))
         assert {parts[0].series for parts in held if len(parts) > 1} == series
         assert max(step.after for step in found.chosen.steps) < 1e-3
 
@@ -198,11 +198,11 @@ def test_a_block_whose_frame_the_others_hardly_tell_is_fitted_to_it(rng):
     S = T + others.T @ others
     own = SimpleNamespace(columns=np.arange(2), rigid=2, elastic=None)
     part = SimpleNamespace(gram=T[None], counts=np.array([30]))
-    learnt = Learnt(np.array([np.inf, 1.0]), np.ones(1))
+    learnt = ErrorScales(np.array([np.inf, 1.0]), np.ones(1))
     own.unknowns = SimpleNamespace(size=2)
-    whole = solve(own, S[None], learnt, LOOSE).variances(np.arange(1))
-    [left] = choose._held_out(own, S[None], [part], (learnt, choose.Rules(np.ones(1))), whole)
-    [_, second] = solve(own, (S - T)[None], learnt, LOOSE).x
+    whole = solve_active(own, S[None], learnt, LOOSE_STRENGTH).variances(np.arange(1))
+    [left] = choose._held_out(own, S[None], [part], (learnt, choose.SelectionRules(np.ones(1))), whole)
+    [_, second] = solve_active(own, (S - T)[None], learnt, LOOSE_STRENGTH).x
     rest = block[:, 2] - block[:, 1] * second
     first = block[:, :1]
     assert left == pytest.approx(np.sum((rest - first @ np.linalg.lstsq(first, rest, rcond=None)[0]) ** 2))

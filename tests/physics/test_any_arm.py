@@ -12,16 +12,16 @@ from serial_arms import turned_arm, write_arm
 
 from testbench import cad_prior, least_squares, read_series
 from testbench.errors import BenchError, InputError
-from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.align import align_all
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.state import nominal
+from testbench.identify.absolute.state import nominal_state
 from testbench.model.structure import mgco147
 from testbench.model.weights import read_weights
 from testbench.plant.disturbance import NOMINAL, TYPICAL
 from testbench.plant.disturbed import disturb
-from testbench.plant.equilibrium import settle, settle_pair
-from testbench.workflows.cell import Scenario, build_cell, hanging, measure, simulate
-from testbench.workflows.fits import Runs, fit
+from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
+from testbench.workflows.cell import Scenario, build_cell, measure_markers, poses_with_weight, simulate
+from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.model_selection import default_models, default_name
 from testbench.workflows.models import named_models, plain_name
 
@@ -63,7 +63,7 @@ def test_a_gravity_campaign_of_any_arm_is_identified_to_rounding(joints, tmp_pat
     cell = build_cell(turned_arm(tmp_path / "arm", rng, joints))
     q = random_q(cell, rng, 12)
     setup = Scenario(arm=cell.arm.name, truth="linear", payload=10.0, noise=False)
-    data = measure(cell, setup, hanging(cell, q, np.arange(12) + 1, 10.0))
+    data = measure_markers(cell, setup, poses_with_weight(cell, q, np.arange(12) + 1, 10.0))
     found = least_squares(cell.vjm, mgco147(cell.arm), data)
     assert np.abs(data.deflection).max() > 3e-5
     assert found.f_m < 1e-10  # in sigmas of 50 um: deflections of millimetres round at 1e-16 m
@@ -107,10 +107,10 @@ def test_slides_have_friction_and_play_and_come_to_rest_with_them(slides):
     q = random_q(slides, rng, 10)
     wrench = np.tile([0, 0, -9.81 * 10, 0, 0, 0], (10, 1))
     disturbed = disturb(slides.plant, replace(TYPICAL, compensator=None), rng)
-    _, after = settle_pair(disturbed, q, wrench, np.tile(slides.vjm.load, (10, 1)))
+    _, after = solve_unloaded_and_loaded(disturbed, q, wrench, np.tile(slides.vjm.load, (10, 1)))
     second = 6 * len(slides.arm.links) + 1
     plain = replace(disturbed, disturbances=NOMINAL, centre=np.zeros(3))
-    linear = settle(plain, q, wrench, np.tile(slides.vjm.load, (10, 1)))
+    linear = solve_equilibrium(plain, q, wrench, np.tile(slides.vjm.load, (10, 1)))
     play = np.abs(after.theta - linear.theta)[:, second]
     assert (play > 0).all()
     assert play.max() < 2e-4  # play, friction and stiffening of a slide: 50, 30 and some um
@@ -140,12 +140,14 @@ def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(tmp_path):
     cell = build_cell(write_arm(tmp_path / "arm", "zYzYzY", mount='euler="0 0 0.7"'))
     data = simulate(cell, seed=1).identification
     models = default_models(cell, cad_prior(cell.arm))
-    found = fit(cell, models, Runs("runs.csv", data, data, None), lambda: 0.0).fits
+    found = fit_models(cell, models, MeasuredRuns("runs.csv", data, data, None), lambda: 0.0).fits
     assert found.recommended == default_name(cell.arm)
     assert "Joints" not in [model.name for model in found.models]
     assert "Joints is left out: no load deflects its links and joints" in found.notes
     with pytest.raises(BenchError, match=r"expected loads that bend a model, these bend none of Joints$"):
-        fit(cell, named_models(cell, ["Joints"]), Runs("runs.csv", data, data, None), lambda: 0.0)
+        fit_models(
+            cell, named_models(cell, ["Joints"]), MeasuredRuns("runs.csv", data, data, None), lambda: 0.0
+        )
 
 
 READINGS = Path(__file__).parents[2] / "models" / "ur10" / "readings"
@@ -161,7 +163,7 @@ def readings(request, ur10):
 
 def test_frame_and_mount_alone_explain_what_a_tracker_read_to_a_millimetre(ur10, readings):
     """A joint's sign, zero or place in the order, or a length, would leave centimetres and degrees."""
-    state = aligned(nominal(ur10.vjm, read_weights(ur10.arm), np.ones(6)), (readings,))
+    state = align_all(nominal_state(ur10.vjm, read_weights(ur10.arm), np.ones(6)), (readings,))
     position, rotation = np.linalg.norm(residuals(state, readings), axis=1)
     assert position.mean() < 1e-3  # 0.8 and 0.9 mm; the geometry of the arm is nominal
     assert np.rad2deg(np.sqrt(np.mean(rotation**2))) < 0.15

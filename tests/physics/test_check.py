@@ -13,7 +13,7 @@ from testbench.files.robot.chain import read_chain
 from testbench.model.vjm import chain
 from testbench.workflows.arm_check import check
 from testbench.workflows.new_arm import elastic_toml
-from testbench.workflows.propose import Wishes, propose
+from testbench.workflows.propose import UserInputs, propose
 
 MODELS = Path(__file__).parents[2] / "models"
 TOML, XML = "elastic.toml", "rigid.xml"
@@ -106,7 +106,7 @@ def test_a_proposal_for_the_geometry_of_our_kr500_sags_within_three_times_as_it_
     folder = Path(shutil.copytree(MODELS / "kr500_l480", tmp_path / "proposed"))
     markers = tuple((name, np.zeros(3)) for name in ("P1", "P2", "P3"))  # their places stay in rigid.xml
     robot = read_chain(folder / XML, "tool")
-    wishes = Wishes(payload=500.0, markers=markers)
+    wishes = UserInputs(payload=500.0, markers=markers)
     (folder / TOML).write_text(elastic_toml(robot, wishes, propose(robot, wishes)), "utf-8")
     proposed = check(folder)
     assert proposed.doubts == []

@@ -10,21 +10,27 @@ from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_e
 from testbench import Load, compensate, predict
 from testbench.arm.mjcf import GRAVITY
 from testbench.correct.beyond import extent
-from testbench.correct.newton import SMALL, Aim, Target, asked
-from testbench.correct.rest import rest
-from testbench.correct.stiffness import give_halves, stiffness
-from testbench.correct.uncertainty import Poses, fitted_half_widths, half_widths, most_open, rows_between
+from testbench.correct.newton import MIN_SINGULAR_VALUE, Aim, Target, target_of
+from testbench.correct.rest import equilibrium
+from testbench.correct.stiffness import compliance_half_widths, stiffness
+from testbench.correct.uncertainty import (
+    LoadedPoses,
+    fitted_half_widths,
+    half_widths,
+    largest_uncertainty,
+    rows_between,
+)
 from testbench.errors import BenchError, NoEquilibrium
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.arm_model import About, bending, of_compliances
-from testbench.identify.posterior import CURVED, Posterior
+from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
+from testbench.identify.posterior import CURVATURE_COUNT, Posterior
 from testbench.model.load import resultant
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import no_weights, read_weights
-from testbench.plant.equilibrium import settle
+from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.site import collisions
-from testbench.workflows.program import extrapolated
+from testbench.workflows.program import extrapolation_warnings
 
 POSES = 60  #: Drawn all over the limits.
 HUNG = Load(np.array([0, 0, -900.0, 0, 0, 0]), TIP)
@@ -32,7 +38,7 @@ HUNG = Load(np.array([0, 0, -900.0, 0, 0, 0]), TIP)
 
 @pytest.fixture(scope="module")
 def state(kr500):
-    return bending(kr500.vjm, kr500.arm.C_theta, read_weights(kr500.arm))
+    return elastic_state(kr500.vjm, kr500.arm.C_theta, read_weights(kr500.arm))
 
 
 def drawn(kr500, rng):
@@ -49,7 +55,7 @@ def regular(kr500, q):
     R = tool_pose(kr500.vjm, q)[1]
     J[:, :3] += np.cross(J[:, 3:], (R @ TIP)[:, :, None], axisa=1, axisb=1, axisc=1)
     stay = np.linalg.svd(J[:, :3])[2][:, 3:].swapaxes(1, 2)
-    return np.linalg.svd(J[:, 3:] @ stay)[1][:, -1] > 1.5 * SMALL
+    return np.linalg.svd(J[:, 3:] @ stay)[1][:, -1] > 1.5 * MIN_SINGULAR_VALUE
 
 
 def tip(true):
@@ -60,16 +66,18 @@ def test_mujoco_has_the_corrected_tool_on_the_unloaded_one(kr500, state):
     """To less than 1e-8 m, so that the loop itself is exact; away from singular poses its turn is met too."""
     q, loads = drawn(kr500, np.random.default_rng(5))
     q[0, 4] = 0.0  # a stretched wrist: joints 4 and 6 on one line
-    found = correct(state, q, loads, asked(state, q, "unloaded", TIP), AIM)
+    found = correct(state, q, loads, target_of(state, q, "unloaded", TIP), AIM)
     assert found.solved.all()
     wrench, point = loads[0].wrench + loads[1].wrench, np.tile(TIP, (POSES, 1))
-    true = settle(kr500.plant, found.q, wrench, point)
-    assert np.abs(tip(true) - tip(settle(kr500.plant, q))).max() < 1e-8
-    assert np.linalg.norm(found.left, axis=1).max() < 1e-9
-    assert found.balance.max() < 1e-9
-    uncorrected = np.abs(tip(settle(kr500.plant, q, wrench, point)) - tip(settle(kr500.plant, q)))
+    true = solve_equilibrium(kr500.plant, found.q, wrench, point)
+    assert np.abs(tip(true) - tip(solve_equilibrium(kr500.plant, q))).max() < 1e-8
+    assert np.linalg.norm(found.position_error, axis=1).max() < 1e-9
+    assert found.equilibrium_residual.max() < 1e-9
+    uncorrected = np.abs(
+        tip(solve_equilibrium(kr500.plant, q, wrench, point)) - tip(solve_equilibrium(kr500.plant, q))
+    )
     assert np.median(uncorrected) > 3e-4
-    turned = np.linalg.norm(found.turned, axis=1)
+    turned = np.linalg.norm(found.rotation_error, axis=1)
     assert turned[regular(kr500, q)].max() < 1e-8
     assert 1e-6 < turned[0] < 5e-3
     assert np.abs(found.q - q).max() < 0.3  # at the stretched wrist a full turn would cost any motion
@@ -78,30 +86,34 @@ def test_mujoco_has_the_corrected_tool_on_the_unloaded_one(kr500, state):
 @pytest.mark.parametrize("hold", ["axis", "position"])
 def test_what_is_free_makes_the_way_shorter(kr500, state, hold):
     q, loads = drawn(kr500, np.random.default_rng(7))
-    target = asked(state, q, "unloaded", TIP)
+    target = target_of(state, q, "unloaded", TIP)
     whole, freer = (correct(state, q, loads, target, aim) for aim in (AIM, replace(AIM, hold=hold)))
     assert freer.solved.all()
     away = regular(kr500, q)
     assert (np.linalg.norm(freer.q - q, axis=1) <= np.linalg.norm(whole.q - q, axis=1) + 1e-9)[away].all()
     if hold == "axis":
-        now, wanted = (rest(state, one, load).rotation[:, :, 0] for one, load in ((freer.q, loads), (q, ())))
+        now, wanted = (
+            equilibrium(state, one, load).rotation[:, :, 0] for one, load in ((freer.q, loads), (q, ()))
+        )
         assert np.abs(np.cross(now, wanted))[away].max() < 1e-8
 
 
 def test_out_of_reach_is_not_called_solved(kr500, state):
     q = np.tile([0.1, -1.2, 1.6, 0.2, 0.5, 0.0], (2, 1))
-    target = asked(state, q, "unloaded", TIP)
+    target = target_of(state, q, "unloaded", TIP)
     far = Target(target.position + np.array([[0.0, 0, 0], [9.0, 0, 0]]), target.rotation)
     found = correct(state, q, [], far, AIM)
     assert found.solved.tolist() == [True, False]
-    assert np.linalg.norm(found.left[1]) > 1
+    assert np.linalg.norm(found.position_error[1]) > 1
 
 
 @pytest.fixture(scope="module")
 def sure(kr500, state):
     """The arm, known without a doubt."""
     pi = all153(kr500.arm).entries(state.C_theta)
-    return of_compliances(state, all153(kr500.arm), normal(pi, np.zeros((1, 153))), About("known"))
+    return model_of_compliances(
+        state, all153(kr500.arm), normal(pi, np.zeros((1, 153))), ModelOrigin("known")
+    )
 
 
 def test_a_joint_stops_at_its_limit_and_the_others_keep_the_tip(kr500, state, sure):
@@ -110,12 +122,12 @@ def test_a_joint_stops_at_its_limit_and_the_others_keep_the_tip(kr500, state, su
     q[:, 4] = lower[4] + np.array([0.0, 1e-5, 0.1])
     load = [Load(np.array([0, 0, 2e3, 0, 0, 0]), TIP)]
     found = compensate(sure, q, load, AIM)
-    assert found.held[:, 4].tolist() == [True, True, False]
+    assert found.stopped[:, 4].tolist() == [True, True, False]
     assert found.corrected.all()
     assert (found.q >= lower).all()
-    met = rest(state, found.q, load).at(TIP) - rest(state, q).at(TIP)
+    met = equilibrium(state, found.q, load).at(TIP) - equilibrium(state, q).at(TIP)
     assert np.abs(met).max() < 1e-9
-    assert (np.linalg.norm(found.turned, axis=1) > 1e-6).tolist() == [True, True, False]
+    assert (np.linalg.norm(found.rotation_error, axis=1) > 1e-6).tolist() == [True, True, False]
 
 
 def test_a_correction_into_the_floor_is_refused_and_the_point_stays(kr500, sure):
@@ -150,7 +162,9 @@ def sure_of(structure, state, unseen=None):
 def model(kr500, state):
     """The true compliances, as a model."""
     structure = all153(kr500.arm)
-    return of_compliances(state, structure, sure_of(structure, state), About("truth", force=2000.0))
+    return model_of_compliances(
+        state, structure, sure_of(structure, state), ModelOrigin("truth", force=2000.0)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +186,7 @@ def weightless(model):
 def test_deflections_are_those_of_the_true_arm(kr500, model, poses, load):
     """Markers and tool, loaded minus unloaded, own weight in both."""
     found = predict(model, poses, [load])
-    true = [settle(kr500.plant, poses, w, load.point) for w in (0 * load.wrench, load.wrench)]
+    true = [solve_equilibrium(kr500.plant, poses, w, load.point) for w in (0 * load.wrench, load.wrench)]
     before, after = (np.concatenate([one.tool[:, None], one.markers], axis=1) for one in true)
     assert np.abs(found.deflection - (after - before)).max() < 1e-9
     assert np.abs(found.position[:, 0] - true[1].tool).max() < 1e-9
@@ -185,8 +199,10 @@ def test_the_linear_prediction_is_the_limit_of_small_loads(model, poses, load):
     for share in (0.1, 0.01):
         small = [Load(share * load.wrench, load.point)]
         bent, linear = (predict(light, poses, small, linear=on) for on in (False, True))
-        off.append([np.abs(getattr(bent, x) - getattr(linear, x)).max() for x in ("deflection", "turn")])
-        assert (linear.half >= bent.half).all()
+        off.append(
+            [np.abs(getattr(bent, x) - getattr(linear, x)).max() for x in ("deflection", "rotation_vector")]
+        )
+        assert (linear.half_width >= bent.half_width).all()
     np.testing.assert_allclose(np.divide(*off), 100, rtol=0.05)
 
 
@@ -200,17 +216,20 @@ def test_the_ellipsoid_is_the_tangent_of_the_equilibrium_as_sure_as_under_its_fo
             axis = found.axes[:, :, k]
             push = Load(np.hstack([axis, 0 * axis]), np.zeros(3))
             pull = replace(push, wrench=-push.wrench)
-            more, less = (rest(own.state, poses, [hung, one]).position for one in (push, pull))
+            more, less = (equilibrium(own.state, poses, [hung, one]).position for one in (push, pull))
             moved = (more - less) / 2
-            assert np.abs(moved - np.matvec(C, axis)).max() < most * found.give.max()
-            assert np.abs(moved - found.give[:, k, None] * axis).max() < most * found.give.max()
+            assert np.abs(moved - np.matvec(C, axis)).max() < most * found.displacement_per_force.max()
+            assert (
+                np.abs(moved - found.displacement_per_force[:, k, None] * axis).max()
+                < most * found.displacement_per_force.max()
+            )
     assert (np.diff(found.principal, axis=1) >= 0).all()
     tool = stiffness(model, poses[:2])
-    halves = give_halves(model, poses[:2], tool, 700.0)
+    halves = compliance_half_widths(model, poses[:2], tool, 700.0)
     for k, q in enumerate(poses[:2, None]):
         for axis, half in zip(tool.axes[k].T, halves[k], strict=True):
-            pushed = Poses(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
-            assert half == pytest.approx(half_widths(model, pushed, Poses(q), np.zeros((1, 3))).max())
+            pushed = LoadedPoses(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
+            assert half == pytest.approx(half_widths(model, pushed, LoadedPoses(q), np.zeros((1, 3))).max())
 
 
 def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses):
@@ -220,24 +239,24 @@ def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses)
     blind = replace(model, posterior=sure_of(structure, model.state, first))
     forces = np.array([0, 0, -4500.0, 0, 0, 0]), np.array([0, 4500.0, 0, 0, 0, 0])
     down, aside = (predict(blind, poses, [Load(force, model.vjm.load)]) for force in forces)
-    assert np.isinf(aside.half[:, :, :2]).any(axis=2).all()
-    assert np.isfinite(down.half).all()
+    assert np.isinf(aside.half_width[:, :, :2]).any(axis=2).all()
+    assert np.isfinite(down.half_width).all()
     assert (down.widest > 0.002 * down.size).all()  # every entry is sure to 1 %, curvature is of that size
     assert (down.widest < 0.05 * down.size).all()
 
 
 def test_scatter_counts_in_positions_and_what_a_linear_model_leaves_out_once_or_twice(model, poses, load):
     """Scatter cancels in a deflection. Of known compliances nothing else is open; a fit put it elsewhere."""
-    assert np.isinf(predict(model, poses, [load]).position_half).all()
+    assert np.isinf(predict(model, poses, [load]).position_half_width).all()
     calm, rough = (predict(replace(model, noise=Noise(scatter)), poses, [load]) for scatter in (0.0, 3e-4))
-    more = rough.position_half**2 - calm.position_half**2
+    more = rough.position_half_width**2 - calm.position_half_width**2
     np.testing.assert_allclose(more, (1.96 * 3e-4) ** 2, rtol=1e-3)
-    assert np.array_equal(rough.half, calm.half)
+    assert np.array_equal(rough.half_width, calm.half_width)
     known = replace(model, posterior=replace(model.posterior, root=np.zeros((1, len(model.posterior.x)))))
     straight, bent = (predict(known, poses, [load], linear=linear) for linear in (True, False))
     left_out = np.abs(straight.deflection - bent.deflection)
-    for found, times in ((bent, 1), (straight, CURVED)):
-        np.testing.assert_allclose(found.half, times * left_out, rtol=0.05, atol=5e-3 * left_out.max())
+    for found, times in ((bent, 1), (straight, CURVATURE_COUNT)):
+        np.testing.assert_allclose(found.half_width, times * left_out, rtol=0.05, atol=5e-3 * left_out.max())
 
 
 POINTS = 8
@@ -259,13 +278,13 @@ def absolute(kr500):
 def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
     """Of geometry, joint errors and compliances: differences of the bent arm's tip, but for second order."""
     q = Q[None]
-    row = rows_between(absolute, Poses(q, [FORCE]), None, TIP[None])[0, 0, :, column]
+    row = rows_between(absolute, LoadedPoses(q, [FORCE]), None, TIP[None])[0, 0, :, column]
     x, tips = absolute.unknowns.current(absolute.state), []
     step = 1e-5 if column < RIGID else 1e-3 * max(abs(x[column]), 1e-7)
     for sign in (1, -1):
         moved = x.copy()
         moved[column] += sign * step
-        tips.append(rest(state_of(absolute, moved), q, [FORCE]).at(TIP)[0])
+        tips.append(equilibrium(state_of(absolute, moved), q, [FORCE]).at(TIP)[0])
     slope = (tips[0] - tips[1]) / (2 * step)
     assert np.abs(slope - row).max() < 0.03 * np.abs(slope).max() + 1e-6
 
@@ -273,7 +292,7 @@ def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
 def test_what_points_share_goes_with_a_frame_that_is_fitted_to_them(absolute):
     q = Q + np.random.default_rng(6).uniform(-0.1, 0.1, (POINTS, 6))
     q[:, 0] = 0.3
-    stand = Poses(q, [FORCE])
+    stand = LoadedPoses(q, [FORCE])
     whole, left = (
         half_widths(absolute, stand, None, TIP[None])[:, 0],
         fitted_half_widths(absolute, stand, TIP),
@@ -293,15 +312,15 @@ def test_before_and_after_are_foretold_minus_asked_and_zero_where_nothing_acts(k
     found = compensate(known, q, [Load(wrench, np.array([TIP, TIP]))], AIM)
     assert np.array_equal(found.q[0], q[0])
     assert not np.array_equal(found.q[1], q[1])
-    half = half_widths(known, Poses(found.q, [Load(wrench, TIP)]), Poses(q), TIP[None])[:, 0]
-    np.testing.assert_allclose(found.half, half, rtol=1e-9)  # of the joints that are commanded
-    rests = settle(kr500.plant, q, wrench, np.array([TIP, TIP])), settle(kr500.plant, q)
+    half = half_widths(known, LoadedPoses(found.q, [Load(wrench, TIP)]), LoadedPoses(q), TIP[None])[:, 0]
+    np.testing.assert_allclose(found.half_width, half, rtol=1e-9)  # of the joints that are commanded
+    rests = solve_equilibrium(kr500.plant, q, wrench, np.array([TIP, TIP])), solve_equilibrium(kr500.plant, q)
     np.testing.assert_allclose(found.before, tip(rests[0]) - tip(rests[1]), atol=1e-8)
-    again = correct(known.state, q, [], asked(known.state, q, "drawn", TIP), AIM)
-    sagged = compensate(known, q, [], replace(AIM, asked="drawn"))
+    again = correct(known.state, q, [], target_of(known.state, q, "drawn", TIP), AIM)
+    sagged = compensate(known, q, [], replace(AIM, reference="drawn"))
     assert sagged.before[0, 2] < -1e-3  # own weight
     assert np.array_equal(sagged.q, again.q)
-    assert (sagged.half[0] > 1e-5).any()  # compliances are unsure by a tenth
+    assert (sagged.half_width[0] > 1e-5).any()  # compliances are unsure by a tenth
 
 
 def test_the_part_that_is_named_is_the_one_whose_knowledge_helps(kr500, known):
@@ -311,32 +330,32 @@ def test_the_part_that_is_named_is_the_one_whose_knowledge_helps(kr500, known):
     joint = {name: columns - 6 + k for k, name in enumerate(j.name for j in kr500.arm.joints)}
     root = np.zeros((1, columns))
     root[0, joint["joint_2"]] = 1e-7
-    open_ = most_open(replace(known, posterior=normal(pi, root)), q, [FORCE], TIP, absolute=False)
+    open_ = largest_uncertainty(replace(known, posterior=normal(pi, root)), q, [FORCE], TIP, absolute=False)
     assert (open_.name, open_.joint) == ("joint_2", True)
     assert open_.share == pytest.approx(1)
     unseen = np.zeros((1, columns))
     unseen[0, joint["joint_1"]] = 1
     blind = replace(known, posterior=normal(pi, root, unseen))
-    assert most_open(blind, q, [FORCE], TIP, absolute=False).name == "joint_1"
+    assert largest_uncertainty(blind, q, [FORCE], TIP, absolute=False).name == "joint_1"
     both = np.zeros((2, columns))
     both[0, joint["joint_2"]] = both[1, joint["joint_3"]] = 1e-7
-    alike = most_open(replace(known, posterior=normal(pi, both)), q, [FORCE], TIP, absolute=False)
+    alike = largest_uncertainty(replace(known, posterior=normal(pi, both)), q, [FORCE], TIP, absolute=False)
     assert alike is None or alike.name in ("joint_2", "joint_3")
 
 
 def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were_none(kr500, known):
     q = Q[None]
     size = float(np.linalg.norm(FORCE.wrench[:3]))
-    half = replace(known, about=About("made up", force=size / 2, moment=1e9))
-    assert "2.0 times the largest force" in extrapolated(extent(half, q, [FORCE]))[0]
-    none = replace(known, about=About("made up", force=0.0, moment=0.0))
-    assert "under own weight only" in extrapolated(extent(none, q, [FORCE]))[0]
-    assert not extrapolated(extent(replace(known, about=About("made up")), q, [FORCE]))
+    half = replace(known, about=ModelOrigin("made up", force=size / 2, moment=1e9))
+    assert "2.0 times the largest force" in extrapolation_warnings(extent(half, q, [FORCE]))[0]
+    none = replace(known, about=ModelOrigin("made up", force=0.0, moment=0.0))
+    assert "under own weight only" in extrapolation_warnings(extent(none, q, [FORCE]))[0]
+    assert not extrapolation_warnings(extent(replace(known, about=ModelOrigin("made up")), q, [FORCE]))
     lever = np.cross(tool_pose(known.vjm, q)[1][0] @ TIP, FORCE.wrench[:3])
     held = Load(np.concatenate([FORCE.wrench[:3], -lever]), TIP)  # its moment about the tool's origin is zero
     assert extent(known, q, [held]).moment < 1e-9
     heavy = Load(np.array([0, 0, -2 * 9.81 * kr500.arm.payload, 0, 0, 0]), TIP)
-    assert "2.0 times the payload" in extrapolated(extent(known, q, [heavy]))[0]
+    assert "2.0 times the payload" in extrapolation_warnings(extent(known, q, [heavy]))[0]
 
 
 def test_the_resultant_of_loads_is_the_sum_of_their_forces_moments_and_levers(kr500, rng):
@@ -356,10 +375,10 @@ def test_the_resultant_of_loads_is_the_sum_of_their_forces_moments_and_levers(kr
 
 def test_forces_and_moments_are_each_compared_with_their_own_largest(known):
     turning = Load(np.array([100.0, 0, 0, 0, 50.0, 0]), np.zeros(3))
-    about = replace(known, about=About("made up", force=200.0, moment=10.0))
+    about = replace(known, about=ModelOrigin("made up", force=200.0, moment=10.0))
     found = extent(about, Q[None], [turning])
     assert (found.force_ratio, found.moment_ratio) == pytest.approx((0.5, 5.0))
-    [said] = extrapolated(found)
+    [said] = extrapolation_warnings(found)
     assert "50 N m are 5.0 times the largest moment" in said
 
 
@@ -371,7 +390,7 @@ def test_forces_and_moments_are_each_compared_with_their_own_largest(known):
 def test_the_part_that_is_named_leaves_clearly_more_open_than_the_next(known, monkeypatch, shares, name):
     told = {"a": shares[0], "b": shares[1], "c": 0.0}
     monkeypatch.setattr("testbench.correct.uncertainty._taken_away", lambda *_: told)
-    found = most_open(known, Q[None], [FORCE], TIP, absolute=False)
+    found = largest_uncertainty(known, Q[None], [FORCE], TIP, absolute=False)
     assert (found and found.name) == name
     assert found is None or (found.share, found.joint) == (told[name], False)
 
@@ -386,7 +405,7 @@ def test_points_that_are_close_have_corrections_that_are_close(known, hold):
     q = np.linspace(TORN, TO, 60)
     load = [Load(np.array([2434.54, 1322.173, 1151.032, 0, 0, 0]), np.array([0.3, 0.1, 0.1]))]
     aim = Aim(hold, point=(0.3, 0.1, 0.1))
-    found = correct(known.state, q, load, asked(known.state, q, "unloaded", np.array(aim.point)), aim)
+    found = correct(known.state, q, load, target_of(known.state, q, "unloaded", np.array(aim.point)), aim)
     assert found.solved.all()
     assert np.abs(np.diff(found.q - q, axis=0)).max() < 1e-3
 
@@ -394,17 +413,22 @@ def test_points_that_are_close_have_corrections_that_are_close(known, hold):
 def test_an_aim_that_is_none_no_points_what_a_model_does_not_know_and_buckling_are_refused(
     known, kr500, state
 ):
-    for one in ({"hold": "positon"}, {"asked": "taught"}, {"spindle": (2.0, 0, 0)}, {"point": (300.0, 0, 0)}):
+    for one in (
+        {"hold": "positon"},
+        {"reference": "taught"},
+        {"spindle": (2.0, 0, 0)},
+        {"point": (300.0, 0, 0)},
+    ):
         with pytest.raises(BenchError, match="aim"):
             Aim(**one)
     with pytest.raises(BenchError, match="at least one point"):
         compensate(known, np.zeros((0, 6)), [])
     with pytest.raises(BenchError, match="one for each of 2 poses"):
-        rest(known.state, np.zeros((2, 6)), [Load(np.zeros((3, 6)), np.zeros(3))])
+        equilibrium(known.state, np.zeros((2, 6)), [Load(np.zeros((3, 6)), np.zeros(3))])
     with pytest.raises(BenchError, match="expected an absolute model"):
-        half_widths(known, Poses(Q[None], [FORCE]), None, TIP[None])
+        half_widths(known, LoadedPoses(Q[None], [FORCE]), None, TIP[None])
     q = np.outer([0.2, 0.3], kr500.arm.limits[0])
     wrench = np.array([[0.0] * 6, [0, 0, -3e7, 0, 0, 0]])
     with pytest.raises(NoEquilibrium) as err:
-        rest(state, q, [Load(wrench, kr500.vjm.load)])
+        equilibrium(state, q, [Load(wrench, kr500.vjm.load)])
     assert f"no static equilibrium at q = {kr500.arm.words(q[1])}" in str(err.value)

@@ -25,13 +25,13 @@ from testbench.identify.diagnosis.hypotheses import HYPOTHESES, describe
 from testbench.identify.diagnosis.hypothesis import MOST, Issue, Submission, score_test, undo_one_by_one
 from testbench.identify.diagnosis.kinematics import Observations, best_hypothesis
 from testbench.identify.diagnosis.steps import chance
-from testbench.identify.metric import metric
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import cad_prior
-from testbench.identify.registered import Registered, registered
+from testbench.identify.registered import RegisteredDataset, register_dataset
 from testbench.model.loaded import displacement
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = {"levels": 10, "pressed": 11, "tracker": 17}
@@ -68,7 +68,7 @@ FIRST = {mistake.names: name for name, mistake in reversed(MISTAKES.items())}
 def test_a_planted_mistake_is_named_first(sets, name):
     mistake = MISTAKES[name]
     kind = "levels" if mistake.possible(sets["levels"]) else "pressed"
-    [first, *_] = named(mistake.plant(sets[kind], stream(1, 40)))
+    [first, *_] = named(mistake.plant(sets[kind], trial_rng(1, 40)))
     assert first.name in mistake.names.split()
     assert len(first.sentence) < 300
 
@@ -97,7 +97,7 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     """Shapes and couplings have a width of their own: Bayes' formulas in the readings, dense."""
     own = sets["levels"]
     vjm, structure = own.cell.vjm, all153(own.cell.arm)
-    fitted = residual_model(vjm, metric(cad_prior(own.cell.arm), vjm, structure), own.data)
+    fitted = residual_model(vjm, scale_by_prior(cad_prior(own.cell.arm), vjm, structure), own.data)
     h, prior = fitted.h, fitted.metric
     assert np.ptp(h[-3:-1]) > 0.2  # or nothing would tell shapes from couplings
     blocks = np.repeat(np.arange(len(prior.sizes)), [n * (n + 1) // 2 for n in prior.sizes])
@@ -141,7 +141,9 @@ def test_a_reading_that_outweighs_all_others_or_is_the_only_one_is_named(sets, m
     own = made(4)
     assert (own.cell.arm.name, own.tracker) == ("arm_6r", True)
     data = select(own.data, own.data.run == 1)
-    given = Submission(own.cell.vjm, data, Registered(own.cell.vjm, data, None, "base", ()), declared=False)
+    given = Submission(
+        own.cell.vjm, data, RegisteredDataset(own.cell.vjm, data, None, "base", ()), declared=False
+    )
     assert [issue.name for issue in diagnose(given, own.prior)] == ["pose"]
 
 
@@ -150,9 +152,9 @@ def test_one_run_exchanged_among_few_is_named_and_no_noise(made, seed):
     """It alone makes all ten scatter 17 and 40 times their noise, in which it hides."""
     own = made(seed)
     run = own.data.run[np.argmax(np.linalg.norm(own.data.deflection, axis=2).max(axis=1))]
-    [doubt] = named(MISTAKES["swapped_once"].plant(own, stream(seed, 40)))
+    [doubt] = named(MISTAKES["swapped_once"].plant(own, trial_rng(seed, 40)))
     assert (doubt.name, doubt.sentence.split(":")[0]) == ("run", f"run {run}")
-    assert named(MISTAKES["noise"].plant(own, stream(seed, 40)))[0].name == "noise"
+    assert named(MISTAKES["noise"].plant(own, trial_rng(seed, 40)))[0].name == "noise"
 
 
 def test_the_example_of_the_docs_adds_a_mistake_that_is_named_first(sets):
@@ -162,7 +164,7 @@ def test_the_example_of_the_docs_adds_a_mistake_that_is_named_first(sets):
     exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], added)
     own, table = sets["levels"], added["TABLE"]
     vjm, data = own.cell.vjm, replace(own.data, q=own.data.q / 0.9)
-    given = Submission(vjm, data, Registered(vjm, data, None, "base", ()), declared=False)
+    given = Submission(vjm, data, RegisteredDataset(vjm, data, None, "base", ()), declared=False)
     [first, *_] = diagnose(given, own.prior, table)
     assert first.name == "gon"
     words = describe(first, vjm.arm, hypotheses=table).sentence
@@ -194,7 +196,7 @@ def test_a_hanging_arm_with_the_orientation_that_is_told_raises_no_doubt(made):
     own = made(SEEDS["levels"]).mounted(np.diag([1.0, -1.0, -1.0]))
     [doubt, *_] = named(own)
     assert doubt.sentence.startswith("the readings fit if the arm hangs: gravity along +z of its base")
-    assert named(MISTAKES["swapped"].plant(made(SEEDS["levels"]), stream(1, 40)))[0].name == "sign"
+    assert named(MISTAKES["swapped"].plant(made(SEEDS["levels"]), trial_rng(1, 40)))[0].name == "sign"
     quat = [float(x) for x in re.search(r'quat="([^"]+)" of the body link_0', doubt.sentence)[1].split()]
     base = np.eye(4)
     base[:3, :3] = Rotation.from_quat(quat, scalar_first=True).as_matrix()
@@ -261,7 +263,7 @@ def test_the_score_test_is_a_bayes_factor_and_the_chance_of_a_step_that_of_fishe
 
 
 def told(vjm, data, frame="base"):
-    given = Submission(vjm, data, registered(vjm, data, frame), True)
+    given = Submission(vjm, data, register_dataset(vjm, data, frame), True)
     found = (describe(issue, vjm.arm) for issue in diagnose(given, cad_prior(vjm.arm)))
     return [(doubt.name, doubt.sentence) for doubt in found]
 
@@ -348,7 +350,7 @@ def plate(cell, runs, targets):
 
 
 def test_more_readings_than_are_weighed_together_raise_no_doubt(kr500, monkeypatch):
-    monkeypatch.setattr(diagnosis, "MOST_READINGS", 120)
+    monkeypatch.setattr(diagnosis, "MAX_READINGS", 120)
     assert told(*plate(kr500, runs=8, targets=40)) == []
 
 

@@ -18,14 +18,14 @@ from testbench.identify import (
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.evaluate import all_deflections, deflections
-from testbench.identify.least_squares import NONE, completed
+from testbench.identify.least_squares import NO_CONSERVATIVE_FIT, complete_conservatively
 from testbench.identify.prior import cad_prior
 from testbench.identify.regression import f_m
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.studies.campaign import compared as fits
-from testbench.studies.campaign.grids import Clean, Grid, expected
+from testbench.studies.campaign.grids import CellGrid, Clean, expected
 from testbench.studies.campaign.trial import reread
 from testbench.studies.estimators.shrunk import RIDGES, clipped, ridge
 from testbench.studies.paper import factorised
@@ -33,7 +33,7 @@ from testbench.studies.paper.search import BOX, Budget, explore, trial_points
 from testbench.workflows.advice import advice
 from testbench.workflows.cell import Scenario, draw_poses, simulate_at
 from testbench.workflows.cell import simulate as calibrate
-from testbench.workflows.identifiability import imagined
+from testbench.workflows.identifiability import without_readings
 from testbench.workflows.pose_campaign import FullPose, simulate
 
 SECTION_5_2 = FullPose(arm="arm_6r", least=9e-3, most=41e-3, check_runs=10)
@@ -84,8 +84,8 @@ def test_a_seen_compliance_below_zero_leaves_no_conservative_model(kr500):
     assert plain.regression.rank == structure.n - 1
     np.testing.assert_allclose(filled.pi, np.r_[0, true[1:]], rtol=0, atol=1e-12)
     assert not filled.conservative
-    assert NONE in filled.status
-    assert any(NONE in said for said in advice(filled))
+    assert NO_CONSERVATIVE_FIT in filled.status
+    assert any(NO_CONSERVATIVE_FIT in said for said in advice(filled))
     right = completed_least_squares(kr500.vjm, structure, deflected(kr500, structure, np.abs(true)))
     assert right.conservative
     assert right.status == "solved"
@@ -96,7 +96,7 @@ def deflected(cell, structure, pi):
     runs = calibrate(cell, Scenario(arm="kr500_l480", truth="linear", workspace_poses=1), 1).identification
     estimate = least_squares(cell.vjm, structure, runs)
     made = replace(estimate, pi=pi, C_theta=structure.matrix(pi))
-    return replace(imagined(runs), after=deflections(cell.vjm, made, runs))
+    return replace(without_readings(runs), after=deflections(cell.vjm, made, runs))
 
 
 def test_it_takes_no_prior_and_looks_for_outliers_as_least_squares_does(arm_6r):
@@ -207,9 +207,9 @@ def test_parameters_are_gramians_of_at_most_rank_m_and_cost_what_f_m_says(arm_6r
 def test_what_cannot_be_searched_is_refused(arm_6r, data):
     for m in (0, 7):
         with pytest.raises(BenchError, match=f"m: expected an order of the vector space of 1 to 6, got {m}"):
-            factorised.LocalSolves(stream(1), m)(arm_6r.vjm, mgco69(arm_6r.arm), data)
+            factorised.LocalSolves(trial_rng(1), m)(arm_6r.vjm, mgco69(arm_6r.arm), data)
     with pytest.raises(BenchError, match="starts: expected at least 1 local solve, got 0"):
-        factorised.LocalSolves(stream(1), starts=0)(arm_6r.vjm, mgco69(arm_6r.arm), data)
+        factorised.LocalSolves(trial_rng(1), starts=0)(arm_6r.vjm, mgco69(arm_6r.arm), data)
     with pytest.raises(BenchError, match="expected a symmetric structure"):
         factorised.factorise(reduce(arm_6r.vjm, free36(arm_6r.arm), data))
     for numbers in ({"population": 0}, {"trial_points": 100}):
@@ -221,11 +221,11 @@ def test_what_cannot_be_searched_is_refused(arm_6r, data):
 def test_the_papers_search_ends_at_the_conic_optimum_and_f_m_falls_until_there(best):
     """By the same random numbers at the same place; local solves are seen to fall too."""
     problem, seen, of_several = factorised.factorise(best.regression), [], []
-    one, two = (explore(problem, TINY, stream(1), observe=to) for to in (seen.append, lambda _: None))
+    one, two = (explore(problem, TINY, trial_rng(1), observe=to) for to in (seen.append, lambda _: None))
     np.testing.assert_array_equal(one.best, two.best)
     assert one.f_m == pytest.approx(best.f_m, rel=1e-5)
     third = factorised.factorise(best.regression, 3)
-    solves = factorised.descents(third, stream(4), starts=3, observe=of_several.append)
+    solves = factorised.descents(third, trial_rng(4), starts=3, observe=of_several.append)
     for values, end in ((seen, one.f_m), (of_several, min(d.f_m for d in solves))):
         assert len(values) > 10
         assert (np.diff(values) < 0).all()
@@ -241,12 +241,12 @@ def test_order_of_the_vector_space_by_counting_is_that_of_eq_20(arm_6r):
 
 def test_trial_points_lie_inside_the_box_and_differ(regression):
     problem = factorised.factorise(regression)
-    points = trial_points(problem, np.zeros(problem.size), 700, stream(3))
+    points = trial_points(problem, np.zeros(problem.size), 700, trial_rng(3))
     assert points.shape == (700, problem.size)
     assert np.abs(points).max() <= BOX
     assert len(np.unique(points, axis=0)) == 700
-    assert not np.isin(points, trial_points(problem, np.zeros(problem.size), 700, stream(4))).all()
-    from_outside = trial_points(problem, np.full(problem.size, 2 * BOX), 100, stream(3))
+    assert not np.isin(points, trial_points(problem, np.zeros(problem.size), 700, trial_rng(4))).all()
+    from_outside = trial_points(problem, np.full(problem.size, 2 * BOX), 100, trial_rng(3))
     assert np.abs(from_outside).max() <= BOX
 
 
@@ -264,7 +264,7 @@ def hung(cell, seed, poses):
 
 
 def noisy(clean, sigma):
-    return reread(clean.runs, sigma, stream(clean.seed, 1))
+    return reread(clean.runs, sigma, trial_rng(clean.seed, 1))
 
 
 def weighed_rows(regression):
@@ -300,15 +300,15 @@ def test_where_no_equal_fit_is_sought_there_is_none(kr500):
         taken += map(fits.added, found.ls, found.gco)
     skipped = [own for own, share in zip(ls, taken, strict=True) if share > fits.TAKEN]
     assert 3 < len(skipped) < len(ls) - 3
-    assert not any(completed(own.regression).conservative for own in skipped)
+    assert not any(complete_conservatively(own.regression).conservative for own in skipped)
 
 
 def test_the_error_to_expect_is_what_noise_does_to_least_squares(kr500):
     structure, sigma = template56(kr500.arm), 50e-6
     clean = hung(kr500, SEEDS[0], 12)
     exact = reduce(kr500.vjm, structure, replace(clean.runs, sigma=sigma))
-    [size] = expected(kr500.vjm, clean, Grid(kr500.arm.name, (12,), (sigma,)), [exact])
-    rng, draws = stream(SEEDS[0], 1), 300
+    [size] = expected(kr500.vjm, clean, CellGrid(kr500.arm.name, (12,), (sigma,)), [exact])
+    rng, draws = trial_rng(SEEDS[0], 1), 300
     seen = [reduce(kr500.vjm, structure, reread(clean.runs, sigma, rng)) for _ in range(draws)]
     found = [solve(regression, "none") for regression in (exact, *seen)]
     moved = np.array([deflections(kr500.vjm, own, clean.judge) for own in found])

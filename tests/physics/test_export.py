@@ -16,15 +16,15 @@ from serial_arms import write_arm
 
 from testbench.arm.urdf_text import STAMP
 from testbench.errors import BenchError, InputError
-from testbench.files.export import draft_new, draft_own, export
+from testbench.files.export import draft_new, draft_robot_urdf, export
 from testbench.files.export_controller import export_offsets
-from testbench.files.export_geometry import apart, drawn, random_joints, tool_poses
+from testbench.files.export_geometry import frame_distance, nominal_rigid, random_joints, tool_poses
 from testbench.files.export_left import best_offsets
-from testbench.identify.absolute.state import nominal
-from testbench.identify.arm_model import bending
+from testbench.identify.absolute.state import nominal_state
+from testbench.identify.arm_model import elastic_state
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
-from testbench.model.laws import lawful
+from testbench.model.laws import with_joint_laws
 from testbench.model.vjm import chain, generalised_load, plain_load
 from testbench.model.weights import read_weights
 from testbench.workflows.cell import build_cell
@@ -40,7 +40,10 @@ def planted(arm, rng, *, ends=False):
     links = theta[: 6 * n + 6].reshape(-1, 6)
     links[inner] = rng.uniform(-1, 1, (n + 1, 6))[inner] * ([SHIFT] * 3 + [TURN] * 3)
     theta[6 * n + 6 :] = [rng.uniform(-1, 1) * (SLIDE if j.prismatic else TURN) for j in arm.joints]
-    errors, state = JointErrors(orders=(1, 2), ratio=True), nominal(vjm, read_weights(arm), np.full(n, 50.0))
+    errors, state = (
+        JointErrors(orders=(1, 2), ratio=True),
+        nominal_state(vjm, read_weights(arm), np.full(n, 50.0)),
+    )
     gears = rng.uniform(-1e-4, 1e-4, (n, errors.size))
     return replace(state, theta_0=theta, C_theta=arm.C_theta, errors=errors, n=gears)
 
@@ -100,26 +103,26 @@ def test_an_own_urdf_keeps_all_but_the_origins_of_its_chain(ur10, rng, tmp_path,
     state, names = planted(ur10, rng, ends=ends), [joint.name for joint in ur10.joints]
     text, root, tip = own_urdf(state.vjm, rng)
     (file := tmp_path / "own.urdf").write_text(text)
-    draft, out = draft_own(state, file), tmp_path / "out" / "new.urdf"
+    draft, out = draft_robot_urdf(state, file), tmp_path / "out" / "new.urdf"
     export(state, draft, out)
     assert draft.frames.names[-1] == "tool0"
     new = out.read_text()
     q = random_joints(state.vjm)[:50]
     expected = tool_poses(state.vjm, q, state.theta_0) @ tip
-    far = apart(root @ poses_by_mujoco(new, "tool0", names, q)[0], expected)
+    far = frame_distance(root @ poses_by_mujoco(new, "tool0", names, q)[0], expected)
     assert max(far) < 1e-10
     changed = [*names, "to_flange"] if ends else names
     assert without_origins(new, changed) == without_origins(text, changed)
     assert file.read_text() == text
     drawn_, moved = (poses_by_mujoco(own, "l3", names, np.zeros((1, 6)))[0] for own in (text, new))
-    assert apart(drawn_, moved)[0] < 5e-3
+    assert frame_distance(drawn_, moved)[0] < 5e-3
 
 
 def test_an_own_urdf_of_any_arm_is_read_back(any_arm, rng, tmp_path):
     """Exactly, though the robot's own right angles have six digits: those of the model count."""
     state = planted(any_arm, rng)
     (file := tmp_path / "own.urdf").write_text(own_urdf(state.vjm, rng, digits=6)[0])
-    done = export(state, draft_own(state, file), tmp_path / "new.urdf")
+    done = export(state, draft_robot_urdf(state, file), tmp_path / "new.urdf")
     assert max(done.read_back.position_um, done.read_back.rotation_urad) < 1e-4
 
 
@@ -136,7 +139,7 @@ def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
     names = [joint.name for joint in ur10.joints]
     text, root, _ = own_urdf(state.vjm, rng)
     (file := tmp_path / "own.urdf").write_text(text)
-    export(state, draft_own(state, file), tmp_path / "new.urdf")
+    export(state, draft_robot_urdf(state, file), tmp_path / "new.urdf")
     said = json.loads((tmp_path / "new.json").read_text())
     q, wrench = random_joints(state.vjm)[:1], rng.uniform(-500, 500, (1, 6))
     where = chain(state.vjm, q)
@@ -185,7 +188,7 @@ def test_another_robot_or_a_broken_file_is_one_line(ur10, rng, tmp_path, old, ne
     assert old in text
     (file := tmp_path / "own.urdf").write_text(text.replace(old, new))
     with pytest.raises(InputError, match=said):
-        draft_own(state, file)
+        draft_robot_urdf(state, file)
 
 
 def test_what_cannot_be_written_leaves_nothing(ur10, rng, tmp_path):
@@ -193,9 +196,9 @@ def test_what_cannot_be_written_leaves_nothing(ur10, rng, tmp_path):
     state = planted(ur10, rng, ends=True)
     (file := tmp_path / "own.urdf").write_text(own_urdf(state.vjm, rng, tip=False)[0])
     with pytest.raises(InputError, match="expected a fixed joint behind 'l6'"):
-        draft_own(state, file)
+        draft_robot_urdf(state, file)
     with pytest.raises(InputError, match="no link 'x' for the tip"):
-        draft_own(state, file, "x")
+        draft_robot_urdf(state, file, "x")
     draft = draft_new(state)
     wrong = draft_new(replace(state, theta_0=1.01 * state.theta_0))
     C = state.C_theta.copy()
@@ -205,13 +208,13 @@ def test_what_cannot_be_written_leaves_nothing(ur10, rng, tmp_path):
         with pytest.raises(BenchError, match=said):
             export(bad, made, tmp_path / "out.urdf")
     assert [path.name for path in tmp_path.iterdir()] == ["own.urdf"]
-    assert drawn(state.vjm).steps.shape == (6, 4, 4)
+    assert nominal_rigid(state.vjm).steps.shape == (6, 4, 4)
 
 
 def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tmp_path):
     arm, q = kr500.arm, random_joints(kr500.vjm)[:12]
-    C, vjm = np.diag(np.r_[np.diag(arm.C_theta), np.linspace(0.1, 1.9, 19)]), lawful(kr500.vjm)
-    state = bending(vjm, C, read_weights(kr500.arm))
+    C, vjm = np.diag(np.r_[np.diag(arm.C_theta), np.linspace(0.1, 1.9, 19)]), with_joint_laws(kr500.vjm)
+    state = elastic_state(vjm, C, read_weights(kr500.arm))
     export(state, draft_new(state), tmp_path / "arm.urdf")
     said = json.loads((tmp_path / "arm.json").read_text())
     where = chain(vjm, q)
@@ -294,8 +297,8 @@ def test_kinematics_of_a_ur_driver_are_the_model(ur10, rng, tmp_path, style):
         step[:3, :3], step[:3, 3] = Rotation.from_euler("xyz", turns).as_matrix(), [x, y, z]
         turn[:, :3, :3] = Rotation.from_rotvec(q[:, [k]] * [0, 0, 1]).as_matrix()
         T = T @ step @ turn
-    assert max(apart(T, tool_poses(state.vjm, q, state.theta_0) @ draft.frames.tip)) < 1e-10
-    assert apart(T, tool_poses(state.vjm, q) @ draft.frames.tip)[0] > 1e-4
+    assert max(frame_distance(T, tool_poses(state.vjm, q, state.theta_0) @ draft.frames.tip)) < 1e-10
+    assert frame_distance(T, tool_poses(state.vjm, q) @ draft.frames.tip)[0] > 1e-4
     numbers = re.compile(r"(?<=: )[-+.\de]+")
     assert numbers.sub("", new.partition("\n")[2]) == numbers.sub("", text)
     assert rows["hash"] == "calib_17227329492635474227"

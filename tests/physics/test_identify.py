@@ -10,13 +10,13 @@ from testbench import BenchError, Scenario, simulate
 from testbench.data.dataset import in_order
 from testbench.identify import gco, least_squares, reduce
 from testbench.identify.certify import gradient_dual
-from testbench.identify.metric import metric, whitened
+from testbench.identify.metric import scale_by_prior, weighted_rows
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, rank
 from testbench.model.structure import Structure, all153, free36, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.model.vjm import chain, observation
 from testbench.workflows.advice import advice
-from testbench.workflows.identifiability import describe, tasks, unseen
+from testbench.workflows.identifiability import describe, sampled_tasks, unseen_poses
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +81,7 @@ def test_reduced_rows_are_those_of_the_full_weight_matrix(kr500, data, lost):
     np.testing.assert_allclose(ours[:, -1], right, atol=1e-10 * np.abs(right).max())
     assert term.equations == 3 * data.seen.sum()
     rest = np.einsum("rmi,rmij,rmj->", y, P, y)
-    assert term.equations / 3 * (term.z @ term.z + term.rest) == pytest.approx(rest)
+    assert term.equations / 3 * (term.z @ term.z + term.unexplained) == pytest.approx(rest)
 
 
 @pytest.mark.parametrize("wrong", [np.diag([1.0, 1, -1]), np.eye(3) + np.eye(3, k=1), np.diag([1.0, 1, 0])])
@@ -149,7 +149,7 @@ def test_what_is_named_is_not_seen_joint_1_by_no_weight_and_a_side_load_restores
     report = report_of(kr500, s, data)
     assert (report.rank, report.rank_of_structure) == (1, 2)
     assert report.share[0] == 0.0
-    [row] = unseen(report)
+    [row] = unseen_poses(report)
     assert row == {"why": "loads", "parts": "joint_1", "directions": 1, "parameters": "joint_1"}
     assert proposal(report, "the force as a side load along world y").rank == 2
     side = np.zeros_like(data.wrench)
@@ -162,14 +162,14 @@ def test_expected_error_is_that_of_draws_from_prior_and_noise(kr500, data):
     structure = mgco47(kr500.arm)
     known = Strength(0.3, 1e-9)  # a known common scale: the prior's covariance is 0.3^2 times the identity
     report = report_of(kr500, structure, data, known)
-    m = metric(cad_prior(kr500.arm), kr500.vjm, structure)
-    A, _ = whitened(reduce(kr500.vjm, structure, data), m)
+    m = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, structure)
+    A, _ = weighted_rows(reduce(kr500.vjm, structure, data), m)
     rng, n, draws = np.random.default_rng(5), structure.n, 2000
     x = 0.3 * rng.standard_normal((draws, n))
     y = x @ A.T + rng.standard_normal((draws, len(A)))
     both = np.vstack([A, np.eye(n) / 0.3]), np.vstack([y.T, np.zeros((n, draws))])
     found = np.linalg.lstsq(*both, rcond=None)[0].T
-    wrong = np.einsum("pmin,dn->dpmi", tasks(kr500.vjm, data, structure) @ m.L, found - x)
+    wrong = np.einsum("pmin,dn->dpmi", sampled_tasks(kr500.vjm, data, structure) @ m.L, found - x)
     rms = np.sqrt(3 * (wrong**2).mean())
     # 2000 draws of at least ten effective directions: relative sd of the RMS below 1 %; 4 sd
     assert report.error == pytest.approx(rms, rel=0.04)
@@ -187,4 +187,4 @@ def test_data_without_load_are_a_report_not_a_crash(kr500, data):
     assert report.rank == 0
     assert not report.share.any()
     assert report.error == np.inf
-    assert sum(row.directions for row in unseen(report)) == report.structure.n
+    assert sum(row.directions for row in unseen_poses(report)) == report.structure.n

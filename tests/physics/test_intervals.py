@@ -15,19 +15,19 @@ from scipy.stats import t as student
 from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 
 from testbench import BenchError, compensate, gco, intervals, least_squares, predict, reduce, with_prior
-from testbench.correct.newton import asked
-from testbench.correct.rest import rest
+from testbench.correct.newton import target_of
+from testbench.correct.rest import equilibrium
 from testbench.data.dataset import in_order
-from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import posterior_of
-from testbench.identify.metric import Belief, metric
+from testbench.identify.metric import WeightedPrior, scale_by_prior
 from testbench.identify.posterior import Posterior, linearise
 from testbench.identify.prior import Prior, Strength, aggregate, cad_prior
 from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.gear import GearErrors
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.studies.absolute.beside import true_state
 from testbench.studies.absolute.simulated import check
 from testbench.studies.campaign.coverage import draw_conservative
@@ -36,11 +36,11 @@ from testbench.studies.estimators.bounds import bounds, fit_set
 from testbench.workflows import named_parameters
 from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import Scenario, clear_poses, simulate
-from testbench.workflows.fits import fit
+from testbench.workflows.fits import fit_models
 from testbench.workflows.models import named_models
 from testbench.workflows.pose_campaign import FullPose
 from testbench.workflows.pose_campaign import simulate as simulate_full_pose
-from testbench.workflows.read_runs import Runs
+from testbench.workflows.read_runs import MeasuredRuns
 
 LEVEL, DRAWS = 1e-6, 300  #: Of false alarms; truths drawn.
 Z = norm.ppf(0.975)  #: Half of an interval of 95 % over a standard deviation.
@@ -57,7 +57,7 @@ def arms(kr500):
     found = []
     for seed in SEEDS:
         series, truth = simulate_series(kr500, ASKED, seed)
-        own = calibrate(kr500.vjm, series, cad_prior(kr500.arm), Options(orders=4, only=ON))
+        own = calibrate(kr500.vjm, series, cad_prior(kr500.arm), CalibrationOptions(orders=4, only=ON))
         found.append((seed, series[0], truth, own))
     return found
 
@@ -89,7 +89,7 @@ def test_identify_knows_how_far_fresh_readings_lead_it_astray(arm_6r, rng):
 def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr500, strength, rng):
     """Of a deflection, of any unknowns, of couplings, of the common scale, which may be left to the data."""
     s, asked = mgco68(kr500.arm), Scenario(arm="kr500_l480", truth="linear", workspace_poses=DRAWS // 3)
-    campaign, own = simulate(kr500, asked, 1), metric(cad_prior(kr500.arm), kr500.vjm, s)
+    campaign, own = simulate(kr500, asked, 1), scale_by_prior(cad_prior(kr500.arm), kr500.vjm, s)
     again = resampler(reduce(kr500.vjm, s, campaign.identification))
     coupling = strength.uncertainty if strength.coupling is None else strength.coupling
     size = np.where(own.couplings, coupling, strength.uncertainty)
@@ -97,7 +97,7 @@ def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr
     back, z = np.linalg.inv(own.L), []
     for row in rows_of(kr500, s, campaign.truth):
         x = own.expected * (1 + scale * rng.standard_normal()) + size * rng.standard_normal(s.n)
-        found = solve(again(own.L @ x, rng), "none", Belief(own, strength))
+        found = solve(again(own.L @ x, rng), "none", WeightedPrior(own, strength))
         any_, some = rng.standard_normal((2, s.n)) * [np.ones(s.n), own.couplings]
         a = np.vstack([row, any_ @ back, some @ back, own.expected @ back])
         z.append(a @ (found.pi - own.L @ x) / linearise(found).deviations(a))
@@ -110,11 +110,11 @@ def test_calibrate_is_as_sure_of_geometry_and_joints_as_its_errors_are_large(arm
     """All 78 numbers of an arm, in independent directions; then those that the readings tell most of."""
     z, told = [], []
     for _, _, truth, own in arms:
-        unknowns, columns = own.own.unknowns, own.own.columns
+        unknowns, columns = own.active.unknowns, own.active.columns
         true, found = unknowns.current(true_state(own.state, truth))[columns], posterior_of(own)
         rigid = np.r_[unknowns.columns("geometry"), unknowns.columns("errors")]
         some = np.isin(columns, rigid) & (true != 0)
-        prior = own.chosen.learnt.deviation[columns[some]]
+        prior = own.chosen.scales.deviation[columns[some]]
         W, off = found.root[:, some] / prior, (true - found.x)[some] / prior
         left, V = np.linalg.eigh(W.T @ W)
         z.extend(V.T @ off / np.sqrt(left))
@@ -131,18 +131,18 @@ def test_predict_and_compensate_are_as_sure_as_arms_of_their_doubts_differ_and_m
     """A point of the tool: its deflection, where a calibrated arm has it, what a correction leaves."""
     model, q = make(kr500), Q + rng.uniform(-0.3, 0.3, (DRAWS, 6))
     told, meant = predict(model, q, [FORCE], points=TIP[None]), ("unloaded", "drawn")[: 1 + model.absolute]
-    z, put = [], [compensate(model, q, [FORCE], replace(AIM, asked=how)) for how in meant]
+    z, put = [], [compensate(model, q, [FORCE], replace(AIM, reference=how)) for how in meant]
     assert all(own.corrected.all() for own in put)
     for k in range(DRAWS):
         true, one, axis = drawn_state(model, rng), slice(k, k + 1), k % 3
-        bent, free = (rest(true, q[one], loads).at(TIP)[0] for loads in ([FORCE], []))
-        off, half = [bent - free - told.deflection[k, 1]], [told.half[k, 1]]
+        bent, free = (equilibrium(true, q[one], loads).at(TIP)[0] for loads in ([FORCE], []))
+        off, half = [bent - free - told.deflection[k, 1]], [told.half_width[k, 1]]
         if model.absolute:
-            off, half = [*off, bent - told.position[k, 1]], [*half, told.position_half[k, 1]]
+            off, half = [*off, bent - told.position[k, 1]], [*half, told.position_half_width[k, 1]]
         for own in put:
-            target = asked(true, q[one], own.asked, TIP).position[0]
-            off.append(rest(true, own.q[one], [FORCE]).at(TIP)[0] - target)
-            half.append(own.half[k])
+            target = target_of(true, q[one], own.reference, TIP).position[0]
+            off.append(equilibrium(true, own.q[one], [FORCE]).at(TIP)[0] - target)
+            half.append(own.half_width[k])
         z.append([Z * x[axis] / h[axis] for x, h in zip(off, half, strict=True)])
     for own in np.transpose(z):
         check_ranks(own)
@@ -153,10 +153,10 @@ def test_positions_lie_in_their_ellipsoids(arms, kr500):
     """Of readings in poses that were never measured; the error itself is below that of geometry."""
     inside, error = [], []
     for seed, series, _, own in arms:
-        q = clear_poses(kr500, None, 50, stream(seed, 900))
+        q = clear_poses(kr500, None, 50, trial_rng(seed, 900))
         [true], _ = simulate_series(kr500, EXACT, seed, q)
         assert true.frame == series.frame
-        off, within = check(own, true, stream(seed, 901))
+        off, within = check(own, true, trial_rng(seed, 901))
         inside.append(within)
         error.append(np.linalg.norm(off, axis=-1))
     assert 0.9 < np.mean(inside) < 0.985
@@ -167,7 +167,7 @@ def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students
     """In quadrature: neither hides the other, and each alone is its own quantile."""
     noise, prior = rng.normal(size=(2, 4, 6))
     root, none = np.vstack([noise, prior]), np.zeros((0, 6))
-    own = Posterior(np.zeros(6), root, none, np.ones(6), tail=3.0, heavy=4)
+    own = Posterior(np.zeros(6), root, none, np.ones(6), tail=3.0, heavy_rows=4)
     a = rng.normal(size=(5, 6))
     widths = [f.ppf(0.95) * np.linalg.norm(a @ x.T, axis=1) for f, x in ((norm, noise), (student(3), prior))]
     np.testing.assert_allclose(own.half_widths(a, 0.9), np.hypot(*widths))
@@ -179,7 +179,7 @@ def test_intervals_have_names_and_the_units_of_people(arms):
     by_name = {(one.part, one.name): one for one in named_parameters.intervals(own)}
     shift = by_name["geometry", "link_2 shift y"]
     assert (shift.unit, shift.value) == ("mm", pytest.approx(1e3 * own.state.theta_0[13]))
-    at = own.own.columns.tolist().index(own.own.unknowns.starts["geometry"] + 13 - 6)
+    at = own.active.columns.tolist().index(own.active.unknowns.starts["geometry"] + 13 - 6)
     assert shift.half == pytest.approx(1e3 * Z * np.linalg.norm(posterior_of(own).root[:, at]))
     turned = by_name["joint errors", "joint_3 cos 2"]
     assert (turned.unit, turned.value) == ("urad", pytest.approx(1e6 * own.state.n[2, 5]))
@@ -192,7 +192,7 @@ def campaign(kr500):
 
 
 def prepare(cell, structure, data):
-    return reduce(cell.vjm, structure, data), metric(cad_prior(cell.arm), cell.vjm, structure)
+    return reduce(cell.vjm, structure, data), scale_by_prior(cad_prior(cell.arm), cell.vjm, structure)
 
 
 @pytest.mark.parametrize("structure", [mgco68, all153])
@@ -238,7 +238,7 @@ def test_bounds_of_a_small_set_are_those_of_its_ellipse_of_an_empty_one_none(kr5
 
 
 def test_bad_input_is_named(kr500, campaign):
-    s, other = template56(kr500.arm), metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    s, other = template56(kr500.arm), scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     regression, m = prepare(kr500, s, campaign.identification)
     estimate = least_squares(kr500.vjm, s, campaign.identification)
     linear, rng = linearise(estimate), np.random.default_rng(0)
@@ -252,7 +252,7 @@ def test_bad_input_is_named(kr500, campaign):
     with pytest.raises(BenchError, match="metric: expected one of MGCO56"):
         fit_set(regression, other, 0.95)
     with pytest.raises(BenchError, match="expected shape"):
-        metric(Prior("small", np.eye(6)), kr500.vjm, s)
+        scale_by_prior(Prior("small", np.eye(6)), kr500.vjm, s)
     for rows in (np.ones((1, 5)), np.ones(s.n), np.full((1, s.n), np.nan)):
         for of in (linear.deviations, partial(bounds, fit_set(regression, m, 0.95))):
             with pytest.raises(BenchError, match="functionals"):
@@ -292,9 +292,9 @@ def test_what_nothing_shows_is_infinitely_uncertain_and_nothing_else(kr500, camp
     np.testing.assert_array_equal(np.isinf(found.upper), [True, False])
     campaign = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=2), 5)
     data = replace(campaign.identification, sigma=1e-8)
-    own = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
+    own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
     regression = reduce(kr500.vjm, own.structure, data)
-    found = linearise(solve(regression, "none", Belief(own, Strength(1e6))))
+    found = linearise(solve(regression, "none", WeightedPrior(own, Strength(1e6))))
     where, points = chain(kr500.vjm, data.q), marker_points(kr500.vjm, data.markers)
     rows = observation(where, own.structure, data.wrench, data.point, points).reshape(-1, own.structure.n)
     assert len(found.unseen) > 0
@@ -333,9 +333,9 @@ def test_memory_of_intervals_grows_with_what_they_are_and_not_with_their_rows(kr
 
 def test_of_many_runs_some_have_intervals_evenly_and_the_notes_say_so(kr500, monkeypatch):
     data = simulate(kr500, Scenario(arm="kr500_l480", truth="linear", workspace_poses=1), 3).identification
-    monkeypatch.setattr("testbench.workflows.fits.SHOWN", 4)
-    runs = Runs("runs.csv", data, data, None)
-    fits = fit(kr500, named_models(kr500, ["Joints"]), runs, lambda: 0.0, widths=True).fits
+    monkeypatch.setattr("testbench.workflows.fits.MAX_SHOWN", 4)
+    runs = MeasuredRuns("runs.csv", data, data, None)
+    fits = fit_models(kr500, named_models(kr500, ["Joints"]), runs, lambda: 0.0, widths=True).fits
     shown = [row["run"] for row in fits.models[0].intervals.deflections[:: len(data.markers)]]
     assert len(set(shown)) == 4
     assert (shown[0], shown[-1]) == (data.run[0], data.run[-1])

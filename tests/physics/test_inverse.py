@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from serial_arms import write_arm
 
-from testbench.correct.inverse import THERE, joints_along, reach
+from testbench.correct.inverse import POSE_TOLERANCE, joints_along, solve_poses
 from testbench.correct.newton import Target
 from testbench.model.vjm import rotation, tool_pose
 from testbench.workflows.cell import build_cell
@@ -37,13 +37,13 @@ def test_a_path_of_the_tool_gives_joints_back_without_a_jump(name, request, rng)
         q = planted(vjm, rng, 500)
         position, R = tool_pose(vjm, q)
         found = joints_along(vjm, position + R @ point, R, start=q[0], point=point)
-        assert found.there.all()
+        assert found.converged.all()
         for own, wanted in zip(tool_pose(vjm, found.q), (position, R), strict=True):
             np.testing.assert_allclose(own, wanted, rtol=0, atol=1e-10)  # rounding alone is 1e-15 m
         assert ((found.q >= vjm.arm.limits[0]) & (found.q <= vjm.arm.limits[1])).all()
         assert np.abs(np.diff(found.q, axis=0)).max() < 0.3 or name == "seven"
     if name in ("kr500", "arm_6r", "ur10"):  # a configuration for the whole path is found without a start
-        assert joints_along(vjm, position[::9], R[::9]).there.all()
+        assert joints_along(vjm, position[::9], R[::9]).converged.all()
 
 
 def test_points_out_of_reach_are_named_with_what_is_missing(kr500):
@@ -54,11 +54,11 @@ def test_points_out_of_reach_are_named_with_what_is_missing(kr500):
     out = np.concatenate([np.linspace(0, 3, 61), np.linspace(3, 0, 61)])
     path = p + out[:, None] * np.array([1.0, 0, 0])
     found = joints_along(vjm, path, np.tile(R, (122, 1, 1)), start=q0)
-    lost = ~found.there
+    lost = ~found.converged
     assert not lost[[0, -1]].any()
     first, last = np.flatnonzero(lost)[[0, -1]]
     assert lost[first : last + 1].all()
-    assert (found.distance[lost] + found.angle[lost] > THERE).all()
+    assert (found.distance[lost] + found.angle[lost] > POSE_TOLERANCE).all()
     assert found.distance[60] == pytest.approx(3 - out[first], abs=0.5)
     np.testing.assert_allclose(found.q[-1], q0, rtol=0, atol=1e-8)
 
@@ -70,8 +70,8 @@ def test_a_joint_at_its_limit_stays_there_and_through_a_stretched_wrist_joints_a
     q = np.tile(np.radians([10.0, -60, 70, 20, 50, 0]), (40, 1))
     q[:, 5] = upper + np.linspace(-0.5, 0.5, 40)
     position, R = tool_pose(vjm, q)
-    found = reach(vjm, Target(position, R), np.tile(q[0], (40, 1)))
-    np.testing.assert_array_equal(found.there, q[:, 5] <= upper)
+    found = solve_poses(vjm, Target(position, R), np.tile(q[0], (40, 1)))
+    np.testing.assert_array_equal(found.converged, q[:, 5] <= upper)
     assert (found.q <= vjm.arm.limits[1]).all()
     q = np.tile(np.radians([10.0, -60, 70, 20, 0, 30]), (101, 1))
     q[:, 4] = np.linspace(-0.3, 0.3, 101)
@@ -80,4 +80,4 @@ def test_a_joint_at_its_limit_stays_there_and_through_a_stretched_wrist_joints_a
     np.testing.assert_allclose(found.q, q, rtol=0, atol=1e-6)
     beside = rotation(np.array([0.0, 1.0, 0.0]), 1e-4) @ R
     found = joints_along(vjm, position, beside, start=q[0])
-    assert found.there.all()
+    assert found.converged.all()

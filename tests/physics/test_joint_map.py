@@ -12,33 +12,33 @@ from serial_arms import write_arm
 from unsure import normal
 
 import testbench as tb
-from testbench.arm.folder import Joint
+from testbench.arm.folder import ArmJoint
 from testbench.arm.joint_map import build_map
 from testbench.correct.inverse import joints_along
 from testbench.correct.newton import Aim
 from testbench.data.series import series_of
-from testbench.design.refine import Reach, Search
+from testbench.design.refine import Feasibility, Search
 from testbench.errors import InputError
 from testbench.files.export import draft_new, export
 from testbench.files.motion import WRITERS, write_moves
 from testbench.files.program import read_poses
 from testbench.files.robot.chain import read_chain
 from testbench.files.write import write_program, write_series
-from testbench.identify.arm_model import About, bending, of_compliances
+from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
 from testbench.model.structure import all153
 from testbench.model.tool_motion import turn_between
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
-from testbench.plant.equilibrium import settle
+from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.shapes import rigid_frames
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.workflows.cell import build_cell
 from testbench.workflows.new_arm import write_arm as write_own
-from testbench.workflows.plan import around as workspace
 from testbench.workflows.plan import nearest_turn, search
+from testbench.workflows.plan import workspace_poses as workspace
 from testbench.workflows.plan_numbers import numbers, write_poses
 from testbench.workflows.program import correct_program, more_columns
-from testbench.workflows.propose import Wishes
+from testbench.workflows.propose import UserInputs
 
 SETTINGS = tb.PlanSettings(loads_kg=(60.0,), poses=4, candidates_wanted=30)
 ROUND_TRIP = 1e-12  #: Of joints from files to the chain and back [rad, m].
@@ -115,7 +115,7 @@ def test_readings_in_pendant_joints_identify_the_arm_alike(both, tmp_path):
 
 def absolute(both, read, folder):
     """The readings of two arms as absolute ones, with torques of their chains, written by each."""
-    torque = stream(5).normal(size=read[0].q.shape)
+    torque = trial_rng(5).normal(size=read[0].q.shape)
     for name, cell, data in zip(("plain", "pendant"), both, read, strict=True):
         [one] = series_of(data, name, name)
         write_series(folder / f"{name}_abs.csv", cell.arm, replace(one, torque=np.tile(torque, (2, 1))))
@@ -127,7 +127,7 @@ def test_plans_are_the_same_poses_in_pendant_joints(both, tmp_path):
     """Searched, refined and ordered in joints of the chain; from tasks that a pendant counted."""
     plans = []
     for cell in both:
-        q = cell.arm.drawn(stream(8), 3)
+        q = cell.arm.drawn(trial_rng(8), 3)
         settings = tb.PlanSettings(loads_kg=(8.0,), poses=5, candidates_wanted=40)
         plans.append(tb.plan(cell, q, settings))
     np.testing.assert_allclose(plans[1].plan.q, plans[0].plan.q, rtol=0, atol=1e-9)
@@ -145,10 +145,12 @@ def test_plans_are_the_same_poses_in_pendant_joints(both, tmp_path):
 def known(cell):
     """A model that knows the true compliances to a tenth."""
     structure = all153(cell.arm)
-    state = bending(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
+    state = elastic_state(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
     d = np.sqrt(np.diag(state.C_theta))
     root = np.diag(0.1 * d[structure.a] * d[structure.b])
-    return of_compliances(state, structure, normal(structure.entries(state.C_theta), root), About("made up"))
+    return model_of_compliances(
+        state, structure, normal(structure.entries(state.C_theta), root), ModelOrigin("made up")
+    )
 
 
 def test_programs_are_corrected_alike_and_come_out_in_pendant_joints(both, tmp_path):
@@ -216,7 +218,7 @@ def arm_of(text, folder, name="pal.xml"):
     """The arm that `testbench new` makes of a robot's file."""
     (file := folder / name).write_text(text)
     (folder / "made").mkdir()
-    notes = write_own(read_chain(file), Wishes(payload=80.0), folder / "made")
+    notes = write_own(read_chain(file), UserInputs(payload=80.0), folder / "made")
     return build_cell(folder / "made"), notes
 
 
@@ -229,7 +231,7 @@ def test_mujoco_finds_equalities_kept_in_all_poses_of_file_joints(tmp_path, kind
     assert [joint.name for joint in arm.file_joints] == ["turn", "lift", "x", "spin"]
     assert any(note.startswith("joints that follow others") for note in notes)
     model = mujoco.MjModel.from_xml_string(text)
-    data, q = mujoco.MjData(model), arm.to_file(arm.drawn(stream(4), 20))
+    data, q = mujoco.MjData(model), arm.to_file(arm.drawn(trial_rng(4), 20))
     p, _ = tool_pose(cell.vjm, arm.to_model(q))
     own = [model.joint(joint.name).qposadr[0] for joint in arm.joints]
     for k, pose in enumerate(arm.to_model(q)):
@@ -244,7 +246,7 @@ def test_mujoco_finds_equalities_kept_in_all_poses_of_file_joints(tmp_path, kind
 
 def test_a_joint_may_follow_one_behind_it():
     """The joint that the file joint names stays free, so that an exported mimic says the same."""
-    arm = [Joint(name, -1.0, 1.0, 1e-6) for name in ("a", "b", "c")]
+    arm = [ArmJoint(name, -1.0, 1.0, 1e-6) for name in ("a", "b", "c")]
     found = build_map(arm, {"a": {"c": -0.5}}, {"a": 0.1})
     assert found.names == ("b", "c")
     assert found.free.tolist() == [1, 2]
@@ -372,18 +374,21 @@ def test_a_palletiser_is_corrected_by_its_file_joints_alone(level, tmp_path):
     np.testing.assert_allclose(arm.to_model(arm.to_file(q)), q, rtol=0, atol=ROUND_TRIP)
     point = np.tile(level.vjm.load, (len(q), 1))
     wrench = np.tile([0, 0, -9.81 * mass, 0, 0, 0], (len(q), 1))
-    true, before = settle(level.plant, q, wrench, point), settle(level.plant, arm.to_model(way))
-    off = settle(level.plant, arm.to_model(way), wrench, point).tool - before.tool
+    true, before = (
+        solve_equilibrium(level.plant, q, wrench, point),
+        solve_equilibrium(level.plant, arm.to_model(way)),
+    )
+    off = solve_equilibrium(level.plant, arm.to_model(way), wrench, point).tool - before.tool
     assert np.linalg.norm(off, axis=1).min() > 5e-4
     assert np.abs(true.tool - before.tool).max() < 1e-8
     left = turn_between(true.rotation, before.rotation)
     assert np.linalg.norm(left, axis=1).min() > 1e-5
-    np.testing.assert_allclose(found.found.turned, left, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(found.found.rotation_error, left, rtol=0, atol=1e-7)
 
 
 @pytest.mark.study
 def test_a_plan_of_a_palletiser_is_of_poses_that_it_has(level):
-    planned = tb.plan(level, level.arm.drawn(stream(2), 2), SETTINGS)
+    planned = tb.plan(level, level.arm.drawn(trial_rng(2), 2), SETTINGS)
     for q in (planned.plan.q, planned.plan.examined.q):
         possible(level.arm, q)
 
@@ -399,13 +404,13 @@ def test_candidates_and_ways_of_a_palletiser_are_poses_that_it_has(level):
     arm = level.arm
     q = search(level, SETTINGS).q
     assert len(q) == 30
-    tries = Search(lambda q, _: q, 4, arm.limits, Reach(lambda q: q), stream(7), arm.followed)
+    tries = Search(lambda q, _: q, 4, arm.limits, Feasibility(lambda q: q), trial_rng(7), arm.followed)
     for some in (q, tries.around(q, np.full((30, 1), 0.5)), workspace(level, SETTINGS)):
         possible(arm, some)
     way = arm.to_model(np.linspace([0.1, 0.2, -0.2, 0.4], [0.5, 0.5, 0.1, 0.1], 9))
     position, rotation = tool_pose(level.vjm, way)
     found = joints_along(level.vjm, position, rotation)
-    assert found.there.all()
+    assert found.converged.all()
     possible(arm, found.q)
     wound = arm.to_model(np.array([[0.2, 0.3, 0.1, 0.2]]))
     np.testing.assert_array_equal(nearest_turn(wound, arm), wound)
@@ -443,6 +448,6 @@ def test_rows_that_say_nothing_leave_the_arm_as_it_is(tmp_path):
     arm = tb.load_arm(stated(write_arm(tmp_path / "arm", "zyyxyx"), table))
     assert arm.joint_map is None
     assert arm.file_joints is arm.joints
-    q = arm.drawn(stream(1), 4)
+    q = arm.drawn(trial_rng(1), 4)
     assert arm.to_file(q) is q
     assert arm.followed(q) is q

@@ -11,14 +11,14 @@ from run_here import here
 
 from testbench import Load, deflections, load_model, predict, read_csv, score, stiffness, write_csv
 from testbench.cli.program import program
-from testbench.correct.rest import put
+from testbench.correct.rest import assign_rows
 from testbench.data.dataset import in_order
 from testbench.identify import gco, intervals, least_squares, robust, with_prior
-from testbench.identify.arm_model import of_estimate
-from testbench.identify.estimate import Average
+from testbench.identify.arm_model import model_of_estimate
+from testbench.identify.estimate import ModelAverage
 from testbench.identify.fold import reduce
-from testbench.identify.hierarchy import LAW, evidence
-from testbench.identify.metric import metric
+from testbench.identify.hierarchy import LAW_PRIOR, evidence_model
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior, cad_prior
 from testbench.model import laws
 from testbench.model.structure import all153, joints_only
@@ -26,8 +26,8 @@ from testbench.model.vjm import chain, plain_load
 from testbench.model.weights import read_weights
 from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.disturbed import disturb
-from testbench.plant.equilibrium import settle, settle_pair
-from testbench.plant.tracker import stream
+from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
+from testbench.plant.tracker import trial_rng
 from testbench.studies.campaign.disturbed import disturbed
 from testbench.workflows.cell import Scenario, simulate
 from testbench.workflows.model_selection import with_priors
@@ -46,8 +46,8 @@ def loaded(kr500, seed, runs=12):
 
 def taken_off_again(plant, q, wrench, point, off):
     """The arm unloaded and loaded; where `off`, (runs,), unloaded after the load was taken off again."""
-    before, after = settle_pair(plant, q, wrench, point)
-    put(before, np.flatnonzero(off), in_order(settle(plant, q, before=after), off))
+    before, after = solve_unloaded_and_loaded(plant, q, wrench, point)
+    assign_rows(before, np.flatnonzero(off), in_order(solve_equilibrium(plant, q, before=after), off))
     return before, after
 
 
@@ -64,23 +64,23 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     q, wrench, point = loaded(kr500, 3)
     vjm, own_weight = kr500.vjm, Disturbances(own_weight=True)
     longest = np.linalg.norm(np.cross(vjm.axes[1], kr500.arm.compensator.head))
-    stiffness = laws.BESIDE / kr500.arm.joints[1].compliance / longest**2
+    stiffness = laws.UNIT_COMPENSATOR / kr500.arm.joints[1].compliance / longest**2
     ends = {end: tuple(getattr(kr500.arm.compensator, end)) for end in ("foot", "head")}
     strut = replace(KR500_COMPENSATOR, **ends, stiffness=stiffness)
     without, what = {
-        "stiffening": (own_weight, replace(own_weight, stiffening=laws.STIFFER)),
-        "backlash": (own_weight, replace(own_weight, backlash=laws.PLAY)),
+        "stiffening": (own_weight, replace(own_weight, stiffening=laws.UNIT_STIFFENING)),
+        "backlash": (own_weight, replace(own_weight, backlash=laws.UNIT_BACKLASH_RAD)),
         "compensator": (Disturbances(), Disturbances(compensator=strut)),
     }[kind]
     more = true_turns(kr500, what, q, wrench, point) - true_turns(kr500, without, q, wrench, point)
     if kind != "compensator":
         vjm = replace(vjm, arm=replace(kr500.arm, compensator=None))
-    where = chain(laws.lawful(vjm), q)
+    where = chain(laws.with_joint_laws(vjm), q)
     own = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])
     if kind == "compensator":
         expected, more = own[-1], more[:, 1]
     else:
-        k = laws.KINDS.index(kind)
+        k = laws.LAW_KINDS.index(kind)
         expected = own[6 * k : 6 * k + 6].T
     assert np.abs(expected).max() > 2e-5
     np.testing.assert_allclose(more, expected, rtol=0, atol=0.06 * np.abs(expected).max())
@@ -89,24 +89,24 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
 def test_friction_holds_back_a_load_taken_off_by_all_of_its_width(kr500):
     """On the way there by a half, on the way back by another: twice the one less the other has none."""
     q, wrench, point = loaded(kr500, 3)
-    what, off = Disturbances(own_weight=True, hysteresis=laws.STICK), np.arange(len(q)) % 2 == 0
+    what, off = Disturbances(own_weight=True, hysteresis=laws.UNIT_FRICTION_RAD), np.arange(len(q)) % 2 == 0
     clean = true_turns(kr500, replace(what, hysteresis=0.0), q, wrench, point)
     on, back = (true_turns(kr500, what, q, wrench, point, own) for own in ((), np.flatnonzero(off)))
-    where = chain(laws.as_loaded(laws.lawful(kr500.vjm), off), q)
+    where = chain(laws.for_load_history(laws.with_joint_laws(kr500.vjm), off), q)
     expected = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])[12:18].T
-    np.testing.assert_allclose(back - clean, expected, rtol=0, atol=0.06 * laws.STICK)
+    np.testing.assert_allclose(back - clean, expected, rtol=0, atol=0.06 * laws.UNIT_FRICTION_RAD)
     np.testing.assert_array_equal(back[~off], on[~off])
-    far = off[:, None] & (np.abs(clean) > 3 * laws.STICK)
+    far = off[:, None] & (np.abs(clean) > 3 * laws.UNIT_FRICTION_RAD)
     assert far.any(axis=0).sum() >= 3
-    np.testing.assert_allclose((2 * on - back)[far], clean[far], rtol=0, atol=0.1 * laws.STICK)
-    assert np.abs(back - on)[far].min() > 0.9 * laws.STICK
+    np.testing.assert_allclose((2 * on - back)[far], clean[far], rtol=0, atol=0.1 * laws.UNIT_FRICTION_RAD)
+    assert np.abs(back - on)[far].min() > 0.9 * laws.UNIT_FRICTION_RAD
 
 
 def test_readings_of_loads_taken_off_are_of_use_where_they_say_so(kr500, campaigns):
     """Fits, predictions and intervals take friction as the run was read."""
     plain, truth = simulate(kr500, SCENARIO, 5).identification, campaigns["all"][1]
     off = np.arange(plain.runs) % 2 == 1
-    arm = disturb(kr500.plant, TYPICAL, stream(5, 20))
+    arm = disturb(kr500.plant, TYPICAL, trial_rng(5, 20))
     before, after = taken_off_again(arm, plain.q, plain.wrench, plain.point, off)
     silent = replace(plain, before=before.markers, after=after.markers)
     data = replace(silent, taken_off=off)
@@ -123,14 +123,17 @@ def test_readings_of_loads_taken_off_are_of_use_where_they_say_so(kr500, campaig
 def test_slopes_are_the_change_of_the_turns_and_what_sticks_gives_nothing_to_a_small_load(kr500):
     q, wrench, point = loaded(kr500, 5)
     off = np.arange(len(q)) % 2 == 1  # loads that were taken off: friction's whole width
-    for lawful in (laws.lawful(kr500.vjm), laws.as_loaded(laws.lawful(kr500.vjm), off)):
+    for lawful in (
+        laws.with_joint_laws(kr500.vjm),
+        laws.for_load_history(laws.with_joint_laws(kr500.vjm), off),
+    ):
         where = chain(lawful, q)
         u = 0.02 * plain_load(where, wrench, point)[LINKS:]  # some joints slip, some do not
         step = 1e-3
         own = where.laws.slope(where, u)
         by_steps = (where.laws.load(where, u + step) - where.laws.load(where, u - step)) / (2 * step)
         np.testing.assert_allclose(own, by_steps, rtol=0, atol=1e-5 * np.abs(own).max())
-    vjm, joints = laws.lawful(kr500.vjm), slice(LINKS, 48)
+    vjm, joints = laws.with_joint_laws(kr500.vjm), slice(LINKS, 48)
     C = np.diag(np.r_[np.diag(kr500.arm.C_theta), np.repeat([0.0, 0.0, 3.0], 6), 0.0])
     where = chain(vjm, loaded(kr500, 8, runs=2)[0])
     found = laws.tangent(vjm, C, where, np.zeros((48, 2)))
@@ -166,15 +169,15 @@ def estimates(kr500, campaigns):
 def test_where_joints_obey_laws_the_default_finds_them_and_elsewhere_none(kr500, campaigns, estimates):
     """Nearly: laws keep a small weight, and widths count that they are not ruled out."""
     (_, truth), (found, linear) = campaigns["all"], estimates["all"]
-    assert found.average.laws == 1
+    assert found.average.laws_weight == 1
     assert found.conservative
     ours, theirs = rms(kr500, truth, found, linear)
     assert ours < 0.7 * theirs
     own = intervals(kr500.vjm, found, truth)
     assert np.mean((own.lower <= truth.deflection) & (truth.deflection <= own.upper)) > 0.9
     (_, truth), (found, linear) = campaigns["plain"], estimates["plain"]
-    assert found.average.laws == 0
-    assert 0.05 < found.average.likely < 0.5
+    assert found.average.laws_weight == 0
+    assert 0.05 < found.average.laws_probability < 0.5
     ours, theirs = (deflections(kr500.vjm, own, truth) for own in (found, linear))
     assert score(ours, theirs).rms < 3e-6
     half = [own.upper - own.lower for own in (intervals(kr500.vjm, e, truth) for e in (found, linear))]
@@ -184,10 +187,10 @@ def test_where_joints_obey_laws_the_default_finds_them_and_elsewhere_none(kr500,
 def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campaigns, estimates):
     """The weight is set, as a campaign that leaves it open would be a matter of digits."""
     truth, own = campaigns["all"][1], estimates["all"][0]
-    lawful_, whole, w, s = own.average.lawful, own.average.whole, 0.4, own.structure
+    lawful_, whole, w, s = own.average.with_laws, own.average.all_parts, 0.4, own.structure
     pi = w * lawful_.pi
-    pi[s.a < s.plain] += (1 - w) * whole.pi
-    average = Average(0.0, whole, laws=w, likely=w, lawful=lawful_)
+    pi[s.a < s.n_compliance_rows] += (1 - w) * whole.pi
+    average = ModelAverage(0.0, whole, laws_weight=w, laws_probability=w, with_laws=lawful_)
     mean = replace(own, pi=pi, C_theta=s.matrix(pi), average=average)
     *both, found = (deflections(kr500.vjm, e, truth) for e in (lawful_, whole, mean))
     np.testing.assert_allclose(found, w * both[0] + (1 - w) * both[1], rtol=0, atol=1e-12)
@@ -212,8 +215,8 @@ def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     assert model.structure.laws == 0
     with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, joints_only(kr500.arm), data)
     firm = robust(with_prior(gco, cad_prior(kr500.arm)))  # as cross-validation has it, reduced with laws
-    found = firm.of(kr500.vjm, reduce(kr500.vjm, s, data))
-    linear = firm.of(kr500.vjm, reduce(kr500.vjm, all153(kr500.arm), data))
+    found = firm.fit_reduced(kr500.vjm, reduce(kr500.vjm, s, data))
+    linear = firm.fit_reduced(kr500.vjm, reduce(kr500.vjm, all153(kr500.arm), data))
     assert found.structure.laws == 0
     np.testing.assert_allclose(found.pi, linear.pi, rtol=0, atol=1e-6 * np.abs(linear.pi).max())
 
@@ -221,7 +224,7 @@ def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
 def test_predictions_and_stiffness_of_a_model_with_laws(kr500, campaigns, estimates):
     """The equilibrium is the linear prediction but for the bent arm, the tangent its change with the load."""
     data, found = campaigns["all"][0], estimates["all"][0]
-    own = of_estimate(kr500.vjm, found, read_weights(kr500.arm))
+    own = model_of_estimate(kr500.vjm, found, read_weights(kr500.arm))
     some = slice(0, 4)
     load = Load(data.wrench[some], data.point[some])
     by_rest, straight = (predict(own, data.q[some], [load], linear=linear) for linear in (False, True))
@@ -251,7 +254,7 @@ def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_pat
     assert said["laws"][0]["strut_percent"] is None
     own = load_model(out)
     assert own.vjm.laws is not None
-    fresh = of_estimate(kr500.vjm, default(kr500, read_csv(data, kr500.arm)), read_weights(kr500.arm))
+    fresh = model_of_estimate(kr500.vjm, default(kr500, read_csv(data, kr500.arm)), read_weights(kr500.arm))
     some = campaigns["all"][0]
     ours, again = (predict(m, some.q, [Load(some.wrench, some.point)]).deflection for m in (fresh, own))
     np.testing.assert_allclose(again, ours, rtol=0, atol=2e-5)
@@ -262,12 +265,12 @@ def test_sizes_of_laws_scatter_as_the_prior_says_whose_scale_is_none_of_theirs(k
     priors = [Prior("scaled", scale * kr500.arm.C_theta) for scale in (1, 3)]
     found = [with_prior(gco, own)(kr500.vjm, s, data) for own in priors]
     np.testing.assert_allclose(found[1].pi, found[0].pi, rtol=1e-6, atol=1e-9 * np.abs(found[0].pi).max())
-    vjm = laws.vjm_of(kr500.vjm, s)
-    own = evidence(reduce(vjm, s, data), metric(cad_prior(kr500.arm), kr500.vjm, s))
-    normal, size = own.problem.priors[0], math.log(LAW[0])
+    vjm = laws.model_for(kr500.vjm, s)
+    own = evidence_model(reduce(vjm, s, data), scale_by_prior(cad_prior(kr500.arm), kr500.vjm, s))
+    normal, size = own.problem.priors[0], math.log(LAW_PRIOR[0])
     losses = []
     for steps in (0, 1, 2):
         h = np.zeros(len(own.start))
-        h[own.blocks + 2 : own.blocks + 5] = size + steps * LAW[1] * np.array([1, 0, 0])
+        h[own.blocks + 2 : own.blocks + 5] = size + steps * LAW_PRIOR[1] * np.array([1, 0, 0])
         losses.append(normal.density(normal.rows @ h - normal.middle)[0].sum())
     assert np.diff(losses) == pytest.approx([0.5, 1.5])

@@ -18,7 +18,7 @@ from testbench.model.structure import template56
 from testbench.model.vjm import chain, observation
 from testbench.model.weights import own_weight, read_weights
 from testbench.plant.build import weightless
-from testbench.plant.equilibrium import Poses, settle
+from testbench.plant.equilibrium import Batch, solve_equilibrium
 from testbench.plant.equilibrium import tangent as plant_tangent
 from testbench.plant.state import open_row
 from testbench.workflows.absolute import of_masses
@@ -37,12 +37,12 @@ def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
     plant, q = weightless(cell.plant), random_q(cell, rng, 3)
     most = HEAVIEST[cell.arm.name.removesuffix("_l480")]
     wrench, point = random_wrench(rng, 3, most / 10, most / 10)  # of a force alone it would be symmetric
-    theta, row = settle(plant, q, wrench, point).theta, open_row(plant)
+    theta, row = solve_equilibrium(plant, q, wrench, point).theta, open_row(plant)
     K_w = loaded.geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
     qpos = np.zeros((3, plant.model.nv))
     qpos[:, plant.joints], qpos[:, plant.theta] = q, theta
     for i in range(3):
-        poses = Poses(plant, qpos[i, None], wrench[i, None], point[i, None], plant.compliance(q[i, None]))
+        poses = Batch(plant, qpos[i, None], wrench[i, None], point[i, None], plant.compliance(q[i, None]))
         found = plant_tangent(poses, row, qpos[i], 0)[np.ix_(plant.theta, plant.theta)]
         expected = cell.arm.C_theta @ K_w[i]
         size = np.abs(expected).max()  # 1e-9 of the springs' tangent, of which the load's is 1 %
@@ -54,12 +54,12 @@ def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
     """Pinocchio's chain with steps of its springs, MuJoCo's with springs as tendons: one equilibrium."""
     plant, q = weightless(cell.plant), random_q(cell, rng, 40)
     wrench, point = hung(cell, 40, share * HEAVIEST[cell.arm.name.removesuffix("_l480")] / GRAVITY)
-    rest = settle(plant, q, wrench, point)
+    rest = solve_equilibrium(plant, q, wrench, point)
     theta = at_rest(cell, cell.arm.C_theta, q, wrench, point)
     # the plant stops at a step of 1e-9, which gains a factor of four or more
     np.testing.assert_allclose(theta, rest.theta, rtol=0, atol=1e-9)
     moved = loaded.loaded_deflection(cell.vjm, q, theta, cell.vjm.markers)
-    np.testing.assert_allclose(moved, rest.markers - settle(plant, q).markers, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(moved, rest.markers - solve_equilibrium(plant, q).markers, rtol=0, atol=1e-8)
 
 
 def inverted_pendulum(cell):

@@ -19,23 +19,23 @@ from testbench.identify import (
     weighed,
     with_prior,
 )
-from testbench.identify.estimate import TOOL
-from testbench.identify.hierarchy import learn
-from testbench.identify.huber import REJECT, search, without_outliers
+from testbench.identify.estimate import TOOL_MARKER
+from testbench.identify.hierarchy import learn_prior
+from testbench.identify.huber import REJECTION_THRESHOLD, reject_iteratively, without_outliers
 from testbench.identify.interior import least_squares as psd_least_squares
 from testbench.identify.method import ROBUST_UNCERTAINTY
-from testbench.identify.metric import Belief, metric, precision_root, rescaled
-from testbench.identify.prior import Strength, cad_prior, distorted
+from testbench.identify.metric import WeightedPrior, precision_root, rescale_to_data, scale_by_prior
+from testbench.identify.prior import Strength, cad_prior, perturbed
 from testbench.identify.robust_loss import PAIRS
-from testbench.identify.solve import answer, solve
-from testbench.identify.weighed import one_by_one
+from testbench.identify.solve import solve, solve_with_prior
+from testbench.identify.weighed import single_readings
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import tool_pose
 from testbench.studies.campaign.instruments import spoil
 from testbench.workflows.advice import advice
-from testbench.workflows.evaluation import identify, of_model
-from testbench.workflows.fits import Runs, fit
-from testbench.workflows.model_selection import DEFAULT, choose, default_models, recommend
+from testbench.workflows.evaluation import fit_model, identify
+from testbench.workflows.fits import MeasuredRuns, fit_models
+from testbench.workflows.model_selection import DEFAULT, choose_model, default_models, recommend
 from testbench.workflows.models import Model, named_models
 
 HALF = Strength(0.5)
@@ -48,7 +48,7 @@ def campaign(kr500):
 
 @pytest.fixture(scope="module")
 def prior(kr500):
-    return distorted(cad_prior(kr500.arm), scale=2, shape=0.3, rng=np.random.default_rng(5))
+    return perturbed(cad_prior(kr500.arm), scale=2, shape=0.3, rng=np.random.default_rng(5))
 
 
 def rigid(vjm, structure, data):
@@ -67,7 +67,7 @@ def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_
 
     data, own = campaign.identification, Model("mine", template56(kr500.arm), mine)
     identify(kr500, campaign, [own], lambda: 0.0)
-    of_model(kr500, own, data)
+    fit_model(kr500, own, data)
     found = recommend(kr500, [*named_models(kr500, ["MGCO47"]), own], data)
     assert found.name == "MGCO47"
     assert [c.name for c in found.candidates] == ["MGCO47", "mine"]
@@ -85,7 +85,7 @@ def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_
 @pytest.mark.study
 def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_better(kr500, campaign):
     data, cad = campaign.identification, cad_prior(kr500.arm)
-    chosen = choose(kr500, data, cad)
+    chosen = choose_model(kr500, data, cad)
     assert (chosen.name, chosen.estimate.of_compliances.structure.n) == (DEFAULT, 153)
     assert chosen.why.startswith("the default; in cross-validation no other")
 
@@ -103,17 +103,19 @@ def test_a_prior_is_in_the_scale_of_the_data_its_strength_given_learnt_or_fixed_
     kr500, campaign, prior
 ):
     s, data = template56(kr500.arm), campaign.identification
-    regression, own = reduce(kr500.vjm, s, data), metric(prior, kr500.vjm, s)
+    regression, own = reduce(kr500.vjm, s, data), scale_by_prior(prior, kr500.vjm, s)
     for method in (gco, least_squares):
         estimate = with_prior(method, prior, HALF)(kr500.vjm, s, data)
-        by_hand = solve(regression, method.constraint, Belief(rescaled(own, regression), HALF))
+        by_hand = solve(regression, method.constraint, WeightedPrior(rescale_to_data(own, regression), HALF))
         np.testing.assert_array_equal(estimate.pi, by_hand.pi)
-        assert (estimate.constraint, estimate.belief.strength) == (method.constraint, HALF)
-    learnt = with_prior(gco, prior)(kr500.vjm, s, data).belief
-    by_hand = learn(regression, own)
+        assert (estimate.constraint, estimate.weighted_prior.strength) == (method.constraint, HALF)
+    learnt = with_prior(gco, prior)(kr500.vjm, s, data).weighted_prior
+    by_hand = learn_prior(regression, own)
     assert learnt.strength == by_hand.strength
-    np.testing.assert_array_equal(learnt.metric.L, by_hand.metric.L)
-    assert robust(with_prior(gco, prior))(kr500.vjm, s, data).belief.strength == Strength(ROBUST_UNCERTAINTY)
+    np.testing.assert_array_equal(learnt.scaling.L, by_hand.scaling.L)
+    assert robust(with_prior(gco, prior))(kr500.vjm, s, data).weighted_prior.strength == Strength(
+        ROBUST_UNCERTAINTY
+    )
 
 
 def failing(vjm, structure, data):
@@ -165,8 +167,8 @@ def test_an_estimator_of_ones_own_is_named_as_such_checked_and_runs_as_it_is(kr5
 )
 def test_one_estimator_that_fails_does_not_cost_the_others(kr500, campaign, estimator, why):
     own = Model("mine", template56(kr500.arm), estimator)
-    runs = Runs("runs.csv", campaign.identification, campaign.identification, None)
-    found = fit(kr500, [*named_models(kr500, ["Joints"]), own], runs, lambda: 0.0)
+    runs = MeasuredRuns("runs.csv", campaign.identification, campaign.identification, None)
+    found = fit_models(kr500, [*named_models(kr500, ["Joints"]), own], runs, lambda: 0.0)
     assert [m.name for m in found.fits.models] == ["Joints"]
     [failed] = found.fits.failed
     assert failed.name == "mine"
@@ -174,21 +176,21 @@ def test_one_estimator_that_fails_does_not_cost_the_others(kr500, campaign, esti
     assert not found.fits.doubts
     if estimator is not of_few:  # alone it has no rival, and nothing is held out
         with pytest.raises(BenchError, match=re.escape(f"mine: its estimator failed: {why}")):
-            fit(kr500, [own], runs, lambda: 0.0)
+            fit_models(kr500, [own], runs, lambda: 0.0)
 
 
 @pytest.mark.parametrize(("times", "doubted"), [(1.0, []), (1.2, []), (1.96, ["noise"]), (5.0, ["noise"])])
 def test_noise_that_is_stated_far_too_large_is_doubted(kr500, campaign, times, doubted):
     """A U95 in place of a standard deviation, by F_M below what noise alone leaves; 20 % more is not far."""
     data = campaign.identification
-    runs = Runs("runs.csv", *[replace(data, sigma=times * data.sigma)] * 2, None)
-    found = fit(kr500, named_models(kr500, ["Joints", "MLS56"]), runs, lambda: 0.0)
+    runs = MeasuredRuns("runs.csv", *[replace(data, sigma=times * data.sigma)] * 2, None)
+    found = fit_models(kr500, named_models(kr500, ["Joints", "MLS56"]), runs, lambda: 0.0)
     said = "is sigma too large (50 um where none is stated), a U95 perhaps"
     assert [doubt.name for doubt in found.fits.doubts if said in doubt.sentence] == doubted
     assert len(found.fits.doubts) == len(doubted)
 
 
-STRENGTH, DELTA = Strength(0.3), PAIRS.bend
+STRENGTH, DELTA = Strength(0.3), PAIRS.threshold
 
 
 def readings(cell, seed, truth="linear"):
@@ -197,13 +199,13 @@ def readings(cell, seed, truth="linear"):
 
 def rough(cell, structure, seed):
     """The CAD prior, 2 times wrong in scale and 30 % in shape."""
-    wrong = distorted(cad_prior(cell.arm), scale=2, shape=0.3, rng=np.random.default_rng([seed, 7]))
-    return metric(wrong, cell.vjm, structure)
+    wrong = perturbed(cad_prior(cell.arm), scale=2, shape=0.3, rng=np.random.default_rng([seed, 7]))
+    return scale_by_prior(wrong, cell.vjm, structure)
 
 
 def robustly(cell, structure, data, constraint="psd", units=None):
     """The fit without outliers, by a metric as it is where there is one."""
-    belief = None if units is None else Belief(units, STRENGTH)
+    belief = None if units is None else WeightedPrior(units, STRENGTH)
     return without_outliers(cell.vjm, data, reduce(cell.vjm, structure, data), constraint, belief)
 
 
@@ -218,9 +220,15 @@ def test_reweighing_ends_where_no_model_is_better(kr500, constraint):
     The loss is Huber's of every reading's residual beside the prior's penalty; a rough prior, spoiled runs.
     """
     s, (data, _) = mgco68(kr500.arm), spoil(readings(kr500, 1), 0.05, 1e-3, np.random.default_rng(1))
-    units, own, regression = rough(kr500, s, 1), one_by_one(kr500.vjm, s, data), reduce(kr500.vjm, s, data)
+    units, own, regression = (
+        rough(kr500, s, 1),
+        single_readings(kr500.vjm, s, data),
+        reduce(kr500.vjm, s, data),
+    )
     A, y, (B, c) = own.A @ units.L, own.y, precision_root(units, STRENGTH)
-    length, status = search(kr500.vjm, own, regression, constraint, Belief(units, STRENGTH))
+    length, status = reject_iteratively(
+        kr500.vjm, own, regression, constraint, WeightedPrior(units, STRENGTH)
+    )
     assert status == "solved"
     weight = np.sqrt(np.minimum(1, DELTA / np.maximum(length, DELTA)))
     rows, right = np.vstack([(weight[:, None, None] * A).reshape(-1, s.n), B]), weight[:, None] * y
@@ -245,7 +253,7 @@ def test_where_nothing_is_rejected_the_robust_fit_is_the_plain_one_to_the_last_d
         units, regression = rough(kr500, s, seed), reduce(kr500.vjm, s, data)
         for constraint, method in (("psd", paper_gco), ("none", least_squares)):
             pairs.append((robustly(kr500, s, data, constraint), method(kr500.vjm, s, data)))
-            by_hand = solve(regression, constraint, Belief(units, STRENGTH))
+            by_hand = solve(regression, constraint, WeightedPrior(units, STRENGTH))
             pairs.append((robustly(kr500, s, data, constraint, units), by_hand))
     for own, plain in pairs:
         assert own.method == f"{plain.method}, Huber loss"
@@ -271,7 +279,7 @@ def test_rejected_readings_are_listed_with_their_distance_and_runs_without_any_l
     assert first.sigmas == pytest.approx(first.residual / (np.sqrt(2) * 50e-6))
     assert fit.regression.equations == 3 * (45 - 4)
     said = advice(fit)
-    assert f"4 of 45 readings rejected, beyond {REJECT} standard deviations" in said
+    assert f"4 of 45 readings rejected, beyond {REJECTION_THRESHOLD} standard deviations" in said
     assert any(f"no reading is left of run {data.run[6]}:" in words for words in said)
 
 
@@ -286,7 +294,9 @@ def test_too_many_rejections_too_few_left_and_a_search_that_did_not_converge_are
     flipped = replace(data, before=data.after, after=data.before)  # no conservative model moves that way
     with pytest.raises(BenchError, match="45 of 45 readings rejected"):
         robustly(kr500, s, flipped, "psd", units)
-    monkeypatch.setattr(huber, "answer", lambda *args: replace(answer(*args), status="not solved: why"))
+    monkeypatch.setattr(
+        huber, "solve_with_prior", lambda *args: replace(solve_with_prior(*args), status="not solved: why")
+    )
     s = template56(kr500.arm)
     fit = robustly(kr500, s, readings(kr500, 4), "none", rough(kr500, s, 4))
     assert fit.status == "not solved: why (search for outliers)"
@@ -298,9 +308,9 @@ def test_a_wild_orientation_is_rejected_as_such(arm_6r, rng):
     off[[10, 50]] = [5e-3, 0, 0]  # 14 standard deviations
     spoiled = replace(data, rotation_after=data.rotation_after + off)
     s = all153(arm_6r.arm)
-    units = metric(cad_prior(arm_6r.arm), arm_6r.vjm, s)
+    units = scale_by_prior(cad_prior(arm_6r.arm), arm_6r.vjm, s)
     fit = robustly(arm_6r, s, spoiled, "psd", units)
-    assert {(data.run[10], TOOL), (data.run[50], TOOL)} <= found(fit)
+    assert {(data.run[10], TOOL_MARKER), (data.run[50], TOOL_MARKER)} <= found(fit)
     assert len(fit.rejected) <= 4  # of 238 sound readings 0.2 lie beyond the 99.9 % quantile
     kinds = [term.equations for term in fit.regression.terms]
     assert sum(kinds) == 3 * (2 * data.runs - len(fit.rejected))
@@ -316,6 +326,6 @@ def test_spoiling_moves_as_many_readings_as_asked_and_bad_input_is_refused(kr500
     for share, size, said in ((1.2, 1e-3, "share: expected 0 to 1"), (0.1, np.inf, "size")):
         with pytest.raises(BenchError, match=said):
             spoil(data, share, size, rng)
-    monkeypatch.setattr(weighed, "MOST_READINGS", 44)
+    monkeypatch.setattr(weighed, "MAX_READINGS", 44)
     with pytest.raises(BenchError, match="expected at most 44 readings, got 45"):
         robustly(kr500, s, data, "none")

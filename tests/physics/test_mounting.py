@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
 
-from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.diagnosis.gravity import DOWN, angle, mounted, towards
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.own_weight import by_own_weight
@@ -13,7 +13,7 @@ from testbench.identify.prior import cad_prior
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import build_cell
 
-ONLY = Options(only=frozenset({"joint springs"}), orders=5)
+ONLY = CalibrationOptions(only=frozenset({"joint springs"}), orders=5)
 TURNS = {"hangs": (180, 0, 0), "stands on a wall": (0, 90, 0), "is tilted": (12, 16, 0)}
 """Rotation vectors of the base [deg]."""
 

@@ -19,7 +19,7 @@ from testbench.workflows.evaluation import identify
 from testbench.workflows.models import named_models
 from testbench.workflows.pose_campaign import FullPose, random_wrenches, simulate
 
-STUDY = trial.Settings()
+STUDY = trial.SingleLinkSettings()
 LOADS = np.diag([10.0] * 6)
 
 

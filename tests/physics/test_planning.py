@@ -16,28 +16,35 @@ from testbench.design.baselines import error_after
 from testbench.design.criteria import CRITERIA, criterion_of
 from testbench.design.exchange import exchange, greedy
 from testbench.design.forecast import forecast
-from testbench.design.planning import DETOUR, _order, candidate_set, choose_greedily, make_plan, promise
-from testbench.design.refine import Reach, Search
-from testbench.design.whole_arm import fit_of, promise_on
-from testbench.identify.absolute.fit import Options, calibrate
+from testbench.design.planning import (
+    DETOUR,
+    _order,
+    candidate_set,
+    choose_greedily,
+    forecast_errors,
+    make_plan,
+)
+from testbench.design.refine import Feasibility, Search
+from testbench.design.whole_arm import fit_of, forecast_on
+from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.pull import information as told_by
 from testbench.identify.absolute.pull import pull_of
-from testbench.identify.absolute.state import forward
-from testbench.identify.metric import metric, precision_root, whitened
-from testbench.identify.observability import hidden
+from testbench.identify.absolute.state import series_equilibrium
+from testbench.identify.metric import precision_root, scale_by_prior, weighted_rows
+from testbench.identify.observability import hidden_quantities
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.plant.site import collisions
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.workflows import predicted_error
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.workflows.candidates import Conditions, build_checks, find
-from testbench.workflows.cell import Scenario, hanging, measure
+from testbench.workflows.candidates import PoseConditions, build_checks, find
+from testbench.workflows.cell import Scenario, measure_markers, poses_with_weight
 from testbench.workflows.open_laws import open_laws
-from testbench.workflows.plan import left_open, union_after, union_of
-from testbench.workflows.plan_numbers import filled
+from testbench.workflows.plan import undetermined_by, union_after, union_of
+from testbench.workflows.plan_numbers import joint_coverage
 from testbench.workflows.unobservable import quantities, unobservable
 
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
@@ -49,15 +56,15 @@ def clear(kr500, q):
 
 @pytest.fixture(scope="module")
 def poses(kr500):
-    return random_poses(kr500.vjm, AREA, 260, lambda q: clear(kr500, q), stream(3))
+    return random_poses(kr500.vjm, AREA, 260, lambda q: clear(kr500, q), trial_rng(3))
 
 
 @pytest.fixture(scope="module")
 def spec(kr500, poses):
-    own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     load = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), kr500.vjm.load)
     return plans.Specification(
-        experiment=plans.Experiment(kr500.vjm, own, kr500.vjm.markers, 50e-6),
+        experiment=plans.MeasurementSetup(kr500.vjm, own, kr500.vjm.markers, 50e-6),
         loads=(load,),
         tasks=plans.Tasks(poses[200:210], load),
         workspace=poses[210:],
@@ -68,7 +75,7 @@ def spec(kr500, poses):
 
 @pytest.fixture(scope="module")
 def plan(kr500, spec, poses):
-    return make_plan(spec, "test", poses[:200], Reach(lambda q: clear(kr500, q)), stream(1))
+    return make_plan(spec, "test", poses[:200], Feasibility(lambda q: clear(kr500, q)), trial_rng(1))
 
 
 def promise_of(spec, q, load):
@@ -81,8 +88,8 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
     """Fewer with a lighter load beside; of exact readings in many poses joint 1's, which nothing turns."""
     prior, heavy = cad_prior(kr500.arm), spec.loads[0]
     light = Load(heavy.wrench / 3, heavy.point)
-    own = metric(prior, kr500.vjm, all153(kr500.arm))
-    whole = replace(spec, experiment=replace(spec.experiment, metric=own), loads=(heavy, light))
+    own = scale_by_prior(prior, kr500.vjm, all153(kr500.arm))
+    whole = replace(spec, experiment=replace(spec.experiment, scaling=own), loads=(heavy, light))
 
     def left(poses, loads, spec=whole):
         q, load = np.tile(poses, (loads, 1)), np.repeat(np.arange(loads), len(poses))
@@ -113,7 +120,7 @@ def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns
     chosen = np.arange(9)
     side = Load(np.array([0, 3000.0, 0, 0, 0, 0]), spec.loads[0].point)
     wanted = plans.deflection_rows(spec.experiment, poses[200:203], side)
-    B, _ = precision_root(spec.experiment.metric, Strength(0.3, 10.0))
+    B, _ = precision_root(spec.experiment.scaling, Strength(0.3, 10.0))
     A = rows[chosen].reshape(-1, 68)
     whole = np.linalg.inv(B.T @ B + A.T @ A)
     seen, lift = plans.information(problem, chosen), problem.lift
@@ -121,9 +128,9 @@ def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns
     by_hand, ours = (np.einsum("pkn,nl,pkl->p", wanted, C, wanted) for C in (whole, inside))
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
     q, setup = poses[:7], Scenario(arm=kr500.arm.name, truth="linear")
-    data = measure(kr500, setup, hanging(kr500, q, np.arange(7) + 1, 460.3), stream(2))
+    data = measure_markers(kr500, setup, poses_with_weight(kr500, q, np.arange(7) + 1, 460.3), trial_rng(2))
     rows = plans.reading_rows(spec.experiment, q, spec.loads[0]).reshape(-1, 68)
-    A, _ = whitened(reduce(kr500.vjm, mgco68(kr500.arm), data), spec.experiment.metric)
+    A, _ = weighted_rows(reduce(kr500.vjm, mgco68(kr500.arm), data), spec.experiment.scaling)
     np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
 
 
@@ -135,7 +142,7 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
     assert 0.7 < plan.efficiency <= 1
     np.testing.assert_array_equal(plan.examined.q[plan.chosen], plan.q)
     chance = [promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int)).overall for k in range(20)]
-    assert promise(plan, plans.task_rows(spec)).overall < min(chance)
+    assert forecast_errors(plan, plans.task_rows(spec)).overall < min(chance)
 
 
 @pytest.mark.parametrize(
@@ -143,15 +150,15 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
 )
 def test_every_criterion_makes_a_plan_with_a_certificate(kr500, spec, poses, name):
     few = replace(spec, poses=3)
-    found = make_plan(few, name, poses[:12], Reach(lambda q: clear(kr500, q)), stream(1))
+    found = make_plan(few, name, poses[:12], Feasibility(lambda q: clear(kr500, q)), trial_rng(1))
     assert 0 < found.efficiency <= 1
 
 
 @pytest.mark.study
 def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other_by_the_seed(kr500, spec, poses):
     side = Load(np.array([0, 4500.0, 0, 0, 0, 0]), spec.loads[0].point)  # loads joint 1, as no weight does
-    both, reach = replace(spec, loads=(spec.loads[0], side)), Reach(lambda q: clear(kr500, q))
-    found, again = (make_plan(both, "D", poses[:20], reach, stream(1)) for _ in range(2))
+    both, reach = replace(spec, loads=(spec.loads[0], side)), Feasibility(lambda q: clear(kr500, q))
+    found, again = (make_plan(both, "D", poses[:20], reach, trial_rng(1)) for _ in range(2))
     assert set(found.load) == {0, 1}
     assert (np.diff(found.load) >= 0).all()
     np.testing.assert_array_equal(again.q, found.q)
@@ -159,7 +166,7 @@ def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other_by_the_s
 
 def test_too_few_poses_without_prior_and_unknown_criteria_are_refused(spec, poses):
     with pytest.raises(BenchError, match="no criterion 'X'; criteria are D, A, E, G, I, test"):
-        make_plan(spec, "X", poses, Reach(lambda q: q), stream(1))
+        make_plan(spec, "X", poses, Feasibility(lambda q: q), trial_rng(1))
     bare = replace(spec, uncertainty=None, poses=6)
     with pytest.raises(BenchError, match=r"at most 36 of the 49 .* 13 would be lost; .* 9 poses, or a prior"):
         candidate_set(bare, poses)
@@ -173,8 +180,8 @@ def test_order_avoids_a_way_that_collides():
     def way(a, b):
         return {a[0], b[0]} != {0.0, 1.0}
 
-    assert _order(q, load, Reach(lambda q: q)).tolist() in ([0, 1, 2], [2, 1, 0])
-    assert _order(q, load, Reach(lambda q: q, way)).tolist() in ([0, 2, 1], [1, 2, 0])
+    assert _order(q, load, Feasibility(lambda q: q)).tolist() in ([0, 1, 2], [2, 1, 0])
+    assert _order(q, load, Feasibility(lambda q: q, way)).tolist() in ([0, 2, 1], [1, 2, 0])
     assert DETOUR > 2.1
 
 
@@ -203,8 +210,8 @@ def with_compliance(plant, C_theta):
 def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified(kr500, spec, poses):
     """Arms of 153 compliances, MuJoCo's first-order deflections: least squares, and MGCO68 with its prior."""
     prior = cad_prior(kr500.arm)
-    whole, joints = (metric(prior, kr500.vjm, s(kr500.arm)) for s in (all153, joints_only))
-    alone = replace(spec, experiment=replace(spec.experiment, metric=joints), uncertainty=None)
+    whole, joints = (scale_by_prior(prior, kr500.vjm, s(kr500.arm)) for s in (all153, joints_only))
+    alone = replace(spec, experiment=replace(spec.experiment, scaling=joints), uncertainty=None)
     q, load = poses[:9], np.zeros(9, dtype=int)
     links = template56(kr500.arm, name="MLS56")
     fits = {
@@ -212,18 +219,18 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
         "links": (predicted_error.least_squares(spec, prior, links), links, least_squares),
         "planned": (spec, mgco68(kr500.arm), with_prior(least_squares, prior, Strength(0.3))),
     }
-    setup, rng = Scenario(arm=kr500.arm.name, truth="linear"), stream(8)
+    setup, rng = Scenario(arm=kr500.arm.name, truth="linear"), trial_rng(8)
     squares = {name: [] for name in fits}
     for _ in range(200):
         own = replace(kr500, truth=with_compliance(kr500.plant, draw(whole, 0.3, rng)))
-        runs = measure(own, setup, hanging(own, q, np.arange(9) + 1, 460.3), rng)
-        true = measure(own, setup, hanging(own, spec.tasks.q, np.arange(10) + 1, 460.3))
+        runs = measure_markers(own, setup, poses_with_weight(own, q, np.arange(9) + 1, 460.3), rng)
+        true = measure_markers(own, setup, poses_with_weight(own, spec.tasks.q, np.arange(10) + 1, 460.3))
         for name, (_, structure, method) in fits.items():
             off = deflections(kr500.vjm, method(kr500.vjm, structure, runs), true) - true.deflection
             squares[name].append(np.square(off).sum(axis=2).mean())
     for name, (model, *_) in fits.items():
-        fit = fit_of(replace(spec.experiment, metric=whole), 0.3, model, q, load)
-        promised = promise_on(fit, spec.tasks.q, spec.tasks.load)
+        fit = fit_of(replace(spec.experiment, scaling=whole), 0.3, model, q, load)
+        promised = forecast_on(fit, spec.tasks.q, spec.tasks.load)
         found, errors = promised.overall**2, np.sqrt(squares[name])
         inside = np.mean((promised.overall_low < errors) & (errors < promised.overall_high))
         assert inside == pytest.approx(0.9, abs=0.08), name  # four standard errors of 200 arms
@@ -244,17 +251,17 @@ def union(kr500):
 
 @pytest.fixture(scope="module")
 def places(kr500):
-    return find(build_checks(kr500, Conditions()), 120, stream(11)).q
+    return find(build_checks(kr500, PoseConditions()), 120, trial_rng(11)).q
 
 
 def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, places):
     """Drawn joints move the targets, by finite differences of the arm itself; rows are whitened by that."""
     q, rng = places[:1], np.random.default_rng(0)
-    series, state = absolute.at(union, q), union.state
+    series, state = absolute.series_at(union, q), union.state
     draws = rng.normal(0, union.rest, (4000, len(union.rest)))
 
     def targets(moved):
-        where = forward(state, replace(series, q=series.q + moved)).where
+        where = series_equilibrium(state, replace(series, q=series.q + moved)).chain
         return where.points(state.mount(series).points).ravel()
 
     still = targets(0 * draws[0])
@@ -272,15 +279,17 @@ def test_a_joint_that_never_turns_hides_what_a_plan_shows_but_for_structural_dir
     """Of an arm of n hinges with m free targets 4 n + 3 m are found of 6 n + 3 m numbers (Everett 1987)."""
     stuck = places[:POSES].copy()
     stuck[:, 4] = 0.3
-    said = [words for words in left_open(union, stuck) if words.startswith("joint_4's offset hides behind")]
+    said = [
+        words for words in undetermined_by(union, stuck) if words.startswith("joint_4's offset hides behind")
+    ]
     assert len(said) == 1
     assert "link_4's turn" in said[0]
     assert said[0].endswith("turn joint_5 more")
     problem = absolute.candidate_set(union, places, POSES).problem
     criterion = criterion_of("I", problem, absolute.position_rows(union, places[-20:]))
     plan = exchange(problem, criterion, problem.rows, greedy(problem, criterion, problem.rows, POSES))
-    assert not [words for words in left_open(union, places[plan]) if "offset" in words]
-    first, *_ = left_open(union, places[:POSES])
+    assert not [words for words in undetermined_by(union, places[plan]) if "offset" in words]
+    first, *_ = undetermined_by(union, places[:POSES])
     joints = ", ".join(f"joint_{k} (2)" for k in range(1, 7))
     assert first.startswith("12 directions")
     assert first.endswith(joints)
@@ -295,14 +304,14 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
     )
     L = np.diag(np.sqrt(np.diag(union.L @ union.L.T)))
     both = sum(i.H[0] @ L / np.linalg.norm(i.H @ union.L) for i in (one, other))
-    found = hidden(quantities(unknowns), L, k * np.outer(both, both), np.zeros((len(L), 0)))
+    found = hidden_quantities(quantities(unknowns), L, k * np.outer(both, both), np.zeros((len(L), 0)))
     assert [(i.name, i.behind) for i in found if i.behind] in (
         [("joint_3's offset", ("joint_6's compliance",))],
         [("joint_6's compliance", ("joint_3's offset",))],
     )
     prior = np.diag(np.diag(union.L @ union.L.T))
     prior[unknowns.columns("errors")] = 0
-    series = absolute.at(union, places[:POSES])
+    series = absolute.series_at(union, places[:POSES])
     pull = pull_of(unknowns, union.state, (series,))
     tells = told_by(unknowns, union.state, series)
     said = " ".join(unobservable(unknowns, tells, prior, pull))
@@ -314,11 +323,11 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
 @pytest.fixture(scope="module")
 def before(kr500):
     """Readings of 250 poses with joint_1 on one side, and the arm by them."""
-    q = find(build_checks(kr500, Conditions()), 250, stream(5)).q
+    q = find(build_checks(kr500, PoseConditions()), 250, trial_rng(5)).q
     q[:, 0] = np.abs(q[:, 0])
     series, _ = simulate_series(kr500, AbsoluteCampaign(poses=250), 5, q)
     on = frozenset({"joint springs", "joint errors"})
-    return series, calibrate(kr500.vjm, series, cad_prior(kr500.arm), Options(orders=30, only=on))
+    return series, calibrate(kr500.vjm, series, cad_prior(kr500.arm), CalibrationOptions(orders=30, only=on))
 
 
 def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
@@ -327,7 +336,7 @@ def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
     own, q = replace(union_after(model, ALONE), little=0.0), places[:6]
     first, across = own.unknowns.starts["geometry"], replace(own, L=np.eye(own.unknowns.size))
     on = np.r_[:first, first + model.columns]
-    P = np.eye(len(on)) / absolute.LOOSE**2
+    P = np.eye(len(on)) / absolute.FRAME_DEVIATION**2
     P[first:, first:] = np.linalg.inv(model.posterior.root.T @ model.posterior.root)
     P += absolute.information_of(own, q)[np.ix_(on, on)]
     A = absolute.position_rows(across, places[-20:])[:, :, on].reshape(-1, len(on))
@@ -345,13 +354,15 @@ def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, pl
     wanted = absolute.position_rows(own, places[other][-20:])
     examined = absolute.candidate_set(own, q, 8)
     problem, criterion = examined.problem, criterion_of("I", examined.problem, wanted)
-    search = Search(partial(absolute.measured_rows, own), 8, kr500.arm.limits, Reach(lambda q: q), stream(1))
+    search = Search(
+        partial(absolute.measured_rows, own), 8, kr500.arm.limits, Feasibility(lambda q: q), trial_rng(1)
+    )
     plan = choose_greedily(search, criterion, examined).chosen
     alone = absolute.candidate_set(own, q[:1], 8)  # of one candidate there is one plan, which is its bound
     criterion = criterion_of("I", alone.problem, wanted)
     assert choose_greedily(search, criterion, alone).efficiency == pytest.approx(1)
     assert (plan >= 40).sum() >= 4
-    [row, *_] = filled(kr500.arm, series, q[plan])
+    [row, *_] = joint_coverage(kr500.arm, series, q[plan])
     assert (row.joint, row.poses) == ("joint_1", pytest.approx((plan >= 40).sum(), abs=1))
     error = error_after(problem, wanted)
-    assert error(plan) < min(error(stream(k).choice(50, 8, replace=False)) for k in range(10))
+    assert error(plan) < min(error(trial_rng(k).choice(50, 8, replace=False)) for k in range(10))

@@ -15,12 +15,17 @@ from testbench.errors import BenchError, InputError, NoEquilibrium
 from testbench.files.elastic_mjcf import write_elastic
 from testbench.plant.beyond import Beyond, Follows
 from testbench.plant.build import build_plant, plant_of
-from testbench.plant.compensator import attached, stiffen, strut, strut_force
+from testbench.plant.compensator import correct_for_strut, hinged_bodies, strut, strut_force
 from testbench.plant.disturbance import FOUNDATION, KR500_COMPENSATOR, TYPICAL, Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb, exactly_loaded
-from testbench.plant.equilibrium import hold, settle, settle_linear, settle_pair
+from testbench.plant.equilibrium import (
+    fixed_configurations,
+    solve_equilibrium,
+    solve_linear_equilibrium,
+    solve_unloaded_and_loaded,
+)
 from testbench.plant.gear import GearErrors
-from testbench.plant.joint_law import JointLaw, slope, turn
+from testbench.plant.joint_law import JointLaw, joint_rotation, tangent_compliance
 from testbench.plant.state import evaluate, open_row
 
 
@@ -37,7 +42,7 @@ def unbalanced(plant, q, theta, wrench, point):
 
 def test_newton_leaves_no_force_in_mujocos_full_forward_pass(kr500, rng):
     q, load = random_q(kr500, rng, 5), hung(kr500, 5)
-    rest = settle(kr500.plant, q, *load)
+    rest = solve_equilibrium(kr500.plant, q, *load)
     for left, constraints in map(unbalanced, [kr500.plant] * 5, q, rest.theta, *load):
         assert left < 0.05  # 1e-5 of 4.5 kN
         assert constraints == 0  # MuJoCo 4.0.0's sparse constraint solver is wrong
@@ -51,7 +56,7 @@ def test_elastic_arm_written_out_is_plain_mjcf_that_stands_still_never_over_the_
     for _ in range(2000):
         mujoco.mj_step(model, data)
     assert np.abs(data.qvel).max() < 1e-6
-    expected = settle(kr500.plant, np.zeros((1, 6))).tool[0]
+    expected = solve_equilibrium(kr500.plant, np.zeros((1, 6))).tool[0]
     np.testing.assert_allclose(data.body("tool").xpos, expected, rtol=0, atol=1e-7)
     arm = load_arm(shutil.copytree(kr500.arm.rigid.parent, tmp_path / "arm"))
     before = arm.rigid.read_bytes()
@@ -79,7 +84,7 @@ def loads(cell, rng):
 
 
 def typical(plant, q, wrench, point):
-    return settle_pair(disturb(plant, TYPICAL, np.random.default_rng(1)), q, wrench, point)[1]
+    return solve_unloaded_and_loaded(disturb(plant, TYPICAL, np.random.default_rng(1)), q, wrench, point)[1]
 
 
 def assert_close(one, other):
@@ -89,13 +94,13 @@ def assert_close(one, other):
         np.testing.assert_allclose(getattr(one, field.name), getattr(other, field.name), rtol=0, atol=atol)
 
 
-@pytest.mark.parametrize("settled", [settle, typical, settle_linear])
+@pytest.mark.parametrize("settled", [solve_equilibrium, typical, solve_linear_equilibrium])
 def test_poses_settle_alike_in_any_order_and_in_any_company(kr500, rng, monkeypatch, settled):
     runs, order = loads(kr500, rng), rng.permutation(POSES)
     expected = settled(kr500.plant, *runs)
     shuffled = settled(kr500.plant, *(part[order] for part in runs))
     assert_close(shuffled, replace(expected, **{k: v[order] for k, v in vars(expected).items()}))
-    monkeypatch.setattr("testbench.plant.equilibrium.TOGETHER", 7)
+    monkeypatch.setattr("testbench.plant.equilibrium.POSES_AT_ONCE", 7)
     assert_close(settled(kr500.plant, *runs), expected)
     monkeypatch.setattr("testbench.plant.build.ABREAST", 1)
     assert_close(settled(plant_of(kr500.arm, kr500.plant.model), *runs), expected)
@@ -113,7 +118,7 @@ def test_threads_of_a_caller_find_the_same(kr500, rng):
 @pytest.mark.parametrize("together", [2, 512])
 def test_of_poses_without_equilibrium_the_first_is_named(kr500, monkeypatch, together):
     """The first buckles after many steps; the second, pulled by 1e9 N, is lost in one."""
-    monkeypatch.setattr("testbench.plant.equilibrium.TOGETHER", together)
+    monkeypatch.setattr("testbench.plant.equilibrium.POSES_AT_ONCE", together)
     joints = list(kr500.arm.joints)
     joints[1] = replace(joints[1], compliance=6e-5)  # upright is a saddle
     plant = build_plant(replace(kr500.arm, joints=tuple(joints)))
@@ -121,13 +126,13 @@ def test_of_poses_without_equilibrium_the_first_is_named(kr500, monkeypatch, tog
     wrench, point = np.zeros((6, 6)), np.zeros((6, 3))
     wrench[4, 0] = 1e9
     with pytest.raises(NoEquilibrium, match=r"in 1 Newton steps.*q = \[4\.0, 90\.0"):
-        settle(plant, q, wrench, point)
+        solve_equilibrium(plant, q, wrench, point)
     q[3, 1] *= -1
     wrench[3, 2], point[3] = -4515.0, plant.load
     with pytest.raises(NoEquilibrium, match=r"buckle.* q = \[3\.0, -90\.0"):
-        settle(plant, q, wrench, point)
+        solve_equilibrium(plant, q, wrench, point)
     hanging = [0, 1, 2, 5]
-    rest = settle(plant, q[hanging], wrench[hanging], point[hanging])
+    rest = solve_equilibrium(plant, q[hanging], wrench[hanging], point[hanging])
     left = map(unbalanced, [plant] * 4, q[hanging], rest.theta, wrench[hanging], point[hanging])
     assert max(left)[0] < 0.05
 
@@ -147,14 +152,14 @@ def assert_same(one, other):
 def test_an_undisturbed_arm_is_the_clean_one_and_errors_of_a_load_are_another_one_elsewhere(kr500, rng):
     """To the last bit; and it stays as it is when it is disturbed."""
     q, (wrench, point) = random_q(kr500, rng, 20), hung(kr500, 20)
-    settle(disturbed(kr500, TYPICAL), q)
+    solve_equilibrium(disturbed(kr500, TYPICAL), q)
     true = disturbed(kr500, replace(CLEAN, centre_error=5e-3, mass_error=0.01))
     assert np.abs(true.centre).max() > 1e-3
     clean, exact = disturbed(kr500, CLEAN), exactly_loaded(true)
     for arm, pull, at in ((clean, 1, point), (true, 1.01, point + true.centre), (exact, 1, point)):
-        unloaded, loaded = settle_pair(arm, q, wrench, point)
-        assert_same(unloaded, settle(kr500.plant, q))
-        assert_same(loaded, settle(kr500.plant, q, pull * wrench, at))
+        unloaded, loaded = solve_unloaded_and_loaded(arm, q, wrench, point)
+        assert_same(unloaded, solve_equilibrium(kr500.plant, q))
+        assert_same(loaded, solve_equilibrium(kr500.plant, q, pull * wrench, at))
 
 
 def strut_length(plant, spring, qpos):
@@ -177,13 +182,13 @@ def test_the_compensator_pulls_along_its_length_and_stiffens_the_arm_it_holds(kr
     """On all 54 coordinates in a bent pose, by its stretch beyond the held one; there its stiffness."""
     spring, plant, row = replace(KR500_COMPENSATOR, stiffness=stiffness), kr500.plant, open_row(kr500.plant)
     k = spring.rate if stiffness is None else stiffness
-    qpos = hold(plant, np.deg2rad([[10.0, -40, 60, 20, 30, 0]]))
-    compensator = strut(spring, plant, evaluate(row, qpos, attached(plant)))
+    qpos = fixed_configurations(plant, np.deg2rad([[10.0, -40, 60, 20, 30, 0]]))
+    compensator = strut(spring, plant, evaluate(row, qpos, hinged_bodies(plant)))
     (held, g), step = strut_length(plant, spring, qpos), rng.standard_normal(qpos.shape)
-    (eased,) = stiffen(compensator, step, np.arange(1))
+    (eased,) = correct_for_strut(compensator, step, np.arange(1))
     np.testing.assert_allclose(eased + k * (plant.C @ g) * (g @ eased), step[0], rtol=0, atol=1e-6)
     qpos[:, plant.theta] = 1e-4 * rng.standard_normal(len(plant.theta))
-    (Q,) = strut_force(compensator, plant, evaluate(row, qpos, attached(plant)), np.arange(1))
+    (Q,) = strut_force(compensator, plant, evaluate(row, qpos, hinged_bodies(plant)), np.arange(1))
     length, g = strut_length(plant, spring, qpos)
     pull = spring.rate * (held - spring.rest_length) + k * (length - held)
     np.testing.assert_allclose(Q, -pull * g, rtol=0, atol=1e-9 * np.abs(Q).max())
@@ -195,7 +200,7 @@ def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
     wrench, point = rng.standard_normal((5, 6)), 0.3 * rng.standard_normal((5, 3))
     scale = 3.0
     arms = [disturbed(kr500, Disturbances(foundation=f)) for f in (0.0, scale)]
-    (rest, rigid), (_, soft) = (settle_pair(arm, q, wrench, point) for arm in arms)
+    (rest, rigid), (_, soft) = (solve_unloaded_and_loaded(arm, q, wrench, point) for arm in arms)
     at = rest.tool + (rest.rotation @ point[:, :, None])[:, :, 0]
     moment = wrench[:, 3:] + np.cross(at, wrench[:, :3])
     twist = scale * np.array(FOUNDATION) * np.c_[wrench[:, :3], moment]
@@ -203,7 +208,7 @@ def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
     moved = soft.tool - rigid.tool
     # a newton bends the arm by 1e-6 m: second order is 1e-6; rounding of metres is 1e-8 of 1e-8 m
     np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
-    linear = settle_linear(arms[1], q, wrench, point)
+    linear = solve_linear_equilibrium(arms[1], q, wrench, point)
     np.testing.assert_allclose(linear.tool - rest.tool, soft.tool - rest.tool, rtol=0, atol=1e-10)
 
 
@@ -217,7 +222,7 @@ def spring_torque(law, theta, torque):
     """What springs hold at their turns, friction beside them: by the polynomial itself."""
     x = law.compliance * torque
     friction = 0.0 if law.before is None else law.hysteresis
-    slip = np.clip(theta - turn(replace(law, before=None), torque), -friction, friction)
+    slip = np.clip(theta - joint_rotation(replace(law, before=None), torque), -friction, friction)
     phi = theta - law.backlash * np.tanh(x / law.backlash) - slip
     return phi / law.compliance * (1 + law.stiffening * (phi / 1e-3) ** 2)
 
@@ -226,9 +231,9 @@ def spring_torque(law, theta, torque):
 def test_compliance_of_a_joint_is_the_slope_of_its_turn_whose_certificate_sees_a_nanoradian(before):
     """Springs by their polynomial, not by the root that was solved for; within its band friction holds."""
     law, h = replace(LAW, before=before), 1e-3
-    expected = (turn(law, TORQUE + h) - turn(law, TORQUE - h)) / (2 * h)
-    np.testing.assert_allclose(slope(law, TORQUE), expected, rtol=1e-6, atol=1e-15)
-    moving, theta = slope(law, TORQUE) > 0, turn(law, TORQUE)
+    expected = (joint_rotation(law, TORQUE + h) - joint_rotation(law, TORQUE - h)) / (2 * h)
+    np.testing.assert_allclose(tangent_compliance(law, TORQUE), expected, rtol=1e-6, atol=1e-15)
+    moving, theta = tangent_compliance(law, TORQUE) > 0, joint_rotation(law, TORQUE)
     assert (before is None) == moving[3]  # friction holds it
     np.testing.assert_allclose(spring_torque(law, theta, TORQUE), TORQUE, rtol=1e-9)
     for off in (1e-9, -1e-9):
@@ -240,7 +245,7 @@ def test_compliance_of_a_joint_is_the_slope_of_its_turn_whose_certificate_sees_a
 def test_the_same_seed_gives_the_same_arm_and_a_switch_leaves_the_other_numbers_alone(kr500, rng):
     """All that disturbs it is in balance, on springs that MuJoCo has: no foundation counts twice."""
     q, arms = random_q(kr500, rng, 3), [disturbed(kr500, TYPICAL, seed) for seed in (7, 7, 8)]
-    one, same, other = (settle_pair(arm, q, *hung(kr500, 3))[1] for arm in arms)
+    one, same, other = (solve_unloaded_and_loaded(arm, q, *hung(kr500, 3))[1] for arm in arms)
     assert_same(one, same)
     assert np.abs(one.markers - other.markers).max() > 1e-6
     model, data, springs = arms[0].model, mujoco.MjData(arms[0].model), []
@@ -288,7 +293,7 @@ def test_links_that_follow_the_pose_rest_where_an_arm_of_the_links_of_that_pose_
     phase = rng.uniform(-3, 3, links)
     follows = Follows(rng.normal(0, 0.5, (links, 6)), rng.standard_normal((links, 6)), phase)
     plant, (wrench, point) = with_springs(kr500, follows=follows), hung(kr500, 3)
-    together = settle(plant, q, wrench, point), settle_linear(plant, q, wrench, point)
+    together = solve_equilibrium(plant, q, wrench, point), solve_linear_equilibrium(plant, q, wrench, point)
     for pose in range(3):
         s = np.sin(follows.turns @ q[pose] + follows.phase)
         roots = [np.diag(np.exp(own * share / 2)) for own, share in zip(s, follows.share, strict=True)]
@@ -297,10 +302,10 @@ def test_links_that_follow_the_pose_rest_where_an_arm_of_the_links_of_that_pose_
             for link, D in zip(kr500.arm.links, roots, strict=True)
         ]
         arm = build_plant(replace(kr500.arm, links=tuple(scaled)))
-        for found, find in zip(together, (settle, settle_linear), strict=True):
+        for found, find in zip(together, (solve_equilibrium, solve_linear_equilibrium), strict=True):
             alone = find(arm, q[pose : pose + 1], wrench[:1], point[:1])
             np.testing.assert_allclose(found.markers[pose], alone.markers[0], rtol=0, atol=1e-9)
-    stiff = settle(kr500.plant, q, wrench, point)
+    stiff = solve_equilibrium(kr500.plant, q, wrench, point)
     assert np.abs(together[0].markers - stiff.markers).max() > 1e-4
 
 
@@ -312,7 +317,7 @@ def test_a_torque_on_a_coupled_joint_turns_the_others_by_their_whole_matrix(kr50
     plant = with_springs(kr500, between=between)
     plant = replace(plant, disturbances=replace(plant.disturbances, **law))
     (wrench, point), q = hung(kr500, 3), random_q(kr500, rng, 3)
-    before, rest = settle_pair(plant, q, wrench, point)
+    before, rest = solve_unloaded_and_loaded(plant, q, wrench, point)
     data, n = mujoco.MjData(plant.model), 6 * len(kr500.arm.links)
     for pose in range(3):
         data.qpos[plant.joints], data.qpos[plant.theta] = q[pose], rest.theta[pose]
@@ -322,7 +327,9 @@ def test_a_torque_on_a_coupled_joint_turns_the_others_by_their_whole_matrix(kr50
         mujoco.mj_applyFT(plant.model, data, wrench[pose, :3], wrench[pose, 3:], where, plant.tool, Q)
         linear = (np.diag(own) + between) @ Q[plant.hinges]
         turns = JointLaw(own, *(law.values() or (0, 0, 0)), before=before.theta[pose, n:])
-        np.testing.assert_allclose(rest.theta[pose, n:], turn(turns, linear / own), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(
+            rest.theta[pose, n:], joint_rotation(turns, linear / own), rtol=0, atol=1e-9
+        )
 
 
 def test_friction_that_slips_bit_by_bit_is_many_plays_side_by_side():
@@ -330,9 +337,10 @@ def test_friction_that_slips_bit_by_bit_is_many_plays_side_by_side():
     H, before, h = np.array([2e-4, 1e-4, 5e-5, 4e-4]), np.array([0.0, 0.0, 2e-3, 8e-5]), 1e-3
     law = replace(LAW, before=before, hysteresis=0.0, slip=H)
     widths = (np.arange(20_000) + 0.5)[:, None] / 20_000 * H
-    target = turn(replace(law, before=None), TORQUE)
+    target = joint_rotation(replace(law, before=None), TORQUE)
     plays = np.clip(before, target - widths, target + widths)
-    np.testing.assert_allclose(turn(law, TORQUE), plays.mean(axis=0), rtol=0, atol=1e-11)
-    expected = (turn(law, TORQUE + h) - turn(law, TORQUE - h)) / (2 * h)
-    np.testing.assert_allclose(slope(law, TORQUE), expected, rtol=1e-5)
-    assert 0 < slope(law, TORQUE)[3] < slope(replace(law, before=None), TORQUE)[3]  # some of its plays move
+    np.testing.assert_allclose(joint_rotation(law, TORQUE), plays.mean(axis=0), rtol=0, atol=1e-11)
+    expected = (joint_rotation(law, TORQUE + h) - joint_rotation(law, TORQUE - h)) / (2 * h)
+    np.testing.assert_allclose(tangent_compliance(law, TORQUE), expected, rtol=1e-5)
+    # some of its plays move
+    assert 0 < tangent_compliance(law, TORQUE)[3] < tangent_compliance(replace(law, before=None), TORQUE)[3]

@@ -23,16 +23,28 @@ from testbench import (
 from testbench.data.dataset import select
 from testbench.identify import average, hierarchy
 from testbench.identify import posterior as posteriors
-from testbench.identify.average import averaged, of_two_priors
-from testbench.identify.crossval import FOLDS, Candidate, divided, unless_beaten
-from testbench.identify.estimate import Average, make_estimate
-from testbench.identify.evidence import bends, greatest, posterior
-from testbench.identify.metric import Belief, metric, precision_root, rescaled, whitened
-from testbench.identify.posterior import CURVED, Posterior, curvature, intervals, linearise
-from testbench.identify.prior import Prior, Strength, cad_prior, softened
-from testbench.identify.regression import f_m, places, some_columns, spread
-from testbench.identify.solve import answer, solve
-from testbench.identify.wander import size, wandering
+from testbench.identify.average import average_models, average_two_priors
+from testbench.identify.crossval import FOLDS, Candidate, divide_poses, unless_beaten
+from testbench.identify.estimate import ModelAverage, make_estimate
+from testbench.identify.evidence import evidence_hessian, evidence_posterior, maximise_evidence
+from testbench.identify.metric import (
+    WeightedPrior,
+    precision_root,
+    rescale_to_data,
+    scale_by_prior,
+    weighted_rows,
+)
+from testbench.identify.posterior import (
+    CURVATURE_COUNT,
+    Posterior,
+    intervals,
+    linearise,
+    second_order_deflection,
+)
+from testbench.identify.prior import Prior, Strength, cad_prior, with_weaker_coupling
+from testbench.identify.regression import f_m, parameter_places, restrict_to, scatter_to
+from testbench.identify.solve import solve, solve_with_prior
+from testbench.identify.wander import stiffness_scatter, with_scatter
 from testbench.model.laws import with_laws, with_ties
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
@@ -54,7 +66,7 @@ def runs(cell, seed, **changes):
 def scaled(cell, structure, seed):
     """Equations of a campaign, and the prior of the drawing in their scale."""
     regression = reduce(cell.vjm, structure, runs(cell, seed))
-    return regression, rescaled(metric(cad_prior(cell.arm), cell.vjm, structure), regression)
+    return regression, rescale_to_data(scale_by_prior(cad_prior(cell.arm), cell.vjm, structure), regression)
 
 
 @pytest.fixture(params=[mgco147, all153, mgco68, template56])
@@ -68,7 +80,11 @@ def test_with_a_prior_least_squares_is_the_ridge_solution(kr500, structure, unce
     n = structure.n
     for seed in (1, 3):
         regression, own = scaled(kr500, structure, seed)
-        (A, y), e, belief = whitened(regression, own), own.expected, Belief(own, Strength(uncertainty))
+        (A, y), e, belief = (
+            weighted_rows(regression, own),
+            own.expected,
+            WeightedPrior(own, Strength(uncertainty)),
+        )
         rows = np.block([[A, np.zeros((len(A), 1))], [np.eye(n) / uncertainty, -e[:, None] / uncertainty]])
         ridge = own.L @ np.linalg.lstsq(rows, np.r_[y, np.zeros(n)], rcond=None)[0][:n]
         found = solve(regression, "none", belief).pi
@@ -81,8 +97,10 @@ def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_
     assert loose.status == "solved"
     x = np.linalg.solve(own.L, loose.pi)
     assert min(np.linalg.eigvalsh(X)[0] for X in own.matrices(x)) > 1e-3
-    (A, y), e = whitened(regression, own), own.expected
-    scale = np.linalg.solve(own.L, solve(regression, "psd", Belief(own, Strength(3.0))).pi) @ e / (e @ e)
+    (A, y), e = weighted_rows(regression, own), own.expected
+    scale = (
+        np.linalg.solve(own.L, solve(regression, "psd", WeightedPrior(own, Strength(3.0))).pi) @ e / (e @ e)
+    )
 
     def cost(x):
         log_det = sum(np.linalg.slogdet(X)[1] for X in own.matrices(x))
@@ -113,12 +131,12 @@ def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_t
     folds = stein.every_fold(kr500.vjm, structure, replace(heavy, wrench=heavy.wrench + turned))
     some = -(-heavy.runs // 3)
     assert [fold.held_out.equations for fold in folds[8:]] == [9 * (heavy.runs - some), 9 * some]
-    own, errors = metric(cad_prior(kr500.arm), kr500.vjm, structure), {}
+    own, errors = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, structure), {}
     folds = stein.every_fold(kr500.vjm, structure, runs(kr500, 1))
     for u in stein.UNCERTAINTIES:
-        fits = [solve(fold.fitted, "none", Belief(own, Strength(u))).pi for fold in folds]
+        fits = [solve(fold.fitted, "none", WeightedPrior(own, Strength(u))).pi for fold in folds]
         errors[u] = np.mean([f_m(fold.held_out, pi) for fold, pi in zip(folds, fits, strict=True)])
-    chosen = stein.choose_strength(folds, own, lambda case: answer("none", case).pi)
+    chosen = stein.choose_strength(folds, own, lambda case: solve_with_prior("none", case).pi)
     assert chosen.uncertainty == min(errors, key=errors.get)
 
 
@@ -150,7 +168,7 @@ def unsymmetric(C):
 )
 def test_a_broken_prior_is_refused_by_name(kr500, spoil, text):
     with pytest.raises(BenchError, match=text):
-        metric(Prior("broken", spoil(kr500.arm.C_theta)), kr500.vjm, mgco68(kr500.arm))
+        scale_by_prior(Prior("broken", spoil(kr500.arm.C_theta)), kr500.vjm, mgco68(kr500.arm))
 
 
 def test_strengths_of_nothing_holes_too_few_poses_and_moves_against_the_load_are_refused(kr500, campaign):
@@ -159,7 +177,7 @@ def test_strengths_of_nothing_holes_too_few_poses_and_moves_against_the_load_are
             Strength(bad)
     holes = Structure.of(kr500.arm, links=["link_2"], entries=((0, 0), (0, 1), (1, 1), (1, 2)), name="holes")
     with pytest.raises(BenchError, match="holes lacks entries"):
-        metric(cad_prior(kr500.arm), kr500.vjm, holes)
+        scale_by_prior(cad_prior(kr500.arm), kr500.vjm, holes)
     data = runs(kr500, 1, identification_poses=1, identification_runs=2)
     with pytest.raises(BenchError, match="expected at least 2 poses, got 1"):
         stein.every_fold(kr500.vjm, template56(kr500.arm), data)
@@ -175,7 +193,7 @@ def campaign(kr500):
 
 def seen_by(cell, campaign, structure, prior=None):
     prior = prior_of(cell, "scaled", 3) if prior is None else prior
-    return reduce(cell.vjm, structure, campaign.identification), metric(prior, cell.vjm, structure)
+    return reduce(cell.vjm, structure, campaign.identification), scale_by_prior(prior, cell.vjm, structure)
 
 
 def tied(arm):
@@ -184,11 +202,13 @@ def tied(arm):
 
 @pytest.mark.parametrize("make", [all153, tied, mgco68, template56, joints_only])
 def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campaign, make, rng):
-    seen = hierarchy.evidence(*seen_by(kr500, campaign, make(kr500.arm)))
+    seen = hierarchy.evidence_model(*seen_by(kr500, campaign, make(kr500.arm)))
     h = seen.start + 0.2 * rng.standard_normal(len(seen.start))
-    own, step = posterior(seen.problem, h), 1e-5
-    ends = [[posterior(seen.problem, h + sign * step * e) for sign in (1, -1)] for e in np.eye(len(h))]
-    H, J = bends(seen.problem, h, own)
+    own, step = evidence_posterior(seen.problem, h), 1e-5
+    ends = [
+        [evidence_posterior(seen.problem, h + sign * step * e) for sign in (1, -1)] for e in np.eye(len(h))
+    ]
+    H, J = evidence_hessian(seen.problem, h, own)
     of_slopes = (own.gradient, lambda x: x.loss), (H, lambda x: x.gradient), (J.T, lambda x: x.normal.x)
     for found, of in of_slopes:
         expected = np.array([(of(up) - of(down)) / (2 * step) for up, down in ends])
@@ -197,19 +217,19 @@ def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campai
 
 def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, campaign):
     regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
-    seen = hierarchy.evidence(regression, own)
+    seen = hierarchy.evidence_model(regression, own)
     h, other = seen.start.copy(), seen.start.copy()
     h[-3:], other[-3:] = np.log([0.3, 0.2, 1.2]), np.log([0.5, 0.1, 1.0])
     other[-6:-3] = np.log([0.5, 1.0, 2.0])  # of links 0, 2 and 3
 
     def density(h):
         """Minus its logarithm, from all rows as they are, the scales at one."""
-        A, y = whitened(regression, seen.metric)
+        A, y = weighted_rows(regression, seen.scaling)
         u, c, kappa = np.exp(h[-3:])
-        D = (np.where(seen.metric.couplings, c, u) * (seen.shares @ shares(seen, h))) ** 2
+        D = (np.where(seen.scaling.couplings, c, u) * (seen.shares @ shares(seen, h))) ** 2
         S = kappa**2 * np.eye(len(y)) + A * D @ A.T
-        e = y - A @ seen.metric.expected
-        more = sum(t.equations / 3 * t.rest for t in regression.terms) / kappa**2 / 2
+        e = y - A @ seen.scaling.expected
+        more = sum(t.equations / 3 * t.unexplained for t in regression.terms) / kappa**2 / 2
         beyond = (regression.equations - len(y)) * np.log(kappa)
         return (np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e)) / 2 + more + beyond
 
@@ -217,61 +237,68 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
         z = (h[-6:] - seen.start[-6:]) / np.array([0.5, 0.5, 0.5, 0.4, 0.7, 0.7])
         return z @ z / 2
 
-    found = [posterior(seen.problem, point).loss - hyper(point) - density(point) for point in (h, other)]
+    found = [
+        evidence_posterior(seen.problem, point).loss - hyper(point) - density(point) for point in (h, other)
+    ]
     np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-6)  # but for a constant
 
 
 def shares(seen, h):
     """What u and c of every block are times, (blocks,)."""
     found = np.ones(seen.blocks)
-    found[seen.whole] = np.exp(h[-3 - len(seen.whole) : -3])
+    found[seen.link_scales] = np.exp(h[-3 - len(seen.link_scales) : -3])
     return found
 
 
 def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, campaign):
     regression, own = seen_by(kr500, campaign, all153(kr500.arm))
-    belief = hierarchy.learn(regression, own)
-    (A, y), D = whitened(regression, belief.metric), belief.misfit**2
-    e, strength = belief.metric.expected, belief.strength
+    belief = hierarchy.learn_prior(regression, own)
+    (A, y), D = weighted_rows(regression, belief.scaling), belief.misfit**2
+    e, strength = belief.scaling.expected, belief.strength
     assert np.std(np.log(strength.shares[:7])) > 0.01  # links of one arm are unlike
     own = np.repeat(strength.shares, [21] * 7 + [1] * 6)
-    P = D * (own * np.where(belief.metric.couplings, strength.coupling, strength.uncertainty)) ** 2
+    P = D * (own * np.where(belief.scaling.couplings, strength.coupling, strength.uncertainty)) ** 2
     S = D * np.eye(len(y)) + A * P @ A.T
     expected = e + P * (A.T @ np.linalg.solve(S, y - A @ e))
     estimate = solve(regression, "none", belief)
-    x = np.linalg.solve(belief.metric.L, estimate.pi)
+    x = np.linalg.solve(belief.scaling.L, estimate.pi)
     np.testing.assert_allclose(x, expected, rtol=0, atol=1e-6)  # rows of 1e3, entries of 1
     rows = np.linalg.qr(np.random.default_rng(0).standard_normal((153, 5)))[0].T
-    functionals = rows @ np.linalg.inv(belief.metric.L)
+    functionals = rows @ np.linalg.inv(belief.scaling.L)
     covariance = np.diag(P) - (P[:, None] * A.T) @ np.linalg.solve(S, A * P)
     variance = np.einsum("ki,ij,kj->k", rows, covariance, rows)
     # entries as large as the mean of their squares: what the readings leave of them
     left = rows @ (np.eye(153) - (P[:, None] * A.T) @ np.linalg.solve(S, A))
-    variance += left**2 @ (P * (belief.unsure**2 - 1))
-    variance += np.square(functionals @ belief.moves.T).sum(axis=1)
+    variance += left**2 @ (P * (belief.size_uncertainty**2 - 1))
+    variance += np.square(functionals @ belief.hyperparameter_effect.T).sum(axis=1)
     np.testing.assert_allclose(linearise(estimate).deviations(functionals), np.sqrt(variance), rtol=1e-5)
 
 
 def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(kr500, campaign):
     """Laplace's covariance times derivatives of the estimate, which is solved again at every difference."""
     regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
-    belief, seen = hierarchy.learn(regression, own), hierarchy.evidence(regression, own)
-    h = greatest(seen.problem, seen.start)
+    belief, seen = hierarchy.learn_prior(regression, own), hierarchy.evidence_model(regression, own)
+    h = maximise_evidence(seen.problem, seen.start)
 
     def estimate(h):
-        L = seen.metric.L * seen.scale(h)
+        L = seen.scaling.L * seen.scale(h)
         u, c, kappa = np.exp(h[-3:])
         own = Strength(u / kappa, 0.0, coupling=c / kappa, shares=tuple(shares(seen, h)))
-        there = Belief(replace(seen.metric, L=L), own)
+        there = WeightedPrior(replace(seen.scaling, L=L), own)
         return solve(regression, "none", there).pi
 
     steps = 1e-4 * np.eye(len(h))[:-1]
     J = np.array([estimate(h + d) - estimate(h - d) for d in steps]) / 2e-4
-    slopes = [[posterior(seen.problem, h + s * d).gradient for s in (1, -1)] for d in steps]
+    slopes = [[evidence_posterior(seen.problem, h + s * d).gradient for s in (1, -1)] for d in steps]
     H = np.array([up - down for up, down in slopes])[:, :-1] / 2e-4
-    assert np.linalg.eigvalsh(H)[0] > hierarchy.WIDEST**-2
+    assert np.linalg.eigvalsh(H)[0] > hierarchy.MAX_HYPER_DEVIATION**-2
     expected = J.T @ np.linalg.solve(H, J)
-    np.testing.assert_allclose(belief.moves.T @ belief.moves, expected, rtol=0, atol=1e-4 * expected.max())
+    np.testing.assert_allclose(
+        belief.hyperparameter_effect.T @ belief.hyperparameter_effect,
+        expected,
+        rtol=0,
+        atol=1e-4 * expected.max(),
+    )
 
 
 @pytest.mark.parametrize("factor", [0.1, 10.0])
@@ -284,9 +311,11 @@ def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
     for name, own in (("right", prior), ("wrong", Prior("joints off", C))):
         estimate = with_prior(gco, own)(kr500.vjm, all153(kr500.arm), campaign.identification)
         errors[name] = np.abs(estimate.C_theta - kr500.arm.C_theta)[42:, 42:].max()
-    [joints] = [scale for scale in estimate.belief.scales if scale.name == "joints"]
+    [joints] = [scale for scale in estimate.weighted_prior.scales if scale.name == "joints"]
     assert abs(np.log(joints.factor * factor)) < 4 * joints.deviation < np.log(10)  # told from 1
-    [doubt] = [scale for scale in hierarchy.contradicted(estimate.belief) if scale.name == "joints"]
+    [doubt] = [
+        scale for scale in hierarchy.contradicted_scales(estimate.weighted_prior) if scale.name == "joints"
+    ]
     assert f"want {joints.factor:.2g} times" in of_scale(doubt).sentence
     assert "beside the links" in of_scale(doubt).sentence
     assert errors["wrong"] < errors["right"] + 0.3 * kr500.arm.C_theta[42:, 42:].max()
@@ -304,14 +333,16 @@ def test_a_link_ten_times_off_is_contradicted_or_named_as_open_that_way(kr500, c
     C[6 * link : 6 * link + 6] *= factor
     name = kr500.arm.links[link].name
     regression, own = seen_by(kr500, campaign, all153(kr500.arm), Prior("one link off", C))
-    told = any(scale.name == name for scale in hierarchy.contradicted(hierarchy.learn(regression, own)))
-    found = hierarchy.unchecked(regression, own)
+    told = any(
+        scale.name == name for scale in hierarchy.contradicted_scales(hierarchy.learn_prior(regression, own))
+    )
+    found = hierarchy.undetermined_parts(regression, own)
     assert told or name in (found.stiffer if factor > 1 else found.softer)
 
 
 def test_intervals_widen_by_what_a_linear_model_leaves_out(kr500, campaign):
     data, C = campaign.truth, kr500.arm.C_theta
-    whole = curvature(kr500.vjm, C, data)
+    whole = second_order_deflection(kr500.vjm, C, data)
     theta = at_rest(kr500, C, data.q, data.wrench, data.point)
     exact = loaded_deflection(kr500.vjm, data.q, theta, kr500.vjm.markers)
     where = chain(kr500.vjm, data.q)
@@ -322,13 +353,15 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out(kr500, campaign):
     found = intervals(kr500.vjm, estimate, data)
     rows = observation(where, estimate.structure, data.wrench, data.point, kr500.vjm.markers)
     half = linearise(estimate).half_widths(rows.reshape(-1, 56)).reshape(whole.shape)
-    left_out = curvature(kr500.vjm, estimate.C_theta, data)
-    np.testing.assert_allclose(found.upper - found.centre, np.hypot(half, CURVED * left_out), rtol=1e-9)
+    left_out = second_order_deflection(kr500.vjm, estimate.C_theta, data)
+    np.testing.assert_allclose(
+        found.upper - found.centre, np.hypot(half, CURVATURE_COUNT * left_out), rtol=1e-9
+    )
 
 
 def test_scales_are_ratios_to_their_kind_as_sure_as_the_difference_of_their_logarithms(kr500, campaign, rng):
-    own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
-    seen = hierarchy.evidence(reduce(kr500.vjm, own.structure, campaign.identification), own)
+    own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    seen = hierarchy.evidence_model(reduce(kr500.vjm, own.structure, campaign.identification), own)
     h, A = rng.normal(size=len(seen.start)), rng.normal(size=(len(seen.start) - 1,) * 2)
     C, K = A @ A.T, seen.blocks
     of = [(k, K + kind) for k, kind in enumerate(seen.kind)] + [(K + 1, K)]  # last the joints over the links
@@ -371,11 +404,11 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
     s = joints_only(kr500.arm)
     regression = reduce(kr500.vjm, s, data)
     for name in ("right", "scaled", "uncoupled"):
-        own = metric(prior_of(kr500, name, 2), kr500.vjm, s)
+        own = scale_by_prior(prior_of(kr500, name, 2), kr500.vjm, s)
         log_evidence, belief = hierarchy.log_evidence_alone(regression, own)
-        kappa, e = hierarchy.LOOSE / belief.strength.uncertainty, belief.metric.expected
-        A, y = whitened(regression, belief.metric)
-        S = kappa**2 * np.eye(len(y)) + hierarchy.ALONE**2 * A @ A.T
+        kappa, e = hierarchy.JOINTS_ONLY_FIT / belief.strength.uncertainty, belief.scaling.expected
+        A, y = weighted_rows(regression, belief.scaling)
+        S = kappa**2 * np.eye(len(y)) + hierarchy.JOINTS_ONLY_SIZE**2 * A @ A.T
         best = float(y @ np.linalg.solve(S, A @ e))
         best /= float(A @ e @ np.linalg.solve(S, A @ e))
 
@@ -386,10 +419,10 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
         e0 = y - A @ (best * e)
         log_size = np.linalg.slogdet(S)[1]
         over_scale = math.log(quad(density, best - 2, best + 2, points=[best], limit=200)[0])
-        rest = sum(t.equations / 3 * t.rest for t in regression.terms) / kappa**2
+        rest = sum(t.equations / 3 * t.unexplained for t in regression.terms) / kappa**2
         beyond = (regression.equations - len(y)) * math.log(kappa)
         dense = over_scale - (e0 @ np.linalg.solve(S, e0) + log_size + rest) / 2 - beyond
-        found.append(log_evidence - dense + (math.log(kappa) / hierarchy.MISFIT) ** 2 / 2)
+        found.append(log_evidence - dense + (math.log(kappa) / hierarchy.MISFIT_DEVIATION) ** 2 / 2)
     np.testing.assert_allclose(found, -math.log(2 * math.pi) / 2, rtol=0, atol=1e-5)  # left out on purpose
 
 
@@ -397,12 +430,12 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
 def by_beams_and_both(kr500):
     """Estimates by the folder's prior alone, and by the softened one too, of three arms a kind; truths."""
     s, prior, found = all153(kr500.arm), cad_prior(kr500.arm), {}
-    beams, soft = (metric(own, kr500.vjm, s) for own in (prior, softened(prior)))
+    beams, soft = (scale_by_prior(own, kr500.vjm, s) for own in (prior, with_weaker_coupling(prior)))
     for kind in ("coupled", "tubes"):
         arms = [simulate(true_cell(kr500, kind, seed), SCENARIO, seed) for seed in (1, 2, 3)]
         reduced = [(arm, reduce(kr500.vjm, s, arm.identification)) for arm in arms]
         found[kind] = [
-            (arm, averaged(r, "psd", beams, widths=True), of_two_priors(r, "psd", beams, soft))
+            (arm, average_models(r, "psd", beams, widths=True), average_two_priors(r, "psd", beams, soft))
             for arm, r in reduced
         ]
     return found
@@ -419,12 +452,12 @@ def test_links_that_are_no_beams_are_told_by_the_evidence(kr500, by_beams_and_bo
 def test_an_average_is_conservative_with_the_covariance_of_the_mixture(kr500, rigid, by_beams_and_both):
     """Of links and of none, of two priors: parts as likely as widths count them."""
     found = with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, all153(kr500.arm), rigid[1].identification)
-    whole, w, links = found.average.whole, found.average.weight, slice(0, 42)
+    whole, w, links = found.average.all_parts, found.average.weight, slice(0, 42)
     np.testing.assert_allclose(found.C_theta[links, links], (1 - w) * whole.C_theta[links, links], rtol=1e-12)
     assert found.conservative
-    rows, q, alone = np.eye(found.structure.n), found.average.rigid, found.average.alone
+    rows, q, alone = np.eye(found.structure.n), found.average.joints_probability, found.average.joints_only
     assert w > q > 0.5  # these joints are alone, and widths are less sure of it
-    at = places(alone.structure, found.structure)
+    at = parameter_places(alone.structure, found.structure)
     pi, own = np.zeros(found.structure.n), np.zeros(found.structure.n)
     pi[at], own[at] = alone.pi, linearise(alone).deviations(np.eye(len(at))) ** 2
     each = [linearise(whole).deviations(rows) ** 2 + (whole.pi - found.pi) ** 2, own + (pi - found.pi) ** 2]
@@ -448,20 +481,21 @@ def test_the_share_of_a_prior_is_that_of_its_evidence_against_the_odds_beforehan
     size = np.abs(joints_only(kr500.arm).entries(kr500.arm.C_theta))
     both = [make_estimate(r, factor * size, method="known", constraint="psd") for factor in (1.0, 2.0)]
     both = [
-        replace(one, average=Average(weight, one, laws=laws, likely=likely))
+        replace(one, average=ModelAverage(weight, one, laws_weight=laws, laws_probability=likely))
         for one, weight, laws, likely in zip(both, (0.1, 0.5), (0.2, 0.7), (0.3, 0.8), strict=True)
     ]
-    log_evidence = [7.0, 7.0 + math.log(average.BEAMS) + (math.log(3) if likelier else -math.log(3))]
+    log_evidence = [7.0, 7.0 + math.log(average.BEAM_ODDS) + (math.log(3) if likelier else -math.log(3))]
     given = dict(zip(("first", "second"), zip(both, log_evidence, strict=True), strict=True))
     monkeypatch.setattr(average, "_of_prior", lambda _r, _constraint, prior, *, widths: given[prior])
-    found = of_two_priors(r, "psd", "first", "second")
+    found = average_two_priors(r, "psd", "first", "second")
     share = np.array([0.25, 0.75] if likelier else [0.75, 0.25])
     np.testing.assert_allclose(found.pi, (share @ [1.0, 2.0]) * size, rtol=1e-12)
-    even = (share * [1, average.BEAMS]) ** average.ROOT  # as widths count them, with even odds beforehand
+    # as widths count them, with even odds beforehand
+    even = (share * [1, average.BEAM_ODDS]) ** average.EVIDENCE_EXPONENT
     np.testing.assert_allclose([own for own, _ in found.average.parts], even / even.sum(), rtol=1e-12)
     assert [own for _, own in found.average.parts] == both
-    assert found.average.whole is both[likelier].average.whole
-    mixed = [found.average.weight, found.average.laws, found.average.likely]
+    assert found.average.all_parts is both[likelier].average.all_parts
+    mixed = [found.average.weight, found.average.laws_weight, found.average.laws_probability]
     np.testing.assert_allclose(mixed, share @ [[0.1, 0.2, 0.3], [0.5, 0.7, 0.8]], rtol=1e-12)
 
 
@@ -475,29 +509,33 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
     worth = {"Joints": 3.0, "ALL153": 1.0, s.name: 2.0}
 
     def learn(_regression, prior, *, widths):
-        return Belief(prior, Strength(1.0), log_evidence=e_laws if prior.law.any() else e_links)
+        return WeightedPrior(prior, Strength(1.0), log_evidence=e_laws if prior.law.any() else e_links)
 
     def solve(regression, constraint, belief):
         pi = np.full(regression.structure.n, worth[regression.structure.name])
-        return replace(make_estimate(regression, pi, method="known", constraint=constraint), belief=belief)
+        return replace(
+            make_estimate(regression, pi, method="known", constraint=constraint), weighted_prior=belief
+        )
 
-    monkeypatch.setattr(average, "learn", learn)
+    monkeypatch.setattr(average, "learn_prior", learn)
     monkeypatch.setattr(average, "solve", solve)
 
     def log_evidence_alone(_regression, prior):
-        return e_joints, Belief(prior, Strength(1.0))
+        return e_joints, WeightedPrior(prior, Strength(1.0))
 
     monkeypatch.setattr(average, "log_evidence_alone", log_evidence_alone)
     found, together = average._of_prior(r, "psd", own, widths=True)
-    joints, links = average.ODDS * math.exp(e_joints), math.exp(e_links)
-    linear, laws = joints + links, math.exp(e_laws) / average.LINEAR
+    joints, links = average.JOINTS_ONLY_ODDS * math.exp(e_joints), math.exp(e_links)
+    linear, laws = joints + links, math.exp(e_laws) / average.LINEAR_JOINTS_ODDS
     assert together == pytest.approx(math.log(linear + laws))
     assert found.average.weight == pytest.approx(joints / linear)
-    assert found.average.laws == pytest.approx(laws / (linear + laws))
-    even = (average.LINEAR * laws / linear) ** average.ROOT
-    assert found.average.likely == pytest.approx(even / (1 + even))
+    assert found.average.laws_weight == pytest.approx(laws / (linear + laws))
+    even = (average.LINEAR_JOINTS_ODDS * laws / linear) ** average.EVIDENCE_EXPONENT
+    assert found.average.laws_probability == pytest.approx(even / (1 + even))
     straight = links / linear * 1.0 + joints / linear * 3.0 * (s.a >= 42)
-    expected = found.average.laws * 2.0 + (1 - found.average.laws) * np.where(s.a < s.plain, straight, 0.0)
+    expected = found.average.laws_weight * 2.0 + (1 - found.average.laws_weight) * np.where(
+        s.a < s.n_compliance_rows, straight, 0.0
+    )
     np.testing.assert_allclose(found.pi, expected, rtol=1e-12)
 
 
@@ -510,7 +548,7 @@ def test_intervals_of_laws_and_of_none_are_mixed_as_likely_as_they_are(kr500, ca
     )
     roots = {id(straight): rng.normal(size=(6, 6)), id(lawful): rng.normal(size=(6, 6))}
     monkeypatch.setattr(posteriors, "linearise", lambda own: Posterior.normal(own.pi, roots[id(own)]))
-    whole = Average(0.3, straight, laws=0.6, likely=0.8, lawful=lawful)
+    whole = ModelAverage(0.3, straight, laws_weight=0.6, laws_probability=0.8, with_laws=lawful)
     found = posteriors._averaged(mean, whole).covariance(np.eye(6))
     parts = ((0.8, lawful), (0.2, straight))
     each = [p * (roots[id(e)].T @ roots[id(e)] + np.outer(e.pi - mean.pi, e.pi - mean.pi)) for p, e in parts]
@@ -524,14 +562,14 @@ def test_poses_and_levels_of_load_are_dealt_out_in_turn(campaign):
     wrench = np.zeros((5, 6))
     wrench[:, [2, 4]] = -level
     data = replace(data, pose=np.array([7, 7, 9, 9, 11]), wrench=wrench)
-    part = divided(data)
+    part = divide_poses(data)
     assert (part // FOLDS).tolist() == [0, 0, 1, 1, 2]
     load = part % FOLDS
     assert load[0] == load[3]
     assert len(set(load[[0, 1, 2, 4]])) == 4
     precision = np.tile(np.eye(3), (*data.before.shape[:2], 1, 1))
     precision[0] = 0.0
-    assert divided(replace(data, precision=precision)).tolist() == [-1, *part[1:]]
+    assert divide_poses(replace(data, precision=precision)).tolist() == [-1, *part[1:]]
 
 
 @pytest.mark.parametrize("laws", [False, True])
@@ -539,15 +577,15 @@ def test_poses_and_levels_of_load_are_dealt_out_in_turn(campaign):
 def test_what_no_reading_speaks_of_weighs_nothing_however_many_blocks_there_are(kr500, campaign, make, laws):
     """Of links and joints: the evidence by the prior alone is log 1, the factor of all blocks held."""
     s = with_laws(make(kr500.arm), kr500.arm) if laws else make(kr500.arm)
-    seen = hierarchy.evidence(*seen_by(kr500, campaign, s, cad_prior(kr500.arm)))
+    seen = hierarchy.evidence_model(*seen_by(kr500, campaign, s, cad_prior(kr500.arm)))
     mute = replace(seen.problem, gram=0 * seen.problem.gram, counts=0 * seen.problem.counts)
     h = np.r_[np.zeros(len(seen.start) - 3), seen.start[-3:-1], 0.0]
     for k in range(2, seen.kind.max() + 1):  # sizes of laws beside the prior's
         own = math.log(hierarchy._size(k)[0])
         h[seen.blocks + k], h[: seen.blocks][seen.kind == k] = own, own
-    at = posterior(mute, h)
+    at = evidence_posterior(mute, h)
     some = np.setdiff1d(np.arange(len(h) - 1), [seen.blocks])
-    values = np.linalg.eigvalsh(bends(mute, h, at)[0][np.ix_(some, some)])
+    values = np.linalg.eigvalsh(evidence_hessian(mute, h, at)[0][np.ix_(some, some)])
     assert at.loss == pytest.approx(0, abs=1e-9)
     assert hierarchy._log_evidence(seen, at.loss, values) == pytest.approx(0, abs=1e-9)
 
@@ -569,10 +607,10 @@ def test_coupled_joints_are_found_and_where_there_are_none_nothing_moves(kr500):
         ours, theirs = errors(kr500, campaign, found, alone)
         assert found.conservative
         if kind == "tubes":
-            assert found.average is None or found.average.ties == 0
+            assert found.average is None or found.average.ties_weight == 0
             assert ours == pytest.approx(theirs, rel=1e-6)
             continue
-        assert found.average.ties > 0.95
+        assert found.average.ties_weight > 0.95
         assert ours < 0.6 * theirs
         true = cell.plant.compliance(campaign.truth.q)[np.ix_(cell.plant.hinges, cell.plant.hinges)]
         own = found.C_theta[42:48, 42:48]
@@ -585,24 +623,28 @@ def test_coupled_joints_are_found_and_where_there_are_none_nothing_moves(kr500):
 
 def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng):
     """By the mean of its square over what the readings leave open: so large is an error of the prior."""
-    own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     r = reduce(kr500.vjm, own.structure, campaign.identification)
-    belief, seen = hierarchy.learn(r, own), hierarchy.evidence(r, own)
-    h = greatest(seen.problem, seen.start)
-    values, Q = np.linalg.eigh(bends(seen.problem, h, posterior(seen.problem, h))[0][:-1, :-1])
-    draws = (Q / np.sqrt(np.maximum(values, hierarchy.WIDEST**-2))) @ rng.standard_normal(
+    belief, seen = hierarchy.learn_prior(r, own), hierarchy.evidence_model(r, own)
+    h = maximise_evidence(seen.problem, seen.start)
+    values, Q = np.linalg.eigh(
+        evidence_hessian(seen.problem, h, evidence_posterior(seen.problem, h))[0][:-1, :-1]
+    )
+    draws = (Q / np.sqrt(np.maximum(values, hierarchy.MAX_HYPER_DEVIATION**-2))) @ rng.standard_normal(
         (len(values), 20000)
     )
     size = np.exp(seen.problem.drawn[:, :-1] @ draws)  # over that at the best h
     middle = np.quantile(size, 0.84, axis=1)  # one standard deviation above the median
-    np.testing.assert_allclose(belief.unsure, np.exp(np.log(middle) ** 2), rtol=0.1)
+    np.testing.assert_allclose(belief.size_uncertainty, np.exp(np.log(middle) ** 2), rtol=0.1)
     found = solve(r, "none", belief)
-    B = belief.unsure[:, None] * precision_root(belief.metric, belief.strength)[0]
-    A, _ = whitened(r, belief.metric)
-    M = np.linalg.inv(A.T @ A + np.diag(precision_root(belief.metric, belief.strength)[0].diagonal() ** 2))
-    open_ = belief.misfit**2 * belief.metric.L @ M @ B.T @ B @ M @ belief.metric.L.T
+    B = belief.size_uncertainty[:, None] * precision_root(belief.scaling, belief.strength)[0]
+    A, _ = weighted_rows(r, belief.scaling)
+    M = np.linalg.inv(A.T @ A + np.diag(precision_root(belief.scaling, belief.strength)[0].diagonal() ** 2))
+    open_ = belief.misfit**2 * belief.scaling.L @ M @ B.T @ B @ M @ belief.scaling.L.T
     rows = rng.standard_normal((5, own.structure.n)) / np.sqrt(np.diag(open_))
-    expected = np.einsum("ki,ij,kj->k", rows, open_ + belief.moves.T @ belief.moves, rows)
+    expected = np.einsum(
+        "ki,ij,kj->k", rows, open_ + belief.hyperparameter_effect.T @ belief.hyperparameter_effect, rows
+    )
     whole, prior = (own**2 for own in linearise(found)._deviations(rows))
     np.testing.assert_allclose(prior, expected, rtol=1e-6)
     # what links do in a pose that nobody measured is no error of the prior
@@ -615,15 +657,15 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
 def test_a_mean_with_coupled_joints_has_the_covariance_of_the_mixture(kr500, campaign):
     method, s = default(kr500, 3)
     regression = reduce(kr500.vjm, s, campaign.identification)
-    first = averaged(regression, "psd", metric(method.prior, kr500.vjm, s), widths=True)
-    own = first.average.whole if first.average is not None else first
-    r = some_columns(regression, tied(kr500.arm))
-    coupled = solve(r, "psd", hierarchy.learn(r, metric(method.prior, kr500.vjm, r.structure)))
+    first = average_models(regression, "psd", scale_by_prior(method.prior, kr500.vjm, s), widths=True)
+    own = first.average.all_parts if first.average is not None else first
+    r = restrict_to(regression, tied(kr500.arm))
+    coupled = solve(r, "psd", hierarchy.learn_prior(r, scale_by_prior(method.prior, kr500.vjm, r.structure)))
     n, at = s.n, np.r_[np.arange(153), s.n - 15 + np.arange(15)]
     pi = np.zeros(n)
     pi[at] = 0.3 * coupled.pi
     pi[:153] += 0.7 * own.pi
-    average = Average(0.0, own, ties=0.3, tied=coupled)
+    average = ModelAverage(0.0, own, ties_weight=0.3, with_ties=coupled)
     mean = replace(own, regression=regression, pi=pi, C_theta=s.matrix(pi), average=average)
     rows = np.random.default_rng(0).standard_normal((5, n)) * regression.columns
     parts = ((0.3, coupled, rows[:, at]), (0.7, own, rows[:, :153]))
@@ -636,7 +678,7 @@ def test_links_that_are_others_in_every_pose_weigh_readings_by_their_covariance(
     _, s = default(kr500, 3)
     regression, rho = reduce(kr500.vjm, s, campaign.identification), 0.2
     data, pi = campaign.identification, cad_prior(kr500.arm).C_theta[s.a[:147], s.b[:147]]
-    weighed = wandering(regression, pi, rho)
+    weighed = with_scatter(regression, pi, rho)
     H = np.zeros((s.n + 1, s.n + 1))
     link = s.a // 6
     for pose in np.unique(data.pose):
@@ -645,10 +687,10 @@ def test_links_that_are_others_in_every_pose_weigh_readings_by_their_covariance(
         each = [rows[:, :-1][:, link == k] @ pi[link[:147] == k] for k in range(7)]
         S = np.eye(len(rows)) + rho**2 * sum(np.outer(a, a) for a in each)
         H += rows.T @ np.linalg.solve(S, rows)
-        H[-1, -1] += term.equations / 3 * term.rest
+        H[-1, -1] += term.equations / 3 * term.unexplained
     A, y = weighed.rows
     found = np.c_[A, y].T @ np.c_[A, y]
-    found[-1, -1] += sum(t.equations / 3 * t.rest for t in weighed.terms)
+    found[-1, -1] += sum(t.equations / 3 * t.unexplained for t in weighed.terms)
     norm = np.sqrt(np.diag(H)) + (np.diag(H) == 0)
     np.testing.assert_allclose(found / norm / norm[:, None], H / norm / norm[:, None], rtol=0, atol=1e-9)
     np.testing.assert_allclose(weighed.wander[3, link == 3], rho * pi[link[:147] == 3])
@@ -659,33 +701,33 @@ def test_links_that_follow_the_pose_widen_intervals_and_others_are_left_alone(kr
     for kind, seed in (("following_50", 1), ("tubes", 1)):
         campaign, (method, s) = simulate(true_cell(kr500, kind, seed), SCENARIO, seed), default(kr500, seed)
         regression = reduce(kr500.vjm, s, campaign.identification)
-        plain = method.of(kr500.vjm, replace(regression, poses=()))
-        found = method.of(kr500.vjm, regression)
+        plain = method.fit_reduced(kr500.vjm, replace(regression, poses=()))
+        found = method.fit_reduced(kr500.vjm, regression)
         if kind == "tubes":
-            assert size(regression, plain) == 0
+            assert stiffness_scatter(regression, plain) == 0
             np.testing.assert_array_equal(found.pi, plain.pi)
             continue
-        assert size(regression, plain) > 0
+        assert stiffness_scatter(regression, plain) > 0
         covered = []
         for estimate in (plain, found):
             told = intervals(kr500.vjm, estimate, campaign.truth)
             inside = np.abs(told.centre - campaign.truth.deflection) <= (told.upper - told.lower) / 2
             covered.append(inside.mean())
         assert covered[1] > 0.85
-        assert found.f_m == pytest.approx(f_m(some_columns(regression, found.structure), found.pi))
+        assert found.f_m == pytest.approx(f_m(restrict_to(regression, found.structure), found.pi))
 
 
 def test_joints_alone_weigh_a_quarter_where_links_change_with_the_pose(kr500, campaign, monkeypatch):
     """As least squares has them, of readings as they are; intervals widen by how far the mean moves."""
     method, s = default(kr500, 3)
     regression = reduce(kr500.vjm, s, campaign.identification)
-    monkeypatch.setattr(average, "size", lambda *_: 0.2)
-    found = method.of(kr500.vjm, regression)
+    monkeypatch.setattr(average, "stiffness_scatter", lambda *_: 0.2)
+    found = method.fit_reduced(kr500.vjm, regression)
     monkeypatch.setattr(average, "RIGID", 0.0)
-    changing = method.of(kr500.vjm, regression)
-    assert found.average.laws == found.average.ties == 0
+    changing = method.fit_reduced(kr500.vjm, regression)
+    assert found.average.laws_weight == found.average.ties_weight == 0
     joints = joints_only(kr500.arm)
-    alone = spread(least_squares(kr500.vjm, joints, campaign.identification).pi, joints, found.structure)
+    alone = scatter_to(least_squares(kr500.vjm, joints, campaign.identification).pi, joints, found.structure)
     seen = alone > 0  # no weight turns joint 1: it has what the prior says
     np.testing.assert_allclose((found.pi - 0.75 * changing.pi)[seen], 0.25 * alone[seen], rtol=2e-3)
     links = found.structure.a < 6 * found.structure.links
@@ -704,11 +746,11 @@ def test_links_stay_alike_in_all_poses_where_readings_weighed_otherwise_refuse_t
     """Weighed so, readings of coupled joints may want a negative scale of the prior (seen: 1 of 21 arms)."""
     method, s = default(kr500, 3)
     regression = reduce(kr500.vjm, s, campaign.identification)
-    plain = method.of(kr500.vjm, replace(regression, poses=()))
+    plain = method.fit_reduced(kr500.vjm, replace(regression, poses=()))
 
     def refused(*_, **__):
         raise BenchError("its best scale is -0.115")
 
-    monkeypatch.setattr(average, "size", lambda *_: 0.2)
-    monkeypatch.setattr(average, "averaged", refused)
-    np.testing.assert_array_equal(method.of(kr500.vjm, regression).pi, plain.pi)
+    monkeypatch.setattr(average, "stiffness_scatter", lambda *_: 0.2)
+    monkeypatch.setattr(average, "average_models", refused)
+    np.testing.assert_array_equal(method.fit_reduced(kr500.vjm, regression).pi, plain.pi)

@@ -109,9 +109,13 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
     q, payload = random_q(kr500, rng, 300), Payload(460.3)
     site = build_site(altered(kr500, tmp_path, *CHANGES[change]), payload, (1.2, -1.6, 1.2))
     model, data = site.model, mujoco.MjData(site.model)
-    hanging, head = (np.flatnonzero(site.part == places.KINDS.index(name)) for name in ("payload", "tracker"))
-    others = np.flatnonzero((site.part != places.KINDS.index("payload")) & (model.geom_contype != 0))
-    arm = np.flatnonzero((site.part == places.KINDS.index("itself")) & (model.geom_contype != 0))
+    hanging, head = (
+        np.flatnonzero(site.part == places.CONTACT_CATEGORIES.index(name)) for name in ("payload", "tracker")
+    )
+    others = np.flatnonzero(
+        (site.part != places.CONTACT_CATEGORIES.index("payload")) & (model.geom_contype != 0)
+    )
+    arm = np.flatnonzero((site.part == places.CONTACT_CATEGORIES.index("itself")) & (model.geom_contype != 0))
     assert model.geom_size[head, 0] == places.HEAD_RADIUS
     found = contacts(site, q)
     loads = tool_points(kr500.vjm, q, kr500.vjm.load[None])[:, 0]

@@ -20,18 +20,18 @@ from testbench.identify import (
     reduce,
 )
 from testbench.identify.certify import (
-    bound,
     default_trace_bounds,
     gradient_dual,
+    lower_bound_certificate,
     scaled_units,
     tie_break,
     total_trace,
 )
 from testbench.identify.estimate import Dual
-from testbench.identify.metric import Belief, Case, metric, rescaled
+from testbench.identify.metric import Case, WeightedPrior, rescale_to_data, scale_by_prior
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import Term, f_m, regression_of
-from testbench.identify.solve import answer, solve
+from testbench.identify.solve import solve, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco47, mgco68, template56
 from testbench.plant.true_arms import TRUTHS
 from testbench.workflows.cell import true_cell
@@ -58,7 +58,7 @@ def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
         assert least_squares_off(case) <= OFF
         penalty = tie_break(regression)
         program = conic.scale_program(regression, penalty)
-        answers = conic.by_interior(regression, program), conic.by_clarabel(regression, program)
+        answers = conic.solve_interior_point(regression, program), conic.solve_clarabel(regression, program)
         if answers[0] is not None:
             trace = [penalty.price @ a.pi for a in answers]
             cost = [f_m(regression, a.pi) + t for a, t in zip(answers, trace, strict=True)]
@@ -80,7 +80,7 @@ def told_again(cell, structure, campaign, rng):
         data = campaign.identification
         after = data.after * (1 + 1e-15) ** (k % 2) * (1 + 2e-16 * k * rng.standard_normal(data.after.shape))
         changed = in_order(replace(data, after=after), rng.permutation(data.runs))
-        yield conic.optimum(reduce(cell.vjm, structure(cell.arm), changed))
+        yield conic.solve_gco(reduce(cell.vjm, structure(cell.arm), changed))
 
 
 def test_the_last_digits_of_readings_move_no_prediction(kr500, campaigns, rng):
@@ -98,19 +98,21 @@ def test_without_noise_last_digits_of_readings_do_not_change_what_is_said(name, 
         assert found.status == "solved"
         unit = f_m(found.regression, np.zeros(found.structure.n))
         assert found.f_m < 1e-5 * unit
-        squares = conic.by_squares(found.regression, conic.scale_program(found.regression, found.penalty))
+        squares = conic.solve_least_squares_cone(
+            found.regression, conic.scale_program(found.regression, found.penalty)
+        )
         assert f_m(found.regression, squares) < 1e-8 * unit
 
 
 @pytest.mark.parametrize(("off", "status"), [(1e-9, "solved"), (1e-2, "worse")])
 def test_what_is_not_near_enough_is_not_called_solved(kr500, campaigns, off, status, monkeypatch):
     regression = reduce(kr500.vjm, mgco68(kr500.arm), campaigns[0].identification)
-    own = conic.by_clarabel(regression, conic.scale_program(regression, tie_break(regression)))
+    own = conic.solve_clarabel(regression, conic.scale_program(regression, tie_break(regression)))
     far = replace(own, pi=(1 + off) * own.pi, failure="worse")
-    monkeypatch.setattr(conic, "by_interior", lambda *args: None)
-    monkeypatch.setattr(conic, "by_clarabel", lambda *args: far)
-    monkeypatch.setattr(conic, "by_squares", lambda *args: far.pi)
-    assert conic.optimum(regression).status == status
+    monkeypatch.setattr(conic, "solve_interior_point", lambda *args: None)
+    monkeypatch.setattr(conic, "solve_clarabel", lambda *args: far)
+    monkeypatch.setattr(conic, "solve_least_squares_cone", lambda *args: far.pi)
+    assert conic.solve_gco(regression).status == status
 
 
 @pytest.mark.parametrize("wrong", [0.99, 1.01, 0.0, np.nan, None])
@@ -120,8 +122,8 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
 ):
     """Too small, too large, nothing, not a number, outside the cone."""
     regression = reduce(kr500.vjm, structure(kr500.arm), campaigns[0].identification)
-    own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, regression.structure), regression)
-    belief = Belief(own, Strength(3.0))
+    own = rescale_to_data(scale_by_prior(cad_prior(kr500.arm), kr500.vjm, regression.structure), regression)
+    belief = WeightedPrior(own, Strength(3.0))
     right, sound = solve(regression, "psd", belief), interior.interior
     size = -1.0 if wrong is None else wrong
 
@@ -130,7 +132,7 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
         return replace(found, x=size * found.x)
 
     monkeypatch.setattr(interior, "interior", wrongly)
-    assert not answer("psd", Case(regression, belief)).own
+    assert not solve_with_prior("psd", Case(regression, belief)).by_our_solver
     again = solve(regression, "psd", belief)
     assert again.conservative
     assert again.f_m == pytest.approx(right.f_m, rel=1e-5)
@@ -145,7 +147,7 @@ def nearest(z, blocks):
     """min |v - z| over v; the unknowns are the distance, then v."""
     cost = np.r_[1.0, np.zeros(len(z))]
     rows = (cone.norm_below(0, np.eye(len(z), 1 + len(z), 1), z),)
-    return cone.solve(cone.Problem(cost, (cone.free_block(0, 1), *blocks), rows))
+    return cone.solve(cone.ConeProgram(cost, (cone.free_block(0, 1), *blocks), rows))
 
 
 def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_their_block_lacks(rng):
@@ -171,7 +173,7 @@ def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_the
 
 def test_what_cannot_be_is_not_called_solved():
     apart = tuple(cone.Rows("nonnegative", sign * np.eye(1), np.array([-1.0])) for sign in (1, -1))
-    found = cone.solve(cone.Problem(np.ones(1), (cone.free_block(0, 1),), apart))  # x <= -1 and x >= 1
+    found = cone.solve(cone.ConeProgram(np.ones(1), (cone.free_block(0, 1),), apart))  # x <= -1 and x >= 1
     assert found.status == f"not solved: Clarabel says {found.word}"
     assert "nfeasible" in found.word
 
@@ -209,7 +211,7 @@ def best_within(regression, t):
         room[k, count + own] = program.scale[own] / scaled_units(s)[s.a[own]] ** 2 / of_block[tuple(block)]
     norms = conic.norms_below(program.R, program.z, program.rest)
     found = cone.solve(
-        cone.Problem(
+        cone.ConeProgram(
             cost=np.r_[np.ones(count), np.zeros(s.n)],
             blocks=(cone.free_block(0, count), *conic.psd_blocks(s, count)),
             rows=(*norms, cone.Rows("nonnegative", room, np.ones(len(room)))),
@@ -234,7 +236,7 @@ def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
     within = 0
     for _ in range(8):
         regression = random_regression(kind, rng)
-        s, best = regression.structure, conic.optimum(regression)
+        s, best = regression.structure, conic.solve_gco(regression)
         others, t = [best.pi, 0 * best.pi], best.certificate.trace_bounds
         least = best_within(regression, t)
         if (traces(s, least) <= t * (1 + 1e-6)).all():  # Clarabel solves most of them
@@ -244,7 +246,9 @@ def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
         for estimate in (best, by_hand(regression, 0 * best.pi), by_hand(regression, 2 * best.pi)):
             for dual in (None, best.certificate.dual, Dual(y[:, :-1], y[:, -1])):
                 dual = dual or gradient_dual(regression, estimate.pi)
-                found = bound(regression, estimate.pi, dual, t, penalty=tie_break(regression))
+                found = lower_bound_certificate(
+                    regression, estimate.pi, dual, t, penalty=tie_break(regression)
+                )
                 for other in others:
                     slack = 1e-9 if other is least else SLACK  # what Clarabel leaves of its constraints
                     assert refuted(regression, found, estimate.pi, other) <= slack
@@ -256,7 +260,7 @@ def test_a_dual_longer_than_one_would_prove_too_much_and_is_refused(kr500):
     regression, known = best.regression, best.certificate
     longer = Dual(1.001 * known.dual.y, 1.001 * known.dual.y_rest)
     poor = by_hand(regression, 0.5 * best.pi)
-    fooled = bound(
+    fooled = lower_bound_certificate(
         regression, poor.pi, longer, known.trace_bounds, penalty=tie_break(regression)
     )  # no door, so that the door is needed
     assert refuted(regression, fooled, poor.pi, best.pi) > 1e-6
@@ -300,5 +304,5 @@ def test_an_axis_that_the_data_hardly_show_may_explain_all_of_them(shown):
     assert default_trace_bounds(regression, np.zeros(2))[1] == pytest.approx(2 * truth[1])
     stiff = by_hand(regression, np.zeros(2))
     assert certify(stiff).f_m_excess_bound >= stiff.f_m * (1 - SLACK)  # the truth has an F_M of zero
-    best = conic.optimum(regression)
+    best = conic.solve_gco(regression)
     assert refuted(regression, best.certificate, best.pi, truth) <= SLACK

@@ -7,9 +7,9 @@ import pytest
 
 from testbench import BenchError, Scenario, deflections, score, simulate
 from testbench.identify import batch, certify, gco, least_squares, paper_gco, reduce, trace
-from testbench.identify.crossval import divided
+from testbench.identify.crossval import divide_poses
 from testbench.identify.fold import reduce_parts
-from testbench.identify.trace import _strongest, learnt, weighed
+from testbench.identify.trace import _strongest, learn_trace_weight, trace_penalty
 from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
 from testbench.workflows.cell import true_cell
 
@@ -98,8 +98,8 @@ def test_all_folds_and_weights_are_solved_as_if_one_by_one(kr500, campaign, monk
         return seen["x"], whole(problems, weights)[1]
 
     monkeypatch.setattr(batch, "solve", spied)
-    [parts] = reduce_parts(kr500.vjm, [s], campaign.identification, divided(campaign.identification))
-    taken = learnt(kr500.vjm, parts)
+    [parts] = reduce_parts(kr500.vjm, [s], campaign.identification, divide_poses(campaign.identification))
+    taken = learn_trace_weight(kr500.vjm, parts)
     assert np.isfinite(seen["x"]).all()
     assert len(seen["weights"]) == 5  # beside joint stiffness only, which needs no program
     exact = replace(gco, trace_weight=taken.weight)(kr500.vjm, s, campaign.identification)
@@ -122,7 +122,7 @@ def test_a_weight_is_refused_that_is_none(kr500):
 
 def test_joints_cost_a_millionth_wherever_they_are_counted(kr500):
     s = mgco68(kr500.arm)
-    penalty = weighed(kr500.vjm, s, 2.0)
+    penalty = trace_penalty(kr500.vjm, s, 2.0)
     assert penalty.lift.shape == (68, 69)  # joint 1 is counted in link 0
     links = penalty.structure.a < 6 * s.links
     diagonal = penalty.structure.a == penalty.structure.b

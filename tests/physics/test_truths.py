@@ -10,11 +10,11 @@ from testbench import MODELS, BenchError, cad_prior, deflections
 from testbench.arm import stiffness
 from testbench.model.structure import TEMPLATE
 from testbench.plant import true_arms
-from testbench.plant.cast import CAST_IRON, Casting, Line, as_compliant, beam_compliance, draw_casting
+from testbench.plant.cast import CAST_IRON, BeamSegments, Casting, as_compliant, beam_compliance, draw_casting
 from testbench.plant.section import Sections, rib_thickness
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.workflows.cell import Scenario, simulate, true_cell
-from testbench.workflows.perturbed_prior import FAR, PRIORS, TURN, prior_of, wrong_prior
+from testbench.workflows.perturbed_prior import PRIORS, WRONG_FACTOR, WRONG_ROTATION, prior_of, wrong_prior
 
 TUBE = stiffness.tube_compliance(stiffness.Tube(1.3, 0.34, 0.31, 1.1e11, 0.26))
 OFF = {"off_10": 0.1, "off_20": 0.2, "off_40": 0.4}
@@ -23,7 +23,7 @@ SEEDS = range(20)
 
 
 def drawn(kr500, name, seed):
-    return TRUE[name](kr500.arm, stream(seed, 8))
+    return TRUE[name](kr500.arm, trial_rng(seed, 8))
 
 
 def compliances(parts):
@@ -37,7 +37,7 @@ def random_symmetric(rng):
 
 def test_the_distance_from_tubes_is_the_least_over_templates(rng):
     """By its definition |T^-1/2 C T^-1/2 - 1| / sqrt(6), searched from the tube that was deformed."""
-    C = true_arms.deformed(TUBE, random_symmetric(rng), 0.25)
+    C = true_arms.deform_tube(TUBE, random_symmetric(rng), 0.25)
     scale = np.array([np.sqrt(TUBE[a, a] * TUBE[b, b]) for a, b in TEMPLATE])
 
     def apart(x):
@@ -60,7 +60,7 @@ def test_the_distance_from_tubes_is_the_least_over_templates(rng):
 def test_links_are_as_far_from_tubes_as_their_name_says(kr500, name, rng):
     """In their own axes exactly so, in the model's, from which they are turned, further."""
     for link in kr500.arm.links:
-        C = true_arms.deformed(link.compliance, random_symmetric(rng), OFF[name])
+        C = true_arms.deform_tube(link.compliance, random_symmetric(rng), OFF[name])
         assert true_arms.distance_from_tubes(C) == pytest.approx(OFF[name], rel=1e-5)
     links = [link for k in range(3) for link in drawn(kr500, name, k).links]
     assert np.median([true_arms.distance_from_tubes(link.compliance) for link in links]) > 1.2 * OFF[name]
@@ -127,13 +127,13 @@ def test_priors_are_wrong_as_their_names_say(kr500):
         np.testing.assert_array_equal(own["scaled"], base)
         factors = np.divide(*([block[0, 0] for block in blocks(C)] for C in (own["link"], base)))
         [far] = np.flatnonzero(np.abs(factors - 1) > 1e-9)
-        assert factors[far] in (pytest.approx(FAR), pytest.approx(1 / FAR))
+        assert factors[far] in (pytest.approx(WRONG_FACTOR), pytest.approx(1 / WRONG_FACTOR))
         np.testing.assert_allclose(blocks(own["link"])[far], factors[far] * blocks(base)[far])
         np.testing.assert_array_equal(own["link"][42:], base[42:])
         np.testing.assert_array_equal(own["joints"][:42], base[:42])
         factor = np.diag(own["joints"])[42:] / np.diag(base)[42:]
         np.testing.assert_allclose(factor, factor[0])
-        assert factor[0] in (pytest.approx(FAR), pytest.approx(1 / FAR))
+        assert factor[0] in (pytest.approx(WRONG_FACTOR), pytest.approx(1 / WRONG_FACTOR))
         np.testing.assert_array_equal(own["uncoupled"], np.diag(np.diag(base)))
         hit.add(far)
         soft += factor[0] > 1, factors[far] > 1
@@ -149,11 +149,13 @@ def test_turning_a_beam_turns_its_compliance(rng):
     """About its own axis a tube does not change; there and back it is what it was."""
     scale = stiffness.eigenvalue_scale(TUBE)
     axis = rng.standard_normal(3)
-    about = stiffness.turned(TUBE, np.array([1.0, 0, 0]), 0.7)
-    back = stiffness.turned(stiffness.turned(TUBE, axis, TURN), axis, -TURN)
+    about = stiffness.rotated_compliance(TUBE, np.array([1.0, 0, 0]), 0.7)
+    back = stiffness.rotated_compliance(
+        stiffness.rotated_compliance(TUBE, axis, WRONG_ROTATION), axis, -WRONG_ROTATION
+    )
     for C in (about, back):
         np.testing.assert_allclose(C / np.outer(scale, scale), TUBE / np.outer(scale, scale), atol=1e-12)
-    quarter = stiffness.turned(TUBE, np.array([0, 0, 1.0]), np.pi / 2)  # along y now
+    quarter = stiffness.rotated_compliance(TUBE, np.array([0, 0, 1.0]), np.pi / 2)  # along y now
     assert quarter[1, 1] == pytest.approx(TUBE[0, 0])
     assert quarter[2, 3] == pytest.approx(-TUBE[2, 4])  # phi_y of before is -phi_x
 
@@ -178,7 +180,7 @@ def test_links_of_a_member_of_the_family_are_all_stiffer_or_one_of_them_is_softe
 
 def family_member(kr500, seed):
     """Kind and arm that the first draws of a seed's stream make, and that stream from there on."""
-    rng = stream(seed, 8)
+    rng = trial_rng(seed, 8)
     kind = list(true_arms.TRUTHS)[rng.integers(len(true_arms.TRUTHS))]
     return kind, true_arms.TRUTHS[kind](kr500.arm, rng), rng
 
@@ -197,7 +199,7 @@ def test_soft_bearings_tilt_and_shift_at_the_ends_of_links_before_joints(kr500):
 def test_random_couplings_keep_the_diagonal_and_are_uniform_over_correlation_matrices():
     """An entry of a uniform correlation matrix of order n is Beta(n/2, n/2) on -1 to 1, variance 1/(n+1)."""
     rng = np.random.default_rng(4)
-    found = np.array([true_arms.coupled(TUBE, rng) for _ in range(2000)])
+    found = np.array([true_arms.couple_compliance(TUBE, rng) for _ in range(2000)])
     scale = np.sqrt(np.diag(TUBE))
     R = found / np.outer(scale, scale)
     np.testing.assert_allclose(R[:, range(6), range(6)], 1, rtol=1e-12)
@@ -210,8 +212,8 @@ def test_random_couplings_keep_the_diagonal_and_are_uniform_over_correlation_mat
 
 def test_the_family_gives_every_seed_the_next_kind_and_an_unknown_name_is_answered_with_all(kr500):
     kinds = [*true_arms.TRUTHS, *true_arms.TRUTHS]
-    assert [true_arms.member("family", 12 + k) for k in range(len(kinds))] == kinds
-    assert {true_arms.member("cast", seed) for seed in SEEDS} == {"cast"}
+    assert [true_arms.true_arm_of_seed("family", 12 + k) for k in range(len(kinds))] == kinds
+    assert {true_arms.true_arm_of_seed("cast", seed) for seed in SEEDS} == {"cast"}
     for find, names in ((true_cell, true_arms.TRUTHS), (prior_of, PRIORS)):
         with pytest.raises(BenchError, match=", ".join(names)):
             find(kr500, "rubber", 1)
@@ -236,7 +238,7 @@ def channel(width, height, flange, web, gap):
 def straight(length, section, segments=3):
     nodes, weights = np.polynomial.legendre.leggauss(segments)  # the compliance is of degree 2 in s
     s = length * (1 + nodes) / 2
-    line = Line(
+    line = BeamSegments(
         np.column_stack([s, 0 * s, 0 * s]), np.tile(np.eye(3), (segments, 1, 1)), length / 2 * weights
     )
     return beam_compliance(line, np.repeat(section, segments, axis=0), np.array([length, 0.0, 0.0]))
@@ -300,7 +302,7 @@ def test_a_quarter_circle_is_castiglianos():
     points = R * np.column_stack([np.sin(angle), 1 - np.cos(angle), 0 * angle])
     x = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     z = np.tile([0.0, 0.0, 1.0], (12, 1))
-    line = Line(points, np.stack([x, np.cross(z, x), z], axis=2), R * np.pi / 4 * weights)
+    line = BeamSegments(points, np.stack([x, np.cross(z, x), z], axis=2), R * np.pi / 4 * weights)
     C = beam_compliance(line, np.tile(c, (12, 1, 1)), np.array([R, R, 0.0]))
     direct = np.pi * R / 4 * (1 / (E * A) + 1 / (k * G * A))
     assert C[0, 0] == pytest.approx(np.pi * R**3 / (4 * E * second) + direct, rel=1e-10)
@@ -326,7 +328,7 @@ def test_a_casting_is_a_straight_box_bends_by_a_pull_beside_and_as_its_taper_say
     y = section.centroid[0, 0]
     C = plain(wall=wall).compliance()
     assert C[5, 0] == pytest.approx(y / (CAST_IRON.E * section.second_moments[0, 0, 0]), rel=1e-12)
-    assert plain(wall=wall, beside=np.array([-y, 0])).compliance()[5, 0] == pytest.approx(0, abs=1e-20)
+    assert plain(wall=wall, line_offset=np.array([-y, 0])).compliance()[5, 0] == pytest.approx(0, abs=1e-20)
     C = plain(taper=np.array([0.6, 1.0])).compliance()
     h, t = 0.3, 0.01
     root, tip = (2 * t * h**3 / 12 + 2 * t * width * (h / 2) ** 2 for width in (0.2, 0.12))

@@ -6,7 +6,7 @@ import numpy as np
 
 from testbench import Aim, Load
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.arm_model import About, bending, of_compliances
+from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
 from testbench.identify.posterior import Posterior
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import all153
@@ -28,12 +28,12 @@ def normal(x, root, unseen=None):
 def unsure(cell):
     """Compliances that are unsure by a tenth, no two of one link alike."""
     structure = all153(cell.arm)
-    state = bending(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
+    state = elastic_state(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
     pi = structure.entries(state.C_theta)
     d = np.sqrt(np.diag(state.C_theta))
     root = np.diag(0.1 * d[structure.a] * d[structure.b])
     root[1:, :-1] += 0.5 * np.diag(np.diag(root)[1:])
-    return of_compliances(state, structure, normal(pi, root), About("made up"))
+    return model_of_compliances(state, structure, normal(pi, root), ModelOrigin("made up"))
 
 
 def unsure_everywhere(cell):

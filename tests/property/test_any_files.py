@@ -19,7 +19,7 @@ from refused import one_line
 from testbench import load_arm, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
 from testbench.errors import InputError
-from testbench.files.names import LARGEST, LEAST
+from testbench.files.names import MAX_NUMBERS, MIN_NUMBER
 from testbench.files.scatter import SIGMA_RANGE
 
 ROOT = Path(__file__).parents[2]
@@ -34,9 +34,9 @@ ANGLES = {"rad": 1.0, "deg": np.pi / 180, "mrad": 1e-3}
 FORCES, MOMENTS = {"N": 1.0, "kN": 1e3}, {"Nm": 1.0, "Nmm": 1e-3}
 APART = np.array([0.0, 11.0, 22.0])  #: Three equal coordinates are no place.
 STATES = {"before": "Unloaded", "after": "loaded"}
-MOST = min(LARGEST.values())
-ANY = st.floats(-MOST, MOST).filter(lambda x: x == 0 or abs(x) >= LEAST)
-SOME = st.floats(-5, 5).filter(lambda x: x == 0 or abs(x) >= 1e6 * LEAST)
+MOST = min(MAX_NUMBERS.values())
+ANY = st.floats(-MOST, MOST).filter(lambda x: x == 0 or abs(x) >= MIN_NUMBER)
+SOME = st.floats(-5, 5).filter(lambda x: x == 0 or abs(x) >= 1e6 * MIN_NUMBER)
 ID = st.integers(-(2**63), 2**63 - 1)
 
 

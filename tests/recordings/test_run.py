@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 from testbench.report.colours import SCALE, look
 from testbench.report.page.page import seen_plain
 from testbench.report.recording.run import write_run
-from testbench.report.recording.stream import Header
+from testbench.report.recording.stream import RecordingHeader
 from testbench.report.run_figure import overview
-from testbench.report.scene import Line, Seen, typical_first
+from testbench.report.scene import ModelLine, PageContent, typical_first
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def seen(arm_6r):
 
 
 def written(path, seen, **figures):
-    write_run(path, Header("made_up", "{}", 1), REPORT, seen, figures)
+    write_run(path, RecordingHeader("made_up", "{}", 1), REPORT, seen, figures)
     return path
 
 
@@ -176,7 +176,7 @@ def test_a_map_has_a_ball_a_place_the_larger_and_brighter_the_more(chunks, seen)
 
 def test_the_winner_less_joint_stiffness_has_the_colour_of_the_one_that_errs_less(seen, tmp_path):
     mm = seen.map.lines[0].values
-    joints, ours = Line("Joints", look("Joints", "none"), mm), Line("one", LOOK, 0.5 * mm)
+    joints, ours = ModelLine("Joints", look("Joints", "none"), mm), ModelLine("one", LOOK, 0.5 * mm)
     ours.values[1] = 3 * mm[1]
     both = replace(seen.map, lines=[joints, ours])
     assert seen.map.difference is None
@@ -210,7 +210,7 @@ def test_lines_have_the_colour_of_their_model_and_a_cross_where_it_has_a_prior(c
 
 
 def test_a_map_without_an_arm_is_drawn_alone(seen, tmp_path):
-    chunks = sound(written(tmp_path / "a.rrd", Seen(map=seen.map)), "It is 3.000 mm off.")
+    chunks = sound(written(tmp_path / "a.rrd", PageContent(map=seen.map)), "It is 3.000 mm off.")
     assert "- one: 5.000 mm, place 5, " in document(chunks, "/map_words")
 
 
@@ -248,5 +248,5 @@ def test_seed_scenario_and_versions_are_properties(chunks):
 
 
 def test_a_run_without_a_scene_has_its_figures_and_tables(chart, tmp_path):
-    kinds = {kind for _, kind, _ in views(written(tmp_path / "a.rrd", Seen(), Chart=chart))}
+    kinds = {kind for _, kind, _ in views(written(tmp_path / "a.rrd", PageContent(), Chart=chart))}
     assert kinds == {"2D", "TextDocument"}

@@ -14,7 +14,7 @@ from shot import Sight, film, shot
 from testbench.errors import BenchError
 from testbench.report.recording import viewer
 from testbench.report.recording.run import write_run
-from testbench.report.recording.stream import Header
+from testbench.report.recording.stream import RecordingHeader
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def folder(tmp_path, arm_6r):
     (tmp_path / "inner").mkdir()
     seen = made_up_run(arm_6r)
     for path, age in ((tmp_path / "old.rrd", 100), (tmp_path / "inner" / "new.rrd", 0)):
-        write_run(path, Header("test", "{}", 1), REPORT, seen, {})
+        write_run(path, RecordingHeader("test", "{}", 1), REPORT, seen, {})
         time = path.stat().st_mtime - age
         os.utime(path, (time, time))
     return tmp_path

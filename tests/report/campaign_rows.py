@@ -7,10 +7,10 @@ import numpy as np
 from made_up import of_one_trial
 from reports import AT, campaign_row, fit_row
 
-from testbench.plant.true_arms import HELD_OUT, member
+from testbench.plant.true_arms import HELD_OUT, true_arm_of_seed
 from testbench.studies.campaign import calibration, disturbances, disturbed, family, grids, noise, priors
 from testbench.studies.campaign.coverage import Covered
-from testbench.studies.campaign.trial import Cover, FitRow
+from testbench.studies.campaign.trial import CampaignFitRow, Cover
 from testbench.workflows.cell import Scenario
 from testbench.workflows.evaluation import CampaignRow
 from testbench.workflows.rows import ErrorRow
@@ -36,19 +36,19 @@ def fit(kind, rng, name, **own):
 
 
 def of_noise(seed):
-    rng, arm = np.random.default_rng(seed), member("family", seed)
+    rng, arm = np.random.default_rng(seed), true_arm_of_seed("family", seed)
     for (part, truth), sigma, name in product(
         {"six_dof": "linear", "gravity": "nonlinear"}.items(), SIGMAS, MODELS
     ):
-        yield fit(FitRow, rng, name, part=part, truth=truth, sigma_um=sigma, true_arm=arm)
+        yield fit(CampaignFitRow, rng, name, part=part, truth=truth, sigma_um=sigma, true_arm=arm)
     ways = ("weighted", "flat weights", "weighted, frame drifts")
     for truth, (name, way) in product(("linear", "nonlinear"), product(("MGCO56 + prior", DEFAULT), ways)):
         own = {"part": "instrument", "truth": truth, "instrument": way, "distance_m": 4.0, "true_arm": arm}
-        yield fit(FitRow, rng, name, **own)
+        yield fit(CampaignFitRow, rng, name, **own)
 
 
 def of_disturbances(seed):
-    rng, own = np.random.default_rng(seed), member("family", seed)
+    rng, own = np.random.default_rng(seed), true_arm_of_seed("family", seed)
 
     def row(case, sigma, name, part, arm, size):
         factors = {"part": part, "true_arm": arm, "size": size, "case": case, "sigma_um": sigma}
@@ -80,7 +80,7 @@ def of_family(seed):
                 "cover": Cover(*rng.uniform(20, 90, 3)) if name in family.COVERED else None,
                 "doubted": family.Doubted(heard, unread) if chosen else None,
             }
-            found = fit(family.MethodRow, rng, DEFAULT if chosen else name, poses=poses, **case, **own)
+            found = fit(family.FamilyMethodRow, rng, DEFAULT if chosen else name, poses=poses, **case, **own)
             yield replace(found, name=name)
 
 
@@ -88,7 +88,7 @@ METHODS = {
     grids.GCO: "psd", grids.SQUARES: "none", grids.EQUAL: "free", grids.LENT: "none", grids.JOINTS: "none",
 }  # fmt: skip
 EXPECTED = {"0 to 1 %": 0.005, "10 to 30 %": 0.2, "over 100 %": 2.0}
-GRIDS = grids.Settings(
+GRIDS = grids.GridSettings(
     1,
     ("tubes", "cast"),
     gravity=replace(grids.GRAVITY, poses=(8, 12), sigmas=(15e-6, 50e-6)),
@@ -107,7 +107,7 @@ def of_grids(seed):
             for name, constraint in METHODS.items():
                 if uncertainty == "none" or name not in (grids.EQUAL, grids.LENT):
                     known = {**cell, "name": name, "constraint": constraint}
-                    yield of_one_trial(grids.MethodRow, rng, prior=uncertainty != "none", **known)
+                    yield of_one_trial(grids.GridMethodRow, rng, prior=uncertainty != "none", **known)
 
 
 FILLED = {
@@ -128,7 +128,7 @@ def of_priors(seed):
         own = {"name": name, "structure": structure, "constraint": constraint, "filling": filling}
         own |= {"prior": filling == "prior", "parameters": 56, "rank": 27, "status": "solved"}
         own |= {"part": part, "scale": None, "poses": None, "true_arm": "tubes"} | at
-        yield priors.TrialRow(fit=of_one_trial(priors.MethodRow, rng, **own))
+        yield priors.TrialRow(fit=of_one_trial(priors.PriorMethodRow, rng, **own))
     for name, kind in COVERED.items():
         inside = tuple(bool(own) for own in rng.integers(4, size=6))
         yield priors.TrialRow(intervals=Covered(name, kind, inside, (*rng.uniform(10, 90, 5), np.inf)))
@@ -140,18 +140,18 @@ def of_calibration(seed):
         errors = {part: of_one_trial(ErrorRow, rng) for part in ("workspace", "check", "check_true")}
         placed = {"places": AT, "place_mm": (*rng.uniform(1, 9, 2),)} if seed == 1 else {}
         own = {"structure": structure, "constraint": constraint, "prior": prior, "status": "solved"}
-        own |= {"parameters": 56, "rank": 27, "true_arm": member("family", seed)}
+        own |= {"parameters": 56, "rank": 27, "true_arm": true_arm_of_seed("family", seed)}
         own["held_by_trace_weight"] = name == "MGCO56"
         yield campaign_row(CampaignRow, rng, name, **errors | placed | own)
 
 
 ARM = "kr500_l480"
 TRIALS = {
-    "noise_sensitivity": (noise.Settings(1, sigmas=tuple(x / 1e6 for x in SIGMAS)), of_noise),
-    "model_error": (disturbances.Settings(ARM, 1, sigma=40e-6), of_disturbances),
-    "which_model": (family.Settings(ARM, 1), of_family),
+    "noise_sensitivity": (noise.NoiseSettings(1, sigmas=tuple(x / 1e6 for x in SIGMAS)), of_noise),
+    "model_error": (disturbances.DisturbanceSettings(ARM, 1, sigma=40e-6), of_disturbances),
+    "which_model": (family.FamilySettings(ARM, 1), of_family),
     "regimes": (GRIDS, of_grids),
-    "identifiability": (priors.Settings(ARM, Scenario(arm=ARM), 1, 9, 9, 9, 9), of_priors),
-    "gravity_calibration": (calibration.Settings(ARM, Scenario(arm=ARM), 50.0), of_calibration),
+    "identifiability": (priors.PriorSettings(ARM, Scenario(arm=ARM), 1, 9, 9, 9, 9), of_priors),
+    "gravity_calibration": (calibration.CalibrationSettings(ARM, Scenario(arm=ARM), 50.0), of_calibration),
 }
 """Settings and what makes the rows of a seed, by the name of the preset."""

@@ -7,7 +7,7 @@ from testbench.report.colours import GCO, MEASURED, Look
 from testbench.report.columns import columns as quantities
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report
-from testbench.report.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen
+from testbench.report.scene import Layer, ModelLine, PageContent, PlaceMap, PoseGroup, RunChart, Scene
 from testbench.report.schema import Table
 from testbench.report.table import Row
 
@@ -40,20 +40,20 @@ def made_up_run(arm_6r):
         Layer("hidden", GCO, "specks", at[:1], shown=False),
     ]
     rigid = rigid_frames(arm_6r.room, q)
-    runs = Poses(
+    runs = PoseGroup(
         "Runs", list("abcde"), [f"{k} mm off" for k in range(POSES)], rigid,
         elastic_frames(arm_6r.plant, q, theta), layers, first=3,
     )  # fmt: skip
     whole = rigid_frames(arm_6r.room, rng.uniform(-1, 1, (PLACES, 6)))
-    places = Poses("Places", list("ABCDEFG"), ["here"] * PLACES, whole, None, ())
+    places = PoseGroup("Places", list("ABCDEFG"), ["here"] * PLACES, whole, None, ())
     size = np.array([1.0, 0.5, np.nan, 3.0, 2.0])
     lines = [
-        Line("other", Look(MEASURED, 1, prior=False), size[::-1]),
-        Line("one", LOOK, size, (size - 0.1, size + 0.1)),
+        ModelLine("other", Look(MEASURED, 1, prior=False), size[::-1]),
+        ModelLine("one", LOOK, size, (size - 0.1, size + 0.1)),
     ]
     mm = np.array([1.0, 2.0, 3.0, np.nan, 5.0, 4.0, 0.5])
-    field = PlaceMap("Error (mm)", 1, rng.uniform(-1, 1, (PLACES, 3)), [Line("one", LOOK, mm)])
-    return Seen(
+    field = PlaceMap("Error (mm)", 1, rng.uniform(-1, 1, (PLACES, 3)), [ModelLine("one", LOOK, mm)])
+    return PageContent(
         Scene(arm_6r, "Errors x 10.", [runs, places]),
         field,
         [RunChart("Left (mm)", 0, "run", "abcde", lines)],

@@ -23,7 +23,7 @@ from testbench.runs.parquet import arrow_table, write_trials
 from testbench.runs.rows import columns, tabled
 from testbench.runs.spread import Spread, ends, middle
 from testbench.workflows.evaluation import Measured
-from testbench.workflows.workspace_errors import Places
+from testbench.workflows.workspace_errors import WorkspacePoses
 
 WIDTH = 80  #: Of a terminal.
 
@@ -40,7 +40,7 @@ def table_of(seeds, rows):
 
 
 JOINTS = ("[1.0, 2.0] deg", "[3.0, 4.0] deg")
-AT = Places((1, 2), (0.1, 0.2), JOINTS, (1.2, 0.5), (-0.35, 0.0), (2.0, 1.0), (4.0, 5.0))
+AT = WorkspacePoses((1, 2), (0.1, 0.2), JOINTS, (1.2, 0.5), (-0.35, 0.0), (2.0, 1.0), (4.0, 5.0))
 """Two poses of a workspace."""
 
 
@@ -124,7 +124,7 @@ def check_forest(axes, numbers, looks, unit="mm", first=(0, True)):
         number, look = numbers[k], looks[k]
         own = [line for line in axes.get_lines() if near(line, y) and line.get_linestyle() != ":"]
         values = number.values if isinstance(number, Spread) else ()
-        if values and number.few:
+        if values and number.too_few:
             [dots, *_] = own
             assert dots.get_xdata() == pytest.approx(values)
         else:

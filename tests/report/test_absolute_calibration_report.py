@@ -23,7 +23,7 @@ def row(rng, seed, key, kept):
     true_arm, campaign, poses, name = key
     optimum = rng.uniform(0.1, 0.2)
     return of_one_trial(
-        s.FitRow,
+        s.AbsoluteFitRow,
         rng,
         **{"arm": s.ARMS[seed % 2], "true_arm": true_arm, "campaign": campaign, "poses": poses, "name": name},
         readings=poses if campaign == s.ABSOLUTE else 200,
@@ -41,7 +41,7 @@ def made(kept=(), numbers=NUMBERS):
     """Three seeds an arm."""
     rng, own = np.random.default_rng(1), [key for key in OWN if key[2] != 50 or 50 in numbers]
     trials = table_of(SEEDS, lambda seed: [row(rng, seed, key, kept) for key in own])
-    return report(s.Settings(s.ARMS, numbers, 0, 200, SEEDS[0]), SEEDS, trials), trials
+    return report(s.AbsoluteSettings(s.ARMS, numbers, 0, 200, SEEDS[0]), SEEDS, trials), trials
 
 
 def test_every_row_is_of_its_own_trials_and_shares_are_over_all_numbers():

@@ -8,7 +8,7 @@ from reports import check, table_of
 from testbench.studies.bench.entries import DEFAULT, JOINTS
 from testbench.studies.bench.scores import errors, overall, standings
 from testbench.studies.bench.study import figures, report
-from testbench.studies.bench.trial import DONE, SKIPPED, EntryRow, Settings, covariance, half_widths
+from testbench.studies.bench.trial import DONE, SKIPPED, BenchSettings, EntryRow, covariance, half_widths
 from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow
 
 TASKS, SEEDS, WHOLE = ("gravity-8", "loads"), range(1, 25), 700.0
@@ -59,7 +59,7 @@ def trials():
 
 
 def made(trials):
-    return report(Settings(TASKS, (1, 1), (), 1), SEEDS, trials)
+    return report(BenchSettings(TASKS, (1, 1), (), 1), SEEDS, trials)
 
 
 def test_tables_and_picture_hold_what_the_trials_hold(trials):

@@ -8,16 +8,16 @@ import pytest
 from checks import check_spread, unit_in
 from reports import check, table_of
 
-from testbench.plant.true_arms import FAMILY, TRUTHS, member
+from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.report.colours import CHOICE, JOINTS
 from testbench.report.table import Row, find
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, IDENTIFIED, LINEAR, NOWHERE, REAL
 from testbench.studies.compensation.study import LOOKS, figures, report
 from testbench.studies.compensation.trial import JobsRow
-from testbench.studies.rivals import SAME
+from testbench.studies.rivals import DEFAULT_WITHOUT_CONE
 
-SETTINGS, SEEDS, POINTS = s.Settings("kr500_l480", 300), range(300, 306), 10
+SETTINGS, SEEDS, POINTS = s.CompensationSettings("kr500_l480", 300), range(300, 306), 10
 LEFT = {s.PERFECT: 1e-8, DEFAULT: 0.02, "Joints": 0.08, s.NOMINAL: 0.3, s.PRIOR: 0.7}
 TIMES = {REAL: 5, LINEAR: 2, s.WEIGHT: 3}  #: As much is left.
 
@@ -26,7 +26,7 @@ def row(rng, seed, arm, way, name):
     before, identified = rng.uniform(0.5, 3.0, POINTS), name in IDENTIFIED
     left = LEFT.get(name, 0.5) * TIMES.get(arm, 1) * TIMES.get(way.loads, 1) * rng.uniform(0.5, 1.5, POINTS)
     return JobsRow(
-        **{"true_arm": member(FAMILY, seed), "arm": arm, **vars(way), "name": name},
+        **{"true_arm": true_arm_of_seed(FAMILY, seed), "arm": arm, **vars(way), "name": name},
         chosen="ALL153 + prior" if name == DEFAULT else None,
         before_mm=tuple(before.tolist()),
         after_mm=tuple((left * before).tolist()),
@@ -87,7 +87,7 @@ def test_the_default_is_judged_beside_the_strongest_rival_by_what_is_left(found)
     found, trials = found
     check(found, ["short"])
     left = {name: np.median(points(trials, name, "after_mm"), axis=1) for name in IDENTIFIED}
-    rivals = {name: np.median(left[name]) for name in (s.LEAST_SQUARES, "Joints", SAME)}
+    rivals = {name: np.median(left[name]) for name in (s.LEAST_SQUARES, "Joints", DEFAULT_WITHOUT_CONE)}
     strongest = min(rivals, key=rivals.get)
     assert (found.badge.winner, found.badge.rival, found.badge.verdict) == (DEFAULT, strongest, "holds")
     assert found.badge.factor == pytest.approx(np.median(left[strongest] / left[DEFAULT]))

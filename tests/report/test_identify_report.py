@@ -9,7 +9,7 @@ from testbench.cli.identify import PAGE, report, table_of
 from testbench.report.badge import decide
 from testbench.report.colours import look
 from testbench.report.run_figure import overview
-from testbench.report.scene import Seen
+from testbench.report.scene import PageContent
 from testbench.report.table import Row
 
 MODELS = {
@@ -121,7 +121,7 @@ def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is
     half = f"95 % interval of deflections: +- {own.intervals.half_width_mm:.3f} mm (median)"
     assert said.answer == f"Take {name}: {own.check.rms_mm:.3f} mm RMS in the held-out runs. {half}."
     assert [line for line in said.whole().splitlines() if line.startswith(f"| **{name}** |")]
-    axes = overview(said, Seen(tables=[said.tables["models"]])).axes[0]
+    axes = overview(said, PageContent(tables=[said.tables["models"]])).axes[0]
     first, dot = axes.get_yticklabels()[0].get_text(), axes.get_lines()[1]
     assert first.startswith(name)
     assert dot.get_xdata() == pytest.approx([own.check.rms_mm])

@@ -54,7 +54,7 @@ def link(seeds=SEEDS, least=5, changes=lambda name, seed: {}):
         return [row(name, seed, **changes(name, seed)) for name in LINK] + orders
 
     trials = table_of(seeds, rows)
-    return single_link.report(single_link.Settings(), seeds, trials), trials
+    return single_link.report(single_link.SingleLinkSettings(), seeds, trials), trials
 
 
 def test_methods_of_the_single_link_are_compared_draw_by_draw():
@@ -130,7 +130,7 @@ def six_dof(count=20, changes=lambda name, seed: {}):
                 yield fit(name, "linear", 1, 1.0, m=m)
 
     seeds = SEEDS[:count]
-    asked = six_dof_arm.settings(six_dof_arm.Options(), True, seeds)
+    asked = six_dof_arm.settings(six_dof_arm.SixDofOptions(), True, seeds)
     return six_dof_arm.report(asked, seeds, table_of(seeds, lambda seed: list(rows(seed))))
 
 
@@ -203,7 +203,7 @@ def solvers(**f_m):
 
     seeds = range(3, 6)
     trials = table_of(seeds, lambda seed: list(rows(seed)))
-    asked = solver_comparison.settings(solver_comparison.Options(), False, seeds)
+    asked = solver_comparison.settings(solver_comparison.SolverOptions(), False, seeds)
     return solver_comparison.report(asked, seeds, trials), trials
 
 
@@ -261,7 +261,7 @@ def loaded(**scales):
 
     seeds = range(3, 6)
     trials = table_of(seeds, lambda seed: list(rows(seed)))
-    asked = loaded_stiffness.Settings(arm="kr500_l480", poses=POSES)
+    asked = loaded_stiffness.LoadedStiffnessSettings(arm="kr500_l480", poses=POSES)
     return loaded_stiffness.report(asked, seeds, trials), trials
 
 

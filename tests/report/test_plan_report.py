@@ -9,8 +9,8 @@ import pytest
 from reports import check
 from rich.console import Console
 
-from testbench.arm.folder import Joint
-from testbench.cli.plan import WORST, printed, report
+from testbench.arm.folder import ArmJoint
+from testbench.cli.plan import WORST_TASKS, printed, report
 from testbench.model.load import weight
 from testbench.model.vjm import chain, tool_points
 from testbench.report import terminal
@@ -18,7 +18,7 @@ from testbench.report.planned_poses import OURS, WORK, seen
 from testbench.report.table import Row
 from testbench.workflows.open_laws import OpenLaw
 from testbench.workflows.plan import Planned, plan_for
-from testbench.workflows.plan_input import FORCE, read_loads, read_tasks
+from testbench.workflows.plan_input import FORCE_COLUMNS, read_loads, read_tasks
 from testbench.workflows.plan_numbers import _listed, numbers, plan_columns, write_poses, write_tasks
 from testbench.workflows.plan_settings import PlanSettings
 from testbench.workflows.predicted_error import Expected, Unloaded, Unshown
@@ -89,7 +89,7 @@ def test_a_report_says_all_of_it_and_the_terminal_has_room(f):
     hung_ = printed(report(changed(f, pulls_n=(), plan=weights)))
     assert console.measure(terminal.grid(hung_), options=free).maximum <= 80
     assert [c.key in [own.key for own in printed(said).columns] for c in hung_.columns].count(False) == 1
-    worst = sorted(f.tasks, key=lambda row: -row.expected_error_mm)[:WORST]
+    worst = sorted(f.tasks, key=lambda row: -row.expected_error_mm)[:WORST_TASKS]
     assert [row.task for row in said.tables["tasks"].rows] == [row.task for row in worst]
     for name, rows in (("poses", f.plan), ("tasks", worst)):
         for shown, row in zip(said.tables[name].rows, rows, strict=True):
@@ -98,7 +98,7 @@ def test_a_report_says_all_of_it_and_the_terminal_has_room(f):
             assert (own.median, own.p05, own.p95) == (row.expected_error_mm, low, high)
     long = report(changed(f, plan=9 * f.plan))
     assert len(long.tables["poses"].rows) == 40
-    assert len(long.tables["tasks"].rows) == WORST
+    assert len(long.tables["tasks"].rows) == WORST_TASKS
 
 
 def changed(f, **parts):
@@ -166,7 +166,7 @@ def test_what_it_rests_on_is_in_tables_with_and_without_a_prior(f):
 
 @pytest.mark.parametrize("sliding", [None, "joint_2"])
 def test_the_files_hold_the_numbers_of_the_report(f, tmp_path, sliding):
-    joints = [Joint(name, -99, 99, 1e-6, name == sliding) for name in f.joints]
+    joints = [ArmJoint(name, -99, 99, 1e-6, name == sliding) for name in f.joints]
     plan, tasks = tmp_path / "plan.csv", tmp_path / "tasks.csv"
     write_poses(f, joints, plan)
     write_tasks(f, joints, tasks)
@@ -182,9 +182,9 @@ def test_the_files_hold_the_numbers_of_the_report(f, tmp_path, sliding):
     assert [[float(cells[joint.column]) for joint in joints] for cells in runs] == [row.q for row in f.plan]
     np.testing.assert_array_equal(read_loads(plan)[0], [row.load_kg for row in f.plan])
     np.testing.assert_array_equal(read_loads(plan)[1], [row.pull_N or [0, 0, 0] for row in f.plan])
-    assert {cells[FORCE[0]] for cells in runs} <= {"", "-500.0"}
+    assert {cells[FORCE_COLUMNS[0]] for cells in runs} <= {"", "-500.0"}
     write_poses(changed(f, pulls_n=()), joints, plan)
-    assert not {*FORCE} & {*plan.read_text().splitlines()[0].split(",")}
+    assert not {*FORCE_COLUMNS} & {*plan.read_text().splitlines()[0].split(",")}
 
 
 def test_what_is_drawn_of_a_plan_are_its_poses_loads_and_errors(made, f, kr500):

@@ -14,7 +14,7 @@ from testbench.runs.spread import ends, spread
 from testbench.studies.planning import settings as s
 from testbench.studies.planning.settings import BARE, FITS, INCUMBENT, PLANNED, WHOLE
 from testbench.studies.planning.study import LOOKS, figures, report
-from testbench.studies.planning.trial import Row
+from testbench.studies.planning.trial import PlanErrorRow
 from testbench.workflows.evaluation import CampaignRow
 from testbench.workflows.predicted_error import Expected
 
@@ -26,14 +26,14 @@ SCOPE = s.Scope(poses=POSES, fewer=POSES, criteria=CRITERIA, candidates=30, task
 def plan(criterion="test", poses=12, fit=PLANNED, ground=s.HOME):
     rng = np.random.default_rng([poses, *map(ord, criterion + fit + ground.name)])
     own = {"criterion": criterion, "fit": fit, "ground": ground.name}
-    return of_one_trial(s.PlanRow, rng, poses=poses, q_rad=(), **own)
+    return of_one_trial(s.PlannedRow, rng, poses=poses, q_rad=(), **own)
 
 
-HERE = s.Scene(
+HERE = s.PlanningScene(
     plans=(*(plan(name, n) for name in CRITERIA for n in POSES), *(plan(fit=fit) for fit in FITS[1:])),
 )
-AWAY = s.Scene(plans=tuple(plan(fit=fit, ground=s.AWAY) for fit in FITS))
-ASKED = s.Settings("kr500_l480", 4, SCOPE, HERE, AWAY)
+AWAY = s.PlanningScene(plans=tuple(plan(fit=fit, ground=s.AWAY) for fit in FITS))
+ASKED = s.PlanningSettings("kr500_l480", 4, SCOPE, HERE, AWAY)
 
 
 def rows(seed, factors):
@@ -43,7 +43,7 @@ def rows(seed, factors):
     def row(part, name, poses, fit, **more):
         tasks, workspace = factors.get(name, (1, 1))
         errors = rng.uniform((20, 20), (40, 40)) * (tasks, workspace)
-        return Row(part, name, poses, fit, *errors, **{"status": "solved", **more})
+        return PlanErrorRow(part, name, poses, fit, *errors, **{"status": "solved", **more})
 
     def featured(name):
         model = campaign_row(CampaignRow, rng, f"{name}, {PLANNED}", parameters=68)

@@ -9,7 +9,7 @@ from made_up import of_one_trial
 from reports import check, check_forest, place_of, table_of
 
 from testbench.data.series import Series
-from testbench.identify.absolute.state import Mount, nominal
+from testbench.identify.absolute.state import Mount, nominal_state
 from testbench.identify.registration import Frame
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
@@ -29,13 +29,13 @@ from testbench.studies.absolute.real import (
     SHARED,
     TWO,
     WAVES,
-    FitRow,
-    Settings,
+    RealFitRow,
+    RealSettings,
     figures,
     report,
 )
 from testbench.studies.calibration_scene import amid_errors
-from testbench.workflows.absolute import Score
+from testbench.workflows.absolute import PositionErrors
 from testbench.workflows.cell import build_cell
 
 SEEDS, ORDERS, POSES = range(3, 6), 4, (50, 100)
@@ -53,11 +53,11 @@ def rows(seed):
             own = {"waves": tuple(rng.normal(size=12 * ORDERS)), "joints": tuple(rng.uniform(1, 9, 6) * 1e-6)}
             own |= {"effects": EFFECTS * ((split, model) == ("both", SHARED))}
             own |= {"kept": ("joint springs",), "declined": ("links", "play"), "left_um": (), "error": None}
-            row = of_one_trial(FitRow, rng, name=model, split=split, judged="", conservative=True, **own)
+            row = of_one_trial(RealFitRow, rng, name=model, split=split, judged="", conservative=True, **own)
             yield from () if series else (row,)
             for k, judged in enumerate(series, 1):
                 mm = SIZES.get(model, 5.0) if split.startswith("blocks") else 3.0 + (model in (WAVES, SHARED))
-                error = of_one_trial(Score, rng, n=100 * k, mean_mm=mm * k)
+                error = of_one_trial(PositionErrors, rng, n=100 * k, mean_mm=mm * k)
                 left = (1e3 * mm, 0.0, 0.0) * 30 if split == BLOCKS else ()
                 yield replace(row, judged=judged, error=error, left_um=left)
     for poses in POSES:
@@ -65,12 +65,14 @@ def rows(seed):
             for judged in "CA":
                 named = {"name": model, "split": DRAW, "judged": judged, "poses": poses, "waves": ()}
                 named["effects"] = ()
-                yield of_one_trial(FitRow, draws, **named, error=of_one_trial(Score, draws, n=200))
+                yield of_one_trial(
+                    RealFitRow, draws, **named, error=of_one_trial(PositionErrors, draws, n=200)
+                )
 
 
 @pytest.fixture(scope="module")
 def made():
-    asked = Settings(100, ORDERS, tuple(LADDER), SEEDS[0], dict.fromkeys(POSES, 3))
+    asked = RealSettings(100, ORDERS, tuple(LADDER), SEEDS[0], dict.fromkeys(POSES, 3))
     trials = table_of(SEEDS, lambda seed: [*rows(seed)])
     return report(asked, SEEDS, trials), trials
 
@@ -130,7 +132,7 @@ def test_arrows_lead_from_where_a_model_has_the_target_to_the_reading(rng):
 def test_direction_of_approach_and_drift_are_measured_where_they_are(rng):
     """Of 1200 poses read within 30 um: 60 urad of one joint, and a slow wave of z whose RMS is 28 um."""
     cell, rows, point = build_cell("ur10"), 1200, np.array([0.1, 0.0, 0.2])
-    state = nominal(cell.vjm, read_weights(cell.arm), np.ones(6))
+    state = nominal_state(cell.vjm, read_weights(cell.arm), np.ones(6))
     mount = Mount(point[None], np.eye(3), ("P",))
     state = replace(state, frames={"f": Frame(np.eye(3), np.zeros(3))}, mounts={"t": mount})
     q, every, none = rng.uniform(-2, 2, (rows, 6)), np.arange(rows), np.zeros((rows, 6))

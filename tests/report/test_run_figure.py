@@ -12,8 +12,8 @@ from reports import check_forest
 from testbench.report.colours import look
 from testbench.report.figure import headed, log_ticks
 from testbench.report.run_figure import error_map, overview
-from testbench.report.scene import Line, PlaceMap, scale_of
-from testbench.report.schema import Column, Table
+from testbench.report.scene import ModelLine, PlaceMap, scale_of
+from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
 from testbench.runs.spread import spread
 
@@ -83,7 +83,11 @@ MODELS = [
     model("Joints", "Joints", "none", 0.5),
     model("failed", "MGCO56", "psd", None),
 ]
-COLUMNS = (Column("name", "model"), Column("error", "error", "mm"), Column("n", "trials", form="d"))
+COLUMNS = (
+    TableColumn("name", "model"),
+    TableColumn("error", "error", "mm"),
+    TableColumn("n", "trials", form="d"),
+)
 
 
 @pytest.mark.parametrize("headline", ["error", ""])
@@ -165,7 +169,7 @@ MAPS["MLS56"][17] = 4.0
 
 def mapped(at=AT, **values):
     """Two maps, or what else is given."""
-    lines = [Line(name, look(name, "psd"), mm) for name, mm in (values or MAPS).items()]
+    lines = [ModelLine(name, look(name, "psd"), mm) for name, mm in (values or MAPS).items()]
     without = "" if all(np.isfinite(line.values).all() for line in lines) else "no bound"
     return PlaceMap("Error of the tool (mm)", 0, at, lines, "Where it errs", without)
 

@@ -13,8 +13,8 @@ import testbench as tb
 from testbench.studies.bench.entries import FLOORS, read_entries
 from testbench.studies.bench.tasks import TASKS, problem
 from testbench.workflows.cell import build_cell
-from testbench.workflows.evaluation import unseen
-from testbench.workflows.own_process import Limits, ask
+from testbench.workflows.evaluation import without_compliances
+from testbench.workflows.own_process import Limits, call_estimator
 
 ENTRIES = sorted((ROOT / "entries").glob("*.py"))
 DRAWS = '''
@@ -135,5 +135,5 @@ def test_every_entry_of_ours_is_short_and_answers(kr500):
     entries = read_entries([*map(str, ENTRIES)], Limits())
     assert len(entries) == len(ENTRIES)
     for entry in entries:
-        given = (unseen(own.cell.vjm), own.structure, own.data, own.prior)
-        assert np.isfinite(ask(entry, given).found).all()
+        given = (without_compliances(own.cell.vjm), own.structure, own.data, own.prior)
+        assert np.isfinite(call_estimator(entry, given).values).all()

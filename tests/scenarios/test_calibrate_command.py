@@ -17,18 +17,18 @@ from run_here import check_folder, do, fine, refused
 
 import testbench as tb
 from testbench.arm.folder import load_arm
-from testbench.identify.absolute.align import aligned
-from testbench.identify.absolute.posterior import RegisteredSeries, predict, without
+from testbench.identify.absolute.align import align_all
+from testbench.identify.absolute.posterior import RegisteredSeries, predict, without_series
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.state import nominal
+from testbench.identify.absolute.state import nominal_state
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.posterior import Posterior
-from testbench.identify.rows import rows_of
+from testbench.identify.rows import series_rows
 from testbench.plant.build import build_plant
 from testbench.report.markdown import grid
 from testbench.report.report import read
 from testbench.report.schema import show
-from testbench.workflows.absolute import File, evenly, read_all, score
+from testbench.workflows.absolute import File, evenly_spaced_rows, position_errors, read_all
 from testbench.workflows.arm_models import read_model
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "adopt"))
@@ -105,7 +105,7 @@ def test_numbers_of_the_report_are_those_of_the_model_that_was_written(made, rep
     state = read_model(made[0]).state
     series, _ = read_all(list(map(File, readings[:2])), state.vjm.arm)
     after = distances(state, series)
-    before = distances(aligned(nominal(state.vjm, state.weights, state.torque_scale), series), series)
+    before = distances(align_all(nominal_state(state.vjm, state.weights, state.torque_scale), series), series)
     for key, size in (("total_before", before), ("total_after", after)):
         known = (len(size), size.mean(), np.sqrt((size**2).mean()), np.percentile(size, 95), size.max())
         assert list(report[key].values()) == pytest.approx(known, rel=1e-6)
@@ -168,7 +168,7 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
     asked = ("calibrate", made[0], readings[2], "--score", "--frame-poses", 20)
     model = read_model(made[0])
     series, _ = read_all(list(map(File, readings[2:])), model.arm)
-    found, words = score(model, series, 20), fine(*asked)
+    found, words = position_errors(model, series, 20), fine(*asked)
     assert found.n == 100
     sizes = (f"{getattr(found, name):.3f} mm" for name in ("mean_mm", "rms_mm", "p95_mm", "max_mm"))
     assert [size for size in sizes if size not in words] == []
@@ -176,7 +176,7 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
     assert "these readings were fitted" not in words
     assert "these readings were fitted" in fine("calibrate", made[0], readings[0], "--score")
     twice = replace(series[0], pose=np.arange(series[0].rows) // 2)
-    assert len(evenly(twice, 20)) == 40
+    assert len(evenly_spaced_rows(twice, 20)) == 40
     for share, code, head in ((1.01, 0, "Holds: "), (0.99, 1, "Do not use: ")):
         done = do(*asked, "--at-most", share * found.mean_mm)
         assert (done.returncode, done.stderr) == (code, "")
@@ -237,14 +237,14 @@ def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, 
     """Positions are linear in what is open: their covariance is that of `predict` but for the scatter."""
     model = read_model(made[0])
     [one], _ = read_all(list(map(File, readings[2:])), model.arm)
-    held = aligned(without(model.state, one), (one,))
+    held = align_all(without_series(model.state, one), (one,))
     root = np.hstack([np.zeros((len(model.columns), 6 + 3 * len(one.markers))), model.posterior.root])
     placed = RegisteredSeries(held, np.zeros(0, int), Posterior.normal(np.zeros(root.shape[1]), root))
     calm = replace(model, noise=replace(model.noise, factor=1e-9 * model.noise.factor))
     wanted = np.einsum("rmkk->rmk", predict(calm, placed, one)[1])
     unknowns = unknowns_of(model.vjm, (one,), held.errors, model.structure)
     first = unknowns.starts["geometry"]
-    rows = rows_of(unknowns, held, one)[: len(one.markers), :, first + model.columns]
+    rows = series_rows(unknowns, held, one)[: len(one.markers), :, first + model.columns]
     found = model.posterior.deviations(rows.transpose(3, 0, 1, 2).reshape(-1, len(model.columns)))
     np.testing.assert_allclose(found.reshape(wanted.shape) ** 2, wanted, rtol=1e-6)
     assert np.array_equal(model.posterior.x, model.unknowns.current(model.state)[model.columns])
@@ -304,7 +304,7 @@ def test_the_page_draws_readings_off_the_arm_as_drawn_and_as_calibrated(made, re
     [group], [times, *_] = drawn["scene"]["groups"], times_of(drawn["scene"]["title"])
     state = read_model(made[0]).state
     series, _ = read_all(list(map(File, readings[:2])), state.vjm.arm)
-    straight = aligned(nominal(state.vjm, state.weights, state.torque_scale), series)
+    straight = align_all(nominal_state(state.vjm, state.weights, state.torque_scale), series)
     at = {one.name: one for one in series}
     for name, own in (("calibrated", state), ("as drawn", straight)):
         left = {key: residuals(own, one).transpose(2, 0, 1) for key, one in at.items()}

@@ -24,8 +24,8 @@ from testbench.cli.program import COMMANDS
 from testbench.files.write import write_csv
 from testbench.identify.prior import cad_prior
 from testbench.report.recording.run import write_run
-from testbench.report.recording.stream import Header
-from testbench.report.scene import Seen
+from testbench.report.recording.stream import RecordingHeader
+from testbench.report.scene import PageContent
 from testbench.workflows.campaign_flags import mass
 from testbench.workflows.cell import Scenario, build_cell, simulate
 from testbench.workflows.model_selection import asked_models
@@ -152,7 +152,7 @@ def test_view_without_a_display_says_what_else_there_is(tmp_path, monkeypatch):
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.study
 def test_view_serves_a_browser_of_this_machine_only_until_ctrl_c(tmp_path):
-    write_run(tmp_path / "recording.rrd", Header("test", "{}", 1), REPORT, Seen(), {})
+    write_run(tmp_path / "recording.rrd", RecordingHeader("test", "{}", 1), REPORT, PageContent(), {})
     start = "from testbench.cli import main; main()"
     process = subprocess.Popen(
         [sys.executable, "-c", start, "view", tmp_path, "--web"],

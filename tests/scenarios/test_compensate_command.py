@@ -22,12 +22,12 @@ from testbench.identify.fold import reduce
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose
-from testbench.plant.equilibrium import settle
+from testbench.plant.equilibrium import solve_equilibrium
 from testbench.runs import provenance as files
 from testbench.workflows.arm_models import load_model, write_stiffness
 from testbench.workflows.cell import Scenario, simulate
 from testbench.workflows.correction_numbers import numbers
-from testbench.workflows.fits import Runs, fit
+from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import Model, named_models
 from testbench.workflows.program import correct_program
@@ -57,8 +57,10 @@ def folder(kr500, tmp_path_factory):
     }
     for name, model in models.items():
         (out / name).mkdir()
-        own = Runs("runs.csv", runs, runs, None)
-        write_stiffness(kr500, fit(kr500, [model], own, lambda: 0.0), own, {"runs.csv": "0" * 64}, out / name)
+        own = MeasuredRuns("runs.csv", runs, runs, None)
+        write_stiffness(
+            kr500, fit_models(kr500, [model], own, lambda: 0.0), own, {"runs.csv": "0" * 64}, out / name
+        )
     return out
 
 
@@ -117,9 +119,9 @@ def test_the_true_arm_executes_the_corrected_file_within_a_micrometre(kr500, cor
     found = read_program(out / "right.csv", kr500.arm)
     assert found.labels or found.other
     wrench, at = process(position, rotation), np.tile(TIP, (POINTS, 1))
-    wanted = tip_of(settle(kr500.plant, q))
-    left = np.linalg.norm(tip_of(settle(kr500.plant, found.q, wrench, at)) - wanted, axis=1)
-    before = np.linalg.norm(tip_of(settle(kr500.plant, q, wrench, at)) - wanted, axis=1)
+    wanted = tip_of(solve_equilibrium(kr500.plant, q))
+    left = np.linalg.norm(tip_of(solve_equilibrium(kr500.plant, found.q, wrench, at)) - wanted, axis=1)
+    before = np.linalg.norm(tip_of(solve_equilibrium(kr500.plant, q, wrench, at)) - wanted, axis=1)
     assert before.min() > 2e-4
     assert left.max() < 1e-6
 
@@ -129,7 +131,9 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
     report = json.loads((out / "right_report" / "report.json").read_text())
     q, position, rotation = asked
     wrench = process(position, rotation)
-    off = tip_of(settle(kr500.plant, q, wrench, np.tile(TIP, (POINTS, 1)))) - tip_of(settle(kr500.plant, q))
+    off = tip_of(solve_equilibrium(kr500.plant, q, wrench, np.tile(TIP, (POINTS, 1)))) - tip_of(
+        solve_equilibrium(kr500.plant, q)
+    )
     assert report["before_mm"]["max"] == pytest.approx(1e3 * np.linalg.norm(off, axis=1).max(), rel=1e-3)
     assert report["corrected"] == report["points"] == POINTS
     names = [f"correction_joint_{k}_deg" for k in range(1, 7)]
@@ -299,7 +303,7 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
 def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(folder, bounded):
     model = load_model(folder / "sure", None)
     found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
-    most = 1e3 * (np.linalg.norm(found.found.after, axis=1) + found.found.half.max(axis=1))
+    most = 1e3 * (np.linalg.norm(found.found.after, axis=1) + found.found.half_width.max(axis=1))
     limit = float(np.median(most))
     said = report(found, limit)
     assert [row.verdict for row in said.numbers["rows"]] == ["pass" if mm <= limit else "fail" for mm in most]
@@ -318,7 +322,7 @@ def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(folder, bou
 
 def test_one_point_beyond_the_tolerance_is_enough_to_exit_with_1(folder, bounded, tmp_path, monkeypatch):
     """And no point is beyond one that all keep. The page is another test's."""
-    monkeypatch.setattr("testbench.cli.compensate.leave", lambda *_: None)
+    monkeypatch.setattr("testbench.cli.compensate.write_run", lambda *_: None)
     rows = table(bounded / "right.csv")
     half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
     asked = ("compensate", folder / "sure", bounded / "mill.csv", "--out", tmp_path / "right.csv")
@@ -359,7 +363,7 @@ def test_a_refused_point_is_as_far_off_as_it_was_and_a_bound_stands_beside_a_bou
     )
     said = report(found)
     [chart] = seen(kr500, found, said).runs
-    before, half = 1e3 * np.linalg.norm(own.before, axis=1), 1e3 * own.half.max(axis=1)
+    before, half = 1e3 * np.linalg.norm(own.before, axis=1), 1e3 * own.half_width.max(axis=1)
     uncorrected, corrected = (line.values for line in chart.lines)
     np.testing.assert_allclose(uncorrected, before + half, rtol=1e-9)
     np.testing.assert_allclose(corrected, 1e3 * np.linalg.norm(after, axis=1) + half, rtol=1e-9)
@@ -372,9 +376,9 @@ def test_what_is_less_sure_than_the_correction_is_large_is_likely_not_harmful(fo
     model = load_model(folder / "sure", None)
     found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
     own = found.found
-    before, half = np.linalg.norm(own.before, axis=1), own.half.max(axis=1)
-    widened = own.half * (1.2 * before / half)[:, None]
-    said = report(replace(found, found=replace(own, half=widened)))
+    before, half = np.linalg.norm(own.before, axis=1), own.half_width.max(axis=1)
+    widened = own.half_width * (1.2 * before / half)[:, None]
+    said = report(replace(found, found=replace(own, half_width=widened)))
     chance = NormalDist().cdf(1.959964 / 1.2 / 2)
     assert said.numbers["chance"] == pytest.approx(chance, rel=1e-5)
     assert (said.badge.verdict, said.numbers["harmful"]) == ("likely", False)
@@ -386,10 +390,10 @@ def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded
     program = read_program(bounded / "mill.csv", model.arm)
     found = correct_program(model, program, Aim())
     own = found.found
-    held, turned, q = np.zeros_like(own.held), np.zeros_like(own.turned), own.q.copy()
+    held, turned, q = np.zeros_like(own.stopped), np.zeros_like(own.rotation_error), own.q.copy()
     held[5:8, 4], turned[9, 1], q[8:, 3] = True, 2e-3, own.q[8:, 3] + 0.1
     refused = (*own.refused[:3], Refusal("reach", size=0.02), *own.refused[4:])
-    own = replace(own, held=held, turned=turned, q=q, refused=refused)
+    own = replace(own, stopped=held, rotation_error=turned, q=q, refused=refused)
     said = report(replace(found, found=own))
     off, moved = np.linalg.norm(own.before, axis=1), np.degrees(np.abs(np.diff(q - own.start, axis=0)).max())
     text = check(said, ["worst"])
@@ -401,7 +405,7 @@ def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded
     ):
         assert warning in said.claims
     assert f"| 5 | 4 | {1e3 * off[3]:.3f} |" in text
-    free = replace(found, aim=Aim("position"), found=replace(own, held=0 * held > 1))
+    free = replace(found, aim=Aim("position"), found=replace(own, stopped=0 * held > 1))
     assert numbers(free).turns_mrad == pytest.approx(2.0)
 
 

@@ -13,17 +13,17 @@ from run_here import app_of_study, check_files, here
 
 from testbench.correct.process import tangents
 from testbench.files.read_pairs import read_csv
-from testbench.identify.arm_model import of_estimate
+from testbench.identify.arm_model import model_of_estimate
 from testbench.model.load import on_joints
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import read_weights
 from testbench.plant.disturbance import TYPICAL
 from testbench.plant.disturbed import disturb
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.studies.compensation import plans, settings, trial
 from testbench.studies.compensation.settings import ADVISED, BOTH, DEFAULT, IDEAL, PERFECT, REAL
 from testbench.workflows.cell import build_cell
-from testbench.workflows.model_selection import Choice, with_priors
+from testbench.workflows.model_selection import ChosenModel, with_priors
 from testbench.workflows.models import named_models
 
 APP = app_of_study("compensation")
@@ -37,7 +37,7 @@ def first_poses(spec, _criterion, q, *_):
 def undisputed(cell, data, prior):
     """The default without rivals: that these are beaten is tested elsewhere."""
     [model] = with_priors(cell.arm, named_models(cell, ["ALL153"]), prior)
-    return Choice(model.name, model.estimator(cell.vjm, model.structure, data), "")
+    return ChosenModel(model.name, model.estimator(cell.vjm, model.structure, data), "")
 
 
 LESS = {
@@ -73,11 +73,11 @@ def rows(quick):
 @pytest.fixture(scope="module")
 def asked(cell):
     """The program, and poses that need no search."""
-    q = np.array(plans.START) + 0.3 * stream(6).uniform(-1, 1, (12, 6))
-    plan = settings.PlanRow(BOTH, 12, tuple(q.ravel().tolist()), tuple(range(2)) * 6)
+    q = np.array(plans.START) + 0.3 * trial_rng(6).uniform(-1, 1, (12, 6))
+    plan = settings.CompensationPlanRow(BOTH, 12, tuple(q.ravel().tolist()), tuple(range(2)) * 6)
     program = [tuple(own) for job in plans.jobs() for own in plans.program(cell, job)]
-    scene = settings.Scene(candidates=tuple(map(tuple, q)), program=tuple(program), plans=(plan,))
-    return settings.Settings("kr500_l480", 4, (12,), 12, scene)
+    scene = settings.CompensationScene(candidates=tuple(map(tuple, q)), program=tuple(program), plans=(plan,))
+    return settings.CompensationSettings("kr500_l480", 4, (12,), 12, scene)
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick, blank_panes, cell):
@@ -109,7 +109,7 @@ def test_a_pull_from_the_side_is_what_the_default_needs(rows):
 
 
 def test_a_hung_weight_never_loads_joint_1_and_the_pull_does(cell):
-    q = stream(3).uniform(*cell.arm.limits, (20, 6))
+    q = trial_rng(3).uniform(*cell.arm.limits, (20, 6))
     first = cell.arm.n_theta - 6
     for load, loaded in zip(plans.loads(cell), (False, True), strict=True):
         torque = on_joints(chain(cell.vjm, q), [load.over(20)])[first]
@@ -137,21 +137,21 @@ def test_a_model_that_buckles_under_the_process_commands_what_was_programmed(cel
     [data] = trial.measure(cell, settle, asked, [ADVISED], 4)
     estimate = undisputed(cell, data, trial.prior_in_turn(cell, 4)).estimate
     weights = read_weights(cell.arm)
-    sound = of_estimate(cell.vjm, estimate, weights)
-    soft = of_estimate(cell.vjm, replace(estimate, C_theta=1e5 * estimate.C_theta), weights)
-    moved, still = (trial.order(trial.Fit(ADVISED, DEFAULT, m), work) for m in (sound, soft))
+    sound = model_of_estimate(cell.vjm, estimate, weights)
+    soft = model_of_estimate(cell.vjm, replace(estimate, C_theta=1e5 * estimate.C_theta), weights)
+    moved, still = (trial.order(trial.CorrectionModel(ADVISED, DEFAULT, m), work) for m in (sound, soft))
     assert moved.corrected.all()
     assert np.abs(moved.q - work.q).max() > 1e-4
     assert still is None
     before, after, same = trial.execute(settle, work, [moved, still])
     np.testing.assert_array_equal(before, same)
-    row = trial.row_of(trial.Fit(ADVISED, DEFAULT, sound), still, before, same)
+    row = trial.row_of(trial.CorrectionModel(ADVISED, DEFAULT, sound), still, before, same)
     assert (row.buckled, row.of, row.before_mm) == (True, 0, row.after_mm)
     assert np.linalg.norm(after) < 0.1 * np.linalg.norm(before)
 
 
 def test_a_payload_weighed_wrongly_spoils_the_campaign_and_not_the_work(cell):
-    found = disturb(cell.plant, TYPICAL, stream(4, 20))
+    found = disturb(cell.plant, TYPICAL, trial_rng(4, 20))
     exact = trial.exactly_loaded(found)
     assert found.disturbances == TYPICAL == replace(exact.disturbances, mass_error=2e-3, centre_error=2e-3)
     assert found.centre.any()

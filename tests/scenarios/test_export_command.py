@@ -14,8 +14,8 @@ from run_here import do, fine, held, refused
 from testbench.arm.folder import load_arm
 from testbench.files.controller_files import STAMP
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.state import nominal
-from testbench.identify.arm_model import About, ArmModel
+from testbench.identify.absolute.state import nominal_state
+from testbench.identify.arm_model import ArmModel, ModelOrigin
 from testbench.identify.posterior import Posterior
 from testbench.model.kinematics import build_vjm
 from testbench.model.structure import joints_only
@@ -34,9 +34,9 @@ def place(tmp_path, monkeypatch):
     rng, vjm = np.random.default_rng(4), build_vjm(load_arm(ROOT / "models" / "ur10"))
     theta = np.zeros(48)
     theta[6:36] = rng.uniform(-5e-4, 5e-4, 30)
-    state = replace(nominal(vjm, Weights(np.ones(8), np.zeros((8, 3))), np.ones(6)), theta_0=theta)
+    state = replace(nominal_state(vjm, Weights(np.ones(8), np.zeros((8, 3))), np.ones(6)), theta_0=theta)
     none = Posterior.normal(np.zeros(0), np.zeros((0, 0)))
-    known = ArmModel(state, joints_only(vjm.arm), np.zeros(0, int), none, About("geometry"), Noise())
+    known = ArmModel(state, joints_only(vjm.arm), np.zeros(0, int), none, ModelOrigin("geometry"), Noise())
     write_files(known, model, name="geometry", fit={})
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "robot.urdf").write_text(own_urdf(read_model(model).vjm, rng)[0])

@@ -10,7 +10,7 @@ from run_here import fine, refused, table
 from scipy.spatial.transform import Rotation
 
 from testbench.errors import InputError
-from testbench.identify.registered import registered
+from testbench.identify.registered import register_dataset
 from testbench.report.table import rows as as_rows
 from testbench.workflows.absolute_truth import by_trackers
 from testbench.workflows.cell import Scenario, simulate
@@ -71,7 +71,7 @@ def test_readings_of_several_trackers_have_a_frame_each(kr500):
     data = by_trackers(clean, [PLACE, (4.0, 2.0, 1.0), (-3.0, 3.0, 2.0)], 500)
     assert set(data.station) == {1, 2, 3}
     assert len({tuple(data.station[data.pose == pose]) for pose in (1, 1)}) == 1
-    found = registered(kr500.vjm, data)
+    found = register_dataset(kr500.vjm, data)
     assert list(found.registration.frames) == ["station 1", "station 2", "station 3"]
     off = np.linalg.norm(found.data.before - clean.before, axis=-1)
     assert np.median(off) < 6e-3  # its own weight, 3 mm at the targets, is what frames cannot know

@@ -18,7 +18,7 @@ from testbench.cli.program import program
 from testbench.files.read_pairs import read_csv
 from testbench.files.write import write_csv
 from testbench.model.vjm import tool_pose
-from testbench.studies.campaign.calibration import WITH_PRIOR, Settings, calibrate, results
+from testbench.studies.campaign.calibration import WITH_PRIOR, CalibrationSettings, calibrate, results
 from testbench.workflows.cell import Scenario, build_cell, simulate, true_cell
 
 APP = app_of_study("gravity_calibration")
@@ -121,7 +121,7 @@ def test_the_dataset_is_that_of_section_6_and_of_the_seed_alone_byte_for_byte(qu
     data = read_csv(quick[0] / "dataset.csv", cell.arm)
     assert (len(np.unique(data.pose)), data.sigma) == (11, 50e-6)
     assert (data.wrench[:, 2] == -460.3 * 9.81).all()
-    asked = Settings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1), 50.0)
+    asked = CalibrationSettings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1), 50.0)
     write_csv(calibrate(cell, asked, 3)[1].measured, cell.arm, tmp_path / "dataset.csv")
     assert (tmp_path / "dataset.csv").read_bytes() == (quick[0] / "dataset.csv").read_bytes()
 
@@ -140,9 +140,9 @@ def test_the_demo_measures_cast_links_that_no_template_holds(tmp_path):
 
 
 def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():
-    asked = Settings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1), 50.0)
+    asked = CalibrationSettings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1), 50.0)
     true, campaign = calibrate(build_cell("kr500_l480"), asked, 4)
-    filled = [r.estimate.belief for r in results(true, campaign) if r.model.name.endswith("prior")]
+    filled = [r.estimate.weighted_prior for r in results(true, campaign) if r.model.name.endswith("prior")]
     assert len(filled) == len(WITH_PRIOR) + 1  # what the default is without its cone
     assert all(belief.scales for belief in filled)
     model = true.arm.links[2].compliance

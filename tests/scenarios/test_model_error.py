@@ -4,7 +4,7 @@ import pytest
 from run_here import app_of_study, check_files, quick_study
 
 from testbench.plant.disturbance import Disturbances
-from testbench.studies.campaign.disturbances import Settings, disturbances
+from testbench.studies.campaign.disturbances import DisturbanceSettings, disturbances
 from testbench.studies.campaign.disturbed import trials
 
 APP = app_of_study("model_error")
@@ -36,7 +36,9 @@ def test_the_plant_of_the_true_arm_is_disturbed():
     """What weighs is the same: how far it bends the arm is that arm's alone."""
     moved = {}
     for arm in ("tubes", "joints", "off_40"):
-        [rows] = trials(Settings("kr500_l480", 2, workspace=5, only=("own weight",), true_arm=arm), [2])
+        [rows] = trials(
+            DisturbanceSettings("kr500_l480", 2, workspace=5, only=("own weight",), true_arm=arm), [2]
+        )
         assert {row.true_arm for row in rows} == {arm}
         [moved[arm]] = {row.moved_um for row in rows if row.case == "own weight"}
     assert len(set(moved.values())) == 3
@@ -45,12 +47,12 @@ def test_the_plant_of_the_true_arm_is_disturbed():
 def test_kinds_beside_the_family_are_disturbed_in_every_way_and_sizes_are_of_the_same_arm():
     """Twice the disturbances by --scale, and beside the family by --sizes, are the same arm and readings."""
     asked = {"workspace": 5, "only": ("backlash", "soft foundation"), "arms": ("coupled",), "sizes": (2.0,)}
-    [rows] = trials(Settings("kr500_l480", 2, **asked), [2])
+    [rows] = trials(DisturbanceSettings("kr500_l480", 2, **asked), [2])
     beside = {(r.true_arm, r.size, r.name): r for r in rows if r.part == "beside"}
     names = ("Joints", "MLS56 + prior", "ALL153 + prior")
     own = next(r.true_arm for r in rows if r.part == "family")
     assert beside.keys() == {(*arm, name) for arm in [(own, 2.0), ("coupled", 1.0)] for name in names}
-    [twice] = trials(Settings("kr500_l480", 2, scale=2.0, workspace=5, only=asked["only"]), [2])
+    [twice] = trials(DisturbanceSettings("kr500_l480", 2, scale=2.0, workspace=5, only=asked["only"]), [2])
     for row in twice:
         if row.case == "all together" and row.sigma_um and row.name in names:
             assert row.rms_um == pytest.approx(beside[own, 2.0, row.name].rms_um, rel=1e-6)

@@ -10,11 +10,11 @@ from run_here import refused
 
 import testbench as tb
 from testbench.errors import InputError
-from testbench.identify.posterior import CURVED, curvature, linearise
+from testbench.identify.posterior import CURVATURE_COUNT, linearise, second_order_deflection
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.workflows.arm_models import write_stiffness
 from testbench.workflows.cell import Scenario, simulate
-from testbench.workflows.fits import Runs, fit
+from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import named_models
 
@@ -32,8 +32,8 @@ def written(cell, runs, name, folder, prior=False):
     folder.mkdir()
     models = named_models(cell, [name])
     models = with_priors(cell.arm, models, tb.cad_prior(cell.arm)) if prior else models
-    found = fit(cell, models, Runs("runs.csv", runs, runs, None), lambda: 0.0)
-    write_stiffness(cell, found, Runs("runs.csv", runs, runs, None), {"runs.csv": "0" * 64}, folder)
+    found = fit_models(cell, models, MeasuredRuns("runs.csv", runs, runs, None), lambda: 0.0)
+    write_stiffness(cell, found, MeasuredRuns("runs.csv", runs, runs, None), {"runs.csv": "0" * 64}, folder)
     return found.taken
 
 
@@ -54,7 +54,8 @@ def test_a_model_is_read_back_bit_by_bit_with_its_intervals(kr500, runs, tmp_pat
     rows = observation(chain(model.vjm, runs.q), model.structure, runs.wrench, runs.point, points)
     found = own.intervals(rows.reshape(-1, model.structure.n))
     half = np.hypot(
-        found.upper - found.centre, CURVED * curvature(model.vjm, model.state.C_theta, runs).ravel()
+        found.upper - found.centre,
+        CURVATURE_COUNT * second_order_deflection(model.vjm, model.state.C_theta, runs).ravel(),
     )
     wanted = tb.intervals(kr500.vjm, estimate, runs)
     np.testing.assert_allclose(half, (wanted.upper - wanted.centre).ravel(), rtol=1e-12)

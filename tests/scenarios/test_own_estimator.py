@@ -21,8 +21,8 @@ from testbench.identify.prior import Prior
 from testbench.model.structure import all153
 from testbench.report.colours import look
 from testbench.studies.bench.trial import covariance
-from testbench.workflows.own_estimator import hired, parameters
-from testbench.workflows.own_process import Limits, Own, ask
+from testbench.workflows.own_estimator import estimator_models, parameters_of
+from testbench.workflows.own_process import EstimatorSource, Limits, call_estimator
 
 APP = app_of_study("gravity_calibration")
 PAGE = (ROOT / "docs" / "own_estimator.md").read_text()
@@ -129,10 +129,10 @@ def dies(*_):
     os._exit(0)
 """
 ASKS = """
-from testbench.workflows.own_process import Limits, Own, ask
+from testbench.workflows.own_process import Limits, EstimatorSource, call_estimator
 
 if __name__ == "__main__":
-    ask(Own("slow", {file!r}, "slow", Limits(600.0)), (1, 2, 3, 4))
+    call_estimator(EstimatorSource("slow", {file!r}, "slow", Limits(600.0)), (1, 2, 3, 4))
 """
 
 
@@ -236,26 +236,26 @@ def test_what_cannot_be_imported_is_told_in_one_line_before_anything_is_done(fil
 
 
 def test_a_worker_refuses_a_file_that_is_not_the_one_asked_for(files):
-    own = Own("blank", str(files / "bad.py"), "blank", Limits(5.0), sha256="0" * 64)
+    own = EstimatorSource("blank", str(files / "bad.py"), "blank", Limits(5.0), sha256="0" * 64)
     with pytest.raises(BenchError, match="has changed since the run began"):
-        hired([own])
+        estimator_models([own])
 
 
 def test_an_answer_is_parameters_or_compliances_of_unknowns_alone():
     arm = tb.load_arm("kr500_l480")
     structure, C = all153(arm), tb.cad_prior(arm).C_theta
     pi = structure.entries(C)
-    np.testing.assert_array_equal(parameters(structure, pi), pi)
-    np.testing.assert_array_equal(parameters(structure, np.array(C)), pi)
+    np.testing.assert_array_equal(parameters_of(structure, pi), pi)
+    np.testing.assert_array_equal(parameters_of(structure, np.array(C)), pi)
     coupled = np.array(C)
     coupled[0, 6] = coupled[6, 0] = 1e-12
     with pytest.raises(BenchError, match="expected 0 between"):
-        parameters(structure, coupled)
+        parameters_of(structure, coupled)
     for entry, other in ((0, 4), (4, 0)):  # m/N beside rad/N: each on its own scale
         askew = np.array(C)
         askew[entry, other] += 1e-6 * np.sqrt(C[0, 0] * C[4, 4])
         with pytest.raises(BenchError, match="not symmetric"):
-            parameters(structure, askew)
+            parameters_of(structure, askew)
 
 
 @pytest.mark.parametrize("value", [1e300, -1e300, 1e160, 1e101, 2.0])
@@ -264,7 +264,7 @@ def test_a_finite_number_that_no_arm_can_have_is_the_failure_of_its_entry(kr500,
     structure = all153(kr500.arm)
     for found in (np.full(structure.n, value), structure.matrix(np.full(structure.n, value))):
         with pytest.raises(BenchError, match="expected compliances of at most 1 in SI units"):
-            parameters(structure, found)
+            parameters_of(structure, found)
     with pytest.raises(BenchError, match="covariance: expected at most 1 in SI units"):
         covariance(np.full((2, 2), abs(value)), 2)
 
@@ -273,9 +273,9 @@ def test_a_prediction_beyond_the_arm_is_a_failure_and_one_of_millimetres_is_none
     data = tb.simulate(kr500, tb.Scenario(arm="kr500_l480"), seed=1).identification
     (files / "soft.py").write_text("def soft(k, s, d, p):\n    return 1e3 * s.entries(p.C_theta)\n")
     digest = hashlib.sha256((files / "soft.py").read_bytes()).hexdigest()
-    own = Own("soft", str(files / "soft.py"), "soft", Limits(30.0), digest)
+    own = EstimatorSource("soft", str(files / "soft.py"), "soft", Limits(30.0), digest)
     for softer in (1.0, 1e-3):
-        [model] = hired([own])(kr500, Prior("drawn", softer * tb.cad_prior(kr500.arm).C_theta))
+        [model] = estimator_models([own])(kr500, Prior("drawn", softer * tb.cad_prior(kr500.arm).C_theta))
         beyond = pytest.raises(BenchError, match=r"predicts a deflection of .* m: the arm reaches")
         with beyond if softer == 1 else nullcontext():
             model.estimator(kr500.vjm, model.structure, data)
@@ -286,9 +286,9 @@ def test_processes_that_a_call_leaves_are_ended_with_it_and_the_next_call_is_ans
     lasts = f"600.{os.getpid()}"
     (files / "leaves.py").write_text(LEAVES.replace("LASTS", lasts))
     for name, fails in {"child": 0, "slow": 1, "dies": 1}.items():
-        own = Own(name, str(files / "leaves.py"), name, Limits(6.0 if name == "slow" else 30.0))
+        own = EstimatorSource(name, str(files / "leaves.py"), name, Limits(6.0 if name == "slow" else 30.0))
         with pytest.raises(BenchError) if fails else nullcontext():
-            ask(own, (1, 2, 3, 4))
+            call_estimator(own, (1, 2, 3, 4))
         assert (name, until(lambda: not sleeping(lasts))) == (name, True)
 
 
@@ -323,16 +323,18 @@ def sleeping(lasts):
 
 def test_a_module_serves_as_well_as_a_file_and_nothing_is_left_beside_a_file(files):
     with pytest.raises(BenchError, match="raised TypeError"):
-        ask(Own("m", "json", "loads", Limits(5.0)), (1, 2, 3, 4))
+        call_estimator(EstimatorSource("m", "json", "loads", Limits(5.0)), (1, 2, 3, 4))
     assert not (files / "__pycache__").exists()
 
 
 def test_a_second_array_is_the_covariance_and_processor_time_is_taken(files):
     (files / "pairs.py").write_text(PAIRS)
-    answer = ask(Own("both", str(files / "pairs.py"), "both", Limits(30.0)), (1, 2, 3, 4))
+    answer = call_estimator(
+        EstimatorSource("both", str(files / "pairs.py"), "both", Limits(30.0)), (1, 2, 3, 4)
+    )
     with pytest.raises(BenchError, match="expected an array, got None"):
-        ask(Own("half", str(files / "pairs.py"), "half", Limits(30.0)), (1, 2, 3, 4))
-    np.testing.assert_array_equal(answer.found, [1, 2])
+        call_estimator(EstimatorSource("half", str(files / "pairs.py"), "half", Limits(30.0)), (1, 2, 3, 4))
+    np.testing.assert_array_equal(answer.values, [1, 2])
     np.testing.assert_array_equal(answer.covariance, np.eye(2))
     assert answer.cpu_seconds >= 0.2
 

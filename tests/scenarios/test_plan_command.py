@@ -19,7 +19,7 @@ from testbench.model.poses import in_area
 from testbench.model.vjm import chain
 from testbench.plant.site import collisions
 from testbench.plant.tracker import Station
-from testbench.workflows.cell import Scenario, build_cell, hanging, measure
+from testbench.workflows.cell import Scenario, build_cell, measure_markers, poses_with_weight
 from testbench.workflows.models import MODELS
 from testbench.workflows.plan import straight_way
 from testbench.workflows.plan_input import read_tasks
@@ -185,8 +185,8 @@ def errors_at_tasks(cell, C_theta):
     tasks = read_tasks(TASKS, cell, weight(cell.vjm, 460.0))
     assert in_area(cell.vjm, Scenario(arm="kr500_l480").station, tasks.q).all()
     scenario = Scenario(arm="kr500_l480", payload=460.0)
-    loaded = hanging(cell, tasks.q, np.arange(20), 460.0)
-    truth = measure(cell, scenario, loaded)
+    loaded = poses_with_weight(cell, tasks.q, np.arange(20), 460.0)
+    truth = measure_markers(cell, scenario, loaded)
     u = np.einsum("tij,ti->tj", jacobian(cell.vjm, tasks.q, cell.vjm.load), truth.wrench)
     moved = [
         jacobian(cell.vjm, tasks.q, marker)[:, :3] @ (u @ C_theta)[:, :, None] for marker in cell.vjm.markers

@@ -3,7 +3,7 @@
 import pytest
 from run_here import app_of_study, check_files, quick_study
 
-from testbench.studies.campaign.grids import Settings
+from testbench.studies.campaign.grids import GridSettings
 
 APP = app_of_study("regimes")
 CELLS = {"gravity": 4 * 3 * 2, "full_pose": 4 * 2 * 2}
@@ -16,7 +16,7 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
 
 
 def test_two_kinds_of_the_family_take_turns_in_every_cell(report, rows):
-    assert [Settings(4).arms(seed) for seed in (4, 5)] == [["tubes", "off_20"], ["off_40", "cast"]]
+    assert [GridSettings(4).arms(seed) for seed in (4, 5)] == [["tubes", "off_20"], ["off_40", "cast"]]
     assert {(row["seed"], row["true_arm"]) for row in rows} == {
         (4, "tubes"), (4, "off_20"), (5, "off_40"), (5, "cast")
     }  # fmt: skip

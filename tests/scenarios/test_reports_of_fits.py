@@ -7,7 +7,7 @@ import pytest
 
 import testbench as tb
 from testbench.correct.predicted import predict
-from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.laws import STRUT
 from testbench.model.load import Load
@@ -15,7 +15,7 @@ from testbench.report.fitted_runs import seen
 from testbench.report.table import find
 from testbench.workflows import calibration_numbers, fit_numbers
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.workflows.fits import Runs, fit
+from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import named_models
 
@@ -26,8 +26,8 @@ def identified(kr500):
     runs = tb.simulate(kr500, tb.Scenario(arm="kr500_l480", workspace_poses=1), 3).identification
     [whole, plain] = named_models(kr500, ["ALL153", "MGCO56"])
     models = [plain, *with_priors(kr500.arm, [whole], cad_prior(kr500.arm), Strength(0.3))]
-    found = fit(kr500, models, Runs("runs.csv", runs, runs, None), lambda: 0.0, widths=True)
-    left = fit_numbers.left_by(kr500, found)
+    found = fit_models(kr500, models, MeasuredRuns("runs.csv", runs, runs, None), lambda: 0.0, widths=True)
+    left = fit_numbers.residuals_by_model(kr500, found)
     numbers = fit_numbers.numbers(kr500, kr500, found, left, widths=True)
     numbers["badge"] = None
     return found, left, numbers
@@ -83,7 +83,7 @@ def test_the_level_of_noise_alone_holds_95_percent_of_pairs_of_noisy_readings(id
 def calibration(kr500):
     """Of the arm's own joint errors and compliances, from absolute readings."""
     series, _ = simulate_series(kr500, AbsoluteCampaign(poses=60), 4)
-    asked = Options(orders=2, only=frozenset({"joint springs", "joint errors"}))
+    asked = CalibrationOptions(orders=2, only=frozenset({"joint springs", "joint errors"}))
     return calibrate(kr500.vjm, series, cad_prior(kr500.arm), asked)
 
 

@@ -25,7 +25,7 @@ from testbench.runs import cluster
 from testbench.runs.cluster import on_cluster
 from testbench.runs.cores import on_cores
 from testbench.runs.engine import RETRIES, WorkersLost, do_chunk, run_study
-from testbench.runs.experiment import Experiment
+from testbench.runs.experiment import TrialPlan
 from testbench.runs.store import PARTS, open_store, part_seeds, write_parquet
 
 HERE = Path(__file__).resolve().parent
@@ -36,7 +36,7 @@ QUICK = partial(trial_work.trials, 0.0, "")
 
 
 def store_of(out, *, trials=TRIALS, resume=False, row=trial_work.Toy):
-    toy = Experiment("toy", {"size": trial_work.SIZE}, range(5, 5 + trials))
+    toy = TrialPlan("toy", {"size": trial_work.SIZE}, range(5, 5 + trials))
     return open_store(out, toy, row=row, resume=resume)
 
 

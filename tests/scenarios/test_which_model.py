@@ -9,10 +9,10 @@ from run_here import app_of_study, check_files, quick_study
 
 from testbench.identify.prior import cad_prior
 from testbench.plant.true_arms import TRUTHS
-from testbench.studies.campaign.family import POSES, RUNS, Settings, pairs, read, scenario
+from testbench.studies.campaign.family import POSES, RUNS, FamilySettings, pairs, read, scenario
 from testbench.studies.campaign.trial import cover, covers
 from testbench.workflows.cell import draw_poses, simulate_at, true_cell
-from testbench.workflows.model_selection import choose
+from testbench.workflows.model_selection import choose_model
 from testbench.workflows.perturbed_prior import PRIORS, prior_of, wrong_link
 
 LINKS = [f"link_{k}" for k in range(7)]
@@ -71,9 +71,9 @@ def test_half_widths_cover_what_they_are_made_for(rng):
 
 def test_intervals_are_judged_against_the_truth_component_by_component(kr500):
     """Columns of the truth that are exchanged, or moved by ten half widths, are not covered."""
-    asked = Settings("kr500_l480", 2, workspace=40)
+    asked = FamilySettings("kr500_l480", 2, workspace=40)
     campaign = simulate_at(kr500, scenario(asked), 2, draw_poses(kr500, scenario(asked), 2))
-    estimate = choose(kr500, read(campaign)[-1], cad_prior(kr500.arm)).estimate
+    estimate = choose_model(kr500, read(campaign)[-1], cad_prior(kr500.arm)).estimate
     right, truth = cover(kr500, estimate, campaign.truth), campaign.truth
     assert right.covered_percent > 90
     exchanged = replace(truth, before=truth.before[..., [2, 1, 0]], after=truth.after[..., [2, 1, 0]])
@@ -96,7 +96,7 @@ def test_the_wrong_link_is_the_one_that_the_prior_has_wrong(kr500, rows):
 
 
 def test_fewer_poses_are_the_first_of_the_same_readings(kr500):
-    asked = Settings("kr500_l480", 2, workspace=1)
+    asked = FamilySettings("kr500_l480", 2, workspace=1)
     poses = draw_poses(kr500, scenario(asked), 2)
     campaign = simulate_at(true_cell(kr500, "cast", 2), scenario(asked), 2, poses)
     data = read(campaign)

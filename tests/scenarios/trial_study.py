@@ -13,7 +13,7 @@ import typer
 
 from testbench.runs import command, interrupt
 from testbench.runs.engine import run_study
-from testbench.runs.experiment import Experiment
+from testbench.runs.experiment import TrialPlan
 from testbench.runs.store import open_store, write_parquet
 from testbench.runs.whole import whole_folder
 from testbench.workflows.backend import choose_backend, show_progress
@@ -40,7 +40,7 @@ class Toy:
 def main(common: Common, toy: Toy) -> None:
     """Run trials of a toy."""
     roots = range(FIRST, FIRST + toy.trials)
-    study = Experiment(toy.name, {"size": trial_work.SIZE}, roots)
+    study = TrialPlan(toy.name, {"size": trial_work.SIZE}, roots)
     pids = str(toy.pids) if toy.pids else ""
     work = partial(trial_work.endless_trials if toy.endless else trial_work.trials, 0.0, pids)
     chosen = choose_backend(common)

@@ -10,21 +10,26 @@ from serial_arms import write_arm
 
 from testbench.data.series import select_rows
 from testbench.errors import BenchError
-from testbench.identify.absolute.align import align, aligned, alike
-from testbench.identify.absolute.fit import Options, calibrate, explain, gather
+from testbench.identify.absolute.align import align, align_all, common_targets
+from testbench.identify.absolute.fit import (
+    CalibrationOptions,
+    calibrate,
+    linearise_readings,
+    select_and_solve,
+)
 from testbench.identify.absolute.scatter import outliers, residuals
-from testbench.identify.absolute.state import nominal
+from testbench.identify.absolute.state import nominal_state
 from testbench.identify.diagnosis.diagnose import unplaced_series
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.series_checks import check_order
 from testbench.identify.prior import cad_prior
 from testbench.model.weights import read_weights
-from testbench.workflows.absolute import calibrated, explained
+from testbench.workflows.absolute import calibrate_with_masses, raise_explanation
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.workflows.calibration_numbers import left_of, numbers
+from testbench.workflows.calibration_numbers import numbers, remaining_errors
 from testbench.workflows.cell import build_cell
 
-ONLY = Options(only=frozenset({"joint springs"}), orders=5)
+ONLY = CalibrationOptions(only=frozenset({"joint springs"}), orders=5)
 ROWS = 40
 
 
@@ -35,12 +40,12 @@ def read(cell, seed=1, **asked):
 
 def gathered(cell, *series):
     """As far as a fit takes the readings in: what it then tries is not asked here."""
-    with explained(cell.vjm):
-        return gather(cell.vjm, series, cad_prior(cell.arm), ONLY)
+    with raise_explanation(cell.vjm):
+        return linearise_readings(cell.vjm, series, cad_prior(cell.arm), ONLY)
 
 
 def moves(found, cell):
-    return [describe(move, cell.arm).sentence for move in found.found]
+    return [describe(move, cell.arm).sentence for move in found.findings]
 
 
 def position_only(series):
@@ -76,14 +81,14 @@ def test_nothing_moves_in_sound_series(ur10, order):
         blank = np.arange(one.rows)[:, None, None] % 2
         ordered = replace(ordered, rotation=np.where(blank, np.nan, ordered.rotation))
     found = gathered(ur10, ordered)
-    assert not found.found
+    assert not found.findings
     assert found.noise.open_position < 2e-4
 
 
 def test_what_a_pose_leaves_open_is_no_move_however_many_readings_it_has(kr500):
     """Three targets under three loads, 27 numbers a pose, share the errors of its gears; a move is seen."""
     (one,) = read(kr500, poses=24, targets=3, orientations=False, masses=(0.0, 200.0, 460.0))
-    assert not gathered(kr500, one).found
+    assert not gathered(kr500, one).findings
     behind = np.arange(one.rows) >= 36
     moved = gathered(kr500, replace(one, position=one.position + behind[:, None, None] * 5e-3))
     (words,) = moves(moved, kr500)
@@ -239,13 +244,13 @@ def test_readings_of_another_arm_are_refused_with_their_size(ur10, kr500):
 def test_a_mount_may_be_turned_by_any_angle(ur10):
     """It starts from where the same series without the turn would, turned; also one that another shares."""
     one, two = read(ur10, series=2, share_target=True)
-    bare = nominal(ur10.vjm, read_weights(ur10.arm), np.ones(6))
+    bare = nominal_state(ur10.vjm, read_weights(ur10.arm), np.ones(6))
     sound = align(bare, two)[1].rotation
     for turn in ((90, 0, 0), (0, 90, 0), (0, 0, 172), (0, 180, 0)):
         W = Rotation.from_rotvec(turn, degrees=True).as_matrix()
         turned = replace(two, rotation=two.rotation @ W)
         np.testing.assert_allclose(align(bare, turned)[1].rotation, sound @ W, atol=1e-9)
-    shared = aligned(bare, (position_only(one), turned)).mounts["mount 1"].rotation
+    shared = align_all(bare, (position_only(one), turned)).mounts["mount 1"].rotation
     np.testing.assert_array_equal(shared, align(bare, turned)[1].rotation)
 
 
@@ -253,7 +258,7 @@ def test_a_target_that_was_never_read_is_left_out(kr500):
     (one,) = simulate_series(kr500, AbsoluteCampaign(poses=10, targets=3), 1)[0]
     precision = np.tile(np.eye(3) / one.sigma**2, (10, 3, 1, 1))
     precision[:, 1] = 0
-    (left,), notes = alike((replace(one, precision=precision),))
+    (left,), notes = common_targets((replace(one, precision=precision),))
     words = [describe(note, kr500.arm).sentence for note in notes]
     assert words == [f"series 1: {one.markers[1]} was never read and is left out"]
     assert left.markers == (one.markers[0], one.markers[2])
@@ -329,23 +334,23 @@ def test_two_joints_that_turn_are_enough_beside_a_series_of_the_same_frame(seven
     state = gathered(seven, few, rich).state
     assert np.sqrt((residuals(state, few)[:1] ** 2).sum(axis=1).mean()) < 1e-3
     with pytest.raises(BenchError, match=r"^turned: only joint_1 and joint_2 turn; expected 3 .* another"):
-        aligned(nominal(seven.vjm, read_weights(seven.arm), np.ones(7)), (few,))
+        align_all(nominal_state(seven.vjm, read_weights(seven.arm), np.ones(7)), (few,))
 
 
 def test_with_orientations_two_axes_that_are_not_parallel_are_enough(seven):
-    bare = nominal(seven.vjm, read_weights(seven.arm), np.ones(7))
+    bare = nominal_state(seven.vjm, read_weights(seven.arm), np.ones(7))
     one, parallel = (turning_alone(seven, joints, orientations=True) for joints in ([0, 1], [1, 3]))
-    assert np.median(np.linalg.norm(residuals(aligned(bare, (one,)), one)[:1], axis=1)) < 3e-3
+    assert np.median(np.linalg.norm(residuals(align_all(bare, (one,)), one)[:1], axis=1)) < 3e-3
     with pytest.raises(BenchError, match=r"^turned: its poses leave .* axes are not parallel"):
-        aligned(bare, (parallel,))
+        align_all(bare, (parallel,))
 
 
 def test_few_poses_under_two_loads_keep_a_scatter_of_their_own(ur10):
     """Unknowns may spend all equations of the means; what is left then tells nothing of their scatter."""
-    options = Options(only=frozenset({"joint springs", "joint errors"}))
+    options = CalibrationOptions(only=frozenset({"joint springs", "joint errors"}))
     series = read(ur10, poses=20, orientations=False, masses=(0.0, 5.0))
     found = calibrate(ur10.vjm, series, cad_prior(ur10.arm), options)
-    assert outliers(found.state, found.series, found.pulls) is None
+    assert outliers(found.state, found.series, found.influences) is None
     assert found.noise.factor[0] > 0.4
 
 
@@ -353,9 +358,9 @@ def test_outliers_of_2_mm_are_counted_and_the_worst_is_named(ur10):
     """None of the sound readings is among them, and they move the fit by less than it is off."""
     asked = AbsoluteCampaign(poses=2 * ROWS, outliers=0.04)
     series, truth = simulate_series(ur10, asked, 1)
-    found = explain(gathered(ur10, *series), ONLY)
-    worst = outliers(found.state, found.series, found.pulls)
-    assert not found.found
+    found = select_and_solve(gathered(ur10, *series), ONLY)
+    worst = outliers(found.state, found.series, found.influences)
+    assert not found.findings
     assert worst.count == truth.outliers[0].sum() > 2
     assert truth.outliers[0][worst.row - 1].all()
     assert worst.distance == pytest.approx(2e-3, rel=0.2)
@@ -381,8 +386,8 @@ def test_rows_that_slipped_are_named_with_the_first_one(ur10, hundred, turned, k
     expected = (
         rf"rows from {k + 2} on do not fit .*; the readings are those of the {words} from row {k + 2} on"
     )
-    with pytest.raises(BenchError, match=expected), explained(ur10.vjm):
-        calibrated(ur10.vjm, [one], ONLY)
+    with pytest.raises(BenchError, match=expected), raise_explanation(ur10.vjm):
+        calibrate_with_masses(ur10.vjm, [one], ONLY)
 
 
 def test_nothing_slipped_in_sound_rows_nor_where_a_tracker_moved_or_poses_repeat(ur10, hundred):
@@ -407,8 +412,8 @@ def test_a_zero_that_geometry_hides_is_a_doubt_with_its_joint_and_size(ur10, hun
     """A turn of the link before it does the same, so that the readings fit; sound ones raise no doubt."""
     some = select_rows(hundred, np.arange(ROWS))
     one = replace(some, q=some.q + np.radians(5) * np.eye(6)[4])
-    every = [calibrated(ur10.vjm, [own], ONLY) for own in (some, one)]
-    sound, off = (numbers(found, left_of(found)) for found in every)
+    every = [calibrate_with_masses(ur10.vjm, [own], ONLY) for own in (some, one)]
+    sound, off = (numbers(found, remaining_errors(found)) for found in every)
     assert sound.far_geometry == ""
     assert off.total_after.mean_mm < 0.3
     (doubt,) = [text for text in off.doubts if text.startswith("Geometry no arm has: ")]

@@ -13,15 +13,15 @@ from testbench.plant.site import Payload, contacts, hidden
 from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
 from testbench.workflows.candidates import (
     ADVICE,
-    BATCH,
     BLOCKED,
     OFF_AREA,
     OFF_LIMITS,
+    POSES_PER_BATCH,
     REASONS,
     TOUCHING,
     Candidates,
     Checks,
-    Conditions,
+    PoseConditions,
     build_checks,
     find,
     why_not,
@@ -29,7 +29,7 @@ from testbench.workflows.candidates import (
 
 HERE = (4.5, -2.5, 1.6)
 FRONT = WorkArea((1.0, -1.5, 1.0), (3.0, 1.5, 2.6))
-ALL = Conditions(FRONT, Station(HERE, acceptance=math.radians(80)), Payload(460.3))
+ALL = PoseConditions(FRONT, Station(HERE, acceptance=math.radians(80)), Payload(460.3))
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
 
 def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest_reason(kr500):
     """A weight on a sling of 5 m never hangs clear, wherever the tool is; most poses never come so far."""
-    conditions = Conditions(area=FRONT, payload=Payload(460.3, sling=5.0))
+    conditions = PoseConditions(area=FRONT, payload=Payload(460.3, sling=5.0))
     with pytest.raises(PoseError) as err:
         find(build_checks(kr500, conditions), 5, np.random.default_rng(7), patience=1000)
     drawn = np.random.default_rng(7).uniform(*kr500.arm.limits, (1024, 6))
@@ -100,11 +100,11 @@ def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest
 
 def test_fewer_than_asked_for_are_an_error_unless_they_are_enough(kr500):
     """One pose in 2000 has its tool in this box; a search goes on for 1000 draws a pose, so it ends."""
-    checks = build_checks(kr500, Conditions(area=WorkArea((2.4, -0.3, 1.5), (2.8, 0.3, 1.9))))
+    checks = build_checks(kr500, PoseConditions(area=WorkArea((2.4, -0.3, 1.5), (2.8, 0.3, 1.9))))
     few = find(checks, 10**6, np.random.default_rng(8), least=1, patience=10_000)
     n = len(few.q)
     assert 1 <= n < 10**6
-    assert 10_000 + 1000 * n <= few.drawn < 10_000 + 1000 * n + BATCH
+    assert 10_000 + 1000 * n <= few.drawn < 10_000 + 1000 * n + POSES_PER_BATCH
     with pytest.raises(PoseError, match=f"found {n} of {n + 9} poses in {few.drawn} draws"):
         find(checks, n + 9, np.random.default_rng(8), least=n + 1, patience=10_000)
 

@@ -8,8 +8,8 @@ import pytest
 
 from testbench.design.baselines import observability, prior_influence
 from testbench.design.criteria import (
-    Determinant,
-    Linear,
+    DeterminantCriterion,
+    LinearCriterion,
     criterion_e,
     criterion_g,
     criterion_of,
@@ -21,12 +21,12 @@ from testbench.design.exchange import exchange, greedy
 from testbench.design.forecast import forecast
 from testbench.design.order import joint_travel, round_trip, shortest_path
 from testbench.design.planning import CandidateSet, choose_greedily
-from testbench.design.refine import Reach, Search, ascend, refine
+from testbench.design.refine import Feasibility, Search, ascend_poses, refine_plan
 from testbench.design.relaxation import relax
-from testbench.design.rows import Problem, information
+from testbench.design.rows import DesignProblem, information
 
 R, K = 5, 2
-A_OPTIMAL = Linear(np.eye(R) / R)
+A_OPTIMAL = LinearCriterion(np.eye(R) / R)
 
 
 def rng(seed=0):
@@ -35,24 +35,27 @@ def rng(seed=0):
 
 def random_problem(candidates=40, seed=0, prior=0.1):
     rows = rng(seed).normal(size=(candidates, K, R))
-    return Problem(rows, prior * np.eye(R), np.eye(R), np.zeros((R, R)), np.zeros((R, 0)))
+    return DesignProblem(rows, prior * np.eye(R), np.eye(R), np.zeros((R, R)), np.zeros((R, 0)))
 
 
 def criteria():
     W = mean_square(rng(5).normal(size=(4, 3, R)))
     worst = criterion_g(rng(6).normal(size=(7, 3, R)))
-    return [Determinant(), A_OPTIMAL, criterion_e(), worst, Linear(W)]
+    return [DeterminantCriterion(), A_OPTIMAL, criterion_e(), worst, LinearCriterion(W)]
 
 
 def parabola():
     x = np.linspace(-1, 1, 201)
     rows = np.stack([np.ones_like(x), x, x**2], axis=1)[:, None]
-    return x, Problem(rows, 1e-12 * np.eye(3), np.eye(3), np.zeros((3, 3)), np.zeros((3, 0)))
+    return x, DesignProblem(rows, 1e-12 * np.eye(3), np.eye(3), np.zeros((3, 3)), np.zeros((3, 0)))
 
 
 @pytest.mark.parametrize(
     ("criterion", "weights"),
-    [(Determinant(), (1 / 3, 1 / 3, 1 / 3)), (Linear(np.eye(3) / 3), (1 / 4, 1 / 2, 1 / 4))],
+    [
+        (DeterminantCriterion(), (1 / 3, 1 / 3, 1 / 3)),
+        (LinearCriterion(np.eye(3) / 3), (1 / 4, 1 / 2, 1 / 4)),
+    ],
     ids=["D", "A"],
 )
 def test_relaxed_design_of_a_parabola_is_the_textbook_one(criterion, weights):
@@ -94,7 +97,7 @@ def test_bounds_and_updates_exchange_what_trying_everything_does(criterion, prio
 
 @pytest.mark.parametrize(
     ("criterion", "prior"),
-    [(Determinant(), 1e-9), *itertools.product([criteria()[k] for k in (0, 1, 4)], [0.1, 1e-4])],
+    [(DeterminantCriterion(), 1e-9), *itertools.product([criteria()[k] for k in (0, 1, 4)], [0.1, 1e-4])],
 )
 def test_greedy_takes_the_best_next_one(criterion, prior):
     problem, plan = random_problem(50, 7, prior), []
@@ -202,18 +205,18 @@ def circle_rows(q, _k=0):
 
 
 def near(feasible):
-    return Search(circle_rows, 2, LIMITS, Reach(feasible), rng(0))
+    return Search(circle_rows, 2, LIMITS, Feasibility(feasible), rng(0))
 
 
 def test_refinement_turns_a_pair_to_right_angles():
     start, anywhere = np.array([[0.0], [0.4]]), near(lambda q: np.ones(len(q), dtype=bool))
-    q = refine(start, 1e-6 * np.eye(2), Determinant(), circle_rows, anywhere)
+    q = refine_plan(start, 1e-6 * np.eye(2), DeterminantCriterion(), circle_rows, anywhere)
     assert abs(np.cos(q[1, 0] - q[0, 0])) < 0.05
 
 
 def test_ascent_climbs_within_limits_and_feasible():
     start = np.array([[0.0], [2.5], [-1.0]])
-    q = ascend(start, lambda q: 1 / (1 + (q[:, 0] - 1) ** 2), near(lambda q: q[:, 0] < 0.9))
+    q = ascend_poses(start, lambda q: 1 / (1 + (q[:, 0] - 1) ** 2), near(lambda q: q[:, 0] < 0.9))
     assert 0.7 < q[0, 0] < 0.9
     assert 0.7 < q[2, 0] < 0.9
     assert (q[1, 0] == 2.5) or (q[1, 0] < 0.9)  # an infeasible start stays or comes home
@@ -234,7 +237,7 @@ def test_i_and_g_judge_the_workspace_and_the_test_criterion_the_tasks(name):
 def test_what_rests_on_the_prior_is_its_share_of_the_error_and_the_directions_that_it_holds():
     """The error of x is M^-1 (readings' noise) + M^-1 prior (what the prior leaves open): by hand."""
     prior, M, hidden = np.diag([4.0, 4.0, 4.0]), np.diag([16.0, 7.9, 5.0]), np.diag([0, 0, 0, 0.5])
-    problem = Problem(np.zeros((1, 1, 3)), prior, np.eye(4, 3), hidden, np.zeros((4, 0)))
+    problem = DesignProblem(np.zeros((1, 1, 3)), prior, np.eye(4, 3), hidden, np.zeros((4, 0)))
     plan = SimpleNamespace(examined=SimpleNamespace(problem=problem), information=M)
     rows = np.zeros((1, 3, 4))
     rows[0, 0, 0] = rows[0, 1, 2] = rows[0, 2, 3] = 1.0
@@ -249,7 +252,7 @@ def test_what_rests_on_the_prior_is_its_share_of_the_error_and_the_directions_th
 def test_the_bound_of_a_greedy_plan_is_that_of_its_tangent_above_every_plan(criterion):
     """Prior and readings alike in weight; the best of all plans of three of eight candidates, by trying."""
     problem = random_problem(8, 3, prior=4.0)
-    anywhere = Reach(lambda q: np.ones(len(q), dtype=bool))
+    anywhere = Feasibility(lambda q: np.ones(len(q), dtype=bool))
     search = Search(lambda _q, _k: problem.rows, 3, LIMITS, anywhere, rng(0))
     examined = CandidateSet(np.linspace(-2, 2, 8)[:, None], np.zeros(8, dtype=int), problem)
     found = choose_greedily(search, criterion, examined)

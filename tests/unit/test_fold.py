@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from testbench.identify import fold
-from testbench.identify.fold import Folded, batches, reduce
+from testbench.identify.fold import TriangularFactors, pose_batches, reduce
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
 from testbench.workflows.cell import Scenario, simulate
@@ -21,7 +21,7 @@ def rows(rng):
 
 
 def folded(rows, parts):
-    found = Folded(COLUMNS)
+    found = TriangularFactors(COLUMNS)
     for k in parts:
         for one in rows[k]:
             found.add(0, k, one.T.copy())
@@ -48,7 +48,7 @@ def test_readings_go_to_the_rows_of_their_kind_and_part(rng, lost):
     A, runs = rng.normal(size=(3, 3, COLUMNS, 40)), np.arange(40)
     kinds = np.repeat([[0], [0], [1]], 40, axis=1)
     kinds[rng.integers(0, 3, lost), rng.integers(0, 40, lost)] = -1
-    found = Folded(COLUMNS)
+    found = TriangularFactors(COLUMNS)
     found.take(A, kinds, runs % 2)
     for kind in (0, 1):
         for part in (0, 1):
@@ -64,7 +64,7 @@ def test_rows_come_part_by_part_and_those_of_a_pose_together(rng, size):
     """Poses of two parts in any order; a few rows are left out."""
     pose = rng.integers(0, 30, 200)
     part = np.where(pose % 5 == 0, -1, pose % 2)
-    found = list(batches(part, pose, size))
+    found = list(pose_batches(part, pose, size))
     every = np.concatenate(found)
     np.testing.assert_array_equal(np.sort(every), np.flatnonzero(part >= 0))
     assert (np.diff(part[every]) >= 0).all()

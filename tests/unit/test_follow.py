@@ -9,7 +9,7 @@ import pytest
 
 from testbench.progress import stepwise, tell
 from testbench.runs.follow import followed
-from testbench.runs.session import NONE, SESSION
+from testbench.runs.session import EMPTY_SESSION, SESSION
 
 HIDDEN, SHOWN = "\x1b[?25l", "\x1b[?25h"  #: The cursor, while bars are there and behind them.
 
@@ -24,7 +24,7 @@ def command(errors, *, quiet=False):
     """A command that writes to a terminal, or not, and what it said on standard output."""
     out = io.StringIO()
     environment = mock.patch.dict("os.environ", {"TERM": "xterm"})
-    with environment, redirect_stderr(errors), redirect_stdout(out), followed(NONE, quiet=quiet):
+    with environment, redirect_stderr(errors), redirect_stdout(out), followed(EMPTY_SESSION, quiet=quiet):
         yield out
 
 
@@ -72,5 +72,5 @@ def test_the_log_has_every_kind_of_steps_once_it_ended_even_early(monkeypatch):
         first, *rest = SESSION.get().log().splitlines()
     assert first.endswith(" UTC  testbench plan a\N{REPLACEMENT CHARACTER}[2Jb")
     assert [line.split(" s  ")[1] for line in rest] == ["refining: 1.50 s", "files are written"]
-    assert NONE.log() == ""
-    assert SESSION.get() is NONE
+    assert EMPTY_SESSION.log() == ""
+    assert SESSION.get() is EMPTY_SESSION

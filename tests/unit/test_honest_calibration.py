@@ -11,25 +11,25 @@ from testbench.cli.calibrate import report
 from testbench.data.series import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute import evidence
-from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, solve
-from testbench.identify.absolute.fit import Options, gather
+from testbench.identify.absolute.evidence import LOOSE_STRENGTH, ActiveUnknowns, ErrorScales, solve_active
+from testbench.identify.absolute.fit import CalibrationOptions, linearise_readings
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.state import Mount, nominal
-from testbench.identify.metric import metric
+from testbench.identify.absolute.state import Mount, nominal_state
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import Frame
 from testbench.model.structure import all153
 from testbench.model.weights import read_weights
 from testbench.report.table import Row
 from testbench.workflows import calibration_numbers
-from testbench.workflows.absolute import calibrated
+from testbench.workflows.absolute import calibrate_with_masses
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.workflows.calibration_numbers import left_of
+from testbench.workflows.calibration_numbers import remaining_errors
 
 ROOT = Path(__file__).resolve().parents[2]
 
-FEW = Options(orders=2, without=frozenset({"links", "ratio", "play", "stiffening"}))
-SPRINGS = Options(only=frozenset({"joint springs"}), orders=2)
+FEW = CalibrationOptions(orders=2, without=frozenset({"links", "ratio", "play", "stiffening"}))
+SPRINGS = CalibrationOptions(only=frozenset({"joint springs"}), orders=2)
 
 
 def square(rng, rows, size):
@@ -40,14 +40,16 @@ def square(rng, rows, size):
 
 def test_a_held_out_fold_is_the_least_sum_of_squares_in_the_cone(kr500, rng):
     """Its gradient is zero along all but compliances, and along these is in the cone and opposite to X."""
-    elastic = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
+    elastic = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
     r, e = 4, len(elastic.expected)
-    own = Choice(None, np.arange(r + e), elastic)
-    learnt, S = Learnt(np.full(r + e, 2.0), np.ones(1)), square(rng, 3 * e, r + e)
-    H, (P, b) = S[0].copy(), evidence.prior(own, learnt, LOOSE)
+    own = ActiveUnknowns(None, np.arange(r + e), elastic)
+    learnt, S = ErrorScales(np.full(r + e, 2.0), np.ones(1)), square(rng, 3 * e, r + e)
+    H, (P, b) = S[0].copy(), evidence.active_prior(own, learnt, LOOSE_STRENGTH)
     H[:-1, :-1] += P
     H[:-1, -1] += b
-    free, found = (solve(own, S, learnt, LOOSE, constraint).x for constraint in ("none", "psd"))
+    free, found = (
+        solve_active(own, S, learnt, LOOSE_STRENGTH, constraint).x for constraint in ("none", "psd")
+    )
     assert min(np.linalg.eigvalsh(X)[0] for X in elastic.matrices(free[r:])) < -0.01
     gradient = H[:-1, :-1] @ found - H[:-1, -1]
     np.testing.assert_allclose(gradient[:r], 0, atol=1e-6 * np.abs(H[:-1, -1]).max())
@@ -58,7 +60,9 @@ def test_a_held_out_fold_is_the_least_sum_of_squares_in_the_cone(kr500, rng):
         assert abs(np.trace(X @ G)) < 1e-3 * size
     inside = S.copy()  # readings of the expected arm: no block leaves its cone, and no digit may change
     inside[0, :-1, -1] = inside[0, -1, :-1] = S[0, :-1, :-1] @ np.r_[np.zeros(r), elastic.expected]
-    one, other = (solve(own, inside, learnt, LOOSE, constraint).x for constraint in ("none", "psd"))
+    one, other = (
+        solve_active(own, inside, learnt, LOOSE_STRENGTH, constraint).x for constraint in ("none", "psd")
+    )
     assert np.array_equal(one, other)
 
 
@@ -67,7 +71,7 @@ def hung(ur10):
     """Fitted and fresh readings of an arm whose weight pulls the other way, perfect but for its sag."""
     (one,), _ = simulate_series(ur10, AbsoluteCampaign(poses=70, masses=(8.0,)), 3)
     weights = read_weights(ur10.arm)
-    sag = replace(nominal(ur10.vjm, weights, np.ones(6)), C_theta=-4 * ur10.plant.arm.C_theta)
+    sag = replace(nominal_state(ur10.vjm, weights, np.ones(6)), C_theta=-4 * ur10.plant.arm.C_theta)
     at = Frame(np.eye(3), np.zeros(3)), Mount(np.zeros((1, 3)), np.eye(3), one.markers)
     state = replace(sag, frames={one.frame: at[0]}, mounts={one.target: at[1]})
     still = replace(one, position=np.zeros_like(one.position), wrench=0 * one.wrench)
@@ -80,8 +84,8 @@ def hung(ur10):
 def test_held_out_numbers_are_those_of_the_arm_that_is_delivered(ur10, hung):
     """Compliances that want to be negative: without the cone they foretell a third of what the arm leaves."""
     fit, fresh = hung
-    found = calibrated(ur10.vjm, [fit], FEW)
-    said = report(found, left_of(found))
+    found = calibrate_with_masses(ur10.vjm, [fit], FEW)
+    said = report(found, remaining_errors(found))
     f = said.numbers
     truth = 1e3 * np.sqrt((residuals(found.calibration.state, fresh)[:1] ** 2).sum(axis=1).mean())
     assert f["held_out_mm"][1] == pytest.approx(truth, rel=0.35)
@@ -120,7 +124,7 @@ def test_a_misfit_of_decimetres_is_rejected_and_no_lack_of_poses_nor_a_move(kr50
     q = circle_points(kr500) if alone else None
     (one,), _ = simulate_series(kr500, AbsoluteCampaign(poses=30, targets=2), 5, q)
     with pytest.raises(BenchError) as found:
-        gather(kr500.vjm, (replace(one, q=change(one.q)),), cad_prior(kr500.arm), SPRINGS)
+        linearise_readings(kr500.vjm, (replace(one, q=change(one.q)),), cad_prior(kr500.arm), SPRINGS)
     assert "do not fit this arm" in str(found.value)
     for wrong in ("too few", "moved", "measure more"):
         assert wrong not in str(found.value)

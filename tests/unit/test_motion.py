@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from testbench.arm.folder import Joint
+from testbench.arm.folder import ArmJoint
 from testbench.errors import BenchError
 from testbench.files.motion import WRITERS, format_of, write_moves
 
@@ -25,7 +25,7 @@ WORST = (
 def arm(kinds):
     """A joint a letter: h turns, s slides; names as a stranger gives them."""
     return tuple(
-        Joint(f"axis {k}\nEND;{x}", -7.0, 7.0, 1e-6, prismatic=x == "s") for k, x in enumerate(kinds)
+        ArmJoint(f"axis {k}\nEND;{x}", -7.0, 7.0, 1e-6, prismatic=x == "s") for k, x in enumerate(kinds)
     )
 
 

@@ -5,23 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.correct.inverse import reach
+from testbench.correct.inverse import solve_poses
 from testbench.correct.newton import Target
 from testbench.data.series import select_rows
 from testbench.errors import BenchError
-from testbench.identify.absolute.align import aligned
-from testbench.identify.absolute.fit import Options
-from testbench.identify.absolute.inseparable import held, level
+from testbench.identify.absolute.align import align_all
+from testbench.identify.absolute.fit import CalibrationOptions
+from testbench.identify.absolute.inseparable import level_frame, undetermined_frames
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.state import nominal
+from testbench.identify.absolute.state import nominal_state
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
-from testbench.workflows.absolute import calibrated, score
+from testbench.workflows.absolute import calibrate_with_masses, position_errors
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 
 HOME = {"kr500_l480": (0.3, -1.4, 1.6, 0.4, 0.5, 0.2), "ur10": (0.3, -1.2, 1.4, -1.2, -1.3, 0.3)}
-SPRINGS = Options(only=frozenset({"joint springs"}), orders=1)
+SPRINGS = CalibrationOptions(only=frozenset({"joint springs"}), orders=1)
 POSES = 40
 
 
@@ -33,8 +33,8 @@ def constant(cell, kind, seed):
     home = np.array([HOME[cell.arm.name]])
     position, rotation = tool_pose(cell.vjm, home)
     at = Target(position + 0.12 * cell.vjm.reach * way, np.repeat(rotation, POSES, axis=0))
-    found = reach(cell.vjm, at, np.repeat(home, POSES, axis=0))
-    assert found.there.all()
+    found = solve_poses(cell.vjm, at, np.repeat(home, POSES, axis=0))
+    assert found.converged.all()
     return found.q
 
 
@@ -57,15 +57,15 @@ def test_a_series_of_one_orientation_foretells_others_of_it(arm, kind, targets, 
     cell = request.getfixturevalue(arm)
     campaign = AbsoluteCampaign(poses=POSES, targets=targets)
     (fit,), (fresh,) = (simulate_series(cell, campaign, 4, constant(cell, kind, k))[0] for k in (1, 2))
-    assert held(cell.vjm, (fit,)) == open_
-    found = calibrated(cell.vjm, (fit,), SPRINGS)
-    assert not found.calibration.found  # nothing moved
+    assert undetermined_frames(cell.vjm, (fit,)) == open_
+    found = calibrate_with_masses(cell.vjm, (fit,), SPRINGS)
+    assert not found.calibration.findings  # nothing moved
     assert any("where the frame is cannot be told apart: a prior, as the" in note for note in found.notes)
     assert any("a turn of its frame" in note for note in found.notes) == (len(open_) == 2)
-    drawn = rms(aligned(nominal(cell.vjm, read_weights(cell.arm), np.ones(6)), (fit,)), fresh)
+    drawn = rms(align_all(nominal_state(cell.vjm, read_weights(cell.arm), np.ones(6)), (fit,)), fresh)
     model = model_of(found.calibration)
     again, new = (
-        score(model, [one], poses)
+        position_errors(model, [one], poses)
         for one, poses in ((fresh, None), (replace(fresh, frame="new", target="new"), 20))
     )
     assert again.rms_mm < drawn
@@ -78,9 +78,9 @@ def test_another_series_of_the_target_tells_what_one_orientation_leaves_open(kr5
     campaign = AbsoluteCampaign(poses=POSES, series=2, share_target=True)
     (_, rich), truth = simulate_series(kr500, campaign, 6)
     (line, _), _ = simulate_series(kr500, campaign, 6, constant(kr500, "surface", 1))
-    assert held(kr500.vjm, (line,)) == {"mount mount 1"}
-    assert not held(kr500.vjm, (line, rich))
-    found = calibrated(kr500.vjm, (line, rich), SPRINGS)
+    assert undetermined_frames(kr500.vjm, (line,)) == {"mount mount 1"}
+    assert not undetermined_frames(kr500.vjm, (line, rich))
+    found = calibrate_with_masses(kr500.vjm, (line, rich), SPRINGS)
     assert any("a series that shares the target or the frame tells it" in note for note in found.notes)
     true = truth.mounts[0].position + truth.mounts[0].rotation @ truth.markers[0]
     off = found.calibration.state.mounts["mount 1"].points[0] - true
@@ -92,7 +92,7 @@ def test_a_wrong_joint_in_a_series_of_one_orientation_gets_no_target_metres_away
     (one,), _ = simulate_series(kr500, AbsoluteCampaign(poses=POSES), 4, constant(kr500, "surface", 1))
     flipped = replace(one, q=one.q * np.where(np.arange(6) == 4, -1, 1))
     try:
-        state = aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (flipped,))
+        state = align_all(nominal_state(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (flipped,))
     except BenchError:
         return
     assert np.abs(state.mounts[one.target].points).max() < kr500.vjm.reach
@@ -102,16 +102,16 @@ def test_a_frame_is_upright_where_readings_on_a_line_tell_no_turn(rng):
     """By any heading; with points that span space it is the rotation that they have."""
     line = np.outer(rng.uniform(-1, 1, 20), (1.0, 0.0, 0.0))
     heading = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(level(line, line @ heading.T).rotation, heading, atol=1e-12)
+    np.testing.assert_allclose(level_frame(line, line @ heading.T).rotation, heading, atol=1e-12)
     tilted = np.linalg.qr(rng.standard_normal((3, 3)))[0]
     tilted *= np.linalg.det(tilted)
     points = rng.standard_normal((20, 3))
-    np.testing.assert_allclose(level(points, points @ tilted.T + 1).rotation, tilted, atol=1e-3)
+    np.testing.assert_allclose(level_frame(points, points @ tilted.T + 1).rotation, tilted, atol=1e-3)
 
 
 def test_sound_series_leave_nothing_open(kr500, ur10):
     """A few random poses of one target tell frame and mount."""
     for cell in (kr500, ur10):
         (one,), _ = simulate_series(cell, AbsoluteCampaign(poses=9), 2)
-        assert not held(cell.vjm, (one,))
-        assert not held(cell.vjm, (select_rows(one, np.arange(7)),))
+        assert not undetermined_frames(cell.vjm, (one,))
+        assert not undetermined_frames(cell.vjm, (select_rows(one, np.arange(7)),))

@@ -19,8 +19,8 @@ from testbench.report import terminal
 from testbench.report.colours import hexadecimal, look
 from testbench.report.page import page as html
 from testbench.report.page.page import TRIANGLES, plain, seen_plain, solid
-from testbench.report.scene import Line, PlaceMap, RunChart
-from testbench.report.schema import Column, Table, brackets, looks
+from testbench.report.scene import ModelLine, PlaceMap, RunChart
+from testbench.report.schema import Table, TableColumn, brackets, looks
 from testbench.report.table import Row
 from testbench.report.terminal import grid, plain_console, print_table
 from testbench.runs.spread import (
@@ -75,7 +75,9 @@ def test_a_mesh_of_many_triangles_becomes_one_of_few_and_keeps_its_volume():
 
 
 def test_what_a_stranger_calls_things_stays_text():
-    table = Table((Column("name", "model"), Column("x", "error", "mm")), [{"name": BAD, "x": 0.5}], BAD)
+    table = Table(
+        (TableColumn("name", "model"), TableColumn("x", "error", "mm")), [{"name": BAD, "x": 0.5}], BAD
+    )
     words = dict.fromkeys(("badge", "question", "title", "answer", "worst", "statements"), BAD)
     rest = f"| a |\n| --- |\n| {BAD} |\n\n[go](javascript:alert(3)) ![see](http://far.example/x.png)"
     drawn = {"scene": None, "map": None, "runs": [{"title": BAD, "note": BAD}], "ramp": []}
@@ -92,7 +94,11 @@ def test_what_a_stranger_calls_things_stays_text():
 
 def test_a_table_on_a_page_has_the_numbers_behind_its_words():
     rows = [{"name": "a", "x": Spread(1.0, 0.5, 2.0), "ok": True}, {"name": "b", "x": 3.0, "ok": None}]
-    columns = (Column("name", "model"), Column("x", "error", "mm", ".1f"), Column("ok", "solved", form="yes"))
+    columns = (
+        TableColumn("name", "model"),
+        TableColumn("x", "error", "mm", ".1f"),
+        TableColumn("ok", "solved", form="yes"),
+    )
     found = html.grid(Table(columns, rows, bold="b", headline="x"))
     (_, other, _), (_, error, _) = (row["cells"] for row in found["rows"])
     assert error == {"text": "1.0 (0.5 to 2.0)", "v": 1.0, "low": 0.5, "high": 2.0}
@@ -107,7 +113,8 @@ def test_a_cell_of_many_trials_has_their_numbers_in_their_order_and_the_interval
     values = np.random.default_rng(4).uniform(1, 2, 30)
     rows = [{"name": str(n), "x": spread(values[:n])} for n in (30, 5)]
     many, few = (
-        row["cells"][1] for row in html.grid(Table((Column("name", "model"), Column("x", "x")), rows))["rows"]
+        row["cells"][1]
+        for row in html.grid(Table((TableColumn("name", "model"), TableColumn("x", "x")), rows))["rows"]
     )
     assert many["dots"] == pytest.approx(values, rel=1e-3)
     assert (many["low"], many["high"]) == median_interval(values)
@@ -118,11 +125,11 @@ def test_what_is_no_number_stands_on_a_page_as_its_word_alone_and_is_left_out_of
     nan = float("nan")
     numbers = [0.5, nan, float("inf"), Spread(nan, nan, nan), None]
     rows = [{"name": str(k), "x": number} for k, number in enumerate(numbers)]
-    found = html.grid(Table((Column("name", "model"), Column("x", "error", "mm")), rows))
+    found = html.grid(Table((TableColumn("name", "model"), TableColumn("x", "error", "mm")), rows))
     cells = [row["cells"][1] for row in found["rows"]]
     assert [cell["text"] for cell in cells] == ["0.500", "not fitted", "infinite", "not fitted", "not fitted"]
     assert [row["cells"][1].get("v") for row in json.loads(html.data(found))["rows"]] == [0.5, *[None] * 4]
-    line = Line("a", look("MLS56", "none"), np.array([1.0, nan]))
+    line = ModelLine("a", look("MLS56", "none"), np.array([1.0, nan]))
     chart = RunChart("error (mm)", 0, "run", ["1", "2"], [line], limit=nan)
     places = PlaceMap("error (mm)", 0, np.array([[nan, 0, 0], [1.0, 2, 3]]), [line])
     chart, places = (json.loads(html.data(own)) for own in (plain(chart), plain(places)))
@@ -136,7 +143,7 @@ def test_rows_that_are_no_model_have_no_models_colour():
         SimpleNamespace(case=case, structure=structure, constraint="none", prior=False)
         for case, structure in (("calm", "MLS56"), ("calm", "MLS32"), ("windy", "MLS56"))
     ]
-    assert looks(fits, Column("case", "case")) == {"windy": look("MLS56", "none")}
+    assert looks(fits, TableColumn("case", "case")) == {"windy": look("MLS56", "none")}
 
 
 def test_a_page_has_the_poses_layers_and_words_that_picture_and_recording_have(arm_6r):
@@ -194,7 +201,7 @@ def test_of_few_trials_the_ends_are_the_range_and_of_twenty_percentiles():
 @pytest.mark.parametrize(("trials", "words"), [(3, "range of 3"), (20, "5 to 95 % of 20")])
 def test_a_page_says_of_few_trials_that_brackets_hold_their_range(trials, words):
     rows = [{"name": "a", "x": spread(np.arange(float(trials)))}]
-    table = Table((Column("name", "model"), Column("x", "error", "mm")), rows)
+    table = Table((TableColumn("name", "model"), TableColumn("x", "error", "mm")), rows)
     assert html.grid(table)["brackets"] == brackets(table) == f"{words} trials"
     assert ("  5 %" in terminal.grid(table).columns[0].cells) == (trials == 20)
 
@@ -230,7 +237,7 @@ NAMES = ("joint[/x]", "[red]two[/red]", "[bold]", ":bug:", "a\\[b]")
 
 def test_names_are_printed_as_they_are_but_for_what_steers_a_terminal(capsys):
     names = (*NAMES, STEERS)
-    columns = (Column("name", "model"), *(Column("value", name) for name in names))
+    columns = (TableColumn("name", "model"), *(TableColumn("value", name) for name in names))
     rows = [{"name": name, "value": name} for name in names]
     console = plain_console()
     console.width = 300
@@ -245,11 +252,11 @@ def test_names_are_printed_as_they_are_but_for_what_steers_a_terminal(capsys):
 
 def test_a_table_has_medians_and_below_them_the_ends_of_their_spread_and_the_papers_numbers():
     columns = (
-        Column("name", "model", called={"a": "model A"}),
-        Column("error", "RMS error", "mm", paper="error", short="RMS\nmm"),
-        Column("n", "trials", form=".0f", exact=True),
-        Column("solved", "solved", form="yes"),
-        Column("um", "bias", "um", form=".1f", scale=1e3, none="no load"),
+        TableColumn("name", "model", called={"a": "model A"}),
+        TableColumn("error", "RMS error", "mm", paper="error", short="RMS\nmm"),
+        TableColumn("n", "trials", form=".0f", exact=True),
+        TableColumn("solved", "solved", form="yes"),
+        TableColumn("um", "bias", "um", form=".1f", scale=1e3, none="no load"),
     )
     errors, n = spread([1.0, 2.0, 4.0]), spread([3, 5, 9])
     rows = [
@@ -275,7 +282,7 @@ def test_all_of_the_package_prints_by_it_but_for_bars():
 
 
 def test_a_table_has_six_columns_at_most_and_among_them_that_of_the_answer():
-    columns = [Column(f"c{k}", f"heading {k}") for k in range(9)]
+    columns = [TableColumn(f"c{k}", f"heading {k}") for k in range(9)]
     console = Console(width=80, file=io.StringIO())
     print_table(console, Table(tuple(columns), [Row({f"c{k}": "yes" for k in range(9)})], headline="c7"))
     assert re.findall(r"\d", console.file.getvalue()) == list("012347")

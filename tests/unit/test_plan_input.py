@@ -7,12 +7,12 @@ import pytest
 from refused import refused
 from tables import write_table as write
 
-from testbench.arm.folder import Joint
+from testbench.arm.folder import ArmJoint
 from testbench.errors import BenchError
 from testbench.files.program import read_poses
 from testbench.model.load import weight
 from testbench.workflows.plan import nearest_turn
-from testbench.workflows.plan_input import box, overloads, place, read_loads, read_tasks
+from testbench.workflows.plan_input import overload_warnings, parse_work_area, place, read_loads, read_tasks
 from testbench.workflows.plan_settings import PlanSettings
 
 NAMES = [f"joint_{k}" for k in range(1, 7)]
@@ -103,17 +103,17 @@ def test_forces_alone_are_read_without_a_column_of_masses(file):
 
 def test_loads_far_beyond_the_stated_payload_are_said(kr500):
     """One and a half times 460.3 kg are 690.45 kg, or 6773 N."""
-    assert overloads(kr500.arm, [690.0], [(0.0, 0.0, 6770.0)]) == []
-    assert overloads(replace(kr500.arm, payload=None), [1e4], [(1e5, 0.0, 0.0)]) == []
+    assert overload_warnings(kr500.arm, [690.0], [(0.0, 0.0, 6770.0)]) == []
+    assert overload_warnings(replace(kr500.arm, payload=None), [1e4], [(1e5, 0.0, 0.0)]) == []
     stated = "an arm that states a payload of 460.3 kg"
-    found = overloads(kr500.arm, [1.0, 700.0], [(0.0, 0.0, -6780.0)])
+    found = overload_warnings(kr500.arm, [1.0, 700.0], [(0.0, 0.0, -6780.0)])
     assert found == [f"700 kg hang from {stated}", f"6780 N pull at {stated}"]
 
 
 def test_the_nearest_turn_is_the_same_pose_within_the_limits(kr500):
     lower, upper = [-6.0, -1.0, 2.0, 2.0], [6.0, 1.0, 6.0, 6.0]
     joints = tuple(
-        Joint(f"joint_{k}", *ends, 1e-6, prismatic=k == 3)
+        ArmJoint(f"joint_{k}", *ends, 1e-6, prismatic=k == 3)
         for k, ends in enumerate(zip(lower, upper, strict=True))
     )
     q = np.array([[5.0, 0.9, 5.9, 5.0], [-4.0, -1.0, 2.0, 4.0]])
@@ -124,7 +124,7 @@ def test_the_nearest_turn_is_the_same_pose_within_the_limits(kr500):
 
 
 def test_places_in_flags_become_a_station_and_an_area():
-    there = {"tracker_m": place("4.5,-2.5,1.6e0"), "box_m": box("1,2,3,4,5,6")}
+    there = {"tracker_m": place("4.5,-2.5,1.6e0"), "box_m": parse_work_area("1,2,3,4,5,6")}
     asked = PlanSettings(loads_kg=(460.0,), acceptance_deg=30.0, **there)
     assert asked.station.position == (4.5, -2.5, 1.6)
     assert asked.station.acceptance == pytest.approx(np.pi / 6)

@@ -11,7 +11,7 @@ from tables import write_table
 from testbench.correct.inverse import joints_along
 from testbench.correct.process import process_wrench
 from testbench.errors import InputError
-from testbench.files.program import read_program, unread
+from testbench.files.program import read_program, unread_columns
 from testbench.files.write import write_program
 from testbench.model.vjm import tool_pose
 from testbench.plant.site import collisions
@@ -58,9 +58,9 @@ def test_columns_that_were_not_read_are_said_and_louder_where_they_look_like_loa
         f"Not read though its unit is that of a load: {name}; it counts for nothing"
         for name in ("axail_N (axial_N?)", "torque_Nm", "load_kg (payload_kg?)", "pull_N")
     ]
-    assert unread(program) == (*loud, "Not read: speed_mm_s, comment")
+    assert unread_columns(program) == (*loud, "Not read: speed_mm_s, comment")
     plain = read_program(write(f"{DEG},axial_N", [[*q, 9] for q in np.degrees(Q)]), kr500.arm)
-    assert unread(plain) == ()
+    assert unread_columns(plain) == ()
     assert not plain.corrected
 
 
@@ -186,7 +186,7 @@ def test_the_program_of_the_documentation_can_be_run(kr500):
     """In reach, clear of collisions, with a direction for every force, nearly across the spindle."""
     program = read_program(ROOT / "docs" / "program.csv", kr500.arm)
     found = joints_along(kr500.vjm, program.position, program.rotation)
-    assert found.there.all()
+    assert found.converged.all()
     assert collisions(kr500.room, found.q) == [None] * program.points
     wrench = process_wrench(program.along, program.position, program.rotation[:, :, 0])
     np.testing.assert_allclose(

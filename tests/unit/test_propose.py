@@ -5,12 +5,20 @@ import tomllib
 import numpy as np
 import pytest
 
-from testbench.cli.new import read_wishes
+from testbench.cli.new import read_user_inputs
 from testbench.errors import BenchError
-from testbench.files.robot.robot import Body, Chain, Joint, Mesh, Shape, Site, pose_of
+from testbench.files.robot.robot import (
+    Body,
+    ImportedChain,
+    ImportedJoint,
+    ImportedMesh,
+    ImportedShape,
+    ImportedSite,
+    pose_of,
+)
 from testbench.workflows.beam import outer_diameter, triangles
 from testbench.workflows.new_arm import SPREAD, elastic_toml
-from testbench.workflows.propose import Wishes, joint_compliance, propose
+from testbench.workflows.propose import UserInputs, joint_compliance, propose
 
 Z = np.array([0.0, 0.0, 1.0])
 KNOWN = [  # payload [kg], stretched reach [m], joints counted from 0 and their compliances [1e-6 rad/(N m)]
@@ -33,19 +41,21 @@ def tube(length, outer, inner, axis, aside=(0.0, 0.0, 0.0), sides=64):
             a, b = start + k, start + (k + 1) % sides
             faces += [[a, b, a + sides], [b, b + sides, a + sides]]
     corners = np.concatenate(rings) + aside
-    mesh = Mesh(corners, np.array(faces), corners)
-    return Shape("mesh", np.zeros(3), np.eye(4), mesh, np.ones(4), visual=True, collides=True)
+    mesh = ImportedMesh(corners, np.array(faces), corners)
+    return ImportedShape("mesh", np.zeros(3), np.eye(4), mesh, np.ones(4), visual=True, collides=True)
 
 
 def part(name, offset, axis=Z, shapes=(), sites=(), prismatic=False):
-    joint = None if axis is None else Joint(f"{name}_joint", np.array(axis), prismatic, -2.0, 2.0, True)
+    joint = (
+        None if axis is None else ImportedJoint(f"{name}_joint", np.array(axis), prismatic, -2.0, 2.0, True)
+    )
     weight = {"mass": 5.0, "com": np.full(3, 0.01), "inertia": np.eye(3)}
     return Body(name, -1, pose_of(np.eye(3), offset), joint, shapes=(*shapes,), sites=(*sites,), **weight)
 
 
 def chain_of(*parts, tip=(0.0, 0.0, 0.1)):
-    end = Site("flange", pose_of(np.eye(3), tip))
-    return Chain("robot", (part("base", (0, 0, 0), None), *parts), end, ())
+    end = ImportedSite("flange", pose_of(np.eye(3), tip))
+    return ImportedChain("robot", (part("base", (0, 0, 0), None), *parts), end, ())
 
 
 def elastic_of(arm, wishes):
@@ -73,7 +83,7 @@ def test_beams_run_from_joint_to_joint_and_tubes_have_the_drawn_diameter():
         part("hand", (0, 0, 0), Z, [tube(0.2, 0.06, 0.05, Z)]),
         tip=(0, 0, 0.2),
     )
-    elastic = elastic_of(arm, Wishes(payload=12.0))
+    elastic = elastic_of(arm, UserInputs(payload=12.0))
     made = tomllib.loads(elastic)
     links = {link["name"]: link for link in made["link"]}
     axes = [links[name]["axis"] for name in ("upper", "fore", "wrist")]  # the wrist's joints meet in a point
@@ -96,7 +106,7 @@ def test_beams_run_from_joint_to_joint_and_tubes_have_the_drawn_diameter():
 def test_a_link_that_no_tube_can_be_is_named():
     arm = chain_of(part("a", (0, 0, 0.1)), part("b", (0, 0, 0.1), shapes=[tube(0.1, 2e-4, 1e-4, Z)]))
     with pytest.raises(BenchError, match="tube of link 'b': outer_diameter: expected"):
-        propose(arm, Wishes(payload=12.0))
+        propose(arm, UserInputs(payload=12.0))
 
 
 def test_the_law_of_the_joints_misses_the_known_ones_by_the_factor_that_it_says():
@@ -112,7 +122,7 @@ def test_the_law_of_the_joints_misses_the_known_ones_by_the_factor_that_it_says(
 def test_a_slide_is_proposed_in_metres_a_newton():
     slide = part("slide", (0, 0, 0.4), Z, prismatic=True)
     arm = chain_of(slide, part("two", (0.5, 0, 0)), part("three", (0.5, 0, 0)))
-    [first, second, _] = tomllib.loads(elastic_of(arm, Wishes(payload=4.0)))["joint"]
+    [first, second, _] = tomllib.loads(elastic_of(arm, UserInputs(payload=4.0)))["joint"]
     assert first["compliance"]["unit"] == "m/N"
     lever = 0.1 * 1.1  # of the reach from the first joint to the tool
     assert first["compliance"]["value"] == pytest.approx(second["compliance"]["value"] * lever**2, rel=0.05)
@@ -120,9 +130,9 @@ def test_a_slide_is_proposed_in_metres_a_newton():
 
 def test_sites_of_the_tool_are_markers_unless_they_lie_on_a_line():
     def markers(places):
-        sites = [Site(f"m{k}", pose_of(np.eye(3), place)) for k, place in enumerate(places)]
+        sites = [ImportedSite(f"m{k}", pose_of(np.eye(3), place)) for k, place in enumerate(places)]
         arm = chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0), Z, (), sites))
-        return propose(arm, Wishes()).markers
+        return propose(arm, UserInputs()).markers
 
     places = np.array([[0.1, 0, 0], [0, 0.1, 0], [-0.1, 0, 0.05]])
     found = markers(places)
@@ -135,7 +145,7 @@ def test_sites_of_the_tool_are_markers_unless_they_lie_on_a_line():
 
 
 def test_flags_are_taken_as_they_are_said():
-    wishes = read_wishes(7.0, "0,0,0.2,90,0,0", ["A=0,0,0", "B=0.1,0,0", "C=0,0.1,0"], "0,0,0.05")
+    wishes = read_user_inputs(7.0, "0,0,0.2,90,0,0", ["A=0,0,0", "B=0.1,0,0", "C=0,0.1,0"], "0,0,0.05")
     proposal = propose(chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0))), wishes)
     np.testing.assert_allclose(proposal.tool.pose[:3, 3], [0, 0, 0.3])
     np.testing.assert_allclose(proposal.tool.pose[:3, 2], [0, -1, 0], atol=1e-15)  # turned about its x
@@ -157,12 +167,14 @@ def test_flags_are_taken_as_they_are_said():
 )
 def test_a_wrong_flag_is_named(flags, words):
     with pytest.raises(BenchError, match=words.replace("(", r"\(")):
-        read_wishes(*flags)
+        read_user_inputs(*flags)
 
 
 def test_what_nobody_stated_is_to_be_confirmed_the_payload_first_and_nothing_else():
     arm = chain_of(part("tool", (0, 0, 0.4)), part("two", (0.5, 0, 0)), part("three", (0.5, 0, 0)))
-    elastic, stated = (elastic_of(arm, own) for own in (Wishes(), read_wishes(4.0, None, [], "0,0,0.1")))
+    elastic, stated = (
+        elastic_of(arm, own) for own in (UserInputs(), read_user_inputs(4.0, None, [], "0,0,0.1"))
+    )
     made = tomllib.loads(elastic)
     assert (made["payload"]["value"], made["payload"]["origin"]) == (4.9, "estimated")
     first = next(line for line in elastic.splitlines() if line.startswith("#  1."))

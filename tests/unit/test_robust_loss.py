@@ -11,13 +11,13 @@ LOSSES = pytest.mark.parametrize("loss", [PAIRS, FRAMES, READINGS])
 
 @LOSSES
 def test_a_reading_pulls_in_full_up_to_the_bend_and_no_harder_beyond(loss):
-    length = loss.bend * np.array([0.0, 0.5, 1.0, 2.0, 1e6])
-    np.testing.assert_allclose(loss.pull(length) * length, loss.bend * np.array([0, 0.5, 1, 1, 1]))
+    length = loss.threshold * np.array([0.0, 0.5, 1.0, 2.0, 1e6])
+    np.testing.assert_allclose(loss.influence(length) * length, loss.threshold * np.array([0, 0.5, 1, 1, 1]))
 
 
 @LOSSES
 def test_the_mean_square_is_that_of_normal_readings(loss):
-    b = loss.bend**2
+    b = loss.threshold**2
     assert loss.mean_square == pytest.approx(3 * chi2.cdf(b, 5) + b * chi2.sf(b, 3), abs=1e-3)
 
 
@@ -26,12 +26,12 @@ def test_a_scatter_beside_the_readings_is_found_though_some_are_wild(loss, rng):
     """Axes of one reading may differ."""
     variance = np.square([1e-5, 1e-4, 3e-4]) * rng.uniform(0.5, 2, (20_000, 1))
     sound = rng.standard_normal(variance.shape) * np.sqrt(variance + 2e-4**2)
-    assert loss.spread(sound, variance, 1.0) == pytest.approx(2e-4, rel=0.02)
+    assert loss.scatter(sound, variance, 1.0) == pytest.approx(2e-4, rel=0.02)
     wild = sound.copy()
     wild[:200] += 1.0
-    assert loss.spread(wild, variance, 1.0) == pytest.approx(2e-4, rel=0.06)
-    assert loss.spread(0.5 * rng.standard_normal(variance.shape) * np.sqrt(variance), variance, 1.0) == 0
-    assert loss.spread(np.zeros((0, 3)), np.zeros((0, 3)), 1.0) == 0
+    assert loss.scatter(wild, variance, 1.0) == pytest.approx(2e-4, rel=0.06)
+    assert loss.scatter(0.5 * rng.standard_normal(variance.shape) * np.sqrt(variance), variance, 1.0) == 0
+    assert loss.scatter(np.zeros((0, 3)), np.zeros((0, 3)), 1.0) == 0
 
 
 @LOSSES
@@ -40,6 +40,6 @@ def test_a_scatter_leaves_residuals_as_long_as_the_unknowns_that_were_spent_let_
     variance = np.full((300, 3), 1e-8)
     residual = 2e-4 * rng.standard_normal(variance.shape)
     for share in (1.0, 2 / 3):
-        s = loss.spread(residual, variance, share)
+        s = loss.scatter(residual, variance, share)
         length = (residual**2 / (variance + s**2)).sum(axis=1)
-        assert np.minimum(length, loss.bend**2).mean() == pytest.approx(loss.mean_square * share)
+        assert np.minimum(length, loss.threshold**2).mean() == pytest.approx(loss.mean_square * share)

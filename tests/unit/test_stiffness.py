@@ -7,7 +7,7 @@ import pytest
 
 from testbench.arm.stiffness import Tube, check_compliance, eigenvalue_scale, tube_compliance
 from testbench.errors import Array, BenchError
-from testbench.plant.cast import Line, beam_compliance
+from testbench.plant.cast import BeamSegments, beam_compliance
 
 STEEL = Tube(length=0.9, outer_diameter=0.2, inner_diameter=0.16, youngs_modulus=2.1e11, poissons_ratio=0.3)
 
@@ -20,7 +20,7 @@ def test_any_tube_is_the_beam_that_is_integrated_along_its_line_and_passes_the_d
         area, inertia = (np.pi * (tube.outer_diameter**k - tube.inner_diameter**k) for k in (2, 4))
         EA, EI = E * area / 4, E * inertia / 64
         c = np.diag([1 / EA, 0, 0, (1 + nu) / EI, 1 / EI, 1 / EI])  # without shear; G J = 2 E I / 2 (1 + nu)
-        line = Line(np.outer(L / 2 * (1 + x), np.eye(3)[0]), np.tile(np.eye(3), (2, 1, 1)), L / 2 * w)
+        line = BeamSegments(np.outer(L / 2 * (1 + x), np.eye(3)[0]), np.tile(np.eye(3), (2, 1, 1)), L / 2 * w)
         C, tip = tube_compliance(tube), np.array([L, 0, 0])
         np.testing.assert_allclose(C, beam_compliance(line, np.tile(c, (2, 1, 1)), tip), rtol=1e-12, atol=0)
         np.testing.assert_array_equal(check_compliance(C, "compliance"), C)

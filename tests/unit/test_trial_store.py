@@ -14,12 +14,12 @@ import pytest
 
 from testbench.errors import BenchError, InputError
 from testbench.runs.engine import do_chunk
-from testbench.runs.experiment import Experiment
+from testbench.runs.experiment import TrialPlan
 from testbench.runs.parquet import series
 from testbench.runs.spread import Number, Share
 from testbench.runs.store import PARTS, WHOLE, open_store, write_parquet
 
-TOY = Experiment("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
+TOY = TrialPlan("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 
 
 @dataclass(frozen=True)
@@ -92,14 +92,14 @@ def test_every_kind_of_value_comes_back_bit_by_bit_while_a_run_goes_on_and_behin
         put(store, {seed: rows[seed] for seed in (11, 8)})
         assert repr(store.rows()) == expected
         write_parquet(store, tmp_path)
-    more = Experiment("toy", TOY.scenario, range(7, 14))
+    more = TrialPlan("toy", TOY.scenario, range(7, 14))
     with open_store(tmp_path, more, row=Full, resume=True) as store:
         assert store.missing() == [12, 13]
         assert repr(store.rows()) == expected
 
 
 def test_columns_have_the_types_of_the_fields_even_without_a_value(tmp_path):
-    with open_store(tmp_path, Experiment("toy", {}, range(1)), row=Full, resume=False) as store:
+    with open_store(tmp_path, TrialPlan("toy", {}, range(1)), row=Full, resume=False) as store:
         put(store, {0: []})
         schema = pq.read_schema(write_parquet(store, tmp_path))
     kinds = {f.name: str(f.type).replace("element", "item") for f in schema}
@@ -197,9 +197,9 @@ def test_a_part_that_a_kill_cut_short_is_done_again(tmp_path):
 
 
 OTHERS = [
-    (Experiment("other", TOY.scenario, TOY.seeds), "scenario: the trials in this folder have 'toy'"),
-    (Experiment("toy", {"load": {"mass": 2.0}}, TOY.seeds), "poses: .* \\[1, 2\\], this run has None"),
-    (Experiment("toy", TOY.scenario, range(8, 12)), "root seed: .* have 7, this run has 8"),
+    (TrialPlan("other", TOY.scenario, TOY.seeds), "scenario: the trials in this folder have 'toy'"),
+    (TrialPlan("toy", {"load": {"mass": 2.0}}, TOY.seeds), "poses: .* \\[1, 2\\], this run has None"),
+    (TrialPlan("toy", TOY.scenario, range(8, 12)), "root seed: .* have 7, this run has 8"),
 ]
 
 
@@ -223,12 +223,12 @@ def test_a_run_keeps_off_a_stopped_one_and_is_resumed_with_more_trials_or_fewer(
     with open_store(tmp_path, TOY, row=X, resume=False) as store:
         assert store.count == 0
     assert files(tmp_path) == finished
-    more = Experiment("toy", TOY.scenario, range(7, 14))
+    more = TrialPlan("toy", TOY.scenario, range(7, 14))
     assert missing(tmp_path, more) == [12, 13]
     fill(tmp_path, [13], more, resume=True)
     with pytest.raises(InputError, match="holds 6 trials of a run that was stopped"):
         fill(tmp_path, [7])
-    fewer = Experiment("toy", TOY.scenario, range(7, 9))
+    fewer = TrialPlan("toy", TOY.scenario, range(7, 9))
     with open_store(tmp_path, fewer, row=X, resume=True) as store:
         assert store.rows() == [X(7 / 3), X(8 / 3)]
         assert pq.read_table(write_parquet(store, tmp_path))["seed"].to_pylist() == [7, 8]
@@ -263,7 +263,7 @@ def test_seeds_are_consecutive_and_a_scenario_is_plain_data(tmp_path):
     for scenario, seeds in wrong:
         said = "scenario: expected plain JSON data" if scenario else "seeds: expected"
         with pytest.raises(BenchError, match=said):
-            fill(tmp_path, [7], Experiment("toy", scenario, seeds))
+            fill(tmp_path, [7], TrialPlan("toy", scenario, seeds))
 
 
 def test_a_table_of_trials_with_too_many_columns_is_refused(tmp_path):

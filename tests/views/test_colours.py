@@ -79,11 +79,11 @@ def ciede2000(one, other):
 
 @pytest.mark.parametrize("eye", [NORMAL, PROTANOPE, DEUTERANOPE], ids=["normal", "protanope", "deuteranope"])
 def test_everybody_tells_least_squares_gco_joints_prior_and_truth_apart(eye):
-    assert look("MLS56", "none").colour == colours.TOLD_APART[0]
-    assert look("MGCO56", "psd").colour == colours.TOLD_APART[1]
-    assert look("Joints", "none").colour == colours.TOLD_APART[2]
-    assert look("MLS56", "none", prior=True).colour == colours.TOLD_APART[3]
-    for a, b in combinations(colours.TOLD_APART, 2):
+    assert look("MLS56", "none").colour == colours.DISTINCT[0]
+    assert look("MGCO56", "psd").colour == colours.DISTINCT[1]
+    assert look("Joints", "none").colour == colours.DISTINCT[2]
+    assert look("MLS56", "none", prior=True).colour == colours.DISTINCT[3]
+    for a, b in combinations(colours.DISTINCT, 2):
         assert apart(a, b, eye) >= FAR_APART, (a, b)
 
 

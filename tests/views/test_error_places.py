@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.workflows.workspace_errors import Places, error_places, rms
+from testbench.workflows.workspace_errors import WorkspacePoses, error_places, rms
 
 COUNT = 30
 NAMES = ("MLS56", "MGCO56", "ALL153 + prior")
@@ -24,7 +24,7 @@ def at(rng):
     q = rng.uniform(-3, 3, (COUNT, 6))
     joints = tuple(f"[{row[0]:.2f}, ...] deg" for row in q)
     run, sag = tuple(range(101, 101 + COUNT)), tuple(rng.uniform(1, 5, COUNT).tolist())
-    return Places(run, tuple(q.ravel().tolist()), joints, tuple(x), tuple(y), tuple(z), sag)
+    return WorkspacePoses(run, tuple(q.ravel().tolist()), joints, tuple(x), tuple(y), tuple(z), sag)
 
 
 def test_places_are_ordered_by_how_far_the_first_and_the_last_differ_each_with_all_that_is_its_own(

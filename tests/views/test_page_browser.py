@@ -10,11 +10,11 @@ from made_up_run import REPORT, made_up_run
 from matplotlib.image import imsave
 from scipy.spatial.transform import Rotation
 
-from testbench.plant.shapes import Frames
+from testbench.plant.shapes import BodyFrames
 from testbench.report.badge import decide
 from testbench.report.page.page import FOLDER, SCRIPTS, write_page
 from testbench.report.page.page import frames_plain as _frames
-from testbench.report.schema import Column, Table
+from testbench.report.schema import Table, TableColumn
 
 FITS = '<meta name="viewport" content="width=device-width">'
 PAGE = f"""<!doctype html><meta charset="utf-8">{FITS}<title>A page</title>
@@ -295,7 +295,7 @@ def test_bodies_stand_in_a_page_where_their_frames_have_them_and_points_where_an
 ):
     """Turns by matrices, and a pinhole before the eye with z up, in numpy; all points are in the picture."""
     turns, at = Rotation.random(2, rng=rng).as_matrix(), rng.normal(size=(2, 3))
-    [numbers] = _frames(Frames(at[None], turns[None]))
+    [numbers] = _frames(BodyFrames(at[None], turns[None]))
     body = rng.normal(size=(5, 3))
     page = open_page(write(scripted(""))).page
     for k in range(2):
@@ -381,7 +381,7 @@ def test_a_page_is_printed_on_one_sheet_with_badge_picture_table_settings_and_ve
     badge = decide(("one", [1.0] * 8), ("other", [2.0] * 8))
     seen = made_up_run(arm_6r)
     table = Table(
-        (Column("name", "model"), Column("mm", "error", "mm")),
+        (TableColumn("name", "model"), TableColumn("mm", "error", "mm")),
         [{"name": "one", "mm": 1.0}, {"name": "other", "mm": 2.0}],
         "Models",
     )

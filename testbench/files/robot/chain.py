@@ -11,29 +11,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.errors import Array, InputError, cut
+from testbench.errors import Array, InputError, shorten
 from testbench.files.robot.couple import Rows, chain_map, map_of
 from testbench.files.robot.equalities import Coupling
 from testbench.files.robot.mjcf import read_mjcf
-from testbench.files.robot.robot import Body, Chain, Note, Robot, Shape, Site, moved
+from testbench.files.robot.robot import (
+    Body,
+    ImportedChain,
+    ImportedShape,
+    ImportedSite,
+    Note,
+    Robot,
+    transform_points,
+)
 from testbench.files.robot.solids import combined
 from testbench.files.robot.source import read_xml
 from testbench.files.robot.tip import Tip, named_tips, path_to, usual_tip
 from testbench.files.robot.urdf import read_urdf
 from testbench.files.robot.weigh import weigh
 
-FEWEST, MOST = 3, 9
+MIN_JOINTS, MAX_JOINTS = 3, 9
 """Fewest and most moving joints of an arm."""
-LONGEST = 50.0
+MAX_BODY_DISTANCE = 50.0
 """Largest distance between two neighbouring bodies [m]."""
 HEAVIEST = 1e5
 """Largest mass of a body [kg]."""
-LISTED = 200
+MAX_LISTED = 200
 """Most characters of names in a message."""
 LONGEST_NAME = 40
 """Most characters of a name: suffixes are added."""
 RESERVED = ("world",)
-LEFT = "left out"  #: Kind of a note.
+LEFT_OUT = "left out"  #: Kind of a note.
 SPECK = 1e-6
 """Mass of a part for which the file states none [kg]."""
 READERS = {"robot": read_urdf, "mujoco": read_mjcf}
@@ -57,7 +65,7 @@ def read_robot(file: Path) -> Robot:
     return READERS[root.tag](file, root)
 
 
-def read_chain(file: Path, tip: str | None = None) -> Chain:
+def read_chain(file: Path, tip: str | None = None) -> ImportedChain:
     """Read the arm that a robot's file describes, from its first body to the tip.
 
     Args:
@@ -84,18 +92,24 @@ def read_chain(file: Path, tip: str | None = None) -> Chain:
     parts = tuple(_part(bodies, placed, part, k, rods) for part, k in enumerate(carriers))
     parts = (replace(parts[0], pose=_in_world(bodies, carriers[0])), *parts[1:])
     became = _became(bodies, placed, path, parts, rods)
-    site = Site(end.site.name, placed[end.body].pose @ end.site.pose)
+    site = ImportedSite(end.site.name, placed[end.body].pose @ end.site.pose)
     had = [_left_out(note, robot.couplings, spare) for note in robot.notes]
-    chain = Chain(robot.name, parts, site, (*(n for n in had if n.names or n.kind != LEFT), *notes, *became))
+    chain = ImportedChain(
+        robot.name, parts, site, (*(n for n in had if n.names or n.kind != LEFT_OUT), *notes, *became)
+    )
     return _coupled(file, *_fit(chain, rows))
 
 
 def _left_out(note: Note, couplings: Sequence[Coupling], spare: Collection[Coupling]) -> Note:
     """Note elements that are left out; equalities and tendons only if they do not move the arm's joints."""
-    if note.kind != LEFT:
+    if note.kind != LEFT_OUT:
         return note
-    used = [own.label for own in couplings if own not in spare]
-    read = {"equality"} if used and not any("equality" in own.label or own.bodies for own in spare) else set()
+    used = [coupling.label for coupling in couplings if coupling not in spare]
+    read = (
+        {"equality"}
+        if used and not any("equality" in coupling.label or coupling.bodies for coupling in spare)
+        else set()
+    )
     read |= {"tendon" for label in used if label.startswith("tendon")}
     return note._replace(names=tuple(name for name in note.names if name not in read))
 
@@ -117,9 +131,9 @@ def _check_joints(file: Path, robot: Robot, path: list[int]) -> None:
             name = f"joint {body.joint.name!r}" if body.joint else f"the joint of {body.name!r}"
             raise InputError(file, "", f"{name} {body.odd}; an arm's joints turn or slide")
     names = [joint.name for k in path if (joint := robot.bodies[k].joint)]
-    if not FEWEST <= len(names) <= MOST:
-        there, end = cut(", ".join(names), LISTED) or "none", robot.bodies[path[-1]].name
-        wanted = f"expected {FEWEST} to {MOST} moving joints up to {end!r}"
+    if not MIN_JOINTS <= len(names) <= MAX_JOINTS:
+        there, end = shorten(", ".join(names), MAX_LISTED) or "none", robot.bodies[path[-1]].name
+        wanted = f"expected {MIN_JOINTS} to {MAX_JOINTS} moving joints up to {end!r}"
         raise InputError(file, "", f"{wanted}, got {len(names)}: {there}; state another tip")
 
 
@@ -128,9 +142,9 @@ def _check_sizes(file: Path, robot: Robot) -> None:
         far = max(np.abs(body.pose[:3, 3]).max(), np.abs(body.com).max())
         inertia = np.abs(body.inertia).max()
         for value, most, what in (
-            (far, LONGEST, "m"),
+            (far, MAX_BODY_DISTANCE, "m"),
             (body.mass, HEAVIEST, "kg"),
-            (inertia, HEAVIEST * LONGEST, "kg m^2"),
+            (inertia, HEAVIEST * MAX_BODY_DISTANCE, "kg m^2"),
         ):
             if not value <= most:
                 raise InputError(file, body.name, f"expected at most {most:g} {what}, got {value:.3g}")
@@ -199,17 +213,17 @@ def _part(
         inertia=inertia,
         weighed=2 * stated > mass,
         shapes=tuple(_shape(s, placed[k].pose, rod=k in rods) for k in own for s in bodies[k].shapes),
-        sites=tuple(Site(s.name, placed[k].pose @ s.pose) for k in own for s in bodies[k].sites),
+        sites=tuple(ImportedSite(s.name, placed[k].pose @ s.pose) for k in own for s in bodies[k].sites),
     )
 
 
 def _weighed(body: Body, pose: Array) -> tuple[float, Array, Array]:
     """Return mass, centre of mass and inertia about it of a body in the frame of its part."""
     R = pose[:3, :3]
-    return body.mass, moved(body.com, pose), R @ body.inertia @ R.T
+    return body.mass, transform_points(body.com, pose), R @ body.inertia @ R.T
 
 
-def _shape(shape: Shape, pose: Array, *, rod: bool) -> Shape:
+def _shape(shape: ImportedShape, pose: Array, *, rod: bool) -> ImportedShape:
     """Move a shape of a body to the frame of its part."""
     shape = replace(shape, pose=pose @ shape.pose)
     return replace(shape, collides=False, bears=False) if rod else shape
@@ -243,17 +257,17 @@ def _became(
     return notes
 
 
-def _coupled(file: Path, chain: Chain, rows: Rows) -> Chain:
+def _coupled(file: Path, chain: ImportedChain, rows: Rows) -> ImportedChain:
     """Add the joint map to the chain, with a note on dependent joints."""
-    found = chain_map(file, chain.joints, rows)
-    if found is None:
+    joint_map = chain_map(file, chain.joints, rows)
+    if joint_map is None:
         return chain
     names = [joint.name for joint in chain.joints]
-    words = tuple(f"{name} = {found.words(k)}" for k, name in enumerate(names) if name in rows)
-    return replace(chain, joint_map=found, notes=(*chain.notes, Note("follow", words)))
+    words = tuple(f"{name} = {joint_map.words(k)}" for k, name in enumerate(names) if name in rows)
+    return replace(chain, joint_map=joint_map, notes=(*chain.notes, Note("follow", words)))
 
 
-def _fit(chain: Chain, rows: Rows) -> tuple[Chain, Rows]:
+def _fit(chain: ImportedChain, rows: Rows) -> tuple[ImportedChain, Rows]:
     """Rename the chain with names of letters, digits, `_` and `-` that differ in more than case.
 
     Joints that others follow get such names too.

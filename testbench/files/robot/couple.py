@@ -13,9 +13,9 @@ import numpy as np
 from testbench.arm.joint_map import JointMap, build_map
 from testbench.errors import Array, BenchError, InputError
 from testbench.files.robot.equalities import Coupling
-from testbench.files.robot.robot import Body, Joint
+from testbench.files.robot.robot import Body, ImportedJoint
 
-ROUNDING = 1e-9
+ZERO_COEFFICIENT = 1e-9
 """Coefficient of an equation below which it counts as zero [1]."""
 DIGITS = 12
 """Decimals of a coefficient."""
@@ -55,9 +55,9 @@ def map_of(
         left = [own for own in left if not own.terms.keys() & known]
         used += more
         known |= {name for own in more for name in own.terms}
-    for own in used:
-        if own.bent:
-            raise InputError(file, "", f"{own.label} is not linear; {STATE}")
+    for coupling in used:
+        if coupling.bent:
+            raise InputError(file, "", f"{coupling.label} is not linear; {STATE}")
     there = {body.joint.name for body in bodies if body.joint}
     if missing := sorted(known - there):
         raise InputError(file, "", f"no joint {missing[0]!r}, which others follow")
@@ -70,15 +70,15 @@ def map_of(
 def _needed(left: list[Coupling], chain: set[str], driven: set[str]) -> list[Coupling]:
     """Drop couplings that only position a joint off the arm: a rod that follows the arm."""
 
-    def is_spare(own: Coupling, count: Counter[str]) -> bool:
-        takes = {name for name in own.terms if count[name] == 1} - chain
-        if own.follower:
-            return own.follower in takes
-        return not own.bent and bool(takes - driven)
+    def is_spare(coupling: Coupling, count: Counter[str]) -> bool:
+        takes = {name for name in coupling.terms if count[name] == 1} - chain
+        if coupling.follower:
+            return coupling.follower in takes
+        return not coupling.bent and bool(takes - driven)
 
     while True:
-        count = Counter(name for own in left for name in own.terms)
-        kept = [own for own in left if not is_spare(own, count)]
+        count = Counter(name for coupling in left for name in coupling.terms)
+        kept = [coupling for coupling in left if not is_spare(coupling, count)]
         if len(kept) == len(left):
             return kept
         left = kept
@@ -94,12 +94,13 @@ def _check_loops(
         if own.bodies is not None
     ]
     floating = Counter(k for _, loop in ties for k in loop if bodies[k].odd)
-    for own, loop in ties:
+    for coupling, loop in ties:
         over = {joint.name for k in loop if (joint := bodies[k].joint)}
         free = [k for k in loop if floating[k] == 1]
         if not free and (closed := [name for name in chain if name in over]):
             problem = (
-                f"{own.label} closes a loop over the joint {closed[0]!r}, so the arm is no chain; {STATE}"
+                f"{coupling.label} closes a loop over the joint {closed[0]!r}, so the arm is no chain; "
+                f"{STATE}"
             )
             raise InputError(file, "", problem)
 
@@ -115,7 +116,9 @@ def _above(bodies: Sequence[Body], k: int) -> set[int]:
 
 def _solved(file: Path, order: Sequence[str], equations: Sequence[Coupling]) -> Rows:
     """Solve by Gauss-Jordan elimination: in each equation the first joint in the order is dependent."""
-    A = np.array([[*(own.terms.get(name, 0.0) for name in order), own.constant] for own in equations])
+    A = np.array(
+        [[*(coupling.terms.get(name, 0.0) for name in order), coupling.constant] for coupling in equations]
+    )
     A = A.reshape(len(equations), len(order) + 1)
     pivots: list[int] = []
     for column in range(len(order)):
@@ -123,14 +126,14 @@ def _solved(file: Path, order: Sequence[str], equations: Sequence[Coupling]) -> 
         if row == len(A):
             break
         best = row + int(np.argmax(np.abs(A[row:, column])))
-        if abs(A[best, column]) <= ROUNDING:
+        if abs(A[best, column]) <= ZERO_COEFFICIENT:
             continue
         A[[row, best]] = A[[best, row]]
         A[row] /= A[row, column]
         others = np.arange(len(A)) != row
         A[others] -= A[others, column, None] * A[row]
         pivots.append(column)
-    if (np.abs(A[len(pivots) :, -1]) > ROUNDING).any():
+    if (np.abs(A[len(pivots) :, -1]) > ZERO_COEFFICIENT).any():
         raise InputError(file, "", f"{equations[0].label} and others contradict: no joints satisfy all")
     return {order[column]: _row(order, A[k], column) for k, column in enumerate(pivots)}
 
@@ -142,7 +145,7 @@ def _row(order: Sequence[str], row: Array, column: int) -> tuple[dict[str, float
     return {name: c for name, c in terms.items() if c}, round(float(row[-1]), DIGITS) + 0.0
 
 
-def chain_map(file: Path, joints: Sequence[Joint], rows: Rows) -> JointMap | None:
+def chain_map(file: Path, joints: Sequence[ImportedJoint], rows: Rows) -> JointMap | None:
     """Build the joint map of an arm's chain: its joints as a linear function of those that the motors drive.
 
     Args:

@@ -37,7 +37,7 @@ def couplings_of(model: mujoco.MjModel, names: Mapping[int, str], index: Mapping
     Returns:
         The couplings.
     """
-    found: list[Coupling] = []
+    couplings: list[Coupling] = []
     for e in np.flatnonzero(model.eq_active0).tolist():
         kind, label = int(model.eq_type[e]), model.equality(e).name or f"{e + 1}"
         ends = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
@@ -46,17 +46,17 @@ def couplings_of(model: mujoco.MjModel, names: Mapping[int, str], index: Mapping
                 ends = int(model.site_bodyid[ends[0]]), int(model.site_bodyid[ends[1]])
             led = [b for b in ends if model.body_mocapid[b] >= 0]  # a hand that leads the arm, no rod
             bodies = index[ends[0]], index[ends[1]]
-            found += [Coupling(f"{LOOPS[kind]} {label!r}", bodies=bodies)] if not led else []
+            couplings += [Coupling(f"{LOOPS[kind]} {label!r}", bodies=bodies)] if not led else []
         elif kind == int(mujoco.mjtEq.mjEQ_JOINT):
             both = [{end: 1.0} if end >= 0 else {} for end in ends]
-            own = _equation(model, names, e, both)
-            found.append(replace(own, label=f"joint equality {label!r}", follower=names[ends[0]]))
+            coupling = _equation(model, names, e, both)
+            couplings.append(replace(coupling, label=f"joint equality {label!r}", follower=names[ends[0]]))
         elif kind == int(mujoco.mjtEq.mjEQ_TENDON):
             tendons = [end for end in ends if end >= 0]
-            own = _equation(model, names, e, [_tendon(model, end) if end >= 0 else {} for end in ends])
-            bent = own.bent or not all(map(partial(_is_fixed, model), tendons))
-            found.append(replace(own, label=f"tendon equality {label!r}", bent=bent))
-    return found
+            coupling = _equation(model, names, e, [_tendon(model, end) if end >= 0 else {} for end in ends])
+            bent = coupling.bent or not all(map(partial(_is_fixed, model), tendons))
+            couplings.append(replace(coupling, label=f"tendon equality {label!r}", bent=bent))
+    return couplings
 
 
 def _wraps(model: mujoco.MjModel, tendon: int) -> range:

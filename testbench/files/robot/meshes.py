@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.errors import Array, InputError, read_bytes
-from testbench.files.robot.robot import Faces, Mesh, Note, Surface
+from testbench.files.robot.robot import Faces, ImportedMesh, Note, Surface
 from testbench.files.robot.solids import outermost
 
-KINDS = ("stl", "obj", "ply", "dae")
+MESH_SUFFIXES = ("stl", "obj", "ply", "dae")
 MAX_BYTES = 64_000_000
 """Largest mesh file [byte]."""
 MAX_TOTAL = 100_000_000
@@ -23,7 +23,7 @@ MAX_FACES = 500_000
 """Most triangles of a mesh."""
 MAX_ALL_FACES = 1_000_000
 """Most triangles of a robot, counted as often as a mesh is used."""
-LARGEST = 30.0
+MAX_MESH_SIZE = 30.0
 """Largest size of a mesh [m]; beyond it the unit is wrong."""
 CELLS = 2**20 - 1
 """Cells of the grid from the origin on which corners of one place are merged."""
@@ -37,12 +37,12 @@ class MeshError(Exception):
 class Meshes:
     """Hold the mesh files that were read, each once, and those that could not be read, with the reasons."""
 
-    read: dict[Path, Mesh] = field(default_factory=dict)
+    read: dict[Path, ImportedMesh] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     size: int = 0  #: Size of all that was read [byte].
     faces: int = 0  #: Triangles of all that was requested.
 
-    def load(self, file: Path) -> Mesh:
+    def load(self, file: Path) -> ImportedMesh:
         """Read the triangles of a file; every file is read once.
 
         Args:
@@ -56,8 +56,8 @@ class Meshes:
         """
         if file not in self.read:
             kind = file.suffix[1:].lower()
-            if kind not in KINDS:
-                raise MeshError(f"expected a mesh: {', '.join(KINDS)}")
+            if kind not in MESH_SUFFIXES:
+                raise MeshError(f"expected a mesh: {', '.join(MESH_SUFFIXES)}")
             _check("triangles in all shapes", self.faces, MAX_ALL_FACES)
             try:
                 data = read_bytes(file, MAX_BYTES)
@@ -66,7 +66,7 @@ class Meshes:
             self.size += len(data)
             _check("bytes in all meshes", self.size, MAX_TOTAL)
             vertices, faces, rgba = _parsed(data, kind)
-            self.read[file] = Mesh(vertices, faces, outermost(vertices), rgba)
+            self.read[file] = ImportedMesh(vertices, faces, outermost(vertices), rgba)
         self.faces += len(self.read[file].faces)
         _check("triangles in all shapes", self.faces, MAX_ALL_FACES)
         return self.read[file]
@@ -192,10 +192,10 @@ def check_size(vertices: Array) -> None:
         vertices: Its vertices, (v, 3) [m].
 
     Raises:
-        MeshError: When it is larger than LARGEST, or too far from the origin.
+        MeshError: When it is larger than MAX_MESH_SIZE, or too far from the origin.
     """
     size = float(np.ptp(vertices, axis=0).max())
-    if not size <= LARGEST or not float(np.abs(vertices).max()) <= 2 * LARGEST:
+    if not size <= MAX_MESH_SIZE or not float(np.abs(vertices).max()) <= 2 * MAX_MESH_SIZE:
         raise MeshError(f"{size:.3g} m large; is a scale of 0.001 missing?")
 
 

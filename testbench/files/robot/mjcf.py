@@ -20,12 +20,22 @@ from testbench.arm.document import inside
 from testbench.errors import Array, InputError
 from testbench.files.robot.equalities import couplings_of
 from testbench.files.robot.meshes import MAX_ALL_FACES, MeshError, Meshes, check_size, decimated, stl_bytes
-from testbench.files.robot.robot import Body, Joint, Mesh, Note, Robot, Shape, Site, endless, pose_of
+from testbench.files.robot.robot import (
+    Body,
+    ImportedJoint,
+    ImportedMesh,
+    ImportedShape,
+    ImportedSite,
+    Note,
+    Robot,
+    pose_of,
+    substitute_limits,
+)
 from testbench.files.robot.solids import hull_of, outermost, primitive
 from testbench.files.robot.source import MAX_ELEMENTS, read_xml
 from testbench.plant.build import HULL_CORNERS, REFUSED
 from testbench.plant.collide import VISUAL_GROUPS, body_name
-from testbench.plant.shapes import KINDS, geom_rgba, rotation_of
+from testbench.plant.shapes import GEOM_KINDS, geom_rgba, rotation_of
 
 KEPT = frozenset(
     "mujoco compiler default worldbody body frame inertial joint freejoint geom site".split()
@@ -39,7 +49,7 @@ SILENT = frozenset("option visual statistic size light camera texture layer cust
 REFUSED_TAGS = frozenset("replicate attach model".split())
 MAX_FILES = 50
 """Most included files, each counted once."""
-MOST_FACES = 200_000
+MAX_FACES = 200_000
 """Most faces of a mesh that MuJoCo reads."""
 ODD = {int(mujoco.mjtJoint.mjJNT_FREE): "is free", int(mujoco.mjtJoint.mjJNT_BALL): "is a ball"}
 NO_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
@@ -151,34 +161,34 @@ def _assets(file: Path, spec: mujoco.MjSpec, meshes: Meshes) -> dict[str, bytes]
             path = inside(file.parent, (folder / mesh.file).absolute())
             if path is None:
                 raise MeshError(f"lies outside of {file.parent}")
-            own = meshes.load(path)
-            check_size(own.vertices * mesh.scale)
+            imported_mesh = meshes.load(path)
+            check_size(imported_mesh.vertices * mesh.scale)
         except MeshError as err:
             meshes.failed[mesh.file] = str(err)
             for geom in [g for g in spec.geoms if g.meshname == mesh.name]:
                 spec.delete(geom)
             spec.delete(mesh)
             continue
-        if hull_of(own.outer) is None:  # MuJoCo needs to know that it is flat
+        if hull_of(imported_mesh.outer) is None:  # MuJoCo needs to know that it is flat
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         mesh.file, mesh.content_type = f"{len(found)}.stl", ""
-        found[mesh.file] = stl_bytes(*decimated(own.vertices, own.faces, MOST_FACES))
+        found[mesh.file] = stl_bytes(*decimated(imported_mesh.vertices, imported_mesh.faces, MAX_FACES))
     return found
 
 
-def _surfaces(file: Path, model: mujoco.MjModel) -> list[Mesh]:
+def _surfaces(file: Path, model: mujoco.MjModel) -> list[ImportedMesh]:
     """Return the triangles of every mesh in MuJoCo's mesh frame [m]."""
     shown = model.geom_dataid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
     faces = int(model.mesh_facenum[shown].astype(int).sum())
     if faces > MAX_ALL_FACES:
         raise InputError(file, "<geom>", f"expected at most {MAX_ALL_FACES} triangles in all, got {faces}")
-    found = []
+    imported_meshes = []
     for k in range(model.nmesh):
         vertex, face = int(model.mesh_vertadr[k]), int(model.mesh_faceadr[k])
         corners = np.asarray(model.mesh_vert[vertex : vertex + int(model.mesh_vertnum[k])], dtype=float)
         triangles = model.mesh_face[face : face + int(model.mesh_facenum[k])].astype(int)
-        found.append(Mesh(corners, triangles, outermost(corners)))
-    return found
+        imported_meshes.append(ImportedMesh(corners, triangles, outermost(corners)))
+    return imported_meshes
 
 
 def _by_depth(model: mujoco.MjModel) -> list[int]:
@@ -234,13 +244,15 @@ def _joint_name(model: mujoco.MjModel, j: int) -> str:
     return model.joint(j).name or f"joint_{j + 1}"
 
 
-def _joint(model: mujoco.MjModel, j: int) -> Joint:
+def _joint(model: mujoco.MjModel, j: int) -> ImportedJoint:
     slides, limited = int(model.jnt_type[j]) == SLIDES, bool(model.jnt_limited[j])
-    lower, upper = map(float, model.jnt_range[j]) if limited else endless(prismatic=slides)
-    return Joint(_joint_name(model, j), model.jnt_axis[j].copy(), slides, lower, upper, limited)
+    lower, upper = map(float, model.jnt_range[j]) if limited else substitute_limits(prismatic=slides)
+    return ImportedJoint(_joint_name(model, j), model.jnt_axis[j].copy(), slides, lower, upper, limited)
 
 
-def _filled(model: mujoco.MjModel, b: int, body: Body, origin: Array, surfaces: Sequence[Mesh]) -> Body:
+def _filled(
+    model: mujoco.MjModel, b: int, body: Body, origin: Array, surfaces: Sequence[ImportedMesh]
+) -> Body:
     """Add mass, shapes and sites to a body, relative to an origin in MuJoCo's body."""
     mass = float(model.body_mass[b])
     mass = mass if mass > NOTHING else 0.0
@@ -254,17 +266,20 @@ def _filled(model: mujoco.MjModel, b: int, body: Body, origin: Array, surfaces: 
         inertia=axes @ np.diag(model.body_inertia[b]) @ axes.T,
         shapes=tuple(shape for g in geoms if (shape := _shape(model, surfaces, g, origin))),
         sites=tuple(
-            Site(model.site(s).name, _pose(model.site_pos[s] - origin, model.site_quat[s])) for s in sites
+            ImportedSite(model.site(s).name, _pose(model.site_pos[s] - origin, model.site_quat[s]))
+            for s in sites
         ),
     )
 
 
-def _shape(model: mujoco.MjModel, surfaces: Sequence[Mesh], g: int, origin: Array) -> Shape | None:
+def _shape(
+    model: mujoco.MjModel, surfaces: Sequence[ImportedMesh], g: int, origin: Array
+) -> ImportedShape | None:
     """Convert a geom to a surface; None for a plane."""
-    kind, size = KINDS.get(int(model.geom_type[g])), model.geom_size[g].copy()
+    kind, size = GEOM_KINDS.get(int(model.geom_type[g])), model.geom_size[g].copy()
     if kind is None:
         return None
-    return Shape(
+    return ImportedShape(
         kind=kind,
         size=size,
         pose=_pose(model.geom_pos[g] - origin, model.geom_quat[g]),

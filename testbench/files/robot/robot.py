@@ -34,7 +34,7 @@ class Note(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class ImportedMesh:
     """Hold triangles of a file in its own unit, or of a primitive [m]."""
 
     vertices: Array  #: Corners, (v, 3).
@@ -44,13 +44,13 @@ class Mesh:
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class ImportedShape:
     """Describe a triangle surface fixed in a body; primitives of the file are converted to one."""
 
     kind: Kind  #: As MuJoCo names it.
     size: Array  #: Of a primitive, as MuJoCo counts it, (3,) [m].
     pose: Array  #: In the body's frame, (4, 4) [m].
-    mesh: Mesh  #: Its surface in its own axes.
+    mesh: ImportedMesh  #: Its surface in its own axes.
     rgba: Array  #: Colour, (4,) [1].
     visual: bool  #: Whether it is drawn.
     collides: bool  #: Whether it collides.
@@ -59,15 +59,15 @@ class Shape:
     @property
     def surface(self) -> Surface:
         """Return the surface in the body's frame."""
-        return moved(self.mesh.vertices, self.pose), self.mesh.faces
+        return transform_points(self.mesh.vertices, self.pose), self.mesh.faces
 
     @property
     def cloud(self) -> Array:
         """Return corners whose hull is that of the shape, (h, 3) [m]."""
-        return moved(self.mesh.outer, self.pose)
+        return transform_points(self.mesh.outer, self.pose)
 
 
-def seen(shapes: Sequence[Shape]) -> list[Shape]:
+def visible_shapes(shapes: Sequence[ImportedShape]) -> list[ImportedShape]:
     """Select the shapes that are drawn; if there are none, those that collide.
 
     Args:
@@ -79,7 +79,7 @@ def seen(shapes: Sequence[Shape]) -> list[Shape]:
     return [s for s in shapes if s.visual] or [s for s in shapes if s.collides]
 
 
-class Site(NamedTuple):
+class ImportedSite(NamedTuple):
     """Describe a named frame on a body: a flange, a tool's centre point, a site, the body itself."""
 
     name: str  #: Name in the file.
@@ -87,7 +87,7 @@ class Site(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class ImportedJoint:
     """Describe the joint that moves a body; its axis passes through the body's origin."""
 
     name: str  #: Name in the file.
@@ -105,7 +105,7 @@ class Body:
     name: str  #: Name in the file.
     parent: int  #: Index of the body before; -1 for the first of a tree.
     pose: Array  #: In the parent at q = 0, (4, 4) [m]; in the world for the first.
-    joint: Joint | None = None  #: Joint that moves it; None for a fixed body.
+    joint: ImportedJoint | None = None  #: Joint that moves it; None for a fixed body.
     odd: str = ""  #: Why its joint cannot be one of the arm, such as "is a free joint"; "" if it can.
     follows: str = ""  #: Name of the joint that its joint mimics.
     mass: float = 0.0  #: [kg]
@@ -113,8 +113,8 @@ class Body:
     #: Inertia about the centre of mass in the body's axes, (3, 3) [kg m^2].
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
     weighed: bool = True  #: Whether the file states its mass, or most of it.
-    shapes: tuple[Shape, ...] = ()
-    sites: tuple[Site, ...] = ()
+    shapes: tuple[ImportedShape, ...] = ()
+    sites: tuple[ImportedSite, ...] = ()
 
     @property
     def moves(self) -> bool:
@@ -134,18 +134,18 @@ class Robot:
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class ImportedChain:
     """Describe a serial arm that was read from a user's file."""
 
     name: str  #: The robot's name in the file.
     #: From the base to the last link, n + 1, each with all that is fixed to it; the base in the world.
     parts: tuple[Body, ...]
-    tip: Site  #: The link, body or site that carries the tool, in the last part.
+    tip: ImportedSite  #: The link, body or site that carries the tool, in the last part.
     notes: tuple[Note, ...]  #: What was merged, frozen, renamed or estimated.
     joint_map: JointMap | None = None  #: Map of dependent joints; None if there are none.
 
     @property
-    def joints(self) -> list[Joint]:
+    def joints(self) -> list[ImportedJoint]:
         """Return the joints that move its parts, n."""
         return [part.joint for part in self.parts if part.joint]
 
@@ -160,7 +160,7 @@ class Chain:
         return sum(part.mass for part in self.parts)
 
 
-def endless(*, prismatic: bool) -> tuple[float, float]:
+def substitute_limits(*, prismatic: bool) -> tuple[float, float]:
     """Return limits for a joint whose file states none.
 
     Args:
@@ -187,7 +187,7 @@ def pose_of(rotation: Array, position: Array) -> Array:
     return pose
 
 
-def moved(points: Array, pose: Array) -> Array:
+def transform_points(points: Array, pose: Array) -> Array:
     """Transform points from the frame of a body to the frame that its pose refers to.
 
     Args:

@@ -9,12 +9,12 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from testbench.errors import Array
-from testbench.files.robot.robot import Faces, Mesh, Surface
+from testbench.files.robot.robot import Faces, ImportedMesh, Surface
 from testbench.plant.shapes import POINTS, Kind, half_sizes
 
 SLACK = 5e-4
 """Distance by which points may be outside a hull, over the extent of all points [1]."""
-LEAST_INERTIA = 1e-9
+MIN_INERTIA = 1e-9
 """Least moment of inertia of a body about any axis [kg m^2]."""
 SHRINKS = 0.9
 """Share of points below which the next hull is computed of the points that are left [1]."""
@@ -26,7 +26,7 @@ VISIBLE = np.array([0.6, 0.6, 0.6, 1.0])
 """Colour if the file states none."""
 
 
-def primitive(kind: Kind, size: Array) -> Mesh:
+def primitive(kind: Kind, size: Array) -> ImportedMesh:
     """Make the surface of a primitive in its own axes.
 
     Args:
@@ -37,7 +37,7 @@ def primitive(kind: Kind, size: Array) -> Mesh:
         The triangles of its convex hull.
     """
     corners = POINTS[kind](half_sizes(kind, size))
-    return Mesh(corners, _outward(corners, ConvexHull(corners).simplices.astype(int)), corners)
+    return ImportedMesh(corners, _outward(corners, ConvexHull(corners).simplices.astype(int)), corners)
 
 
 def hull_of(vertices: Array) -> Surface | None:
@@ -164,6 +164,6 @@ def plausible(inertia: Array) -> Array:
         Inertia with positive integrals of x^2, y^2 and z^2 over the mass, (3, 3) [kg m^2].
     """
     moments, axes = np.linalg.eigh((inertia + inertia.T) / 2)
-    least = max(LEAST_INERTIA, 1e-6 * float(np.abs(moments).max()))
+    least = max(MIN_INERTIA, 1e-6 * float(np.abs(moments).max()))
     second = np.maximum(moments.sum() / 2 - moments, least / 2)  # integrals of x^2, y^2, z^2
     return np.asarray(axes @ np.diag(second.sum() - second) @ axes.T)

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from testbench.arm.document import parse_xml
-from testbench.errors import InputError, read_text, word
+from testbench.errors import InputError, read_text, shell_word
 
 MAX_BYTES = 16_000_000
 MAX_ELEMENTS = 20_000
@@ -56,8 +56,8 @@ def _expand(file: Path, text: str) -> str:
     """Write the command that expands xacro without ROS, with the folders of the packages in the file."""
     target = file.with_name(f"{file.name.split('.')[0]}_expanded.urdf")
     found = [packages(Path(os.path.realpath(file)).parent, name) for name in FIND.findall(text)]
-    where = dict.fromkeys(f" -d {word(roots[0].parent)}" for roots in found if roots)
-    done = f"xacrodoc {word(file)}{''.join(where)} -o {word(target)}"
+    where = dict.fromkeys(f" -d {shell_word(roots[0].parent)}" for roots in found if roots)
+    done = f"xacrodoc {shell_word(file)}{''.join(where)} -o {shell_word(target)}"
     return f"pip install xacrodoc; {done}; arguments of the file follow as NAME:=VALUE"
 
 
@@ -75,12 +75,12 @@ def packages(folder: Path, name: str) -> list[Path]:
     """
     if name in ("", ".", ".."):
         return []
-    found = []
+    paths = []
     for above in [folder, *folder.parents][:UP]:
-        found += [root for root in (above, above / name) if root.name == name and root.is_dir()]
+        paths += [root for root in (above, above / name) if root.name == name and root.is_dir()]
         if _package_name(above / "package.xml") == name:
-            found.append(above)
-    return found
+            paths.append(above)
+    return paths
 
 
 def _package_name(file: Path) -> str:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.files.robot.robot import Robot, Site
+from testbench.files.robot.robot import ImportedSite, Robot
 
 TIPS = (
     *("tool0", "tcp", "tool", "flange", "attachment_site", "attachment", "ee", "eef"),
@@ -26,7 +26,7 @@ class Tip(NamedTuple):
     """Describe a place where a tool may be mounted."""
 
     body: int  #: Index of its body.
-    site: Site  #: In the body's frame.
+    site: ImportedSite  #: In the body's frame.
 
 
 def path_to(robot: Robot, body: int) -> list[int]:
@@ -57,7 +57,7 @@ def named_tips(robot: Robot) -> list[Tip]:
     return [
         Tip(k, site)
         for k, body in enumerate(robot.bodies)
-        for site in (Site(body.name, np.eye(4)), *body.sites)
+        for site in (ImportedSite(body.name, np.eye(4)), *body.sites)
     ]
 
 
@@ -83,7 +83,7 @@ def usual_tip(robot: Robot) -> Tip:
         return min(here, key=lambda found: found[0])[1]
     fixed = [tip for tip in tips if bodies[tip.body].parent == last and not bodies[tip.body].moves]
     bare = [tip for tip in fixed if bodies[tip.body].mass == 0 and not bodies[tip.body].shapes]
-    return bare[0] if len(bare) == 1 else Tip(last, Site(bodies[last].name, np.eye(4)))
+    return bare[0] if len(bare) == 1 else Tip(last, ImportedSite(bodies[last].name, np.eye(4)))
 
 
 def _is_flange(robot: Robot, rank: int, tip: Tip) -> bool:

@@ -23,8 +23,17 @@ from testbench.arm.document import inside, place_of, unique
 from testbench.arm.mjcf import numbers
 from testbench.errors import Array, InputError
 from testbench.files.robot.equalities import Coupling
-from testbench.files.robot.meshes import LARGEST, MeshError, Meshes, check_size
-from testbench.files.robot.robot import Body, Joint, Mesh, Note, Robot, Shape, endless, pose_of
+from testbench.files.robot.meshes import MAX_MESH_SIZE, MeshError, Meshes, check_size
+from testbench.files.robot.robot import (
+    Body,
+    ImportedJoint,
+    ImportedMesh,
+    ImportedShape,
+    Note,
+    Robot,
+    pose_of,
+    substitute_limits,
+)
 from testbench.files.robot.solids import VISIBLE, plausible, primitive
 from testbench.files.robot.source import UP, packages
 from testbench.files.robot.tip import ARM_JOINTS
@@ -46,9 +55,9 @@ THINNEST = 1e-6
 """Size below which a shape has no extent [m]."""
 ENDLESS = 1000.0
 """Limit beyond which a joint counts as unlimited [rad, m]."""
-MOST = 1e9
+MAX_NUMBER = 1e9
 """Largest number that is read; limits of an arm are checked on the whole tree."""
-SAID = re.compile(rb"Error:\s+(.*)")
+PARSER_ERROR = re.compile(rb"Error:\s+(.*)")
 """Beginning of an error message of Pinocchio's parser."""
 
 
@@ -89,7 +98,10 @@ def read_tree(file: Path, root: ET.Element) -> Robot:
     limits = {name: _limits(file, e) for name, e in joints.items()}
     locked = _locked(joints, limits)
     couplings = _couplings(file, joints, locked)
-    follows = {own.follower: next((n for n in own.terms if n != own.follower), "") for own in couplings}
+    follows = {
+        coupling.follower: next((n for n in coupling.terms if n != coupling.follower), "")
+        for coupling in couplings
+    }
     model = _by_pinocchio(file, root)
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
@@ -102,14 +114,14 @@ def read_tree(file: Path, root: ET.Element) -> Robot:
         name, inertia = model.names[j], model.inertias[j]
         moves = j > 1 and name not in locked
         kind = joints[name].get("type", "") if moves else "fixed"
-        own = _joint(file, joints[name], data.joints[j].S, limits[name]) if kind in MOVING else None
+        joint = _joint(file, joints[name], data.joints[j].S, limits[name]) if kind in MOVING else None
         body = Body(
             name=links[j],
             parent=order.index(model.parents[j]) if j > 1 else -1,
             pose=model.jointPlacements[j].homogeneous,
-            joint=own,
+            joint=joint,
             odd=ODD.get(kind, ""),
-            follows=follows.get(name, "") if own else "",
+            follows=follows.get(name, "") if joint else "",
             mass=inertia.mass,
             com=inertia.lever.copy(),
             inertia=plausible(inertia.inertia) if inertia.mass else np.zeros((3, 3)),
@@ -149,7 +161,7 @@ def _by_pinocchio(file: Path, root: ET.Element) -> pin.Model:
             model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), unique("root", names))
         except (RuntimeError, ValueError, IndexError) as err:
             said.seek(0)
-            found = SAID.search(said.read())
+            found = PARSER_ERROR.search(said.read())
             why = " ".join(found[1].decode(errors="replace").split()) if found else str(err)
             raise InputError(file, "", f"Pinocchio refuses it: {why}") from err
     if lost := [name for name in names if not model.existJointName(name)]:
@@ -175,7 +187,7 @@ def _numbers(file: Path, e: ET.Element | None, key: str, default: Sequence[float
     """Read an attribute as numbers, as many as the default has, which replaces a missing attribute."""
     if e is None or key not in e.attrib:
         return np.array(default, dtype=float)
-    return np.array(numbers(file, e, key, len(default), MOST))
+    return np.array(numbers(file, e, key, len(default), MAX_NUMBER))
 
 
 def _inertial(file: Path, link: ET.Element) -> list[ET.Element]:
@@ -213,21 +225,21 @@ def _locked(joints: Mapping[str, ET.Element], limits: Mapping[str, tuple[float, 
     return locked if len(moving) - len(locked) >= ARM_JOINTS else []
 
 
-def _joint(file: Path, e: ET.Element, axis: Array, limits: tuple[float, float] | None) -> Joint:
+def _joint(file: Path, e: ET.Element, axis: Array, limits: tuple[float, float] | None) -> ImportedJoint:
     """Make a moving joint; its motion in the link's frame is Pinocchio's, (6,) [1]."""
     slides = e.get("type") == "prismatic"
     axis = np.ravel(axis)[:3] if slides else np.ravel(axis)[3:]
     if not abs(np.linalg.norm(axis) - 1) < THINNEST:
         raise InputError(file, place_of(e), "axis: expected a direction, got zero")
     limited = limits is not None and limits != (0, 0)
-    lower, upper = limits if limits and limited else endless(prismatic=slides)
-    return Joint(e.get("name", ""), axis, slides, lower, upper, limited)
+    lower, upper = limits if limits and limited else substitute_limits(prismatic=slides)
+    return ImportedJoint(e.get("name", ""), axis, slides, lower, upper, limited)
 
 
 def _couplings(file: Path, joints: Mapping[str, ET.Element], locked: Sequence[str]) -> list[Coupling]:
     """Read mimic joints, q = multiplier q_other + offset; a locked joint stands at zero."""
     moving = {name for name, e in joints.items() if e.get("type") in MOVING} - set(locked)
-    found = []
+    couplings = []
     for name, e in joints.items():
         if name not in moving or (mimic := e.find("mimic")) is None:
             continue
@@ -238,13 +250,13 @@ def _couplings(file: Path, joints: Mapping[str, ET.Element], locked: Sequence[st
         if other in moving or other not in joints:  # one that is not there is refused where an arm has it
             terms[other] = -float(_numbers(file, mimic, "multiplier", [1.0])[0])
         offset = float(_numbers(file, mimic, "offset", [0.0])[0])
-        found.append(Coupling(f"joint {name!r} mimics {other!r}", terms, offset, name))
-    return found
+        couplings.append(Coupling(f"joint {name!r} mimics {other!r}", terms, offset, name))
+    return couplings
 
 
 def _shapes(
     file: Path, link: ET.Element, colours: Mapping[str, ET.Element | None], meshes: Meshes
-) -> tuple[Shape, ...]:
+) -> tuple[ImportedShape, ...]:
     """Read the shapes of a link; collision shapes are drawn if no visual shape can be read."""
     visual, collision = (
         [s for e in link.findall(tag) if (s := _shape(file, e, colours, meshes))]
@@ -258,7 +270,7 @@ def _shapes(
 
 def _shape(
     file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], meshes: Meshes
-) -> Shape | None:
+) -> ImportedShape | None:
     """Read a shape; None if it has no extent or its mesh cannot be read, which is noted."""
     form, origin = next(iter(e.findall("geometry/*")), None), e.find("origin")
     if form is None:
@@ -270,7 +282,7 @@ def _shape(
         return None
     turn = pin.rpy.rpyToMatrix(*_numbers(file, origin, "rpy", [0.0] * 3))
     pose = pose_of(turn, _numbers(file, origin, "xyz", [0.0] * 3))
-    return Shape(kind, size, pose, mesh, _colour(file, e, colours, mesh), visual=True, collides=False)
+    return ImportedShape(kind, size, pose, mesh, _colour(file, e, colours, mesh), visual=True, collides=False)
 
 
 def _size(file: Path, form: ET.Element, kind: Kind) -> Array:
@@ -281,8 +293,8 @@ def _size(file: Path, form: ET.Element, kind: Kind) -> Array:
     if kind == "mesh":
         return size
     found = np.concatenate([numbers(file, form, key, count) for key, count in FORMS[kind].items()])
-    if not 0 <= min(found) <= max(found) <= LARGEST:
-        problem = f"expected sizes of 0 to {LARGEST:g} m, got {found.tolist()}"
+    if not 0 <= min(found) <= max(found) <= MAX_MESH_SIZE:
+        problem = f"expected sizes of 0 to {MAX_MESH_SIZE:g} m, got {found.tolist()}"
         raise InputError(file, place_of(form), problem)
     if min(found) > THINNEST:
         size[: len(found)] = found
@@ -290,7 +302,7 @@ def _size(file: Path, form: ET.Element, kind: Kind) -> Array:
     return size
 
 
-def _mesh(file: Path, form: ET.Element, meshes: Meshes) -> Mesh | None:
+def _mesh(file: Path, form: ET.Element, meshes: Meshes) -> ImportedMesh | None:
     """Read a mesh in metres; None if it cannot be read, which is noted."""
     name = form.get("filename", "")
     scale = _numbers(file, form, "scale", [1.0] * 3)
@@ -301,10 +313,10 @@ def _mesh(file: Path, form: ET.Element, meshes: Meshes) -> Mesh | None:
         meshes.failed[name.rpartition("/")[2]] = str(err)
         return None
     faces = mesh.faces if np.prod(scale) > 0 else mesh.faces[:, ::-1]  # a mirrored surface turns inside out
-    return Mesh(mesh.vertices * scale, faces, mesh.outer * scale, mesh.rgba)
+    return ImportedMesh(mesh.vertices * scale, faces, mesh.outer * scale, mesh.rgba)
 
 
-def _colour(file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], mesh: Mesh) -> Array:
+def _colour(file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], mesh: ImportedMesh) -> Array:
     """Find the colour of an element: its own material, the robot's, the mesh's, or ours, (4,) [1]."""
     colour, material = e.find("material/color"), e.find("material")
     if colour is None and material is not None:

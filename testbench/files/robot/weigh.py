@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from testbench.errors import InputError
-from testbench.files.robot.robot import Body, Note, Shape
+from testbench.files.robot.robot import Body, ImportedShape, Note
 from testbench.files.robot.solids import Weighed, combined, hull_of, integrals
 
 DENSITY = 1200.0
@@ -51,7 +51,7 @@ def weigh(file: Path, bodies: Sequence[Body], of_arm: Iterable[int]) -> tuple[li
     rest = [weighed[k] for k in own if k not in missing]
     if drawn := [body.name for body in rest if not body.weighed and body.mass > 0]:
         notes.append(Note("geoms weigh", tuple(drawn)))
-    return weighed, notes + _doubt(rest)
+    return weighed, notes + _implausible_masses(rest)
 
 
 def _is_missing(body: Body, some: bool, seen: bool) -> bool:
@@ -65,7 +65,7 @@ def _is_missing(body: Body, some: bool, seen: bool) -> bool:
     return not body.weighed and body.mass == 0 and bool(body.shapes) and not (fixed and frame)
 
 
-def _doubt(bodies: Sequence[Body]) -> list[Note]:
+def _implausible_masses(bodies: Sequence[Body]) -> list[Note]:
     """Note stated masses that do not fit the shapes."""
     known = [b for b in bodies if b.mass > 0 and b.shapes]
     volume, mass = sum(_integrals(b.shapes)[0] for b in known), sum(b.mass for b in known)
@@ -75,7 +75,7 @@ def _doubt(bodies: Sequence[Body]) -> list[Note]:
     return [Note("density", (), (mass, mass / volume))]
 
 
-def _integrals(shapes: Sequence[Shape]) -> Weighed:
+def _integrals(shapes: Sequence[ImportedShape]) -> Weighed:
     """Compute volume, centroid and inertia at unit density of the hulls of colliding or drawn shapes."""
     chosen = [s for s in shapes if s.collides] or shapes
     return combined([integrals(hull) for s in chosen if (hull := hull_of(s.cloud))])

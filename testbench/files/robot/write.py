@@ -14,7 +14,17 @@ import numpy as np
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError
 from testbench.files.robot.meshes import decimated, distinct, joined, stl_bytes, with_area
-from testbench.files.robot.robot import Body, Chain, Faces, Point, Shape, Site, Surface, pose_of, seen
+from testbench.files.robot.robot import (
+    Body,
+    Faces,
+    ImportedChain,
+    ImportedShape,
+    ImportedSite,
+    Point,
+    Surface,
+    pose_of,
+    visible_shapes,
+)
 from testbench.files.robot.solids import hull_of, outermost, plausible
 from testbench.plant.build import REFUSED, check_geoms
 from testbench.plant.collide import collide
@@ -25,15 +35,15 @@ HULL_FACES = 200
 """Most faces of a hull."""
 GRID = 64, 48, 32, 24, 16, 12
 """Cells along the longest side of a surface that cannot be thinned directly."""
-LOOSE = 5000
+MIN_FACES = 5000
 """Most faces that need not form a surface: the time to thin more has no bound."""
-OPEN = 0.25
+MAX_OPEN_SHARE = 0.25
 """Largest share of edges of a surface that belong to one triangle only [1]."""
 A_CORNER, AROUND = 4.0, 1000
 """Most triangles of a surface per corner, and around one corner [1]."""
-ENOUGH = 1.2
+THIN_ENOUGH = 1.2
 """Ratio of faces to the requested number at which a surface is thin enough [1]."""
-MOST_HULLS = 8
+MAX_HULLS = 8
 """Most hulls of a part; more are joined to one."""
 
 
@@ -46,7 +56,7 @@ def drawn_mesh(part: Body) -> tuple[Surface, Array] | None:
     Returns:
         The mesh, and the colour of its largest piece, (4,) [1]; None if no shape is a mesh.
     """
-    meshes = [s for s in seen(part.shapes) if s.kind == "mesh"]
+    meshes = [s for s in visible_shapes(part.shapes) if s.kind == "mesh"]
     if not meshes:
         return None
     found = [s.surface for s in meshes]
@@ -61,11 +71,11 @@ def _area(vertices: Array, faces: Faces) -> float:
 
 def _small(surface: Surface, most: int) -> Surface:
     """Reduce a surface to few faces: thinned directly, or on a coarser grid first where parts are loose."""
-    if len(surface[1]) > LOOSE and not _sound(surface[1]):
+    if len(surface[1]) > MIN_FACES and not _sound(surface[1]):
         surface = hull_of(outermost(surface[0])) or surface
     thin = decimated(*surface, most)
     for cells in GRID:
-        if len(thin[1]) <= ENOUGH * most:
+        if len(thin[1]) <= THIN_ENOUGH * most:
             break
         thin = decimated(*_gridded(*surface, cells), most)
     return thin
@@ -78,7 +88,7 @@ def _sound(faces: Faces) -> bool:
     _, shared = np.unique(sides @ np.array([1 << 32, 1]), return_counts=True)
     around = np.bincount(faces.ravel())
     few = len(faces) <= A_CORNER * np.count_nonzero(around) and around.max() <= AROUND
-    return bool(few and (shared == 1).sum() <= OPEN * len(sides))
+    return bool(few and (shared == 1).sum() <= MAX_OPEN_SHARE * len(sides))
 
 
 def _gridded(vertices: Array, faces: Faces, cells: int) -> Surface:
@@ -92,10 +102,10 @@ def _gridded(vertices: Array, faces: Faces, cells: int) -> Surface:
     return middle, kept[np.sort(first)]
 
 
-def _hulls(shapes: Sequence[Shape]) -> list[Surface]:
+def _hulls(shapes: Sequence[ImportedShape]) -> list[Surface]:
     """Compute hulls of meshes, of all together if there are many; flat ones have none."""
     clouds = [s.cloud for s in shapes]
-    if len(clouds) > MOST_HULLS:
+    if len(clouds) > MAX_HULLS:
         clouds = [np.concatenate(clouds)]
     found = []
     for cloud in clouds:
@@ -123,13 +133,13 @@ SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2}
 BALL = 0.008
 """Radius of a drawn marker, over the arm's reach [1]."""
 MARKER, LOAD = "0.835 0.369 0 1", "0.1 0.1 0.1 1"
-POSES = 300
-MOST = 0.5
+CHECKED_POSES = 300
+MAX_CONTACT_SHARE = 0.5
 """Share of random poses beyond which contact of two parts is allowed [1]."""
 
 
 def rigid_mjcf(
-    chain: Chain, tool: Site, points: Sequence[Point]
+    chain: ImportedChain, tool: ImportedSite, points: Sequence[Point]
 ) -> tuple[ET.Element, dict[str, bytes], list[Pair]]:
     """Write the arm's rigid.xml.
 
@@ -214,7 +224,7 @@ def _shaped(body: ET.Element, asset: ET.Element, part: Body) -> dict[str, bytes]
     If nothing is drawn, colliding shapes are drawn; if nothing collides, the hull of the drawn shapes does.
     Rods do not collide: fixed in the zero pose, they stand in the arm's way.
     """
-    drawn, hard, meshes = seen(part.shapes), [s for s in part.shapes if s.collides], {}
+    drawn, hard, meshes = visible_shapes(part.shapes), [s for s in part.shapes if s.collides], {}
 
     def mesh(name: str, surface: Surface, looks: dict[str, str]) -> None:
         meshes[f"{name}.stl"] = stl_bytes(*surface)
@@ -234,7 +244,7 @@ def _shaped(body: ET.Element, asset: ET.Element, part: Body) -> dict[str, bytes]
     return meshes
 
 
-def _solid(solid: Shape) -> dict[str, str]:
+def _solid(solid: ImportedShape) -> dict[str, str]:
     size = solid.size[: SIZES.get(solid.kind, 3)]
     return {"type": solid.kind, "size": numbers_text(size), **_placed(solid.pose)}
 
@@ -243,7 +253,7 @@ def _colour(rgba: Array) -> str:
     return " ".join(f"{x:.3g}" for x in np.clip(rgba, 0, 1))
 
 
-def _tool(last: ET.Element, chain: Chain, tool: Site, points: Sequence[Point]) -> None:
+def _tool(last: ET.Element, chain: ImportedChain, tool: ImportedSite, points: Sequence[Point]) -> None:
     """Write the tool with its markers and load point."""
     reach = sum(float(np.linalg.norm(part.pose[:3, 3])) for part in chain.parts[1:])
     body = _body(last, tool.name, tool.pose)
@@ -253,7 +263,7 @@ def _tool(last: ET.Element, chain: Chain, tool: Site, points: Sequence[Point]) -
         ET.SubElement(_body(body, name, pose_of(np.eye(3), position)), "geom", looks)
 
 
-def _always_touching(chain: Chain, xml: str, meshes: dict[str, bytes]) -> list[Pair]:
+def _always_touching(chain: ImportedChain, xml: str, meshes: dict[str, bytes]) -> list[Pair]:
     """Find pairs of parts that touch in more than half of all poses."""
     try:
         model = mujoco.MjModel.from_xml_string(xml, meshes)
@@ -263,7 +273,7 @@ def _always_touching(chain: Chain, xml: str, meshes: dict[str, bytes]) -> list[P
     check_geoms(file, model)
     data, seen = mujoco.MjData(model), Counter[tuple[str, str]]()
     lower, upper = np.array([(joint.lower, joint.upper) for joint in chain.joints]).T
-    poses = np.random.default_rng(0).uniform(lower, upper, (POSES, chain.n_joints))
+    poses = np.random.default_rng(0).uniform(lower, upper, (CHECKED_POSES, chain.n_joints))
     for q in poses if chain.joint_map is None else chain.joint_map.followed(poses):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
@@ -271,4 +281,4 @@ def _always_touching(chain: Chain, xml: str, meshes: dict[str, bytes]) -> list[P
         collide(file, model, data)
         pairs = model.geom_bodyid[data.contact.geom[data.contact.dist < 0]]
         seen.update({(model.body(int(a)).name, model.body(int(b)).name) for a, b in np.sort(pairs, axis=1)})
-    return sorted(pair for pair, count in seen.items() if count > MOST * POSES)
+    return sorted(pair for pair, count in seen.items() if count > MAX_CONTACT_SHARE * CHECKED_POSES)

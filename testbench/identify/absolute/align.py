@@ -12,29 +12,29 @@ import numpy as np
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.inseparable import held, level
+from testbench.identify.absolute.inseparable import level_frame, undetermined_frames
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.state import Mount, State
-from testbench.identify.closed_form import Layout, means, nearest_rotation
+from testbench.identify.absolute.state import ArmState, Mount
+from testbench.identify.closed_form import FrameLayout, mean_readings, nearest_rotation
 from testbench.identify.closed_form import residuals as left_by
 from testbench.identify.diagnosis.hypothesis import Issue
-from testbench.identify.registered import FAR
-from testbench.identify.registration import POSES, Frame, reach, register, turning
+from testbench.identify.registered import MAX_NOMINAL_DISTANCE
+from testbench.identify.registration import MIN_POSES, Frame, arm_reach, moving_joints, register
 from testbench.model.vjm import Vjm, tool_pose
 
-MOST = 300
+MAX_ROWS = 300
 """Rows that an alignment uses, evenly spaced."""
-HALF = 12
+MIN_HALF_ROWS = 12
 """Fewest rows of half a series for a meaningful fit."""
 TURNING, WITH_ORIENTATIONS = 3, 2
 """Fewest joints that turn in a series, without and with orientations, so that their axes are not parallel."""
-SURE = np.radians(0.2)
+MAX_FRAME_DEVIATION = np.radians(0.2)
 """Largest standard deviation of a frame's rotation from few poses and a known mount [rad]; beyond it the
 frame counts as undetermined."""
-SOUND, FITTED = 0.9, 5e-3
+SOUND_SHARE, FITTED_DISTANCE = 0.9, 5e-3
 """Share of the readings that must fit, and their largest distance from a fitted arm relative to its reach
 [1]. Heavy arms with gear errors and soft links, not yet fitted, are at a thousandth."""
-TURNED = 0.1
+MAX_TURNED = 0.1
 """Median angle between orientations and the arm beyond which their notation is wrong [rad]."""
 
 
@@ -46,7 +46,7 @@ class Misfit(BenchError):
         self.series = series
 
 
-def aligned(state: State, series: tuple[Series, ...]) -> State:
+def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
     """Return the state with a frame and a mount for every series; existing ones are kept.
 
     Args:
@@ -87,10 +87,10 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
 
 def _tells_little(vjm: Vjm, series: Series) -> bool:
     """Tell whether a series alone leaves its frame or mount undetermined."""
-    return bool(too_few(vjm, series)) or bool(held(vjm, (series,)))
+    return bool(too_few(vjm, series)) or bool(undetermined_frames(vjm, (series,)))
 
 
-def align(state: State, series: Series) -> tuple[Frame, Mount]:
+def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
     """Find the frame and the mount of one series by the arm's nominal geometry.
 
     If something moved far in mid-series, they are those of its first half. What its poses leave undetermined
@@ -113,7 +113,7 @@ def align(state: State, series: Series) -> tuple[Frame, Mount]:
         shared = _placed(state, series, shared=True)
         found = shared if shared is not None and shared.fits else found
     # Else with the targets of the arm's folder, if enough joints turn.
-    turns = len(turning(state.vjm, (series,)))
+    turns = len(moving_joints(state.vjm, (series,)))
     if found is None and not few and turns >= TURNING:
         drawn = _placed(state, series, as_drawn=True)
         found = drawn if drawn is not None and drawn.fits else _placed(state, series)
@@ -123,7 +123,7 @@ def align(state: State, series: Series) -> tuple[Frame, Mount]:
     if found is None or not found.fits:
         # Something may have moved in mid-series: the frame and mount of its first half.
         halves = np.array_split(np.argsort(series.row, kind="stable"), 2)
-        parts = [select_rows(series, half) for half in halves if len(half) >= HALF]
+        parts = [select_rows(series, half) for half in halves if len(half) >= MIN_HALF_ROWS]
         placed = [part for half in parts if (part := _placed(state, half)) and part.fits]
         if len(placed) < 2:
             raise _misfit(state, series, found)
@@ -144,34 +144,37 @@ class _Placed:
     @property
     def fits(self) -> bool:
         """Tell whether positions and orientations fit, with targets on the tool."""
-        return self.near and self.turn < TURNED
+        return self.near and self.turn < MAX_TURNED
 
 
-def _placed(state: State, series: Series, *, shared: bool = False, as_drawn: bool = False) -> _Placed | None:
-    """Register a series by MOST of its rows.
+def _placed(
+    state: ArmState, series: Series, *, shared: bool = False, as_drawn: bool = False
+) -> _Placed | None:
+    """Register a series by MAX_ROWS of its rows.
 
     A shared frame or mount is that of the state; with `as_drawn` the targets are nominal. None if
     undetermined.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(MOST, len(seen))).astype(int)])
-    at = _upright(state, some) if as_drawn else _registered(state, some, shared=shared)
-    if at is None:
+    some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(MAX_ROWS, len(seen))).astype(int)])
+    layout = _upright(state, some) if as_drawn else _registered(state, some, shared=shared)
+    if layout is None:
         return None
-    typical = float(np.median(np.linalg.norm(left_by(means(state.vjm, (some,)), at), axis=1)))
-    turns = _turns(state, some, at.rotation[0])
+    typical = float(np.median(np.linalg.norm(left_by(mean_readings(state.vjm, (some,)), layout), axis=1)))
+    turns = _turns(state, some, layout.rotation[0])
     mount = nearest_rotation(turns.sum(axis=0)) if len(turns) else np.eye(3)
     angles = np.arccos(np.clip((np.trace(mount.T @ turns, axis1=1, axis2=2) - 1) / 2, -1, 1))
     return _Placed(
-        frame=Frame(at.rotation[0], at.translation[0]),
-        mount=Mount(at.targets, mount, series.markers),
+        frame=Frame(layout.rotation[0], layout.translation[0]),
+        mount=Mount(layout.targets, mount, series.markers),
         typical=typical,
         turn=float(np.median(angles)) if len(turns) else 0.0,
-        near=typical < FAR * reach(state.vjm, some.q) and float(np.abs(at.targets).max()) < state.vjm.reach,
+        near=typical < MAX_NOMINAL_DISTANCE * arm_reach(state.vjm, some.q)
+        and float(np.abs(layout.targets).max()) < state.vjm.reach,
     )
 
 
-def _registered(state: State, series: Series, *, shared: bool) -> Layout | None:
+def _registered(state: ArmState, series: Series, *, shared: bool) -> FrameLayout | None:
     """Register a series, with the state's frame and mount where they are shared; None if undetermined."""
     frame, mount = state.frames.get(series.frame), state.mounts.get(series.target)
     given = {series.frame: frame} if shared and frame is not None else {}
@@ -179,13 +182,17 @@ def _registered(state: State, series: Series, *, shared: bool) -> Layout | None:
     if shared and not given and not nominal:
         return None
     try:
-        found = register(state.vjm, (series,), nominal, given)
+        registration = register(state.vjm, (series,), nominal, given)
     except BenchError:
         return None
-    return None if shared and found.frames[series.frame].deviation > SURE else found.layout
+    return (
+        None
+        if shared and registration.frames[series.frame].deviation > MAX_FRAME_DEVIATION
+        else registration.layout
+    )
 
 
-def _upright(state: State, series: Series) -> Layout:
+def _upright(state: ArmState, series: Series) -> FrameLayout:
     """Fit a frame to nominal targets: those of the state, else of the arm's folder, else the tool's origin.
 
     The frame is upright as far as the readings leave its rotation undetermined.
@@ -196,11 +203,11 @@ def _upright(state: State, series: Series) -> Layout:
     targets = np.array([places.get(name, np.zeros(3)) for name in series.markers])
     position, rotation = tool_pose(vjm, series.q)
     points = position[:, None] + targets @ rotation.swapaxes(1, 2)
-    frame = level(points[series.seen], series.position[series.seen])
-    return Layout(frame.rotation[None], frame.translation[None], targets)
+    frame = level_frame(points[series.seen], series.position[series.seen])
+    return FrameLayout(frame.rotation[None], frame.translation[None], targets)
 
 
-def _turns(state: State, series: Series, rotation: Array) -> Array:
+def _turns(state: ArmState, series: Series, rotation: Array) -> Array:
     """Compute the tool from the target for every orientation, (read, 3, 3), for a rotation of the frame."""
     if series.rotation is None:
         return np.zeros((0, 3, 3))
@@ -218,38 +225,38 @@ def too_few(vjm: Vjm, series: Series) -> str:
     Returns:
         The reason; "" if the series may suffice.
     """
-    poses, joints = len(np.unique(series.q[series.seen.any(axis=1)], axis=0)), turning(vjm, (series,))
+    poses, joints = len(np.unique(series.q[series.seen.any(axis=1)], axis=0)), moving_joints(vjm, (series,))
     turn = WITH_ORIENTATIONS if series.turned.any() else TURNING
     count = 6 + 3 * len(series.markers) + 3 * bool(series.turned.any())
     numbers = f"the {count} numbers of its frame and mount"
-    if poses < POSES:
+    if poses < MIN_POSES:
         few = f"{poses} poses with a reading are too few for {numbers}"
-        return f"{few}; expected at least {POSES}, in which {turn} joints turn"
+        return f"{few}; expected at least {MIN_POSES}, in which {turn} joints turn"
     if len(joints) < min(turn, vjm.arm.n_joints):
         told = f"expected {turn} joints that do, for {numbers}, or another series of its frame or mount"
         return f"only {' and '.join(joints)} turn; {told}"
     return ""
 
 
-def _misfit(state: State, series: Series, found: _Placed | None) -> Misfit:
+def _misfit(state: ArmState, series: Series, placed: _Placed | None) -> Misfit:
     """Make the error about a series that does not fit, with its distance from the arm."""
-    if found is not None and found.near:
-        turn = f"{np.degrees(found.turn):.3g} degrees (median) from any mount"
+    if placed is not None and placed.near:
+        turn = f"{np.degrees(placed.turn):.3g} degrees (median) from any mount"
         return Misfit(f"{series.name}: its positions fit this arm, its orientations do not, {turn}", series)
-    far = "" if found is None else f", {1e3 * found.typical:.3g} mm (median) in any frame"
+    far = "" if placed is None else f", {1e3 * placed.typical:.3g} mm (median) in any frame"
     places = series.position[series.seen], tool_pose(state.vjm, series.q)[0]
     sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
     spread = f"they spread {sizes[0] / sizes[1]:.3g} times as far as its tool"
     return Misfit(f"{series.name}: the readings do not fit this arm{far}; {spread}", series)
 
 
-def _check_shared(state: State, series: tuple[Series, ...]) -> None:
+def _check_shared(state: ArmState, series: tuple[Series, ...]) -> None:
     """Refuse a series that does not fit the frame or mount that it shares with another, by BenchError."""
     for one in series:
         others = [other for other in series if other is not one]
         what = [f"frame {one.frame!r}"] * any(other.frame == one.frame for other in others)
         what += [f"mount {one.target!r}"] * any(other.target == one.target for other in others)
-        off = far_off(state, one) if what else 0.0
+        off = typical_distance(state, one) if what else 0.0
         if off:
             raise BenchError(
                 f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from the "
@@ -257,7 +264,7 @@ def _check_shared(state: State, series: tuple[Series, ...]) -> None:
             )
 
 
-def check_fits(state: State, series: Sequence[Series]) -> None:
+def check_fits(state: ArmState, series: Sequence[Series]) -> None:
     """Refuse by Misfit a series that geometry and springs do not bring near the arm.
 
     No sound arm is that far from its readings: neither more poses nor a tracker that moved explains it.
@@ -268,15 +275,15 @@ def check_fits(state: State, series: Sequence[Series]) -> None:
     """
     for one in series:
         left = np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen]
-        far = float(np.sqrt(np.mean(np.sort(left)[: max(1, int(SOUND * len(left)))] ** 2)))
-        if far > FITTED * reach(state.vjm, one.q):
+        far = float(np.sqrt(np.mean(np.sort(left)[: max(1, int(SOUND_SHARE * len(left)))] ** 2)))
+        if far > FITTED_DISTANCE * arm_reach(state.vjm, one.q):
             words = (
                 f"{one.name}: the readings do not fit this arm, {1e3 * far:.3g} mm (RMS of the nearest nine "
             )
             raise Misfit(f"{words}tenths) once its geometry and springs are fitted", one)
 
 
-def far_off(state: State, series: Series) -> float:
+def typical_distance(state: ArmState, series: Series) -> float:
     """Compute how far at least three quarters of a series are from its frame and mount.
 
     The distance is the 25th percentile: if something moved in mid-series, a quarter may still fit.
@@ -290,7 +297,7 @@ def far_off(state: State, series: Series) -> float:
     """
     left = np.linalg.norm(residuals(state, series)[: len(series.markers)], axis=1).T[series.seen]
     off = float(np.percentile(left, 25)) if len(left) else 0.0
-    return off if off > 2 * FAR * reach(state.vjm, series.q) else 0.0
+    return off if off > 2 * MAX_NOMINAL_DISTANCE * arm_reach(state.vjm, series.q) else 0.0
 
 
 def _joined(known: Mount, more: Mount) -> Mount:
@@ -300,7 +307,7 @@ def _joined(known: Mount, more: Mount) -> Mount:
     return replace(known, points=np.concatenate([known.points, more.points[new]]), markers=markers)
 
 
-def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Issue]]:
+def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Issue]]:
     """Give all series of a mount the same targets in the same order, without those that were never read.
 
     Returns:

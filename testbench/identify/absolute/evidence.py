@@ -16,13 +16,21 @@ from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.inseparable import LEVEL
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.estimate import Constraint
-from testbench.identify.evidence import ALIKE, Hyperprior, Normal, Problem, greatest, normal, student_density
-from testbench.identify.metric import Metric, precision_root
+from testbench.identify.evidence import (
+    STUDENT_SCALE,
+    EvidenceModel,
+    Hyperprior,
+    Normal,
+    maximise_evidence,
+    normal,
+    student_density,
+)
+from testbench.identify.metric import PriorScaling, precision_root
 from testbench.identify.prior import Strength
-from testbench.identify.registration import ROUGH
-from testbench.identify.solve import by_clarabel, proven
+from testbench.identify.registration import NOMINAL_DEVIATION
+from testbench.identify.solve import certified_solution, solve_by_clarabel
 
-USUAL: Mapping[str, float] = {
+DEFAULT_SCALES: Mapping[str, float] = {
     "geometry shift": 1e-3,
     "geometry turn": 1e-3,
     "harmonics": 3e-5,
@@ -34,35 +42,35 @@ USUAL: Mapping[str, float] = {
 """Usual standard deviations of the errors [m, rad; rad per rad for the ratio]."""
 WAVES = ("harmonics", "pattern")
 """Kinds with bands of orders: individual waves of each joint, and those of a shared pattern."""
-MOST = 10.0
+MAX_SCALE_FACTOR = 10.0
 """Largest size over the usual one [1]: a larger one would stand for an error that the model lacks."""
-LEAST_TOLD = 2.0
+MAX_FACTOR_UNDETERMINED = 2.0
 """Largest size over the usual one if readings leave a frame or mount undetermined [1]: larger errors of
 geometry would leave the linear range."""
-HELD = 2.0
+IMAGINED_UNKNOWNS = 2.0
 """Pseudo-observations of usual size in every small group."""
-LARGE, SHARE = 40, 1 / 6
+LARGE_GROUP, LARGE_GROUP_SHARE = 40, 1 / 6
 """Number of unknowns above which a group is large, and the size of its one pseudo-observation over the usual
 size [1]. A large group determines its size well, and orders that the joints lack go to zero however many are
 tried."""
-SPARE = 2.0
+SPARE_EQUATIONS = 2.0
 """Pseudo-equations of every kind with noise as stated: unknowns may use up all real ones."""
-LOOSE = Strength(3.0)
+LOOSE_STRENGTH = Strength(3.0)
 """Uncertainty of the expected compliances while the sizes of all other errors are learnt."""
 
 
-ROUNDS, SETTLED = 8, 0.01
+MAX_ROUNDS, SETTLED_CHANGE = 8, 0.01
 """Most alternations between noise factors and constrained compliances, and the relative change at which they
 stop."""
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class ActiveUnknowns:
     """Select some of the unknowns; all others are zero."""
 
     unknowns: Unknowns  #: All unknowns that may be used.
     columns: Ids  #: Selected columns, compliances last, (c,).
-    elastic: Metric | None  #: Prior of the selected compliances; None for a rigid arm.
+    elastic: PriorScaling | None  #: Prior of the selected compliances; None for a rigid arm.
 
     @property
     def rigid(self) -> int:
@@ -70,7 +78,7 @@ class Choice:
         return len(self.columns) - (0 if self.elastic is None else len(self.elastic.expected))
 
 
-def choice(unknowns: Unknowns, kinds: frozenset[str], elastic: Metric | None) -> Choice:
+def activate(unknowns: Unknowns, kinds: frozenset[str], elastic: PriorScaling | None) -> ActiveUnknowns:
     """Select the columns of some kinds of errors, and of the structure of a metric.
 
     Args:
@@ -88,17 +96,17 @@ def choice(unknowns: Unknowns, kinds: frozenset[str], elastic: Metric | None) ->
     on = [np.arange(first), *(c for kind, c in unknowns.groups if kind in kinds)]
     rigid = np.sort(np.concatenate(on))
     if elastic is None:
-        return Choice(unknowns, rigid, None)
+        return ActiveUnknowns(unknowns, rigid, None)
     place = {pair: k for k, pair in enumerate(zip(unknowns.structure.a, unknowns.structure.b, strict=True))}
     wanted = list(zip(elastic.structure.a, elastic.structure.b, strict=True))
     if not all(pair in place for pair in wanted):
         raise BenchError(f"{elastic.structure.name}: expected a part of {unknowns.structure.name}")
     own = unknowns.starts["elastic"] + np.array([place[pair] for pair in wanted])
-    return Choice(unknowns, np.concatenate([rigid, own]), elastic)
+    return ActiveUnknowns(unknowns, np.concatenate([rigid, own]), elastic)
 
 
 @dataclass(frozen=True)
-class Learnt:
+class ErrorScales:
     """Hold the sizes of errors and the noise factors of greatest evidence."""
 
     #: Prior standard deviation of every unknown, (size,); infinite for unknowns without a prior.
@@ -106,7 +114,7 @@ class Learnt:
     factor: Array  #: Noise over stated noise of every kind of equations, (kinds,) [1].
 
 
-def usual(unknowns: Unknowns, kinds: int) -> Learnt:
+def default_scales(unknowns: Unknowns, kinds: int) -> ErrorScales:
     """Make the usual sizes of all errors, with noise as stated for the readings.
 
     Args:
@@ -114,7 +122,7 @@ def usual(unknowns: Unknowns, kinds: int) -> Learnt:
         kinds: Number of kinds of equations.
 
     Returns:
-        Prior deviations from `USUAL`, and noise factors of 1.
+        Prior deviations from `DEFAULT_SCALES`, and noise factors of 1.
     """
     deviation = np.full(unknowns.size, np.inf)
     for name in unknowns.held:
@@ -123,60 +131,60 @@ def usual(unknowns: Unknowns, kinds: int) -> Learnt:
         if kind == "frame":
             deviation[first + 3 : first + 6] = LEVEL
         else:
-            deviation[first : first + 3 * unknowns.mounts[of][0]] = ROUGH
+            deviation[first : first + 3 * unknowns.mounts[of][0]] = NOMINAL_DEVIATION
     for kind, columns in unknowns.groups:
-        deviation[columns] = USUAL[kind]
-    return Learnt(deviation, np.ones(kinds))
+        deviation[columns] = DEFAULT_SCALES[kind]
+    return ErrorScales(deviation, np.ones(kinds))
 
 
-def squares(own: Choice, gram: Array) -> Array:
+def gram_of_active(active: ActiveUnknowns, gram: Array) -> Array:
     """Compute the Gram matrices of a choice, compliances in the metric of their prior.
 
     Args:
-        own: The choice, c columns.
+        active: The choice, c columns.
         gram: Gram matrices of all unknowns, (kinds, size + 1, size + 1).
 
     Returns:
         (kinds, c + 1, c + 1).
     """
-    some = np.r_[own.columns, gram.shape[1] - 1]
+    some = np.r_[active.columns, gram.shape[1] - 1]
     found = gram[np.ix_(range(len(gram)), some, some)]
-    if own.elastic is not None:
-        e, L = slice(own.rigid, -1), own.elastic.L
+    if active.elastic is not None:
+        e, L = slice(active.rigid, -1), active.elastic.L
         found[:, :, e] = found[:, :, e] @ L
         found[:, e, :] = L.T @ found[:, e, :]
     return np.asarray(found)
 
 
-def prior(own: Choice, learnt: Learnt, strength: Strength) -> tuple[Array, Array]:
+def active_prior(active: ActiveUnknowns, learnt: ErrorScales, strength: Strength) -> tuple[Array, Array]:
     """Compute the precision that the priors add.
 
     Args:
-        own: The choice, c columns.
+        active: The choice, c columns.
         learnt: Learnt sizes of errors.
         strength: Relative uncertainty of the compliances.
 
     Returns:
         Precision, (c, c), and its right-hand side, (c,).
     """
-    c = len(own.columns)
+    c = len(active.columns)
     P, b = np.zeros((c, c)), np.zeros(c)
-    held = np.arange(own.rigid)
-    P[held, held] = learnt.deviation[own.columns[: own.rigid]] ** -2.0
-    if own.elastic is not None:
-        B, towards = precision_root(own.elastic, strength)
-        P[own.rigid :, own.rigid :], b[own.rigid :] = B.T @ B, B.T @ towards
+    held = np.arange(active.rigid)
+    P[held, held] = learnt.deviation[active.columns[: active.rigid]] ** -2.0
+    if active.elastic is not None:
+        B, towards = precision_root(active.elastic, strength)
+        P[active.rigid :, active.rigid :], b[active.rigid :] = B.T @ B, B.T @ towards
     return P, b
 
 
-def solve(
-    own: Choice, S: Array, learnt: Learnt, strength: Strength, constraint: Constraint = "none"
+def solve_active(
+    active: ActiveUnknowns, S: Array, learnt: ErrorScales, strength: Strength, constraint: Constraint = "none"
 ) -> Normal:
     """Solve for the most probable unknowns: minimise |A x - y|^2 / factor^2 plus the prior's squares.
 
     Args:
-        own: The unknowns, c of them.
-        S: Gram matrices of [A | y] for every kind of equations, from `squares`, (kinds, c + 1, c + 1).
+        active: The unknowns, c of them.
+        S: Gram matrices of [A | y] for every kind of equations, from `gram_of_active`, (kinds, c + 1, c + 1).
         learnt: Sizes of errors, and noise factors.
         strength: Relative uncertainty of the expected compliances.
         constraint: "psd" keeps every block of compliances positive semi-definite.
@@ -187,16 +195,16 @@ def solve(
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    H, (P, b) = np.tensordot(learnt.factor**-2.0, S, 1), prior(own, learnt, strength)
+    H, (P, b) = np.tensordot(learnt.factor**-2.0, S, 1), active_prior(active, learnt, strength)
     H[:-1, :-1] += P
     H[:-1, -1] += b
     found = normal(H)
-    if own.elastic is None or constraint == "none":
+    if active.elastic is None or constraint == "none":
         return found
-    return replace(found, x=_in_cone(found, own.rigid, own.elastic))
+    return replace(found, x=_in_cone(found, active.rigid, active.elastic))
 
 
-def _in_cone(found: Normal, rigid: int, elastic: Metric) -> Array:
+def _in_cone(found: Normal, rigid: int, elastic: PriorScaling) -> Array:
     """Constrain the most probable unknowns to positive semi-definite blocks, (c,).
 
     With the root U of the precision and the unconstrained optimum x_0 the cost is |U (x - x_0)|^2. The other
@@ -209,16 +217,18 @@ def _in_cone(found: Normal, rigid: int, elastic: Metric) -> Array:
     U = np.triu(found.root[0]) * found.size
     M = U[rigid:, rigid:]
     r = M @ found.x[rigid:]
-    e = proven(M, r, elastic.sizes)
+    e = certified_solution(M, r, elastic.sizes)
     if e is None:
-        e = elastic.project(by_clarabel(M, r, elastic.sizes).x[1:])
+        e = elastic.project(solve_by_clarabel(M, r, elastic.sizes).x[1:])
     # The other unknowns follow.
     step = U[:rigid, rigid:] @ (e - found.x[rigid:])
     others: Array = found.x[:rigid] - solve_triangular(U[:rigid, :rigid], step)
     return np.concatenate([others, e])
 
 
-def learn(own: Choice, S: Array, counts: Array, start: Learnt, constraint: Constraint = "none") -> Learnt:
+def learn_scales(
+    active: ActiveUnknowns, S: Array, counts: Array, start: ErrorScales, constraint: Constraint = "none"
+) -> ErrorScales:
     """Find the sizes of errors and the noise factors of greatest evidence.
 
     If compliances lie on the boundary of their cone, the noise factors are those of the residuals of the
@@ -227,8 +237,8 @@ def learn(own: Choice, S: Array, counts: Array, start: Learnt, constraint: Const
     Mathematics: `abs-9`.
 
     Args:
-        own: The unknowns, c of them.
-        S: Gram matrices of [A | y] for every kind of equations, from `squares`, (kinds, c + 1, c + 1).
+        active: The unknowns, c of them.
+        S: Gram matrices of [A | y] for every kind of equations, from `gram_of_active`, (kinds, c + 1, c + 1).
         counts: Number of equations of every kind, (kinds,).
         start: Start of the search.
         constraint: "psd" keeps every block of compliances positive semi-definite.
@@ -239,44 +249,46 @@ def learn(own: Choice, S: Array, counts: Array, start: Learnt, constraint: Const
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    found = _greatest(own, S, counts, start)
-    if own.elastic is None or constraint == "none":
-        return found
-    for _ in range(ROUNDS):
-        free = solve(own, S, found, LOOSE)
-        x = _in_cone(free, own.rigid, own.elastic)
+    scales = _greatest(active, S, counts, start)
+    if active.elastic is None or constraint == "none":
+        return scales
+    for _ in range(MAX_ROUNDS):
+        free = solve_active(active, S, scales, LOOSE_STRENGTH)
+        x = _in_cone(free, active.rigid, active.elastic)
         if x is free.x:
-            return found
-        # where the evidence has no slope, with SPARE imagined equations
+            return scales
+        # where the evidence has no slope, with SPARE_EQUATIONS imagined equations
         left, v = S @ np.r_[x, -1.0], np.r_[x, -1.0]
-        spent = np.einsum("kij,ij->k", S[:, :-1, :-1], free.covariance) / found.factor**2
-        factor = np.sqrt((left @ v + SPARE) / np.maximum(counts - spent + SPARE, SPARE))
-        settled = np.abs(np.log(factor / found.factor)).max() < SETTLED
-        found = replace(found, factor=factor)
+        spent = np.einsum("kij,ij->k", S[:, :-1, :-1], free.covariance) / scales.factor**2
+        factor = np.sqrt(
+            (left @ v + SPARE_EQUATIONS) / np.maximum(counts - spent + SPARE_EQUATIONS, SPARE_EQUATIONS)
+        )
+        settled = np.abs(np.log(factor / scales.factor)).max() < SETTLED_CHANGE
+        scales = replace(scales, factor=factor)
         if settled:
             break
-    return found
+    return scales
 
 
-def _greatest(own: Choice, S: Array, counts: Array, start: Learnt) -> Learnt:
+def _greatest(active: ActiveUnknowns, S: Array, counts: Array, start: ErrorScales) -> ErrorScales:
     """Find the sizes and noise factors of greatest evidence without the cone."""
-    place = np.full(own.unknowns.size, -1)
-    place[own.columns] = np.arange(len(own.columns))
+    place = np.full(active.unknowns.size, -1)
+    place[active.columns] = np.arange(len(active.columns))
     # Hyperparameters: log deviation of every selected group, then log noise factor of every kind.
-    groups = [(kind, of) for kind, of in own.unknowns.groups if (place[of] >= 0).all()]
-    m, c = len(groups) + len(counts), len(own.columns)
+    groups = [(kind, of) for kind, of in active.unknowns.groups if (place[of] >= 0).all()]
+    m, c = len(groups) + len(counts), len(active.columns)
     drawn, known = np.zeros((c, m)), np.zeros((c + 1, c + 1))
     for k, (_, of) in enumerate(groups):
         drawn[place[of], k] = 1
     # Fixed priors: those of the compliances, of frames and of mounts.
-    if own.elastic is not None:
-        B = np.column_stack(precision_root(own.elastic, LOOSE))
-        known[own.rigid :, own.rigid :] = B.T @ B
-    first = np.searchsorted(own.columns, own.unknowns.starts["geometry"])
+    if active.elastic is not None:
+        B = np.column_stack(precision_root(active.elastic, LOOSE_STRENGTH))
+        known[active.rigid :, active.rigid :] = B.T @ B
+    first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
     known[np.arange(first), np.arange(first)] = start.deviation[:first] ** -2.0  # of frames and mounts
-    times = LEAST_TOLD if own.unknowns.held else MOST
-    most = [times * USUAL[kind] for kind, _ in groups] + [np.inf] * len(counts)
-    problem = Problem(
+    times = MAX_FACTOR_UNDETERMINED if active.unknowns.held else MAX_SCALE_FACTOR
+    most = [times * DEFAULT_SCALES[kind] for kind, _ in groups] + [np.inf] * len(counts)
+    problem = EvidenceModel(
         gram=S,
         counts=counts,
         known=known,
@@ -287,18 +299,20 @@ def _greatest(own: Choice, S: Array, counts: Array, start: Learnt) -> Learnt:
         bounds=np.stack([np.full(m, -np.inf), np.log(most)]),
     )
     deviation = start.deviation.copy()
-    h = greatest(problem, np.log(np.r_[[deviation[of[0]] for _, of in groups], start.factor]))
+    h = maximise_evidence(problem, np.log(np.r_[[deviation[of[0]] for _, of in groups], start.factor]))
     for (_, of), size in zip(groups, np.exp(h), strict=False):
         deviation[of] = size
-    return Learnt(deviation, np.exp(h[len(groups) :]))
+    return ErrorScales(deviation, np.exp(h[len(groups) :]))
 
 
 def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]:
     """Make the hyperpriors of group sizes and of noise factors."""
-    large = np.array([len(of) > LARGE for _, of in groups], dtype=bool)
-    count, usual_ = np.full(m, SPARE), np.ones(m)
-    count[: len(groups)] = np.where(large, 1.0, HELD)
-    usual_[: len(groups)] = np.where(large, SHARE, 1.0) * [USUAL[kind] for kind, _ in groups]
+    large = np.array([len(of) > LARGE_GROUP for _, of in groups], dtype=bool)
+    count, usual_ = np.full(m, SPARE_EQUATIONS), np.ones(m)
+    count[: len(groups)] = np.where(large, 1.0, IMAGINED_UNKNOWNS)
+    usual_[: len(groups)] = np.where(large, LARGE_GROUP_SHARE, 1.0) * [
+        DEFAULT_SCALES[kind] for kind, _ in groups
+    ]
 
     def imagined(z: Array) -> tuple[Array, Array, Array]:
         """Compute -log density of `count` pseudo-observations under a size e^z, and its derivatives."""
@@ -306,7 +320,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
         return count * (z + over / 2), count * (1 - over), 2 * count * over
 
     bands = [np.eye(m)[[k for k, (own, _) in enumerate(groups) if own == kind]] for kind in WAVES]
-    neighbours = np.concatenate([own[1:] - own[:-1] for own in bands]) / ALIKE
+    neighbours = np.concatenate([own[1:] - own[:-1] for own in bands]) / STUDENT_SCALE
     return (
         Hyperprior(np.eye(m), np.log(usual_), imagined),
         Hyperprior(neighbours, np.zeros(len(neighbours)), student_density),

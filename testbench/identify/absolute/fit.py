@@ -14,54 +14,68 @@ import numpy as np
 from testbench.data.series import Series, select_rows
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_items, check_type
-from testbench.identify.absolute.align import aligned, alike, check_fits
+from testbench.identify.absolute.align import align_all, check_fits, common_targets
 from testbench.identify.absolute.choose import (
     GEOMETRY,
-    Candidate,
-    Chosen,
-    Rules,
+    ErrorCandidate,
+    SelectedModel,
+    SelectionRules,
     blocks_of,
-    choose,
-    patterned,
-    with_belief,
+    select_errors,
+    with_shared_pattern,
+    with_weighted_prior,
 )
-from testbench.identify.absolute.evidence import Choice, Learnt, choice, learn, squares, usual
-from testbench.identify.absolute.inner import eliminate, moved
+from testbench.identify.absolute.evidence import (
+    ActiveUnknowns,
+    ErrorScales,
+    activate,
+    default_scales,
+    gram_of_active,
+    learn_scales,
+)
+from testbench.identify.absolute.inner import apply_step, solve_step
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.scatter import distance, expected_of, pulls_of, scatter, single, units
-from testbench.identify.absolute.state import State, nominal, torque_scale
+from testbench.identify.absolute.scatter import (
+    distance,
+    expected_of,
+    pulls_of,
+    scatter,
+    single_reading_noise,
+    whitening_units,
+)
+from testbench.identify.absolute.state import ArmState, nominal_state, torque_scale
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.moves import settled
 from testbench.identify.diagnosis.series_checks import check_last_joint, check_order
 from testbench.identify.estimate import Constraint, Estimate
-from testbench.identify.fold import Point, Reduced, reduce_series
-from testbench.identify.metric import Metric, metric
+from testbench.identify.fold import Linearisation, ReducedReadings, reduce_series
+from testbench.identify.metric import PriorScaling, scale_by_prior
 from testbench.identify.prior import Prior, Strength
-from testbench.model.joint_errors import KINDS, JointErrors
+from testbench.model.joint_errors import ERROR_KINDS, JointErrors
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights, read_weights
 
-ORDERS = 80
+MAX_ORDER = 80
 """Highest order of periodic joint errors that is tried, per turn."""
 ON_THE_WAY, LEAST_OF_ONE = 4000, 100
 """Rows over all series, and fewest rows of each series, for an intermediate step."""
-MANY = 3.0
+SUBSAMPLE_FACTOR = 3.0
 """Most unknowns of periodic errors per reading [1]. It is above one: their learnt sizes regularise them, and
 missing orders harm. 50 poses of a UR10 give 0.17 mm in all other poses, with a limit of 0.6 only 0.38 mm."""
 
 PATTERN = "common pattern"
-NAMES = ("joint springs", "joint errors", PATTERN, "links", *KINDS[1:])
+SELECTABLE_ERRORS = ("joint springs", "joint errors", PATTERN, "links", *ERROR_KINDS[1:])
 """Errors other than geometry, in the order in which they are tried."""
 
 
 @dataclass(frozen=True)
-class Options:
+class CalibrationOptions:
     """Select the errors that a calibration tries, and its method."""
 
     constraint: Constraint = "psd"  #: "psd" for GCO, "none" for least squares.
-    orders: int = ORDERS  #: Highest order of periodic errors.
+    orders: int = MAX_ORDER  #: Highest order of periodic errors.
     without: frozenset[str] = frozenset()  #: Names of errors that are not tried.
     #: Names of errors that are used without a trial; None to select them by trial.
     only: frozenset[str] | None = None
@@ -70,64 +84,67 @@ class Options:
 
     def __post_init__(self) -> None:
         """Refuse unknown names of errors, by BenchError."""
-        unknown = (self.without | (self.only or frozenset())) - set(NAMES)
+        unknown = (self.without | (self.only or frozenset())) - set(SELECTABLE_ERRORS)
         if unknown:
-            raise BenchError(f"no errors called {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
+            raise BenchError(
+                f"no errors called {', '.join(sorted(unknown))}; there are {', '.join(SELECTABLE_ERRORS)}"
+            )
 
     @property
     def may(self) -> frozenset[str]:
         """Return the names of errors that may be used."""
-        return frozenset(NAMES if self.only is None else self.only) - self.without
+        return frozenset(SELECTABLE_ERRORS if self.only is None else self.only) - self.without
 
 
 @dataclass(frozen=True, repr=False)
 class Calibration(Displayed):
     """Hold a calibrated arm: its state with posterior and noise, and how it was found."""
 
-    state: State  #: The calibrated arm.
-    own: Choice  #: Its unknowns.
+    state: ArmState  #: The calibrated arm.
+    active: ActiveUnknowns  #: Its unknowns.
     #: Information of the readings about all candidate unknowns, prior excluded, (size, size).
     information: Array
     #: Upper triangular root of the posterior's precision, R^T R, compliances in the metric, (c, c).
     root: Array
     noise: Noise  #: Noise of readings about the model.
-    chosen: Chosen  #: Selection of the errors.
+    chosen: SelectedModel  #: Selection of the errors.
     estimate: Estimate | None  #: Compliances with their certificate; None for a rigid arm.
-    pressed: float  #: Increase of chi squared by the constraint to positive semi-definite compliances [1].
-    pulls: tuple[Array, ...]  #: Robust weight of each reading, for every series (s, rows) [1].
+    #: Increase of chi squared by the constraint to positive semi-definite compliances [1].
+    cone_pressure: float
+    influences: tuple[Array, ...]  #: Robust weight of each reading, for every series (s, rows) [1].
     step: float  #: RMS move of the targets in the last linearisation [m].
     series: tuple[Series, ...]  #: The readings, divided where a target or the tracker moved.
-    found: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
+    findings: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
 
     def about(self) -> dict[str, object]:
         """Summarise the calibration: arm, readings, unknowns, errors that were kept, model error."""
         return {
             "arm": self.state.vjm.arm.name,
-            "rows": sum(one.rows for one in self.series),
-            "unknowns": len(self.own.columns),
+            "rows": sum(series.rows for series in self.series),
+            "unknowns": len(self.active.columns),
             "kept": " ".join(step.name.replace(" ", "_") for step in self.chosen.steps if step.kept),
             "model_error_um": f"{1e6 * self.noise.open_position:.3g}",
         }
 
 
 @dataclass(frozen=True)
-class Gathered:
+class LinearisedReadings:
     """Hold readings that were reduced once, for any selection of errors."""
 
     series: tuple[Series, ...]  #: The readings, divided where something moved.
     prior: Prior  #: Expected compliances.
     unknowns: Unknowns  #: All unknowns that may be used.
-    state: State  #: Point of linearisation: with joint springs and periodic errors.
+    state: ArmState  #: Point of linearisation: with joint springs and periodic errors.
     noise: Noise  #: Noise of readings about that state.
-    reduced: Reduced  #: The equations, in blocks of joint space.
-    found: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
+    reduced: ReducedReadings  #: The equations, in blocks of joint space.
+    findings: tuple[Issue, ...]  #: Targets that were left out, and moves in mid-series.
 
 
 def calibrate(
     vjm: Vjm,
     series: Sequence[Series],
     prior: Prior,
-    options: Options | None = None,
+    options: CalibrationOptions | None = None,
     weights: Weights | None = None,
 ) -> Calibration:
     """Calibrate an arm from absolute readings: geometry, joint errors and compliances.
@@ -155,13 +172,17 @@ def calibrate(
     check_type(prior, Prior, "prior")
     if not series:
         raise BenchError("series: expected one or more, got none")
-    options = options or Options()
-    return explain(gather(vjm, series, prior, options, weights), options)
+    options = options or CalibrationOptions()
+    return select_and_solve(linearise_readings(vjm, series, prior, options, weights), options)
 
 
-def gather(
-    vjm: Vjm, series: Sequence[Series], prior: Prior, options: Options, weights: Weights | None = None
-) -> Gathered:
+def linearise_readings(
+    vjm: Vjm,
+    series: Sequence[Series],
+    prior: Prior,
+    options: CalibrationOptions,
+    weights: Weights | None = None,
+) -> LinearisedReadings:
     """Reduce the readings once, for any selection of errors: the first part of `calibrate`.
 
     Args:
@@ -175,43 +196,43 @@ def gather(
         The reduced equations, with frames, mounts and noise.
     """
     # Check the readings, and start from the rigid nominal arm.
-    series, lost = alike(series)
+    series, lost = common_targets(series)
     check_order(vjm, series)
     weights = weights or read_weights(vjm.arm)
-    bare = nominal(vjm, weights, torque_scale(vjm, weights, series))
-    joints = metric(prior, vjm, joints_only(vjm.arm))
+    bare = nominal_state(vjm, weights, torque_scale(vjm, weights, series))
+    joints = scale_by_prior(prior, vjm, joints_only(vjm.arm))
 
-    def fitted(some: tuple[Series, ...]) -> tuple[State, Noise]:
-        few = thinned(some)
-        return first_fit(aligned(bare, few), few, joints, options.constraint)
+    def fitted(some: tuple[Series, ...]) -> tuple[ArmState, Noise]:
+        few = subsample(some)
+        return first_fit(align_all(bare, few), few, joints, options.constraint)
 
     # Find moves in mid-series, and fit geometry and joint springs to each part.
     check_last_joint(vjm, series, fitted)
-    moves, series, (first, noise) = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
+    moves, series, (first, noise) = settled(series, fitted, scale_by_prior(prior, vjm, all153(vjm.arm)))
     check_fits(first, series)
     # All errors that the readings can support, as unknowns.
     readings = sum(3 * int(one.seen.sum() + one.turned.sum()) for one in series)
-    told = max(1, min(options.orders, int(MANY * readings / (2 * vjm.arm.n_joints))))
+    told = max(1, min(options.orders, int(SUBSAMPLE_FACTOR * readings / (2 * vjm.arm.n_joints))))
     orders = tuple(range(1, told + 1)) if "joint errors" in options.may else ()
-    errors = JointErrors(orders, **{name: name in options.may for name in KINDS[1:]})
+    errors = JointErrors(orders, **{name: name in options.may for name in ERROR_KINDS[1:]})
     most = all153 if "links" in options.may else joints_only
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
     state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
     # One step with periodic errors, for the noise and the point of linearisation.
-    own, few = choice(unknowns, GEOMETRY | {"harmonics"}, joints), thinned(series)
-    state, share = _stepped(own, few, (state, noise), options.constraint)
+    active, few = activate(unknowns, GEOMETRY | {"harmonics"}, joints), subsample(series)
+    state, share = _stepped(active, few, (state, noise), options.constraint)
     noise = scatter(state, series, share)
     # Reduce all equations once, by blocks of joint space if errors are selected.
     blocks = blocks_of(series) if options.only is None else None
-    reduced = reduce_series(Point(unknowns, state, noise), series, blocks)
-    return Gathered(series, prior, unknowns, state, noise, reduced, (*lost, *moves))
+    reduced = reduce_series(Linearisation(unknowns, state, noise), series, blocks)
+    return LinearisedReadings(series, prior, unknowns, state, noise, reduced, (*lost, *moves))
 
 
-def explain(found: Gathered, options: Options) -> Calibration:
+def select_and_solve(linearised_readings: LinearisedReadings, options: CalibrationOptions) -> Calibration:
     """Select the errors that predict held-out readings best, and calibrate with them.
 
     Args:
-        found: The reduced equations.
+        linearised_readings: The reduced equations.
         options: Errors that are on or may be tried.
 
     Returns:
@@ -221,39 +242,41 @@ def explain(found: Gathered, options: Options) -> Calibration:
         BenchError: When the readings leave a frame or target undetermined, or were gathered without the
             links.
     """
-    series, reduced = found.series, found.reduced
+    series, reduced = linearised_readings.series, linearised_readings.reduced
     expected = expected_of(series)
-    rules = Rules(units(expected, found.noise)[list(reduced.kinds)], options.constraint)
+    rules = SelectionRules(
+        whitening_units(expected, linearised_readings.noise)[list(reduced.kinds)], options.constraint
+    )
     # Select the errors, then solve for the selected unknowns.
-    chosen = _choose(found, options, rules)
-    solved = eliminate(chosen.own, chosen.reduced, chosen.learnt, options.constraint, options.strength)
-    chosen = with_belief(chosen, rules, solved.belief)
-    after = moved(found.state, chosen.own, solved.x)
+    chosen = _choose(linearised_readings, options, rules)
+    solved = solve_step(chosen.active, chosen.reduced, chosen.scales, options.constraint, options.strength)
+    chosen = with_weighted_prior(chosen, rules, solved.belief)
+    after = apply_step(linearised_readings.state, chosen.active, solved.x)
     # Noise of single readings about the result.
-    factor = found.noise.factor.copy()
-    factor[list(reduced.kinds)] = chosen.learnt.factor
-    noise = single(replace(found.noise, factor=factor), expected)
-    step = distance(found.state, after, series)
+    factor = linearised_readings.noise.factor.copy()
+    factor[list(reduced.kinds)] = chosen.scales.factor
+    noise = single_reading_noise(replace(linearised_readings.noise, factor=factor), expected)
+    step = distance(linearised_readings.state, after, series)
     pulls = tuple(pulls_of(after, one, noise) for one in series)
     return Calibration(
         state=after,
-        own=chosen.own,
-        information=np.tensordot(chosen.learnt.factor**-2.0, reduced.gram, 1)[:-1, :-1],
+        active=chosen.active,
+        information=np.tensordot(chosen.scales.factor**-2.0, reduced.gram, 1)[:-1, :-1],
         root=solved.root,
         noise=noise,
         chosen=chosen,
         estimate=solved.estimate,
-        pressed=solved.pressed,
-        pulls=pulls,
+        cone_pressure=solved.cone_pressure,
+        influences=pulls,
         step=step,
         series=series,
-        found=found.found,
+        findings=linearised_readings.findings,
     )
 
 
 def first_fit(
-    state: State, series: tuple[Series, ...], joints: Metric, constraint: Constraint = "psd"
-) -> tuple[State, Noise]:
+    state: ArmState, series: tuple[Series, ...], joints: PriorScaling, constraint: Constraint = "psd"
+) -> tuple[ArmState, Noise]:
     """Fit geometry and joint springs, from a state that has frames and mounts.
 
     Args:
@@ -266,41 +289,49 @@ def first_fit(
         The fitted state, and the noise of the readings about it.
     """
     first = unknowns_of(state.vjm, series, JointErrors(), joints.structure)
-    own, noise = choice(first, GEOMETRY, joints), scatter(state, series, 1.0)
+    active, noise = activate(first, GEOMETRY, joints), scatter(state, series, 1.0)
     for _ in range(2):
-        state, share = _stepped(own, series, (state, noise), constraint)
+        state, share = _stepped(active, series, (state, noise), constraint)
         noise = scatter(state, series, share)
     return state, noise
 
 
-def _choose(found: Gathered, options: Options, rules: Rules) -> Chosen:
+def _choose(
+    linearised_readings: LinearisedReadings, options: CalibrationOptions, rules: SelectionRules
+) -> SelectedModel:
     """Select the errors by trial, or take those of the options; links include joint springs of their own."""
-    unknowns, reduced, vjm = found.unknowns, found.reduced, found.state.vjm
-    joints, links = (metric(found.prior, vjm, most(vjm.arm)) for most in (joints_only, all153))
+    unknowns, reduced, vjm = (
+        linearised_readings.unknowns,
+        linearised_readings.reduced,
+        linearised_readings.state.vjm,
+    )
+    joints, links = (
+        scale_by_prior(linearised_readings.prior, vjm, most(vjm.arm)) for most in (joints_only, all153)
+    )
     every = {
-        "joint springs": Candidate("joint springs", elastic=joints, sure=True),
-        "joint errors": Candidate("joint errors", frozenset({"harmonics"})),
-        PATTERN: Candidate(PATTERN, frozenset({"pattern"}), pattern=True),
-        "links": Candidate("links", elastic=links),
-    } | {name: Candidate(name, frozenset({name})) for name in KINDS[1:]}
-    on = [every[name] for name in NAMES if name in options.may]
+        "joint springs": ErrorCandidate("joint springs", elastic=joints, always_kept=True),
+        "joint errors": ErrorCandidate("joint errors", frozenset({"harmonics"})),
+        PATTERN: ErrorCandidate(PATTERN, frozenset({"pattern"}), pattern=True),
+        "links": ErrorCandidate("links", elastic=links),
+    } | {name: ErrorCandidate(name, frozenset({name})) for name in ERROR_KINDS[1:]}
+    on = [every[name] for name in SELECTABLE_ERRORS if name in options.may]
     if options.only is None:
-        return choose(unknowns, reduced, on, rules)
-    kinds = GEOMETRY.union(*(one.kinds for one in on))
-    elastic = [one.elastic for one in on if one.elastic is not None]
-    own = choice(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
+        return select_errors(unknowns, reduced, on, rules)
+    kinds = GEOMETRY.union(*(candidate.kinds for candidate in on))
+    elastic = [candidate.elastic for candidate in on if candidate.elastic is not None]
+    active = activate(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
 
-    def learnt(own: Choice, reduced: Reduced, start: Learnt) -> Learnt:
-        return learn(own, squares(own, reduced.gram), reduced.counts, start, options.constraint)
+    def learnt(own: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
+        return learn_scales(own, gram_of_active(own, reduced.gram), reduced.counts, start, options.constraint)
 
-    sizes = learnt(own, reduced, usual(unknowns, len(reduced.kinds)))
-    if PATTERN in options.may and (shared := patterned(own, kinds, sizes, reduced)):
-        own, reduced = shared
-        sizes = learnt(own, reduced, sizes)
-    return Chosen(own, sizes, reduced, kinds, ())
+    sizes = learnt(active, reduced, default_scales(unknowns, len(reduced.kinds)))
+    if PATTERN in options.may and (shared := with_shared_pattern(active, kinds, sizes, reduced)):
+        active, reduced = shared
+        sizes = learnt(active, reduced, sizes)
+    return SelectedModel(active, sizes, reduced, kinds, ())
 
 
-def thinned(series: Sequence[Series]) -> tuple[Series, ...]:
+def subsample(series: Sequence[Series]) -> tuple[Series, ...]:
     """Thin series to the rows that an intermediate step needs; a pose keeps all of its rows or none."""
     every, found = sum(one.rows for one in series), []
     for one in series:
@@ -311,12 +342,12 @@ def thinned(series: Sequence[Series]) -> tuple[Series, ...]:
 
 
 def _stepped(
-    own: Choice, series: tuple[Series, ...], now: tuple[State, Noise], constraint: Constraint
-) -> tuple[State, float]:
+    active: ActiveUnknowns, series: tuple[Series, ...], now: tuple[ArmState, Noise], constraint: Constraint
+) -> tuple[ArmState, float]:
     """Take one Gauss-Newton step; return the state, and degrees of freedom over number of equations."""
     state, noise = now
-    reduced = reduce_series(Point(own.unknowns, state, noise), series)
-    S, counts = squares(own, reduced.gram), reduced.counts
-    learnt = learn(own, S, counts, usual(own.unknowns, len(counts)), constraint)
-    solved = eliminate(own, reduced, learnt, constraint)
-    return moved(state, own, solved.x), max(0.1, 1 - solved.spent / counts.sum())
+    reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
+    S, counts = gram_of_active(active, reduced.gram), reduced.counts
+    learnt = learn_scales(active, S, counts, default_scales(active.unknowns, len(counts)), constraint)
+    solved = solve_step(active, reduced, learnt, constraint)
+    return apply_step(state, active, solved.x), max(0.1, 1 - solved.spent / counts.sum())

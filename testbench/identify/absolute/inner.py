@@ -10,40 +10,46 @@ from scipy.linalg import solve_triangular
 
 from testbench.errors import Array, BenchError
 from testbench.identify import hierarchy
-from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt
-from testbench.identify.absolute.state import Mount, State
+from testbench.identify.absolute.evidence import LOOSE_STRENGTH, ActiveUnknowns, ErrorScales
+from testbench.identify.absolute.state import ArmState, Mount
 from testbench.identify.estimate import Constraint, Estimate
-from testbench.identify.fold import Reduced
-from testbench.identify.metric import Belief, Metric, precision_root, rescaled, with_prior_rows
+from testbench.identify.fold import ReducedReadings
+from testbench.identify.metric import (
+    PriorScaling,
+    WeightedPrior,
+    precision_root,
+    rescale_to_data,
+    with_prior_rows,
+)
 from testbench.identify.prior import Strength
 from testbench.identify.registration import Frame
-from testbench.identify.regression import Regression, regression_of, term_of
+from testbench.identify.regression import Regression, regression_of, term_from_triangle
 from testbench.identify.solve import solve
-from testbench.model.tool_motion import turned
+from testbench.model.tool_motion import rotation_matrices
 
-OPEN = 1e-10
+INDEPENDENT_SHARE = 1e-10
 """Share of a column that is independent of all others below which it counts as undetermined [1]."""
 
 
 @dataclass(frozen=True)
-class Solved:
+class StepSolution:
     """Hold the most probable unknowns."""
 
     x: Array  #: Values of the selected unknowns in SI units, (c,).
     root: Array  #: Root of the posterior's precision, compliances in the metric, (c, c).
     estimate: Estimate | None  #: Compliances; None for a rigid arm.
     spent: float  #: Degrees of freedom that the unknowns use.
-    pressed: float  #: Increase of chi squared by the cone [1]; 0 for a rigid arm.
-    belief: Belief | None  #: Prior of the compliances; None for a rigid arm.
+    cone_pressure: float  #: Increase of chi squared by the cone [1]; 0 for a rigid arm.
+    belief: WeightedPrior | None  #: Prior of the compliances; None for a rigid arm.
 
 
-def eliminate(
-    own: Choice,
-    reduced: Reduced,
-    learnt: Learnt,
+def solve_step(
+    active: ActiveUnknowns,
+    reduced: ReducedReadings,
+    learnt: ErrorScales,
     constraint: Constraint = "psd",
     strength: Strength | None = None,
-) -> Solved:
+) -> StepSolution:
     """Solve for the most probable unknowns by QR.
 
     The other unknowns are eliminated, least squares or GCO solves for the compliances, and the other unknowns
@@ -52,7 +58,7 @@ def eliminate(
     Mathematics: `abs-8`.
 
     Args:
-        own: The unknowns.
+        active: The unknowns.
         reduced: The equations, in the basis of the unknowns.
         learnt: Sizes of errors, and noise factors.
         constraint: "psd" for GCO, "none" for least squares.
@@ -65,50 +71,52 @@ def eliminate(
         BenchError: If the readings leave a frame or a target undetermined.
     """
     # Triangular factor of all equations: the r other unknowns first, compliances last.
-    T = factor_of(own, reduced, learnt)
-    r, c = own.rigid, len(own.columns)
+    T = factor_of(active, reduced, learnt)
+    r, c = active.rigid, len(active.columns)
     R = T[:r, :r]
-    if own.elastic is None:
+    if active.elastic is None:
         x, root, estimate, pressed = solve_triangular(R, T[:r, c]), R, None, 0.0
         belief = None
     else:
         # Its lower rows are the equations of the compliances alone.
-        regression = of_compliances(T, own.elastic, int(reduced.counts.sum()))
-        belief = Belief(own.elastic, strength) if strength else _believed(regression, own.elastic)
+        regression = compliance_rows(T, active.elastic, int(reduced.counts.sum()))
+        belief = (
+            WeightedPrior(active.elastic, strength) if strength else _scaled_prior(regression, active.elastic)
+        )
         estimate = solve(regression, constraint, belief)
         pressed = _pressed(regression, belief, estimate)
         # The other unknowns by back substitution.
-        x = with_others(T, estimate.pi)
+        x = back_substitute(T, estimate.pi)
         # Posterior precision: likelihood and prior of the compliances, in the metric.
-        L, B = own.elastic.L, precision_root(belief.metric, belief.strength)[0]
-        B = B @ np.linalg.solve(belief.metric.L, L)
+        L, B = active.elastic.L, precision_root(belief.scaling, belief.strength)[0]
+        B = B @ np.linalg.solve(belief.scaling.L, L)
         below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
-        if belief.moves is not None:
-            below = _widened(below, np.asarray(np.linalg.solve(L, belief.moves.T)))
+        if belief.hyperparameter_effect is not None:
+            below = _widened(below, np.asarray(np.linalg.solve(L, belief.hyperparameter_effect.T)))
         root = np.block([[R, T[:r, r:c] @ L], [np.zeros((c - r, r)), below]])
     # Degrees of freedom: the share of each prior variance that the readings remove.
-    inverse, deviation = solve_triangular(root[:r, :r], np.eye(r)), learnt.deviation[own.columns[:r]]
+    inverse, deviation = solve_triangular(root[:r, :r], np.eye(r)), learnt.deviation[active.columns[:r]]
     held = np.isfinite(deviation)
     known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
     spent = float(np.maximum(known, 0).sum() + (~held).sum() + c - r)
-    if (basis := own.unknowns.basis) is not None:
+    if (basis := active.unknowns.basis) is not None:
         # From the basis of a shared pattern back to the joints.
-        B = basis[own.columns][:, own.columns].toarray()  # its columns are orthogonal
+        B = basis[active.columns][:, active.columns].toarray()  # its columns are orthogonal
         x, root = B @ x, np.asarray(np.linalg.qr(root / (B**2).sum(axis=0) @ B.T, mode="r"))
-    return Solved(x, root, estimate, spent, pressed, belief)
+    return StepSolution(x, root, estimate, spent, pressed, belief)
 
 
-def _pressed(regression: Regression, belief: Belief, estimate: Estimate) -> float:
+def _pressed(regression: Regression, belief: WeightedPrior, estimate: Estimate) -> float:
     """Compute how far the cone raises chi squared with penalty above that of least squares with a prior."""
     if estimate.constraint == "none":
         return 0.0
-    M, r = with_prior_rows(regression, belief.metric, belief.strength)
+    M, r = with_prior_rows(regression, belief.scaling, belief.strength)
     every = (estimate, solve(regression, "none", belief))
-    mine, free = (float(np.sum((M @ np.linalg.solve(belief.metric.L, e.pi) - r) ** 2)) for e in every)
+    mine, free = (float(np.sum((M @ np.linalg.solve(belief.scaling.L, e.pi) - r) ** 2)) for e in every)
     return mine - free
 
 
-def of_compliances(T: Array, elastic: Metric, equations: int) -> Regression:
+def compliance_rows(T: Array, elastic: PriorScaling, equations: int) -> Regression:
     """Eliminate all other unknowns, and return the equations of the compliances.
 
     Args:
@@ -120,11 +128,11 @@ def of_compliances(T: Array, elastic: Metric, equations: int) -> Regression:
         The regression of the compliances.
     """
     r = len(T) - 1 - len(elastic.expected)
-    term = term_of(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
+    term = term_from_triangle(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
     return regression_of(elastic.structure, (term,))
 
 
-def with_others(T: Array, pi: Array) -> Array:
+def back_substitute(T: Array, pi: Array) -> Array:
     """Compute the most probable other unknowns for given compliances.
 
     Args:
@@ -146,20 +154,20 @@ def _widened(root: Array, moves: Array) -> Array:
     return np.asarray(np.linalg.qr(solve_triangular(R, np.eye(len(R)), trans="T"), mode="r"))
 
 
-def factor_of(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
+def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, learnt: ErrorScales) -> Array:
     """Compute the triangular factor of all equations and of all priors but the compliances'.
 
     Args:
-        own: The choice, c columns.
+        active: The choice, c columns.
         reduced: The reduced equations.
         learnt: Learnt sizes of errors and noise.
 
     Returns:
         The factor.
     """
-    some = np.r_[own.columns, own.unknowns.size]
+    some = np.r_[active.columns, active.unknowns.size]
     # Rows of the priors.
-    deviation = learnt.deviation[own.columns[: own.rigid]]
+    deviation = learnt.deviation[active.columns[: active.rigid]]
     held = np.flatnonzero(np.isfinite(deviation))
     rows = np.zeros((len(held), len(some)))
     rows[np.arange(len(held)), held] = 1 / deviation[held]
@@ -167,35 +175,35 @@ def factor_of(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
     factors = zip(reduced.factors.values(), learnt.factor, strict=True)
     lines = [R[:, some] / factor for R, factor in factors]
     T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(some), len(some)))]), mode="r"))
-    free = np.abs(np.diag(T))[: own.rigid]
-    if not (free > OPEN * np.linalg.norm(T[:, : own.rigid], axis=0)).all():
+    free = np.abs(np.diag(T))[: active.rigid]
+    if not (free > INDEPENDENT_SHARE * np.linalg.norm(T[:, : active.rigid], axis=0)).all():
         raise BenchError("calibration: the readings leave a frame or target open; expected more poses")
     return T
 
 
-def _believed(regression: Regression, elastic: Metric) -> Belief:
+def _scaled_prior(regression: Regression, elastic: PriorScaling) -> WeightedPrior:
     """Learn the prior from the readings; if these require a negative scale, use the prior as it is."""
     try:
-        rescaled(elastic, regression)
+        rescale_to_data(elastic, regression)
     except BenchError:
-        return Belief(elastic, LOOSE)
-    return hierarchy.learn(regression, elastic)
+        return WeightedPrior(elastic, LOOSE_STRENGTH)
+    return hierarchy.learn_prior(regression, elastic)
 
 
-def moved(state: State, own: Choice, x: Array) -> State:
+def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
     """Return the state with new values of the unknowns of a choice; all others are zero.
 
     Args:
         state: The state.
-        own: The choice, c columns.
+        active: The choice, c columns.
         x: Values, (c,).
 
     Returns:
         The new state.
     """
-    unknowns = own.unknowns
+    unknowns = active.unknowns
     every = np.zeros(unknowns.size)
-    every[own.columns] = x
+    every[active.columns] = x
     theta_0 = state.theta_0.copy()
     theta_0[unknowns.inner] = every[unknowns.columns("geometry")]
     frames = {**state.frames}
@@ -225,7 +233,7 @@ def moved_frame(frame: Frame, step: Array) -> Frame:
     Returns:
         The new frame.
     """
-    [turn] = turned(step[None, 3:])
+    [turn] = rotation_matrices(step[None, 3:])
     return Frame(frame.rotation @ turn, frame.translation + frame.rotation @ step[:3])
 
 
@@ -241,5 +249,5 @@ def moved_mount(mount: Mount, step: Array) -> Mount:
     """
     m = len(mount.points)
     points = mount.points + step[: 3 * m].reshape(m, 3)
-    [turn] = turned(step[None, 3 * m :]) if len(step) > 3 * m else np.eye(3)[None]
+    [turn] = rotation_matrices(step[None, 3 * m :]) if len(step) > 3 * m else np.eye(3)[None]
     return replace(mount, points=points, rotation=turn @ mount.rotation)

@@ -14,23 +14,23 @@ import numpy as np
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.closed_form import kabsch
-from testbench.identify.registration import ASSUMED, ROUGH, Frame
+from testbench.identify.registration import ASSUMED_NOISE, NOMINAL_DEVIATION, Frame
 from testbench.model.vjm import Vjm, tool_pose
 
-MOST = 300
+MAX_ROWS = 300
 """Rows of a series that are evaluated, evenly spaced."""
-FAR = 10.0, 1.0, 100.0
+PRIOR_DEVIATIONS = 10.0, 1.0, 100.0
 """Prior standard deviations of a target, of rotations, and of a frame's origin [m, rad, m]."""
 LEVEL = 0.05
 """Standard deviation of a tracker from upright, and the largest one of a frame's rotation that counts as
 determined [rad]."""
 
 
-def held(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
+def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     """Find the frames and mounts that the readings leave undetermined, for the nominal geometry.
 
-    A mount is undetermined if a target's standard deviation exceeds `ROUGH`, a frame if that of its rotation
-    exceeds `LEVEL`.
+    A mount is undetermined if a target's standard deviation exceeds `NOMINAL_DEVIATION`, a frame if that of
+    its rotation exceeds `LEVEL`.
 
     Mathematics: `abs-7`.
 
@@ -55,19 +55,19 @@ def held(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
         f, m = 6 * frames.index(one.frame), first[one.target]
         at = np.r_[f : f + 6, m : m + 3 * len(one.markers), m + 3 * mounts[one.target] + np.arange(3)]
         J = _rows(vjm, one)
-        M[np.ix_(at, at)] += J.T @ J / ASSUMED**2
+        M[np.ix_(at, at)] += J.T @ J / ASSUMED_NOISE**2
     # Posterior covariance with wide priors.
-    before = np.full(len(M), FAR[0])
+    before = np.full(len(M), PRIOR_DEVIATIONS[0])
     for k in range(len(frames)):
-        before[6 * k : 6 * k + 6] = np.repeat(FAR[1:], 3)
+        before[6 * k : 6 * k + 6] = np.repeat(PRIOR_DEVIATIONS[1:], 3)
     for name, m in mounts.items():
-        before[first[name] + 3 * m :][:3] = FAR[1]
+        before[first[name] + 3 * m :][:3] = PRIOR_DEVIATIONS[1]
     covariance = np.linalg.inv(M + np.diag(before**-2.0))
     turns = [covariance[6 * k :, 6 * k :][:3, :3] for k in range(len(frames))]
     found = {f"frame {name}" for name, own in zip(frames, turns, strict=True) if _largest(own) > LEVEL}
     for name, some in read.items():
         ends = [first[name] + 3 * k for k in some]
-        if any(_largest(covariance[k : k + 3, k : k + 3]) > ROUGH for k in ends):
+        if any(_largest(covariance[k : k + 3, k : k + 3]) > NOMINAL_DEVIATION for k in ends):
             found.add(f"mount {name}")
     return frozenset(found)
 
@@ -80,7 +80,7 @@ def _largest(covariance: Array) -> float:
 def _rows(vjm: Vjm, series: Series) -> Array:
     """Differentiate readings by frame (rotation, origin), targets and rotation of the mount, (e, k)."""
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = seen[np.linspace(0, len(seen) - 1, min(MOST, len(seen))).astype(int)]
+    some = seen[np.linspace(0, len(seen) - 1, min(MAX_ROWS, len(seen))).astype(int)]
     position, rotation = tool_pose(vjm, series.q[some])
     m, n = len(series.markers), len(some)
     J = np.zeros((n, m + 1, 3, 6 + 3 * m + 3))
@@ -93,11 +93,11 @@ def _rows(vjm: Vjm, series: Series) -> Array:
     return np.asarray(J[there].reshape(-1, J.shape[3]))
 
 
-def level(points: Array, read: Array) -> Frame:
+def level_frame(points: Array, read: Array) -> Frame:
     """Fit the frame that takes points to readings; the frame is upright as far as the points leave that open.
 
     Least squares (Kabsch) with two further points along the vertical: they count as much as a direction known
-    to `LEVEL` in comparison with readings known to `ASSUMED`.
+    to `LEVEL` in comparison with readings known to `ASSUMED_NOISE`.
 
     Args:
         points: Points in base axes, (n, 3) [m].
@@ -106,6 +106,6 @@ def level(points: Array, read: Array) -> Frame:
     Returns:
         The frame: tracker from base.
     """
-    up = (ASSUMED / LEVEL) * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) / np.sqrt(2)
+    up = (ASSUMED_NOISE / LEVEL) * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) / np.sqrt(2)
     R, _ = kabsch(np.vstack([points - points.mean(axis=0), up]), np.vstack([read - read.mean(axis=0), up]))
     return Frame(R, read.mean(axis=0) - R @ points.mean(axis=0))

@@ -14,7 +14,7 @@ from testbench.data.series import Series
 from testbench.errors import Array, Ids
 from testbench.identify.robust_loss import READINGS, Loss
 
-KINDS = ("position", "orientation", "position within a pose", "orientation within a pose")
+EQUATION_KINDS = ("position", "orientation", "position within a pose", "orientation within a pose")
 """Kinds of equations, each with its own noise factor."""
 POSITIONS = (0, 2)
 """Kinds that are positions."""
@@ -27,10 +27,10 @@ class Noise:
     open_position: float = 0.0  #: Model error s of positions [m].
     open_rotation: float = 0.0  #: Model error s of orientations [rad].
     #: Noise over expected noise, of every kind of equations, (kinds,) [1].
-    factor: Array = field(default_factory=lambda: np.ones(len(KINDS)))
+    factor: Array = field(default_factory=lambda: np.ones(len(EQUATION_KINDS)))
 
 
-def repeated(series: Series) -> tuple[Ids, ...]:
+def repeated_rows(series: Series) -> tuple[Ids, ...]:
     """Group the rows of a pose that read the same targets: for every number k > 1 of them, (groups, k)."""
     read = np.column_stack([series.pose, series.seen, series.turned])
     code = np.unique(read, axis=0, return_inverse=True)[1].ravel()
@@ -41,13 +41,13 @@ def repeated(series: Series) -> tuple[Ids, ...]:
 
 
 def kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
-    """List the kinds of equations that some series have, as places in `KINDS`."""
+    """List the kinds of equations that some series have, as places in `EQUATION_KINDS`."""
     turned = any(one.rotation is not None for one in series)
-    again = any(repeated(one) for one in series)
-    return tuple(k for k in range(len(KINDS)) if (turned or k in POSITIONS) and (again or k < 2))
+    again = any(repeated_rows(one) for one in series)
+    return tuple(k for k in range(len(EQUATION_KINDS)) if (turned or k in POSITIONS) and (again or k < 2))
 
 
-def combine(groups: Sequence[Ids], rows: Array) -> Array:
+def combine_rows(groups: Sequence[Ids], rows: Array) -> Array:
     """Replace the readings of every group by their mean and differences (Helmert's transformation).
 
     Args:
@@ -80,7 +80,9 @@ def multiplicity(groups: Sequence[Ids], runs: int) -> Ids:
     return found
 
 
-def roots(series: Series, noise: Noise, rotation: Array, groups: Sequence[Ids] = ()) -> tuple[Array, Ids]:
+def inverse_noise_roots(
+    series: Series, noise: Noise, rotation: Array, groups: Sequence[Ids] = ()
+) -> tuple[Array, Ids]:
     """Compute the whitening matrices W = (covariance)^-1/2 of combined rows, and their kinds.
 
     Mathematics: `abs-4`.
@@ -130,7 +132,7 @@ def weights(
         loss: The robust loss.
 
     Returns:
-        W as from `roots`, (s, runs, 3, 3) [1/m, 1/rad], and the weights, (s, runs) [1].
+        W as from `inverse_noise_roots`, (s, runs, 3, 3) [1/m, 1/rad], and the weights, (s, runs) [1].
     """
-    W, _ = roots(series, noise, rotation)
-    return W, loss.pull(np.linalg.norm(np.einsum("srxy,syr->sxr", W, left), axis=1))
+    W, _ = inverse_noise_roots(series, noise, rotation)
+    return W, loss.influence(np.linalg.norm(np.einsum("srxy,syr->sxr", W, left), axis=1))

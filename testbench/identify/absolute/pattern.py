@@ -19,7 +19,7 @@ from testbench.model.joint_errors import JointErrors
 
 FIRST = 3
 """Lowest order of a pattern: errors of an axis' position look like orders 1 and 2."""
-SURE = 10.0
+MIN_LOG_ODDS = 10.0
 """Least log odds of a joint's shift against any other shift, and against no pattern."""
 RIVALS = 8
 """Shifts that are compared, each a local maximum."""
@@ -40,12 +40,12 @@ class Pattern:
     senses: tuple[int, ...]  #: Sign s of each joint.
 
 
-def waves(errors: JointErrors) -> Ids:
+def wave_columns(errors: JointErrors) -> Ids:
     """List the Fourier coefficients of a joint that a pattern may have, (2 k,): sines, then cosines."""
     return np.flatnonzero(np.tile(errors.orders, 2) >= FIRST)
 
 
-def turned(f: Array, turn: Array | float, sense: int, orders: Ids) -> Array:
+def shift_waves(f: Array, turn: Array | float, sense: int, orders: Ids) -> Array:
     """Compute the Fourier coefficients of s f(s q + phi) from those of f.
 
     Mathematics: `abs-11`.
@@ -77,7 +77,7 @@ def basis(pattern: Pattern, errors: JointErrors, first: int, size: int) -> csr_a
     Returns:
         Unknowns in SI units by those in the basis, (size, size).
     """
-    n, own, k = len(pattern.joints), waves(errors), len(waves(errors)) // 2
+    n, own, k = len(pattern.joints), wave_columns(errors), len(wave_columns(errors)) // 2
     # Columns: the pattern, in place of the mean, then the differences between joints.
     mix = helmert(n, full=True).T
     mix[:, 0] = 1.0
@@ -87,7 +87,7 @@ def basis(pattern: Pattern, errors: JointErrors, first: int, size: int) -> csr_a
     orders = np.array(errors.orders)[own[:k]]
     # Waves of joint i: each column, shifted and mirrored to its angle.
     for i in range(n):
-        R = turned(np.eye(2 * k), pattern.turns[i], pattern.senses[i], orders).T
+        R = shift_waves(np.eye(2 * k), pattern.turns[i], pattern.senses[i], orders).T
         row, column = np.nonzero(R)
         for j in np.flatnonzero(mix[i]):
             entries.append(mix[i, j] * R[row, column])
@@ -96,7 +96,7 @@ def basis(pattern: Pattern, errors: JointErrors, first: int, size: int) -> csr_a
 
 
 @dataclass(frozen=True)
-class _Told:
+class _PatternInformation:
     """Hold the information of one joint's readings about the pattern; its individual error is eliminated."""
 
     W: Array  #: Precision of the pattern's waves, (2 k, 2 k).
@@ -104,11 +104,13 @@ class _Told:
     alone: float  #: Log odds of individual waves of full size against those of individual size.
 
 
-def find(told: Sequence[tuple[Array, Array]], own: Array, shared: Array, orders: Ids) -> Pattern | None:
+def find_pattern(
+    told: Sequence[tuple[Array, Array]], own: Array, shared: Array, orders: Ids
+) -> Pattern | None:
     """Find the pattern that some joints share.
 
     The two joints with the best agreement start; others are added in the order of their odds. In the end the
-    odds of each joint, given all others, must exceed `SURE`.
+    odds of each joint, given all others, must exceed `MIN_LOG_ODDS`.
 
     Mathematics: `abs-11`.
 
@@ -122,12 +124,12 @@ def find(told: Sequence[tuple[Array, Array]], own: Array, shared: Array, orders:
     Returns:
         The pattern; None if no two joints share one.
     """
-    every = [_told(*one, own, own + shared) for one in told]
+    every = [_pattern_information(*one, own, own + shared) for one in told]
 
     def best(j: int, others: dict[int, tuple[float, int]]) -> tuple[float, int, float, int]:
         P, b = np.diag(1 / shared), np.zeros(len(shared))
         for i, (turn, sense) in others.items():
-            R = turned(np.eye(len(b)), turn, sense, orders)
+            R = shift_waves(np.eye(len(b)), turn, sense, orders)
             P, b = P + R @ every[i].W @ R.T, b + R @ every[i].g
         return (*_best(every[j], P, b, orders), j)
 
@@ -138,30 +140,34 @@ def find(told: Sequence[tuple[Array, Array]], own: Array, shared: Array, orders:
     # Add the joint with the best odds, as long as they suffice.
     while len(found) < len(every):
         turn, sense, odds, j = max((best(j, found) for j in joints if j not in found), key=lambda one: one[2])
-        if odds < SURE:
+        if odds < MIN_LOG_ODDS:
             break
         found[j] = turn, sense
     # Remove joints whose odds, given all others, do not suffice.
     while len(found) > 1:
         again = [best(j, {i: at for i, at in found.items() if i != j}) for j in found]
         worst = min(again, key=lambda one: one[2])
-        if worst[2] >= SURE:
+        if worst[2] >= MIN_LOG_ODDS:
             return _of_first({j: (turn, sense) for turn, sense, _, j in again})
         del found[worst[3]]
     return None
 
 
-def _told(precision: Array, pull: Array, own: Array, whole: Array) -> _Told:
+def _pattern_information(precision: Array, pull: Array, own: Array, whole: Array) -> _PatternInformation:
     solved = np.linalg.solve(precision + np.diag(1 / own), np.column_stack([precision, pull]))
     alone, none = (_log_sum(precision + np.diag(1 / d), pull) - np.log(d).sum() / 2 for d in (whole, own))
-    return _Told(precision - precision @ solved[:, :-1], pull - precision @ solved[:, -1], alone - none)
+    return _PatternInformation(
+        precision - precision @ solved[:, :-1], pull - precision @ solved[:, -1], alone - none
+    )
 
 
-def _best(own: _Told, P: Array, b: Array, orders: Ids) -> tuple[float, int, float]:
+def _best(
+    pattern_information: _PatternInformation, P: Array, b: Array, orders: Ids
+) -> tuple[float, int, float]:
     """Find the shift and sign in which a joint has a pattern, and the log odds against all alternatives.
 
     Args:
-        own: Information of the joint's readings.
+        pattern_information: Information of the joint's readings.
         P: Precision of the pattern by the other joints, (2 k, 2 k).
         b: Its product with the most probable pattern, (2 k,).
         orders: Orders of the waves, (k,).
@@ -170,20 +176,23 @@ def _best(own: _Told, P: Array, b: Array, orders: Ids) -> tuple[float, int, floa
     before = _log_sum(P, b)
 
     def likely(turns: Array, sense: int) -> Array:
-        x = turned(f, turns, sense, orders)
-        return np.asarray(x @ own.g - ((x @ own.W) * x).sum(axis=1) / 2)
+        x = shift_waves(f, turns, sense, orders)
+        return np.asarray(x @ pattern_information.g - ((x @ pattern_information.W) * x).sum(axis=1) / 2)
 
     every = np.stack([likely(TURNS, sense) for sense in SENSES])
     # Local maxima of the likelihood over the shift.
     peaks = (every > np.roll(every, 1, axis=1)) & (every >= np.roll(every, -1, axis=1))
-    rivals, odds = np.argwhere(peaks)[np.argsort(-every[peaks], kind="stable")[:RIVALS]], [own.alone]
+    rivals, odds = (
+        np.argwhere(peaks)[np.argsort(-every[peaks], kind="stable")[:RIVALS]],
+        [pattern_information.alone],
+    )
     # Evidence of each, the pattern integrated out.
     for way, k in rivals:
-        R = turned(np.eye(len(f)), TURNS[k], SENSES[way], orders)
-        odds.append(_log_sum(P + R @ own.W @ R.T, b + R @ own.g) - before)
+        R = shift_waves(np.eye(len(f)), TURNS[k], SENSES[way], orders)
+        odds.append(_log_sum(P + R @ pattern_information.W @ R.T, b + R @ pattern_information.g) - before)
     first, *others = np.argsort(odds)[::-1]
     if not first:
-        return 0.0, 1, odds[others[0]] - own.alone if others else 0.0
+        return 0.0, 1, odds[others[0]] - pattern_information.alone if others else 0.0
     way, k = rivals[first - 1]
     finer = TURNS[k] + FINER
     return float(finer[likely(finer, SENSES[way]).argmax()]), SENSES[way], odds[first] - odds[others[0]]

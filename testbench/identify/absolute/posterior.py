@@ -12,22 +12,22 @@ from scipy.linalg import block_diag, solve_triangular
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.align import aligned, too_few
-from testbench.identify.absolute.evidence import usual
+from testbench.identify.absolute.align import align_all, too_few
+from testbench.identify.absolute.evidence import default_scales
 from testbench.identify.absolute.inner import moved_frame, moved_mount
-from testbench.identify.absolute.noise import KINDS, Noise, roots, weights
+from testbench.identify.absolute.noise import EQUATION_KINDS, Noise, inverse_noise_roots, weights
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.state import BATCH, State
+from testbench.identify.absolute.state import ROWS_AT_ONCE, ArmState
 from testbench.identify.absolute.unknowns import unknowns_of
-from testbench.identify.arm_model import About, ArmModel
+from testbench.identify.arm_model import ArmModel, ModelOrigin
 from testbench.identify.posterior import Posterior
-from testbench.identify.rows import rows_of
+from testbench.identify.rows import series_rows
 from testbench.model.structure import joints_only
 
 if TYPE_CHECKING:
     from testbench.identify.absolute.fit import Calibration
 
-STEP, MOST_STEPS = 1e-9, 20
+STEP, MAX_STEPS = 1e-9, 20
 """Step of a frame below which the fit has converged [m, rad], and most steps."""
 
 
@@ -35,7 +35,7 @@ STEP, MOST_STEPS = 1e-9, 20
 class RegisteredSeries:
     """Hold a series whose frame and mount are known."""
 
-    state: State  #: The arm with the frame and the mount.
+    state: ArmState  #: The arm with the frame and the mount.
     rows: Ids  #: Rows that determined frame and mount; empty if the calibration did.
     #: Posterior of frame and mount, which are steps, and of the arm's unknowns, in this order, (f + a,).
     posterior: Posterior
@@ -60,25 +60,27 @@ def posterior_of(calibration: "Calibration") -> Posterior:
 
     Mathematics: `abs-13`.
     """
-    own = calibration.own
-    L = np.zeros((0, 0)) if own.elastic is None else own.elastic.L
-    x = own.unknowns.current(calibration.state)[own.columns]
+    active = calibration.active
+    L = np.zeros((0, 0)) if active.elastic is None else active.elastic.L
+    x = active.unknowns.current(calibration.state)[active.columns]
     return Posterior.normal(x, deviations_root(calibration.root, L))
 
 
 def model_of(calibration: "Calibration") -> ArmModel:
     """Convert a calibration to a model of the arm that does not depend on its series."""
-    own, state, known = calibration.own, calibration.state, posterior_of(calibration)
-    first = own.unknowns.starts["geometry"]
-    f = int((own.columns < first).sum())
-    structure = joints_only(state.vjm.arm) if own.elastic is None else own.elastic.structure
+    active, state, known = calibration.active, calibration.state, posterior_of(calibration)
+    first = active.unknowns.starts["geometry"]
+    f = int((active.columns < first).sum())
+    structure = joints_only(state.vjm.arm) if active.elastic is None else active.elastic.structure
     arm = Posterior.normal(known.x[f:], known.root[f:, f:])
-    model = ArmModel(state, structure, own.columns, arm, About("absolute calibration"), calibration.noise)
-    elastic = model.unknowns.starts["elastic"] + np.arange(len(own.columns) - own.rigid)
-    return replace(model, columns=np.concatenate([own.columns[f : own.rigid] - first, elastic]))
+    model = ArmModel(
+        state, structure, active.columns, arm, ModelOrigin("absolute calibration"), calibration.noise
+    )
+    elastic = model.unknowns.starts["elastic"] + np.arange(len(active.columns) - active.rigid)
+    return replace(model, columns=np.concatenate([active.columns[f : active.rigid] - first, elastic]))
 
 
-def place(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
+def locate_series(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
     """Fit frame and mount of a series to some of its rows by Gauss-Newton; the arm is held fixed.
 
     Mathematics: `abs-13`.
@@ -95,9 +97,9 @@ def place(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
         BenchError: If these rows do not determine frame and mount.
     """
     some = select_rows(series, rows)
-    state = aligned(without(model.state, some), (some,))
+    state = align_all(without_series(model.state, some), (some,))
     # Gauss-Newton on frame and mount: normal equations by the triangular factor.
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         F, M, y = _whitened(model, state, some)
         root = _root(model, F, some)
         step = solve_triangular(root, solve_triangular(root, F.T @ y, trans="T"))
@@ -111,25 +113,25 @@ def place(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
     return RegisteredSeries(state, rows, _joint(model, root, F.T @ M))
 
 
-def known(model: ArmModel, series: Series) -> RegisteredSeries:
+def with_known_frame(model: ArmModel, series: Series) -> RegisteredSeries:
     """Register a series whose frame and mount the calibration has determined.
 
     Args:
         model: The calibrated arm.
-        series: The series; up to `BATCH` of its rows weigh frame and mount against the arm.
+        series: The series; up to `ROWS_AT_ONCE` of its rows weigh frame and mount against the arm.
 
     Returns:
         The series' frame and mount, with their joint covariance with the arm's unknowns.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(BATCH, len(seen))).astype(int)])
+    some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(ROWS_AT_ONCE, len(seen))).astype(int)])
     F, M, _ = _whitened(model, model.state, some)
     return RegisteredSeries(
         model.state, np.zeros(0, dtype=int), _joint(model, _root(model, F, some), F.T @ M)
     )
 
 
-def without(state: State, series: Series) -> State:
+def without_series(state: ArmState, series: Series) -> ArmState:
     """Return the state without the frame and the mount of a series.
 
     Args:
@@ -139,8 +141,8 @@ def without(state: State, series: Series) -> State:
     Returns:
         The state.
     """
-    frames = {key: one for key, one in state.frames.items() if key != series.frame}
-    mounts = {key: one for key, one in state.mounts.items() if key != series.target}
+    frames = {key: frame for key, frame in state.frames.items() if key != series.frame}
+    mounts = {key: mount for key, mount in state.mounts.items() if key != series.target}
     return replace(state, frames=frames, mounts=mounts)
 
 
@@ -158,18 +160,20 @@ def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[
     """
     m, a = len(series.markers), len(model.columns)
     told = np.r_[: 6 + 3 * m, -a:0]  # positions do not depend on the turn of a target
-    own = Posterior.normal(placed.posterior.x[told], placed.posterior.root[:, told])
-    root = np.linalg.inv(roots(series, _noise(model), placed.state.frame(series).rotation)[0][:m])
+    posterior = Posterior.normal(placed.posterior.x[told], placed.posterior.root[:, told])
+    root = np.linalg.inv(
+        inverse_noise_roots(series, _noise(model), placed.state.frame(series).rotation)[0][:m]
+    )
     covariance: Array = (root @ root.swapaxes(2, 3)).swapaxes(0, 1)
-    for first in range(0, series.rows, BATCH):
-        some = np.arange(first, min(first + BATCH, series.rows))
+    for first in range(0, series.rows, ROWS_AT_ONCE):
+        some = np.arange(first, min(first + ROWS_AT_ONCE, series.rows))
         A = _columns(model, placed.state, select_rows(series, some))[0][:m]
         A = np.delete(A, np.s_[6 + 3 * m : A.shape[2] - a], axis=2)
-        covariance[some] += own.covariance(A.transpose(3, 0, 1, 2))
+        covariance[some] += posterior.covariance(A.transpose(3, 0, 1, 2))
     return residuals(placed.state, series)[:m].transpose(2, 0, 1), covariance
 
 
-def inside(left: Array, covariance: Array, quantile: float = 7.8147) -> Array:
+def inside_ellipsoid(left: Array, covariance: Array, quantile: float = 7.8147) -> Array:
     """Tell which positions lie in their confidence ellipsoid: r^T C^-1 r at most the quantile.
 
     Args:
@@ -192,21 +196,21 @@ def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
         root: Triangular factor of the columns of frame and mount, (f, f).
         with_arm: Products of these columns with those of the arm, (f, a).
     """
-    f, own = len(root), model.posterior
+    f, posterior = len(root), model.posterior
     inverse: Array = solve_triangular(root, np.eye(f))
     taken = inverse @ (inverse.T @ with_arm)
-    both = [[inverse.T, np.zeros((f, len(own.x)))], [-own.root @ taken.T, own.root]]
-    return Posterior.normal(np.r_[np.zeros(f), own.x], np.block(both))
+    both = [[inverse.T, np.zeros((f, len(posterior.x)))], [-posterior.root @ taken.T, posterior.root]]
+    return Posterior.normal(np.r_[np.zeros(f), posterior.x], np.block(both))
 
 
-def _columns(model: ArmModel, state: State, series: Series) -> tuple[Array, Array]:
+def _columns(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, Array]:
     """Compute columns of frame, mount and arm, (s, 3, f + a, rows), and residuals, (s, 3, rows)."""
     unknowns = unknowns_of(model.vjm, (series,), state.errors, model.structure)
-    rows, f = rows_of(unknowns, state, series), unknowns.starts["geometry"]
+    rows, f = series_rows(unknowns, state, series), unknowns.starts["geometry"]
     return rows[:, :, np.r_[:f, f + model.columns]], rows[:, :, -1]
 
 
-def _whitened(model: ArmModel, state: State, series: Series) -> tuple[Array, Array, Array]:
+def _whitened(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, Array, Array]:
     """Whiten the equations: columns of frame and mount, (e, f), of the arm, (e, a), and residuals, (e,)."""
     A, left = _columns(model, state, series)
     W, pull = weights(series, _noise(model), state.frame(series).rotation, left)
@@ -220,7 +224,7 @@ def _whitened(model: ArmModel, state: State, series: Series) -> tuple[Array, Arr
 def _root(model: ArmModel, F: Array, series: Series) -> Array:
     """Factorise the columns of frame and mount, with the prior of what these rows leave undetermined."""
     unknowns = unknowns_of(model.vjm, (series,), model.state.errors, model.structure)
-    B = np.diag(1 / usual(unknowns, len(KINDS)).deviation[: unknowns.starts["geometry"]])
+    B = np.diag(1 / default_scales(unknowns, len(EQUATION_KINDS)).deviation[: unknowns.starts["geometry"]])
     B = B[B.any(axis=1) & (not too_few(model.vjm, series))]
     R = np.asarray(np.linalg.qr(np.vstack([F, B]), mode="r"))
     full = len(R) == F.shape[1] and (np.abs(np.diag(R)) > 1e-9 * np.linalg.norm(F, axis=0)).all()

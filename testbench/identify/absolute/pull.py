@@ -10,26 +10,26 @@ import numpy as np
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import ArmState
 from testbench.identify.absolute.unknowns import Unknowns
-from testbench.identify.rows import rows_of
+from testbench.identify.rows import series_rows
 
-POSES = 40
+FURTHER_ROWS = 40
 """Further rows in which a joint is turned."""
 AMPLE = 2
 """Equations of poses in the whole joint space, over the number of unknowns [1]."""
 NEVER = 1e-3
 """Information of these poses over the prior's below which a direction is structural [1]."""
-ROUNDING = 1e-10
+ZERO_INFORMATION = 1e-10
 """Eigenvalue of information with unit diagonal below which it counts as zero [1]."""
 OFF = 1.0
 """Information of unknowns that are fixed at zero: they are not structural."""
-SAME = 0.1
+COMMON_DIRECTION = 0.1
 """Singular value below which two sets of directions share one [1]."""
 
 
 @dataclass(frozen=True)
-class Pull:
+class AddedInformation:
     """Hold the information that further readings would add."""
 
     turned: Array  #: Rows as in the series, with one joint turned through its range, (n, size, size).
@@ -39,10 +39,10 @@ class Pull:
 
 def pull_of(
     unknowns: Unknowns,
-    state: State,
+    state: ArmState,
     series: tuple[Series, ...],
     tells: Callable[[Series], Array] | None = None,
-) -> Pull:
+) -> AddedInformation:
     """Compute the information that further readings would add, under the loads of some series.
 
     Args:
@@ -63,7 +63,7 @@ def pull_of(
     def turned(j: int) -> Array:
         total = np.zeros((unknowns.size,) * 2)
         for one in series:
-            count = min(one.rows, -(-POSES // len(series)))
+            count = min(one.rows, -(-FURTHER_ROWS // len(series)))
             rows = np.linspace(0, one.rows - 1, count).round().astype(int)
             q = one.q[rows].copy()
             stratified = (rng.permutation(count) + rng.random(count)) / count
@@ -79,10 +79,10 @@ def pull_of(
     none = {name: np.zeros_like(getattr(state, name)) for name in ("theta_0", "C_theta", "n")}
     rigid = [information(unknowns, replace(state, **none), one) for one in everywhere]
     every = np.stack([turned(j) for j in range(len(lower))])
-    return Pull(every, np.sum([told(one) for one in everywhere], axis=0), np.sum(rigid, axis=0))
+    return AddedInformation(every, np.sum([told(one) for one in everywhere], axis=0), np.sum(rigid, axis=0))
 
 
-def information(unknowns: Unknowns, state: State, series: Series) -> Array:
+def information(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
     """Compute the information of a series about the unknowns, A^T W A, without a prior.
 
     Args:
@@ -94,7 +94,7 @@ def information(unknowns: Unknowns, state: State, series: Series) -> Array:
         Information, (size, size).
     """
     m = len(series.markers)
-    A = rows_of(unknowns, state, series)[:, :, :-1]
+    A = series_rows(unknowns, state, series)[:, :, :-1]
     A[:m] /= series.sigma
     if series.sigma_rotation is not None:
         A[m:] /= series.sigma_rotation
@@ -119,7 +119,7 @@ class Structural:
     elastic: int  #: Number of compliance directions that the given loads do not show.
 
 
-def structural(unknowns: Unknowns, L: Array, pull: Pull) -> Structural:
+def structural(unknowns: Unknowns, L: Array, pull: AddedInformation) -> Structural:
     """Find the structural directions: changes of the unknowns that move no target in any pose.
 
     Args:
@@ -146,7 +146,7 @@ def structural(unknowns: Unknowns, L: Array, pull: Pull) -> Structural:
     size = unknowns.errors.size
     of_joint = [unknowns.starts["errors"] + j * size + np.arange(size) for j in joints]
     return Structural(
-        directions=U[:, s > SAME],
+        directions=U[:, s > COMMON_DIRECTION],
         geometry=never.shape[1],
         shared=tuple(
             _dimension(drawn, np.concatenate(around[j : j + 2])) - sum(own[j : j + 2]) for j in joints
@@ -160,9 +160,9 @@ def _dimension(M: Array, columns: Ids) -> int:
     """Count the directions of some columns without information."""
     block = M[np.ix_(columns, columns)]
     size = np.sqrt(np.diag(block))
-    told = size > ROUNDING * size.max(initial=0.0)
+    told = size > ZERO_INFORMATION * size.max(initial=0.0)
     unit = block[np.ix_(told, told)] / np.outer(size[told], size[told])
-    return int((~told).sum() + (np.linalg.eigvalsh(unit) < ROUNDING).sum())
+    return int((~told).sum() + (np.linalg.eigvalsh(unit) < ZERO_INFORMATION).sum())
 
 
 def _around(unknowns: Unknowns, k: int) -> Ids:

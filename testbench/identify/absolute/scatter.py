@@ -7,13 +7,13 @@ import numpy as np
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array
-from testbench.identify.absolute.noise import Noise, multiplicity, repeated, weights
-from testbench.identify.absolute.state import BATCH, State, forward
+from testbench.identify.absolute.noise import Noise, multiplicity, repeated_rows, weights
+from testbench.identify.absolute.state import ROWS_AT_ONCE, ArmState, series_equilibrium
 from testbench.identify.robust_loss import READINGS
-from testbench.identify.rows import left_over
+from testbench.identify.rows import series_residuals
 
 
-def residuals(state: State, series: Series) -> Array:
+def residuals(state: ArmState, series: Series) -> Array:
     """Compute residuals, readings minus model, in base axes.
 
     Args:
@@ -23,12 +23,14 @@ def residuals(state: State, series: Series) -> Array:
     Returns:
         (s, 3, rows) [m, rad]; zero where nothing was read.
     """
-    starts = range(0, max(series.rows, 1), BATCH)
-    some = (select_rows(series, np.arange(k, min(k + BATCH, series.rows))) for k in starts)
-    return np.concatenate([left_over(state, one, forward(state, one)) for one in some], axis=2)
+    starts = range(0, max(series.rows, 1), ROWS_AT_ONCE)
+    some = (select_rows(series, np.arange(k, min(k + ROWS_AT_ONCE, series.rows))) for k in starts)
+    return np.concatenate(
+        [series_residuals(state, one, series_equilibrium(state, one)) for one in some], axis=2
+    )
 
 
-def pulls_of(state: State, series: Series, noise: Noise) -> Array:
+def pulls_of(state: ArmState, series: Series, noise: Noise) -> Array:
     """Compute the robust weight of every reading from its own residual.
 
     Args:
@@ -42,7 +44,7 @@ def pulls_of(state: State, series: Series, noise: Noise) -> Array:
     return weights(series, noise, state.frame(series).rotation, residuals(state, series))[1]
 
 
-def scatter(state: State, series: Sequence[Series], share: float) -> Noise:
+def scatter(state: ArmState, series: Sequence[Series], share: float) -> Noise:
     """Estimate the model error: the deviation that the noise of the readings does not explain.
 
     Args:
@@ -67,11 +69,11 @@ def scatter(state: State, series: Sequence[Series], share: float) -> Noise:
     found = []
     for kind in (position, rotation):
         length, own = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
-        found.append(READINGS.spread(length, own, share))
+        found.append(READINGS.scatter(length, own, share))
     return Noise(found[0], found[1])
 
 
-def single(noise: Noise, expected: tuple[Array, float]) -> Noise:
+def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
     """Convert the noise of combined readings to that of a reading that is alone in its pose.
 
     A factor below 1 was estimated from means of k readings, whose variance is factor^2 (sigma^2 + k s^2). It
@@ -99,14 +101,14 @@ def expected_of(series: Sequence[Series]) -> tuple[Array, float]:
     Returns:
         Variances, (2,) [m^2, rad^2], and the number of readings behind a mean [1].
     """
-    behind = [multiplicity(repeated(one), one.rows) for one in series]
+    behind = [multiplicity(repeated_rows(one), one.rows) for one in series]
     position = np.mean([one.sigma**2 for one in series])
     turns = [one.sigma_rotation**2 for one in series if one.sigma_rotation is not None]
     k = float(np.concatenate([x[x > 0] for x in behind]).mean())
     return np.array([position, np.mean(turns) if turns else 0.0]), k
 
 
-def units(expected: tuple[Array, float], noise: Noise) -> Array:
+def whitening_units(expected: tuple[Array, float], noise: Noise) -> Array:
     """Compute the standard deviations of whitened equations, sqrt(sigma^2 + k s^2) or sigma, of every kind.
 
     Args:
@@ -121,7 +123,7 @@ def units(expected: tuple[Array, float], noise: Noise) -> Array:
     return np.asarray(np.sqrt(np.r_[own + k * opened**2, own]))
 
 
-def distance(before: State, after: State, series: Sequence[Series]) -> float:
+def distance(before: ArmState, after: ArmState, series: Sequence[Series]) -> float:
     """Compute how far the targets moved between two states.
 
     Args:
@@ -140,13 +142,13 @@ def distance(before: State, after: State, series: Sequence[Series]) -> float:
     return float(np.sqrt(total / max(count, 1)))
 
 
-WILD = 0.5
+OUTLIER_WEIGHT = 0.5
 """Robust weight below which a reading is an outlier [1]."""
 
 
 @dataclass(frozen=True)
 class Outliers:
-    """Summarise positions whose robust weight is below `WILD`, and the worst of them."""
+    """Summarise positions whose robust weight is below `OUTLIER_WEIGHT`, and the worst of them."""
 
     count: int  #: Number of outliers.
     of: int  #: Number of positions that were read.
@@ -155,7 +157,7 @@ class Outliers:
     distance: float  #: Its distance from the model [m].
 
 
-def outliers(state: State, series: Sequence[Series], pulls: Sequence[Array]) -> Outliers | None:
+def outliers(state: ArmState, series: Sequence[Series], pulls: Sequence[Array]) -> Outliers | None:
     """Find positions whose robust weight is below one half.
 
     Args:
@@ -169,7 +171,7 @@ def outliers(state: State, series: Sequence[Series], pulls: Sequence[Array]) -> 
     found, count = [], 0
     for one, counts in zip(series, pulls, strict=True):
         m = len(one.markers)
-        wild = (counts[:m].T < WILD) & one.seen
+        wild = (counts[:m].T < OUTLIER_WEIGHT) & one.seen
         far = np.where(wild, np.linalg.norm(residuals(state, one)[:m], axis=1).T, 0.0).max(axis=1)
         k, count = int(far.argmax()), count + int(wild.sum())
         found.append((float(far[k]), one.name, int(one.row[k])))

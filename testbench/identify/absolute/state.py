@@ -21,11 +21,11 @@ from testbench.model.load import Load, on_joints
 from testbench.model.vjm import Chain, Vjm, chain
 from testbench.model.weights import Weights, own_weight
 
-BATCH = 500
+ROWS_AT_ONCE = 500
 """Rows whose Jacobian is in memory at a time."""
 TOLERANCE = 1e-11
 """Step at which the equilibrium has converged [m, rad]."""
-MOST = 100
+MAX_STEPS = 100
 """Most steps to the equilibrium."""
 LOAD_STEPS = 2
 """Updates of the loads for the deflected arm; each reduces the error by a factor of a hundred or more."""
@@ -41,7 +41,7 @@ class Mount:
 
 
 @dataclass(frozen=True, repr=False)
-class State(Displayed):
+class ArmState(Displayed):
     """Describe a calibrated arm."""
 
     vjm: Vjm  #: Nominal kinematics.
@@ -64,16 +64,16 @@ class State(Displayed):
         """Return the mount of a series, targets in the order of the series; BenchError if one is unknown."""
         if series.target not in self.mounts:
             raise BenchError(f"{series.name}: its target {series.target!r} is not known")
-        found = self.mounts[series.target]
-        unknown = [name for name in series.markers if name not in found.markers]
+        mount = self.mounts[series.target]
+        unknown = [name for name in series.markers if name not in mount.markers]
         if unknown:
-            have = ", ".join(found.markers)
+            have = ", ".join(mount.markers)
             raise BenchError(f"{series.name}: no target {', '.join(unknown)} is known; there are {have}")
-        at = [found.markers.index(name) for name in series.markers]
-        return replace(found, points=found.points[at], markers=series.markers)
+        at = [mount.markers.index(name) for name in series.markers]
+        return replace(mount, points=mount.points[at], markers=series.markers)
 
 
-def nominal(vjm: Vjm, weights: Weights, torque_scale: Array) -> State:
+def nominal_state(vjm: Vjm, weights: Weights, torque_scale: Array) -> ArmState:
     """Make the state of the nominal arm: rigid, without errors.
 
     Args:
@@ -86,20 +86,22 @@ def nominal(vjm: Vjm, weights: Weights, torque_scale: Array) -> State:
     """
     n = vjm.n_theta
     empty = np.zeros((vjm.arm.n_joints, 0))
-    return State(vjm, weights, np.zeros(n), np.zeros((n, n)), JointErrors(), empty, torque_scale)
+    return ArmState(vjm, weights, np.zeros(n), np.zeros((n, n)), JointErrors(), empty, torque_scale)
 
 
 @dataclass(frozen=True)
-class Equilibrium:
+class JointEquilibrium:
     """Hold the virtual joints at rest under some loads."""
 
     theta: Array  #: Virtual joints, (runs, n_theta) [m, rad].
-    where: Chain  #: Tool pose and Jacobian at rest.
+    chain: Chain  #: Tool pose and Jacobian at rest.
     u: Array  #: Generalised load of every virtual joint at rest, (n_theta, runs) [N, N m].
     phi: Array  #: Functions of the joint errors, (n joints, k, runs).
 
 
-def equilibrium(state: State, q: Array, loads: Sequence[Load] = (), steps: int | None = None) -> Equilibrium:
+def joint_equilibrium(
+    state: ArmState, q: Array, loads: Sequence[Load] = (), steps: int | None = None
+) -> JointEquilibrium:
     """Solve for the equilibrium of every pose under own weight and all loads, by fixed-point steps.
 
     Each step applies the loads to the arm as the last step deflected it. Steps converge only if the loaded
@@ -122,21 +124,21 @@ def equilibrium(state: State, q: Array, loads: Sequence[Load] = (), steps: int |
     start, u, phi = _start(state, q, loads)
     theta, step = start + (state.C_theta @ u).T, np.zeros(len(q))
     # theta <- theta_0 + Phi(q) n + C_theta u(q, theta), until the step is at rounding.
-    for _ in range(MOST if steps is None else steps):
+    for _ in range(MAX_STEPS if steps is None else steps):
         where = chain(state.vjm, q, theta)
         u = loads_at(state, where, loads)
         bent = start + (state.C_theta @ u).T
         step = np.abs(bent - theta).max(axis=1, initial=0)
         theta = bent
         if (step <= TOLERANCE).all():  # not of NaN
-            return Equilibrium(theta, where, u, phi)
+            return JointEquilibrium(theta, where, u, phi)
     if steps is None:
         words = state.vjm.arm.words(q[np.argmin(step <= TOLERANCE)])
         raise NoEquilibrium(f"no static equilibrium at q = {words}: too soft for its load, or buckled")
-    return Equilibrium(theta, chain(state.vjm, q, theta), u, phi)
+    return JointEquilibrium(theta, chain(state.vjm, q, theta), u, phi)
 
 
-def _start(state: State, q: Array, loads: Sequence[Load]) -> tuple[Array, Array, Array]:
+def _start(state: ArmState, q: Array, loads: Sequence[Load]) -> tuple[Array, Array, Array]:
     """Compute virtual joints without springs, (runs, n_theta), the load of the undeflected arm, and phi."""
     arm, theta = state.vjm.arm, np.tile(state.theta_0, (len(q), 1))
     u, joints = loads_at(state, chain(state.vjm, q, theta), loads), slice(6 * len(arm.links), arm.n_theta)
@@ -145,7 +147,7 @@ def _start(state: State, q: Array, loads: Sequence[Load]) -> tuple[Array, Array,
     return theta, u, phi
 
 
-def loads_at(state: State, where: Chain, loads: Sequence[Load]) -> Array:
+def loads_at(state: ArmState, where: Chain, loads: Sequence[Load]) -> Array:
     """Compute the generalised load u of every virtual joint, from own weight and all loads.
 
     Args:
@@ -159,7 +161,7 @@ def loads_at(state: State, where: Chain, loads: Sequence[Load]) -> Array:
     return own_weight(where, state.weights) + on_joints(where, loads)
 
 
-def unbent(state: State, q: Array, loads: Sequence[Load]) -> Array:
+def unsprung_theta(state: ArmState, q: Array, loads: Sequence[Load]) -> Array:
     """Compute the virtual joints without their springs: theta_0 + Phi(q) n.
 
     Args:
@@ -175,7 +177,7 @@ def unbent(state: State, q: Array, loads: Sequence[Load]) -> Array:
     return _start(state, q, loads)[0]
 
 
-def forward(state: State, series: Series) -> Equilibrium:
+def series_equilibrium(state: ArmState, series: Series) -> JointEquilibrium:
     """Compute the arm at rest in every row of a series, by `LOAD_STEPS` steps.
 
     Mathematics: `abs-1`.
@@ -188,7 +190,7 @@ def forward(state: State, series: Series) -> Equilibrium:
         The arm in every row, in base axes.
     """
     loads = [Load(series.wrench, series.point)] if series.wrench.any() else []
-    return equilibrium(state, series.q, loads, LOAD_STEPS)
+    return joint_equilibrium(state, series.q, loads, LOAD_STEPS)
 
 
 def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Array:
@@ -204,8 +206,8 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
     """
     total = np.zeros(vjm.arm.n_joints)
     for one in series:
-        for first in range(0, one.rows, BATCH):
-            some = slice(first, first + BATCH)
+        for first in range(0, one.rows, ROWS_AT_ONCE):
+            some = slice(first, first + ROWS_AT_ONCE)
             where = chain(vjm, one.q[some])
             u = own_weight(where, weights) + on_joints(where, [Load(one.wrench[some], one.point[some])])
             total += (u[-vjm.arm.n_joints :] ** 2).sum(axis=1)

@@ -28,7 +28,7 @@ HUBER = 1.345
 EXACT = 1e-4
 """Least noise of a joint's torques, relative to their standard deviation [1]."""
 REWEIGHTINGS = 10
-BATCH = 1000  #: Poses whose columns of all virtual joints are in memory at a time.
+POSES_AT_ONCE = 1000  #: Poses whose columns of all virtual joints are in memory at a time.
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, 
     """Compute columns, (n, runs, 4 (bodies - 1)), wrench loads and torques, (n, runs), of some poses."""
     n = vjm.arm.n_joints
     for one, torque in ((one, one.torque) for one in series if one.torque is not None):
-        for start in range(0, one.rows, BATCH):
-            some = slice(start, start + BATCH)
+        for start in range(0, one.rows, POSES_AT_ONCE):
+            some = slice(start, start + POSES_AT_ONCE)
             where = chain(vjm, one.q[some])
             columns = weight_columns(where)[-n:, :, 1:]
             known = generalised_load(where, one.wrench[some], one.point[some])[-n:]

@@ -13,9 +13,9 @@ from scipy.sparse import csr_array
 
 from testbench.data.series import Series
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.inseparable import held
+from testbench.identify.absolute.inseparable import undetermined_frames
 from testbench.identify.absolute.pattern import FIRST, Pattern, basis
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import ArmState
 from testbench.model.joint_errors import BANDS, JointErrors
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -93,7 +93,7 @@ class Unknowns:
             return None
         return basis(self.pattern, self.errors, self.starts["errors"], self.size)
 
-    def current(self, state: State) -> Array:
+    def current(self, state: ArmState) -> Array:
         """Return the values of all unknowns in a state, (size,); frames and mounts are steps, thus zero."""
         x = np.zeros(self.size)
         x[self.columns("geometry")] = state.theta_0[self.inner]
@@ -119,10 +119,10 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
         turned = one.rotation is not None or mounts.get(one.target, (0, False))[1]
         mounts[one.target] = len(one.markers), turned
     frames = tuple(dict.fromkeys(one.frame for one in series))
-    return Unknowns(vjm, frames, mounts, errors, structure, held=held(vjm, series))
+    return Unknowns(vjm, frames, mounts, errors, structure, held=undetermined_frames(vjm, series))
 
 
-def compliances(vjm: Vjm, structure: Structure) -> Unknowns:
+def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:
     """Make the unknowns of pairs, compliances only: all others cancel in a difference.
 
     Args:

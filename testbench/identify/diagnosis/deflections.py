@@ -15,7 +15,7 @@ import numpy as np
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, BenchError, Mask
-from testbench.identify.absolute.unknowns import compliances
+from testbench.identify.absolute.unknowns import compliance_unknowns
 from testbench.identify.diagnosis.gravity import (
     DOWN,
     TILTED,
@@ -32,12 +32,12 @@ from testbench.identify.diagnosis.hypothesis import (
     score_test,
     undo_one_by_one,
 )
-from testbench.identify.evidence import greatest, posterior
+from testbench.identify.evidence import evidence_posterior, maximise_evidence
 from testbench.identify.fold import reduce
-from testbench.identify.hierarchy import evidence
-from testbench.identify.metric import Metric
-from testbench.identify.rows import jacobian, straight, whiten
-from testbench.identify.weighed import Readings, each_reading, one_by_one
+from testbench.identify.hierarchy import evidence_model
+from testbench.identify.metric import PriorScaling
+from testbench.identify.rows import jacobian, nominal_chain, whiten
+from testbench.identify.weighed import WeightedReadings, each_reading, single_readings
 from testbench.model.joint_errors import JointErrors
 from testbench.model.load import Load
 from testbench.model.structure import Structure
@@ -81,9 +81,9 @@ class ResidualModel:
     """
 
     vjm: Vjm
-    metric: Metric
+    metric: PriorScaling
     data: Dataset
-    read: Readings  #: The equations of every single reading.
+    read: WeightedReadings  #: The equations of every single reading.
     loss: float  #: Negative logarithm of the evidence [nats].
     pi: Array  #: Posterior mean of the compliances, (n,) [m/N, rad/(N m)].
     #: U of the readings' inverse covariance W = I / misfit^2 - U U^T, (k, r). Readings share few unknowns, so
@@ -116,7 +116,7 @@ class ResidualModel:
         return np.column_stack([left[0] - one for one in left[1:]])
 
     def _left(self, data: Dataset) -> Array:
-        read = one_by_one(self.vjm, self.metric.structure, data)
+        read = single_readings(self.vjm, self.metric.structure, data)
         return np.asarray((read.y - read.A @ self.pi).ravel())
 
     def tested(self, name: str, change: "Change[Loads]") -> Issue:
@@ -135,8 +135,8 @@ class ResidualModel:
         assert change.columns is not None
         Z, rows = change.columns, slice(*(change.rows or (None,)))
         shared = self.shared[rows].T @ Z
-        found = score_test(Z.T @ self.surprise[rows], Z.T @ Z / self.misfit**2 - shared.T @ shared)
-        return Issue(name, change.where, change.unit * found.b, change.numbers, float(found.nats))
+        score = score_test(Z.T @ self.surprise[rows], Z.T @ Z / self.misfit**2 - shared.T @ shared)
+        return Issue(name, change.where, change.unit * score.b, change.numbers, float(score.nats))
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Loads:
     """Hold loaded runs with the prior of their compliances and, once it is fitted, their model."""
 
     vjm: Vjm
-    metric: Metric  #: Prior of the compliances.
+    metric: PriorScaling  #: Prior of the compliances.
     data: Dataset
     #: Gravity in the folder's world by a level tracker, a unit vector, (3,) [1]; None if unknown.
     level: Array | None = None
@@ -172,7 +172,7 @@ class Loads:
         return residual_model(self.vjm, self.metric, self.data if data is None else data, h)
 
 
-def deflection_scale(vjm: Vjm, metric: Metric, data: Dataset) -> float:
+def deflection_scale(vjm: Vjm, metric: PriorScaling, data: Dataset) -> float:
     """Compute the factor between the read deflections and those that the prior predicts, by least squares.
 
     It is y^T A pi / |A pi|^2, with A the whitened observation matrix and pi the expected compliances.
@@ -194,7 +194,7 @@ def deflection_scale(vjm: Vjm, metric: Metric, data: Dataset) -> float:
     return float(sum(a @ z for a, z in rows) / sum(a @ a for a, _ in rows))
 
 
-def residual_model(vjm: Vjm, metric: Metric, data: Dataset, h: Array | None = None) -> ResidualModel:
+def residual_model(vjm: Vjm, metric: PriorScaling, data: Dataset, h: Array | None = None) -> ResidualModel:
     """Fit the compliances with a prior learnt from the readings, and find residuals and covariance.
 
     With kappa the ratio of scatter to noise, the inverse covariance of the readings is
@@ -217,24 +217,24 @@ def residual_model(vjm: Vjm, metric: Metric, data: Dataset, h: Array | None = No
         BenchError: When no compliance moves as the readings do.
     """
     structure = metric.structure
-    seen = evidence(reduce(vjm, structure, data), metric, alike=True)
-    h = greatest(seen.problem, seen.start) if h is None else h
-    read = one_by_one(vjm, structure, data)
-    G = read.A.reshape(-1, structure.n) @ seen.metric.L
-    s, kappa = seen.scale(h), np.exp(h[-1])
-    width = np.exp(seen.problem.drawn @ h)
-    residual = read.y.ravel() - G @ (s * seen.metric.expected)
+    model = evidence_model(reduce(vjm, structure, data), metric, alike=True)
+    h = maximise_evidence(model.problem, model.start) if h is None else h
+    read = single_readings(vjm, structure, data)
+    G = read.A.reshape(-1, structure.n) @ model.scaling.L
+    s, kappa = model.scale(h), np.exp(h[-1])
+    width = np.exp(model.problem.drawn @ h)
+    residual = read.y.ravel() - G @ (s * model.scaling.expected)
     half = G * width
     expected = np.concatenate([residual, np.zeros(len(width))])
     x = np.linalg.lstsq(np.vstack([half, kappa * np.eye(len(width))]), expected)[0]
-    pi = seen.metric.L @ (s * seen.metric.expected + width * x)
+    pi = model.scaling.L @ (s * model.scaling.expected + width * x)
     if vjm.arm.joints:
         half = np.hstack([half, sound_joint_columns(vjm, data, structure, pi)])
     U, size, _ = np.linalg.svd(half, full_matrices=False)
     shared = U * (size / np.hypot(size, kappa) / kappa)
     surprise = residual / kappa**2 - shared @ (shared.T @ residual)
-    least = posterior(seen.problem, h).loss
-    return ResidualModel(vjm, seen.metric, data, read, least, pi, shared, surprise, h)
+    least = evidence_posterior(model.problem, h).loss
+    return ResidualModel(vjm, model.scaling, data, read, least, pi, shared, surprise, h)
 
 
 def sound_joint_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array) -> Array:
@@ -252,12 +252,12 @@ def sound_joint_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array
     Returns:
         Two columns per joint, (rows, 2 joints) [standard deviations].
     """
-    state, first = straight(vjm, data.q, [Load(data.wrench, data.point)]), 6 * len(vjm.arm.links)
+    state, first = nominal_chain(vjm, data.q, [Load(data.wrench, data.point)]), 6 * len(vjm.arm.links)
     turn = np.diag(structure.matrix(pi))[first:, None] * state.u[first:]
     state = replace(state, phi=np.stack([PLAY * np.sign(turn), STIFFER * turn * np.abs(turn)], axis=1))
-    unknowns = replace(compliances(vjm, structure), errors=JointErrors(play=True, stiffening=True))
+    unknowns = replace(compliance_unknowns(vjm, structure), errors=JointErrors(play=True, stiffening=True))
     points, read = marker_points(vjm, data.markers), data.sigma_rotation is not None
-    A = jacobian(unknowns, state, points, turned=read)[:, :, unknowns.columns("errors")]
+    A = jacobian(unknowns, state, points, rotations=read)[:, :, unknowns.columns("errors")]
     return each_reading(A, whiten(A, data, np.arange(data.runs))).reshape(-1, A.shape[2])
 
 
@@ -311,24 +311,25 @@ def load_issues(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
     except BenchError:  # no compliance moves so: only other loads can
         return refitted(loads, hung=True) or refitted(loads) or [_wild(loads.data, factor)]
     undo = partial(_without_worst, loads, runs)
-    found, kept, model = undo_one_by_one(loads.data, start, undo)
+    issues, kept, model = undo_one_by_one(loads.data, start, undo)
     loads = replace(loads, data=kept, model=model)
     best = _best(loads, every, runs)
     loads = replace(loads, pull=pull or _missing(loads, best))
     hung = refitted(loads, hung=True)
-    rival = max((_nats(one) for one in best if one.name != "force_offset"), default=0.0)  # no weight has one
+    # no weight has one
+    rival = max((_nats(issue) for issue in best if issue.name != "force_offset"), default=0.0)
     if hung and (hung[0].numbers["level"] or _nats(hung[0]) > RIVAL * rival):
-        return [*hung, *(one for one in (*found, *best) if one.name in kinds)]
-    found += best
+        return [*hung, *(issue for issue in (*issues, *best) if issue.name in kinds)]
+    issues += best
     if model.misfit > QUIET[0] or not 1 / QUIET[1] < factor < QUIET[1]:
-        found += refitted(loads)
-    found.sort(key=lambda one: -_nats(one) * (SHARE if one.name in kinds else 1))
-    found += _scale(loads, factor)
+        issues += refitted(loads)
+    issues.sort(key=lambda issue: -_nats(issue) * (SHARE if issue.name in kinds else 1))
+    issues += _scale(loads, factor)
     data = loads.data
     typical = float(np.median(np.linalg.norm(data.deflection, axis=2)[data.seen]))
-    if not found and model.misfit > NOISE and model.misfit * data.sigma > SHARE_OF_MOVE * typical:
-        found.append(Issue("noise", numbers={"factor": model.misfit, "sigma": data.sigma}))
-    return found
+    if not issues and model.misfit > NOISE and model.misfit * data.sigma > SHARE_OF_MOVE * typical:
+        issues.append(Issue("noise", numbers={"factor": model.misfit, "sigma": data.sigma}))
+    return issues
 
 
 def _nats(issue: Issue) -> float:
@@ -364,20 +365,20 @@ def _without_worst(
     if rest.misfit > FALL * own.misfit:
         return None
     now = replace(now, model=loads.learnt(data, rest.h))
-    found = [one for one, large in _linear(now, runs) if large and one.where[0] == worst]
-    return ([max(found, key=_nats)], rest.data, rest) if found else None
+    issues = [issue for issue, large in _linear(now, runs) if large and issue.where[0] == worst]
+    return ([max(issues, key=_nats)], rest.data, rest) if issues else None
 
 
 def _best(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
     """The likeliest mistake; and where it is of a single run, what else is of another single run."""
-    found: list[Issue] = []
+    issues: list[Issue] = []
     kinds = {row.name for row in runs}
     large = [issue for issue, large in _linear(loads, (*every, *runs)) if large]
     for one in sorted(large, key=_nats, reverse=True):
-        wrong = {other.where[0] for other in found if other.name in kinds}
-        if not found or (wrong and one.name in kinds and one.where[0] not in wrong):
-            found.append(one)
-    return found
+        wrong = {other.where[0] for other in issues if other.name in kinds}
+        if not issues or (wrong and one.name in kinds and one.where[0] not in wrong):
+            issues.append(one)
+    return issues
 
 
 def _refitted(hypotheses: Rows, loads: Loads, *, hung: bool = False) -> list[Issue]:

@@ -33,10 +33,10 @@ from testbench.identify.diagnosis.kinematics import (
 )
 from testbench.identify.diagnosis.own_weight import hangs
 from testbench.identify.diagnosis.timeline import Timeline
-from testbench.identify.metric import metric
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior
-from testbench.identify.registered import Registered
-from testbench.identify.weighed import MOST_READINGS, check_runs
+from testbench.identify.registered import RegisteredDataset
+from testbench.identify.weighed import MAX_READINGS, check_runs
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, marker_points
 from testbench.progress import stepwise
@@ -65,20 +65,22 @@ def diagnose(given: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESE
     Raises:
         BenchError: When the runs are of another arm, have no reading or hold absurd numbers.
     """
-    found = given.found
-    check_runs(found.vjm, found.data)
+    registered = given.found
+    check_runs(registered.vjm, registered.data)
     plain = issues(given, hypotheses.plain)
     said, placed = _placed(given, hypotheses)
     if plain or any(issue.name not in MENDED for issue in said):
         return [*said, *plain]
-    data, vjm = found.data, found.vjm
+    data, vjm = registered.data, registered.vjm
     size = np.median(np.linalg.norm(data.deflection, axis=2)[data.seen])
     if vjm.arm.joints and size > HUGE * placed.seen.scale:
-        one = given.data if found.frame == "base" else _of_one_station(given.data)
-        loaded, _ = best_hypothesis(_seen(vjm, one, one.after, _free(found)), hypotheses.places, "loaded")
+        one = given.data if registered.frame == "base" else _of_one_station(given.data)
+        loaded, _ = best_hypothesis(
+            _seen(vjm, one, one.after, _free(registered)), hypotheses.places, "loaded"
+        )
         if loaded is not None:
             return [loaded, *said]
-    loads = Loads(vjm, metric(prior, vjm, all153(vjm.arm)), data, tracker_level(found))
+    loads = Loads(vjm, scale_by_prior(prior, vjm, all153(vjm.arm)), data, tracker_level(registered))
     if against := issues(data, hypotheses.work):
         hung = _hung(loads, placed.seen)
         return [*hung, *said, *([] if hung else against)]
@@ -100,20 +102,22 @@ def diagnose(given: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESE
 
 def _placed(given: Submission, hypotheses: Hypotheses) -> tuple[list[Issue], Placed]:
     """Issues about where the arm, its targets and the tracker are; and the readings as they were placed."""
-    found = given.found
-    if found.frame == "base" or not given.declared:
-        seen = _seen(given.filed, given.data, given.data.before)
-        raw, own = best_hypothesis(seen, hypotheses.places)
-        if found.registration is None and raw is not None and raw.name in ("frame", "kinematics"):
+    registered = given.found
+    if registered.frame == "base" or not given.declared:
+        observations = _seen(given.filed, given.data, given.data.before)
+        raw, own = best_hypothesis(observations, hypotheses.places)
+        if registered.registration is None and raw is not None and raw.name in ("frame", "kinematics"):
             # a tracker's frame is no mistake, but what kept it from being found
             raw = unplaced_runs(given.filed, given.data, hypotheses) or (raw if raw.name == "frame" else None)
         mistaken = raw is not None and raw.name not in ("frame", "kinematics")
-        if found.frame == "base" or mistaken:
-            return ([] if raw is None else [raw]), Placed(seen, own)
-    one = _of_one_station(given.data)
-    issue, _ = best_hypothesis(_seen(found.vjm, one, one.before, _free(found)), hypotheses.places)
-    seen = _seen(found.vjm, found.data, found.data.before)
-    return ([issue] if issue else issues(given, hypotheses.registered)), Placed(seen, fit(seen))
+        if registered.frame == "base" or mistaken:
+            return ([] if raw is None else [raw]), Placed(observations, own)
+    data = _of_one_station(given.data)
+    issue, _ = best_hypothesis(_seen(registered.vjm, data, data.before, _free(registered)), hypotheses.places)
+    observations = _seen(registered.vjm, registered.data, registered.data.before)
+    return ([issue] if issue else issues(given, hypotheses.registered)), Placed(
+        observations, fit(observations)
+    )
 
 
 def unplaced_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = HYPOTHESES) -> Issue | None:
@@ -150,7 +154,7 @@ def unplaced_series(vjm: Vjm, series: Series, hypotheses: Hypotheses = HYPOTHESE
     return best_hypothesis(of_series(vjm, series), hypotheses.places, "all")[0]
 
 
-def _hung(loads: Loads, seen: Observations) -> list[Issue]:
+def _hung(loads: Loads, observations: Observations) -> list[Issue]:
     """How the base stands, where that makes targets move against stated weights."""
     vjm, data = loads.vjm, loads.data
     pull = suspected_pull(vjm, loads.metric, data, loads.level)
@@ -159,7 +163,7 @@ def _hung(loads: Loads, seen: Observations) -> list[Issue]:
     if angle(pull.g, DOWN) > REVERSED and not pull.told:
         model = loads.metric
         pi = abs(deflection_scale(vjm, model, data)) * (model.L @ model.expected)
-        if not hangs(seen, _seen(vjm, data, data.after), model.structure.matrix(pi)):
+        if not hangs(observations, _seen(vjm, data, data.after), model.structure.matrix(pi)):
             return []
     return [mounting(vjm, pull)]
 
@@ -168,7 +172,7 @@ def _loaded(loads: Loads, hypotheses: Hypotheses) -> list[Issue]:
     """Issues of loads and deflections: of all of them by some runs, of single ones by all."""
     data = loads.data
     each = len(data.markers) + (data.sigma_rotation is not None)
-    parts = max(1, -(-data.runs // max(1, min(AT_A_TIME, MOST_READINGS // each))))
+    parts = max(1, -(-data.runs // max(1, min(AT_A_TIME, MAX_READINGS // each))))
     some = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, PARTS))]
     found = load_issues(replace(loads, data=some[0]), hypotheses.loads, hypotheses.runs)
     runs = {row.name for row in hypotheses.runs}
@@ -188,8 +192,8 @@ def _of_one_station(data: Dataset) -> Dataset:
     return select(data, data.station == names[count.argmax()])
 
 
-def _free(found: Registered) -> FreeParameters:
-    return FreeParameters(frame=found.frame == "tracker", targets=found.frame == "tracker")
+def _free(registered: RegisteredDataset) -> FreeParameters:
+    return FreeParameters(frame=registered.frame == "tracker", targets=registered.frame == "tracker")
 
 
 def _seen(vjm: Vjm, data: Dataset, read: Array, free: FreeParameters = NOTHING) -> Observations:

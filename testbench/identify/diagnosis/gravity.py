@@ -20,10 +20,10 @@ from testbench.arm.mjcf import angle_unit, find_body, read_mjcf
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.diagnosis.hypothesis import Issue
-from testbench.identify.metric import Metric
-from testbench.identify.registered import Registered
+from testbench.identify.metric import PriorScaling
+from testbench.identify.registered import RegisteredDataset
 from testbench.identify.registration import Frame
-from testbench.identify.weighed import one_by_one
+from testbench.identify.weighed import single_readings
 from testbench.model.kinematics import body_pose
 from testbench.model.vjm import Vjm, rotation
 
@@ -96,19 +96,19 @@ def angle(a: Array, b: Array) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
-def tracker_level(found: Registered) -> Array | None:
+def tracker_level(registered: RegisteredDataset) -> Array | None:
     """Find the direction of gravity from a tracker that stands level.
 
     Args:
-        found: The runs with the registration of their stations.
+        registered: The runs with the registration of their stations.
 
     Returns:
         Gravity in the folder's world, a unit vector, (3,) [1]. None without a registration, or when stations
         disagree.
     """
-    if found.frame != "tracker" or found.registration is None:
+    if registered.frame != "tracker" or registered.registration is None:
         return None
-    return mean_level(found.registration.frames.values())
+    return mean_level(registered.registration.frames.values())
 
 
 def mean_level(frames: Iterable[Frame]) -> Array | None:
@@ -164,7 +164,7 @@ def weights_only(data: Dataset) -> bool:
     return bool(pushed.any()) and all(angle(one, DOWN) <= STRAIGHT for one in force[pushed])
 
 
-def suspected_pull(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None) -> Pull | None:
+def suspected_pull(vjm: Vjm, metric: PriorScaling, data: Dataset, level: Array | None) -> Pull | None:
     """Find gravity that comes from another side than the folder has it.
 
     The direction is the least-squares x / |x| of d = x_1 d_1 + x_2 d_2 + x_3 d_3, with d_k the deflections
@@ -205,11 +205,11 @@ def snapped(g: Array, least: float) -> Array:
     return nearest if angle(g, nearest) < least else g
 
 
-def _by_deflections(vjm: Vjm, metric: Metric, data: Dataset) -> tuple[Array, float]:
+def _by_deflections(vjm: Vjm, metric: PriorScaling, data: Dataset) -> tuple[Array, float]:
     """The direction in which weights pull, (3,), by robust least squares, and what it explains [1]."""
     pi = metric.L @ metric.expected
-    read = [one_by_one(vjm, metric.structure, pulled_along(data, e)) for e in np.eye(3)]
-    A, y = np.stack([(one.A @ pi).ravel() for one in read], axis=1), read[0].y.ravel()
+    read = [single_readings(vjm, metric.structure, pulled_along(data, e)) for e in np.eye(3)]
+    A, y = np.stack([(readings.A @ pi).ravel() for readings in read], axis=1), read[0].y.ravel()
     weight = np.ones(len(y))
     for _ in range(ROUNDS):
         x = np.linalg.lstsq(A * weight[:, None], y * weight)[0]

@@ -36,7 +36,7 @@ from testbench.identify.diagnosis.kinematics import (
 )
 from testbench.identify.diagnosis.screens import likely_orders, slip
 from testbench.identify.diagnosis.timeline import Timeline
-from testbench.identify.registered import station, unloaded
+from testbench.identify.registered import station_number, unloaded_series
 from testbench.model.vjm import tool_points, tool_pose
 
 MM = 1e3
@@ -67,7 +67,7 @@ AGAINST = 0.8  #: Share of the runs whose targets have to move against the force
 FORCE, POINT, SHIFTED, FACTOR, BUMP = 0.1, 0.1, 1e-3, 0.3, 3e-3
 """Sizes that are expected of a constant force over the largest, of a load point's error [m], of a tracker's
 move [m, rad], of a wrong load [1], and of a target that was touched or read elsewhere [m]."""
-LEAST_BUMP, SIGMAS = 4e-4, 8.0
+MIN_BUMP, SIGMAS = 4e-4, 8.0
 """Least size of a reading that is wrong [m], and the same in standard deviations."""
 Axes = Literal["XYZ", "xyz", "ZYX", "zyx", "ZYZ", "zyz", "ZXZ", "zxz", ""]
 NOTATIONS: Mapping[str, Axes] = {
@@ -147,34 +147,41 @@ def _near_frame(given: Submission) -> Iterator[Change[Submission]]:
     if registration is None or given.found.frame != "tracker" or given.declared:
         return
     near = [f for f in registration.frames.values() if np.linalg.norm(f.translation) < NEAR]
-    for one in near[:1]:
-        yield Change(size=np.concatenate([one.rotation_vector, one.translation]))
+    for frame in near[:1]:
+        yield Change(size=np.concatenate([frame.rotation_vector, frame.translation]))
 
 
 def _far_targets(given: Submission, *, exchanged: bool) -> Iterator[Change[Submission]]:
     """Targets far from where the arm's folder has them, or where it has others."""
-    own = given.found.registration
-    off = np.zeros(0) if own is None else np.linalg.norm(own.targets - own.nominal, axis=1)
+    registration = given.found.registration
+    off = (
+        np.zeros(0)
+        if registration is None
+        else np.linalg.norm(registration.targets - registration.nominal, axis=1)
+    )
     far = np.flatnonzero(off > ROUGH)
-    if own is None or not len(far):
+    if registration is None or not len(far):
         return
-    between = np.linalg.norm(own.targets[far, None] - own.nominal[None, far], axis=2)
+    between = np.linalg.norm(registration.targets[far, None] - registration.nominal[None, far], axis=2)
     if (len(far) > 1 and bool((between.min(axis=1) < ROUGH).all())) != exchanged:
         return
     if exchanged:
-        yield Change(("targets", *(own.markers[k] for k in far)))
+        yield Change(("targets", *(registration.markers[k] for k in far)))
     else:
         worst = int(far[np.argmax(off[far])])
-        yield Change(("targets", own.markers[worst]), own.targets[worst] - own.nominal[worst])
+        yield Change(
+            ("targets", registration.markers[worst]),
+            registration.targets[worst] - registration.nominal[worst],
+        )
 
 
 # --- Readings against the kinematics ------------------------------------------------------------------------
 
 
-def _frame(seen: Observations) -> Place:
-    if not seen.free.frame:
-        free = replace(seen.free, frame=True)
-        yield Change(undone=replace(seen, free=free), large=longer_than(TURN, SHIFT))
+def _frame(observations: Observations) -> Place:
+    if not observations.free.frame:
+        free = replace(observations.free, frame=True)
+        yield Change(undone=replace(observations, free=free), large=longer_than(TURN, SHIFT))
 
 
 def _frame_words(issue: Issue, _: Arm) -> str:
@@ -188,9 +195,12 @@ def _frame_words(issue: Issue, _: Arm) -> str:
     return f"the readings {words}, {how}"
 
 
-def _targets(seen: Observations) -> Place:
-    if not seen.free.targets:
-        yield Change(undone=replace(seen, free=replace(seen.free, targets=True)), large=longer_than(TARGET))
+def _targets(observations: Observations) -> Place:
+    if not observations.free.targets:
+        yield Change(
+            undone=replace(observations, free=replace(observations.free, targets=True)),
+            large=longer_than(TARGET),
+        )
 
 
 def _targets_words(issue: Issue, _: Arm) -> str:
@@ -199,28 +209,30 @@ def _targets_words(issue: Issue, _: Arm) -> str:
     return f"{name} is {off}" if what == "targets" else f"have {name} {off}"
 
 
-def _mirrored(seen: Observations) -> Place:
-    yield Change(undone=replace(seen, free=replace(seen.free, frame=True, mirrored=True)))
+def _mirrored(observations: Observations) -> Place:
+    yield Change(undone=replace(observations, free=replace(observations.free, frame=True, mirrored=True)))
 
 
-def _link(seen: Observations) -> Place:
-    for k, link in enumerate(seen.vjm.arm.links[1:-1], start=1):
-        free = replace(seen.free, theta=(6 * k, 6 * k + 1, 6 * k + 2))
-        yield Change((link.name,), undone=replace(seen, free=free), large=longer_than(SHIFT))
+def _link(observations: Observations) -> Place:
+    for k, link in enumerate(observations.vjm.arm.links[1:-1], start=1):
+        free = replace(observations.free, theta=(6 * k, 6 * k + 1, 6 * k + 2))
+        yield Change((link.name,), undone=replace(observations, free=free), large=longer_than(SHIFT))
 
 
-def _joint_zero(seen: Observations) -> Place:
+def _joint_zero(observations: Observations) -> Place:
     """An error of any size, or a quarter or half turn, which no linear fit finds.
 
     A half turn of a wrist may as well be another sign, which is likelier: it counts as one parameter more.
     """
-    joints, links = seen.vjm.arm.joints, 6 * len(seen.vjm.arm.links)
+    joints, links = observations.vjm.arm.joints, 6 * len(observations.vjm.arm.links)
     for k, joint in enumerate(joints):
         large = any_above((LAST if k == len(joints) - 1 else 1.0) * ZERO[joint.prismatic])
-        free = replace(seen.free, theta=(links + k,))
-        yield Change((joint.name,), np.zeros(1), undone=replace(seen, free=free), parameters=1, large=large)
+        free = replace(observations.free, theta=(links + k,))
+        yield Change(
+            (joint.name,), np.zeros(1), undone=replace(observations, free=free), parameters=1, large=large
+        )
         for turn in () if joint.prismatic else TURNS:
-            undone = replace(seen, q=seen.q + turn * np.eye(len(joints))[k])
+            undone = replace(observations, q=observations.q + turn * np.eye(len(joints))[k])
             yield Change((joint.name,), np.array([turn]), undone=undone, parameters=CHOICE + 1)
 
 
@@ -230,24 +242,29 @@ def _joint_zero_words(issue: Issue, arm: Arm) -> str:
     return f"fit if the zero of {name} is off by {_angle(arm, name, issue.size[0])}{ends.get(name, '')}"
 
 
-def _markers(seen: Observations) -> Place:
+def _markers(observations: Observations) -> Place:
     """Other names of the targets: every order of a few; of more the exchange of two that fits best."""
-    m = len(seen.markers)
-    if seen.free.lost:  # nothing says where any of them is
+    m = len(observations.markers)
+    if observations.free.lost:  # nothing says where any of them is
         return
-    orders = list(permutations(range(m)))[1:] if m <= FEW else [_best_exchange(seen)]
+    orders = list(permutations(range(m)))[1:] if m <= FEW else [_best_exchange(observations)]
     for order in orders:
-        wrong = tuple(seen.names[k] for k, other in enumerate(order) if k != other)
-        undone = replace(seen, read=seen.read[:, order], there=seen.there[:, order])
+        wrong = tuple(observations.names[k] for k, other in enumerate(order) if k != other)
+        undone = replace(observations, read=observations.read[:, order], there=observations.there[:, order])
         yield Change(wrong, undone=undone, parameters=CHOICE)
 
 
-def _best_exchange(seen: Observations) -> tuple[int, ...]:
-    frame, m = fit(seen).frame, len(seen.markers)
-    x = tool_points(seen.vjm, seen.q, seen.markers) @ frame.rotation.T + frame.translation
+def _best_exchange(observations: Observations) -> tuple[int, ...]:
+    frame, m = fit(observations).frame, len(observations.markers)
+    x = (
+        tool_points(observations.vjm, observations.q, observations.markers) @ frame.rotation.T
+        + frame.translation
+    )
     pairs = np.empty((m, m))  # of a place and the target that was read there
     for k in range(m):
-        pairs[k] = cauchy(np.where(seen.there[..., None], x[:, [k]] - seen.read, 0), seen.scale).sum(axis=0)
+        pairs[k] = cauchy(
+            np.where(observations.there[..., None], x[:, [k]] - observations.read, 0), observations.scale
+        ).sum(axis=0)
     own = np.diag(pairs)
     change = pairs + pairs.T - own - own[:, None]
     change[np.diag_indices(m)] = np.inf
@@ -262,16 +279,16 @@ def _markers_words(issue: Issue, _: Arm) -> str:
     return f"of {', '.join(names)} have each other's names"
 
 
-def _unit(seen: Observations) -> Place:
+def _unit(observations: Observations) -> Place:
     for factor in UNITS:
-        undone = replace(seen, read=factor * seen.read)
+        undone = replace(observations, read=factor * observations.read)
         yield Change(size=np.array([factor]), undone=undone, parameters=CHOICE)
 
 
-def _angle_unit(seen: Observations) -> Place:
-    hinge = np.array([not joint.prismatic for joint in seen.vjm.arm.joints], dtype=bool)
+def _angle_unit(observations: Observations) -> Place:
+    hinge = np.array([not joint.prismatic for joint in observations.vjm.arm.joints], dtype=bool)
     for factor in (np.rad2deg(1), np.deg2rad(1)):
-        undone = replace(seen, q=np.where(hinge, factor * seen.q, seen.q))
+        undone = replace(observations, q=np.where(hinge, factor * observations.q, observations.q))
         yield Change(size=np.array([factor]), undone=undone, parameters=CHOICE)
 
 
@@ -281,13 +298,13 @@ def _angle_unit_words(issue: Issue, _: Arm) -> str:
     )
 
 
-def _order(seen: Observations) -> Place:
+def _order(observations: Observations) -> Place:
     """Readings of another pose, from the first row on or from a later one."""
     for shift in (1, -1):
-        undone = replace(seen, q=np.roll(seen.q, shift, axis=0))
+        undone = replace(observations, q=np.roll(observations.q, shift, axis=0))
         yield Change(size=np.array([shift]), undone=undone, parameters=CHOICE)
-    if found := slip(seen):
-        first, undone = str(seen.runs[found.first]), replace(seen, q=found.q)
+    if found := slip(observations):
+        first, undone = str(observations.runs[found.first]), replace(observations, q=found.q)
         yield Change((first,), np.array([found.shift]), undone=undone, parameters=CHOICE + 1)
 
 
@@ -297,19 +314,19 @@ def _order_words(issue: Issue, _: Arm) -> str:
     return f"are those of the pose {'before' if issue.size[0] > 0 else 'after'}{since}"
 
 
-def _joint_sign(seen: Observations) -> Place:
-    for k, joint in enumerate(seen.vjm.arm.joints):
-        sign = np.where(np.arange(seen.q.shape[1]) == k, -1, 1)
-        yield Change((joint.name,), undone=replace(seen, q=seen.q * sign), parameters=CHOICE)
+def _joint_sign(observations: Observations) -> Place:
+    for k, joint in enumerate(observations.vjm.arm.joints):
+        sign = np.where(np.arange(observations.q.shape[1]) == k, -1, 1)
+        yield Change((joint.name,), undone=replace(observations, q=observations.q * sign), parameters=CHOICE)
 
 
-def _joint_coupling(seen: Observations) -> Place:
+def _joint_coupling(observations: Observations) -> Place:
     """Usual couplings; `where` has for each joint its name, "+" or "-" and that of the other.
 
     A pendant's third joint counts the second one where a linkage drives it, or where its angle is that
     against the floor (FANUC, ABB, Yaskawa); motors of a wrist turn the joints behind it along.
     """
-    joints, n = seen.vjm.arm.joints, len(seen.vjm.arm.joints)
+    joints, n = observations.vjm.arm.joints, len(observations.vjm.arm.joints)
     wrist = n - 3
     usual: list[tuple[tuple[int, int], ...]] = [((2, 1),)] if n > 2 else []
     if n > 4:
@@ -319,11 +336,11 @@ def _joint_coupling(seen: Observations) -> Place:
         if any(joints[k].prismatic for pair in pairs for k in pair):
             continue
         for signs in product((1, -1), repeat=len(pairs)):
-            q, where = seen.q.copy(), list[str]()
+            q, where = observations.q.copy(), list[str]()
             for (j, i), sign in zip(pairs, signs, strict=True):
-                q[:, j] += sign * seen.q[:, i]
+                q[:, j] += sign * observations.q[:, i]
                 where += [joints[j].name, "+" if sign > 0 else "-", joints[i].name]
-            yield Change(tuple(where), undone=replace(seen, q=q), parameters=CHOICE)
+            yield Change(tuple(where), undone=replace(observations, q=q), parameters=CHOICE)
 
 
 def _joint_coupling_words(issue: Issue, _: Arm) -> str:
@@ -332,11 +349,11 @@ def _joint_coupling_words(issue: Issue, _: Arm) -> str:
     return f"fit if {sums}: does the robot count {triples[0][0]} together with {triples[0][2]}?"
 
 
-def _joint_order(seen: Observations) -> Place:
-    names = [joint.name for joint in seen.vjm.arm.joints]
-    for order in likely_orders(seen):
+def _joint_order(observations: Observations) -> Place:
+    names = [joint.name for joint in observations.vjm.arm.joints]
+    for order in likely_orders(observations):
         where = tuple(names[k] for k in np.argsort(order))
-        yield Change(where, undone=replace(seen, q=seen.q[:, order]), parameters=CHOICE)
+        yield Change(where, undone=replace(observations, q=observations.q[:, order]), parameters=CHOICE)
 
 
 def _joint_order_words(issue: Issue, arm: Arm) -> str:
@@ -349,18 +366,20 @@ def _joint_order_words(issue: Issue, arm: Arm) -> str:
     return f"fit if the joint order in the file is {', '.join(order)}"
 
 
-def _axes(seen: Observations) -> Place:
+def _axes(observations: Observations) -> Place:
     """Positions with the sign of an axis, or two axes exchanged; orientations alone tell which."""
-    if seen.rotation is None:
+    if observations.rotation is None:
         return
-    position = seen.read[:, : len(seen.names)]
+    position = observations.read[:, : len(observations.names)]
     for k, name in enumerate("xyz"):
-        flipped = seen.oriented(position * np.where(np.arange(3) == k, -1.0, 1.0), seen.rotation)
+        flipped = observations.oriented(
+            position * np.where(np.arange(3) == k, -1.0, 1.0), observations.rotation
+        )
         yield Change((name,), undone=flipped, parameters=CHOICE)
     for i, j in combinations(range(3), 2):
         order = np.arange(3)
         order[[i, j]] = j, i
-        exchanged = seen.oriented(position[..., order], seen.rotation)
+        exchanged = observations.oriented(position[..., order], observations.rotation)
         yield Change(("xyz"[i], "xyz"[j]), undone=exchanged, parameters=CHOICE)
 
 
@@ -370,13 +389,13 @@ def _axes_words(issue: Issue, _: Arm) -> str:
     return f"fit if {issue.where[1]} of the positions has the other sign"
 
 
-def _notation(seen: Observations) -> Place:
+def _notation(observations: Observations) -> Place:
     """Orientations in other notations: what is meant, and as what it was read; all that are the same."""
-    if seen.rotation is None:
+    if observations.rotation is None:
         return
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
-    position, some = seen.read[:, : len(seen.names)], seen.rotation
+    position, some = observations.read[:, : len(observations.names)], observations.rotation
     some = np.where(np.isfinite(some).all(axis=(1, 2), keepdims=True), some, np.eye(3))
     R, found = Rotation.from_matrix(some), dict[bytes, tuple[tuple[str, ...], Array]]()
     for (read, axes), (meant, order) in product(NOTATIONS.items(), NOTATIONS.items()):
@@ -390,7 +409,7 @@ def _notation(seen: Observations) -> Place:
         names, _ = found.get(same, ((), matrix))
         found[same] = (*names, meant, read), matrix
     for names, rotation in (((), some.swapaxes(1, 2)), *found.values()):
-        yield Change(names, undone=seen.oriented(position, rotation), parameters=CHOICE)
+        yield Change(names, undone=observations.oriented(position, rotation), parameters=CHOICE)
 
 
 def _notation_words(issue: Issue, _: Arm) -> str:
@@ -405,11 +424,11 @@ def _notation_words(issue: Issue, _: Arm) -> str:
 
 def _off_poses(placed: Placed, *, whole: bool) -> Iterator[Change[Placed]]:
     """Poses most of whose readings lie off, with why; or single readings that do."""
-    seen, far = placed.seen, OUTLYING * placed.seen.scale
+    observations, far = placed.seen, OUTLYING * placed.seen.scale
     off = np.linalg.norm(placed.fit.residual, axis=2)
     for row in np.flatnonzero((off > far).any(axis=1)).tolist():
-        run, typical = str(seen.runs[row]), float(np.median(off[row][seen.there[row]]))
-        numbers = {"pose": int(seen.poses[row])}
+        run, typical = str(observations.runs[row]), float(np.median(off[row][observations.there[row]]))
+        numbers = {"pose": int(observations.poses[row])}
         if (typical > far / 2) != whole:
             continue
         if whole:
@@ -417,18 +436,22 @@ def _off_poses(placed: Placed, *, whole: bool) -> Iterator[Change[Placed]]:
             yield Change((run, *where), size, {"off": typical, **numbers})
         else:
             k = int(np.argmax(off[row]))
-            yield Change((run, seen.names[k]), numbers={"off": float(off[row, k]), **numbers})
+            yield Change((run, observations.names[k]), numbers={"off": float(off[row, k]), **numbers})
 
 
 def _why(placed: Placed, row: int, far: float) -> tuple[tuple[str, ...], Array]:
     """Targets of a pose that may have each other's names, or a joint that may stand farther, and how far."""
-    frame, one = placed.fit.frame, placed.seen.rows(np.array([row]))
-    one = replace(one, read=(one.read - frame.translation) @ frame.rotation, markers=placed.fit.markers)
-    one = replace(one, free=type(one.free)())
-    for name, changes in (("markers", _markers(one)), ("joint_zero", _joint_zero(one))):
+    frame, observations = placed.fit.frame, placed.seen.rows(np.array([row]))
+    observations = replace(
+        observations,
+        read=(observations.read - frame.translation) @ frame.rotation,
+        markers=placed.fit.markers,
+    )
+    observations = replace(observations, free=type(observations.free)())
+    for name, changes in (("markers", _markers(observations)), ("joint_zero", _joint_zero(observations))):
         tried = [(change, fit(change.undone)) for change in changes if change.undone is not None]
         tried = [(change, own) for change, own in tried if own.theta.any() or name == "markers"]
-        good = [(change, own) for change, own in tried if own.typical(one) < far]
+        good = [(change, own) for change, own in tried if own.typical(observations) < far]
         if good:
             change, own = min(good, key=lambda x: x[1].loss)
             return (name, *change.where), np.array([own.theta.sum()])
@@ -442,7 +465,7 @@ def _pose_words(issue: Issue, arm: Arm) -> str:
         words = f"they fit if {', '.join(why[1:])} have each other's names"
     elif why:
         words = f"they fit if {why[1]} stood {_angle(arm, why[1], issue.size[0])} farther"
-    return f"run {run}: its unloaded readings lie {length(issue.numbers['off'])} off: {words}"
+    return f"run {run}: its unloaded readings lie {length_text(issue.numbers['off'])} off: {words}"
 
 
 # --- Loads and deflections ----------------------------------------------------------------------------------
@@ -501,7 +524,9 @@ def _touched_tracker(loads: Loads) -> Load:
     """A tracker that moved between the two readings of every run, of a station."""
     data, y = loads.data, loads.data.after
     moves = [*np.eye(3), *(np.cross(e, y - y[data.seen].mean(axis=0)) for e in np.eye(3))]
-    for name in (station(one.frame) for one in unloaded(data)) if loads.model is not None else ():
+    for name in (
+        (station_number(series.frame) for series in unloaded_series(data)) if loads.model is not None else ()
+    ):
         here = SHIFTED * read_by(data, name)[:, None, None]
         change = _changed(loads, SHIFTED, [replace(data, after=y - here * move) for move in moves])
         yield replace(change, where=() if data.station is None else (str(name),), large=any_above(4e-4))
@@ -558,8 +583,8 @@ def _rows_of_runs(loads: Loads) -> Iterator[tuple[str, tuple[int, int]]]:
 
 
 def _run_load(loads: Loads) -> Load:
-    if (own := loads.model) is not None:
-        expected = (own.read.A @ own.pi).ravel()
+    if (residual_model := loads.model) is not None:
+        expected = (residual_model.read.A @ residual_model.pi).ravel()
         for name, rows in _rows_of_runs(loads):
             columns = FACTOR * expected[slice(*rows), None]
             yield Change((name,), columns=columns, rows=rows, unit=FACTOR, large=any_above(0.4))
@@ -567,16 +592,16 @@ def _run_load(loads: Loads) -> Load:
 
 def _bumps(loads: Loads, *, whole: bool) -> Load:
     """Targets of a run that moved, each by itself: all of them, or one."""
-    if (own := loads.model) is not None:
-        size = BUMP / np.repeat(own.read.unit, 3)
-        least = float(np.max([LEAST_BUMP, SIGMAS * loads.data.sigma * own.misfit]))
+    if (residual_model := loads.model) is not None:
+        size = BUMP / np.repeat(residual_model.read.unit, 3)
+        least = float(np.max([MIN_BUMP, SIGMAS * loads.data.sigma * residual_model.misfit]))
 
         def large(b: Array) -> bool:
             return bool(np.linalg.norm(b) > least)
 
         for name, every in _rows_of_runs(loads):
             for rows in [every] if whole else [(k, k + 3) for k in range(*every, 3)]:
-                target = own.read.marker[rows[0] // 3]
+                target = residual_model.read.marker[rows[0] // 3]
                 label = () if whole or target < 0 else (loads.data.markers[target],)
                 columns = np.diag(size[slice(*rows)])
                 yield Change((name, *label), columns=columns, rows=rows, unit=BUMP, large=large)
@@ -585,7 +610,7 @@ def _bumps(loads: Loads, *, whole: bool) -> Load:
 def _reading_words(issue: Issue, _: Arm) -> str:
     run, target = (*issue.where, "the tool's turn")[:2]
     if "off" in issue.numbers:
-        return f"run {run}: {target} was read {length(issue.numbers['off'])} off, the others were not"
+        return f"run {run}: {target} was read {length_text(issue.numbers['off'])} off, the others were not"
     off = f"{_distance(issue):.2g} mm from where the others say"
     return f"run {run}: {target} is {off}: touched, or read wrongly?"
 
@@ -780,7 +805,8 @@ def _scale_words(issue: Issue, arm: Arm) -> str:
 WHICH = {"unloaded": "unloaded readings", "loaded": "loaded readings", "all": "readings"}
 OTHERS: Mapping[str, Callable[[Issue, Arm], str]] = {
     "kinematics": lambda f, _: (
-        f"the {WHICH[f.where[0]]} lie {length(f.numbers['now'])} (median) from the arm's kinematics, and no "
+        f"the {WHICH[f.where[0]]} lie {length_text(f.numbers['now'])} (median) from the arm's "
+        f"kinematics, and no "
         "single mistake explains it: is this the arm?"
     ),
     "scale": _scale_words,
@@ -822,7 +848,7 @@ def describe(
     find, remedy = hypotheses.words[issue.name]
     words = find(issue, arm) + (f": {remedy}" if remedy else "")
     if "was" in issue.numbers:
-        ends = length(issue.numbers["was"]), length(issue.numbers["now"])
+        ends = length_text(issue.numbers["was"]), length_text(issue.numbers["now"])
         far = f"they lie {ends[0]} from the arm's kinematics, median; with that {ends[1]}"
         if (share := issue.numbers["share"]) > HALF:
             most = f"{100 * share:.0f} % of them"
@@ -835,7 +861,7 @@ def describe(
     return Doubt(issue.name, words, issue.nats)
 
 
-def length(metres: float) -> str:
+def length_text(metres: float) -> str:
     """Format a length for people: "3.42 mm" below 1 m, "3,420 m" above.
 
     Args:

@@ -21,7 +21,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify.registered import Registered, with_markers
+from testbench.identify.registered import RegisteredDataset, with_markers
 from testbench.model.vjm import Vjm
 
 MOST = 5  #: Most rounds of undoing mistakes one after the other.
@@ -85,7 +85,7 @@ class Submission:
 
     vjm: Vjm  #: The arm as its folder has it.
     data: Dataset  #: The runs as they were read.
-    found: Registered  #: The runs in the base's frame, with targets found from the unloaded readings.
+    found: RegisteredDataset  #: The runs in the base's frame, with targets found from the unloaded readings.
     declared: bool  #: Whether the frame of the readings was stated, not guessed.
 
     @property
@@ -109,9 +109,9 @@ def issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
         One issue per change that they find, in the order of the table.
     """
     return [
-        Issue(row.name, one.where, one.size, one.numbers, one.nats)
+        Issue(row.name, change.where, change.size, change.numbers, change.nats)
         for row in hypotheses
-        for one in row.changes(case)
+        for change in row.changes(case)
     ]
 
 

@@ -16,7 +16,7 @@ from testbench.errors import Array, Ids, Mask
 from testbench.identify.closed_form import kabsch
 from testbench.identify.diagnosis.hypothesis import Change, Hypothesis, Issue
 from testbench.identify.registration import Frame
-from testbench.model.tool_motion import turned
+from testbench.model.tool_motion import rotation_matrices
 from testbench.model.vjm import Chain, Vjm, chain, skew, translation_rows
 
 PRECISE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
@@ -113,7 +113,7 @@ def of_series(vjm: Vjm, series: Series) -> Observations:
     there, m = series.seen, len(series.markers)
     if series.rotation is not None:
         there = np.hstack([there, np.repeat(series.turned[:, None] & there[:, :1], 3, axis=1)])
-    seen = Observations(
+    observations = Observations(
         vjm=vjm,
         q=series.q,
         markers=np.zeros((there.shape[1], 3)),
@@ -125,7 +125,9 @@ def of_series(vjm: Vjm, series: Series) -> Observations:
         scale=PRECISE * vjm.reach,
         free=FreeParameters(frame=True, targets=True, lost=True),
     )
-    return seen if series.rotation is None else seen.oriented(series.position, series.rotation)
+    return (
+        observations if series.rotation is None else observations.oriented(series.position, series.rotation)
+    )
 
 
 @dataclass(frozen=True)
@@ -144,28 +146,28 @@ class Fit:
         """Compute the loss plus PENALTY for every free number [nats]."""
         return self.loss + PENALTY * self.numbers
 
-    def away(self, seen: Observations) -> Array:
+    def away(self, observations: Observations) -> Array:
         """Compute the distance of every reading from where the fit has its target.
 
         Args:
-            seen: The readings that were fitted.
+            observations: The readings that were fitted.
 
         Returns:
             Distances, (readings,) [m].
         """
-        return np.asarray(np.linalg.norm(self.residual, axis=2)[seen.there])
+        return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.there])
 
-    def typical(self, seen: Observations, share: float = HALF) -> float:
+    def typical(self, observations: Observations, share: float = HALF) -> float:
         """Compute a quantile of the distances between readings and fit.
 
         Args:
-            seen: The readings that were fitted.
+            observations: The readings that were fitted.
             share: The quantile, 0 to 1 [1]; the median by default.
 
         Returns:
             The distance below which that share of the readings lies [m].
         """
-        return float(np.quantile(self.away(seen), share))
+        return float(np.quantile(self.away(observations), share))
 
 
 @dataclass(frozen=True)
@@ -192,7 +194,7 @@ def cauchy(residual: Array, scale: float) -> Array:
 
 
 def best_hypothesis(
-    seen: Observations, hypotheses: Sequence[Hypothesis[Observations]], which: Which = "unloaded"
+    observations: Observations, hypotheses: Sequence[Hypothesis[Observations]], which: Which = "unloaded"
 ) -> tuple[Issue | None, Fit]:
     """Find the mistake that explains readings best: each is undone, fitted again and compared.
 
@@ -200,7 +202,7 @@ def best_hypothesis(
     PENALTY times its parameters. It has to exceed LEAST, and BETTER per reading.
 
     Args:
-        seen: The readings, with the parameters that are free in any case, such as an unknown frame.
+        observations: The readings, with the parameters that are free in any case, such as an unknown frame.
         hypotheses: Rows of the table.
         which: Which readings these are, for the sentence.
 
@@ -209,108 +211,122 @@ def best_hypothesis(
         do not fit and no hypothesis explains them, and None when they fit; the fit is then that of the
         readings as they are.
     """
-    few = _thinned(seen)
+    few = _thinned(observations)
     start = fit(few)
     typical = start.typical(few)
-    unfit = Issue("kinematics", (which,), numbers={"now": typical}) if typical > LOST * seen.scale else None
+    unfit = (
+        Issue("kinematics", (which,), numbers={"now": typical})
+        if typical > LOST * observations.scale
+        else None
+    )
     needed = max(LEAST, BETTER * few.there.sum())
-    as_read = start if few is seen else fit(seen)
+    as_read = start if few is observations else fit(observations)
     if start.loss <= needed:  # no mistake saves more than the loss
         return unfit, as_read
     tried = []
     for hypothesis in hypotheses:
-        for change in hypothesis.changes(seen):
+        for change in hypothesis.changes(observations):
             assert change.undone is not None
             found = fit(_thinned(change.undone))
             tried.append((start.cost - found.cost - PENALTY * change.parameters, hypothesis, change, found))
     needed = max(needed, SHARE * max((float(gain) for gain, *_ in tried), default=0.0))
-    good = [one for one in tried if one[0] > needed and one[2].large(_size(seen, one[2], one[3]))]
+    good = [one for one in tried if one[0] > needed and one[2].large(_size(observations, one[2], one[3]))]
     if not good:
         return unfit, as_read
     gain, hypothesis, change, found = max(good, key=lambda one: (not one[1].loose, one[0]))
     assert change.undone is not None
     undone = _thinned(change.undone)
     now = found.typical(undone)
-    if now > LOST * seen.scale:
+    if now > LOST * observations.scale:
         return unfit, as_read
     share = HALF if now < HALF * typical else MOST
     numbers = {"was": start.typical(few, share), "now": found.typical(undone, share), "share": share}
     where = change.where
-    if change.undone.free.targets and not seen.free.targets:
-        where = (seen.names[_farthest(seen, found)],)
-    issue = Issue(hypothesis.name, (which, *where), _size(seen, change, found), numbers, float(gain))
+    if change.undone.free.targets and not observations.free.targets:
+        where = (observations.names[_farthest(observations, found)],)
+    issue = Issue(hypothesis.name, (which, *where), _size(observations, change, found), numbers, float(gain))
     return issue, found if undone is change.undone else fit(change.undone)
 
 
-def _thinned(seen: Observations) -> Observations:
+def _thinned(observations: Observations) -> Observations:
     """As many rows as tell what is wrong."""
-    n = len(seen.q)
-    return seen if n <= ROWS else seen.rows(np.linspace(0, n - 1, ROWS).astype(int))
+    n = len(observations.q)
+    return observations if n <= ROWS else observations.rows(np.linspace(0, n - 1, ROWS).astype(int))
 
 
-def _farthest(seen: Observations, found: Fit) -> int:
-    return int(np.argmax(np.linalg.norm(found.markers - seen.markers, axis=1)))
+def _farthest(observations: Observations, found: Fit) -> int:
+    return int(np.argmax(np.linalg.norm(found.markers - observations.markers, axis=1)))
 
 
-def _size(seen: Observations, change: Change[Observations], found: Fit) -> Array:
+def _size(observations: Observations, change: Change[Observations], found: Fit) -> Array:
     """How large a mistake is, SI: turn and shift of a frame, way of a target or link, else one number."""
     assert change.undone is not None
     free = change.undone.free
     if len(free.theta) == 3:
-        return np.asarray(seen.vjm.arm.links[free.theta[0] // 6].frame @ found.theta[list(free.theta)])
+        return np.asarray(
+            observations.vjm.arm.links[free.theta[0] // 6].frame @ found.theta[list(free.theta)]
+        )
     if free.theta:
         return change.size + found.theta[list(free.theta)]
-    if free.targets and not seen.free.targets:
-        return np.asarray((found.markers - seen.markers)[_farthest(seen, found)])
-    if free.frame and not (seen.free.frame or free.mirrored):
+    if free.targets and not observations.free.targets:
+        return np.asarray((found.markers - observations.markers)[_farthest(observations, found)])
+    if free.frame and not (observations.free.frame or free.mirrored):
         return np.concatenate([found.frame.rotation_vector, found.frame.translation])
     return change.size
 
 
-def fit(seen: Observations) -> Fit:
+def fit(observations: Observations) -> Fit:
     """Fit the free parameters by reweighted least squares for Cauchy's loss.
 
     A free frame starts from its closed form; up to ROUNDS Gauss-Newton steps then refine all parameters.
 
     Args:
-        seen: The readings, with their free parameters.
+        observations: The readings, with their free parameters.
 
     Returns:
         The best fit.
     """
-    free = seen.free
-    count = 6 * free.frame + 3 * len(seen.markers) * free.targets + len(free.theta)
-    now = Fit(ORIGIN, seen.markers, np.zeros(seen.vjm.arm.n_theta), seen.read, np.inf, count)
-    where = _chain(seen, now)
+    free = observations.free
+    count = 6 * free.frame + 3 * len(observations.markers) * free.targets + len(free.theta)
+    now = Fit(
+        ORIGIN, observations.markers, np.zeros(observations.vjm.arm.n_theta), observations.read, np.inf, count
+    )
+    where = _chain(observations, now)
     if free.frame:
         base = where.points(now.markers)
-        frame = Frame(*kabsch(base[seen.there], seen.read[seen.there], mirrored=free.mirrored))
+        frame = Frame(
+            *kabsch(base[observations.there], observations.read[observations.there], mirrored=free.mirrored)
+        )
         now = replace(now, frame=frame)
-    now = _judged(seen, where, now)
+    now = _judged(observations, where, now)
     for _ in range(ROUNDS if count else 0):
-        before, now = now.loss, _refined(seen, where, now)
+        before, now = now.loss, _refined(observations, where, now)
         if free.theta:
-            where = _chain(seen, now)
-        now = _judged(seen, where, now)
+            where = _chain(observations, now)
+        now = _judged(observations, where, now)
         if abs(now.loss - before) < SETTLED:
             break
     return now
 
 
-def _chain(seen: Observations, now: Fit) -> Chain:
-    return chain(seen.vjm, seen.q, np.tile(now.theta, (len(seen.q), 1)) if now.theta.any() else None)
+def _chain(observations: Observations, now: Fit) -> Chain:
+    return chain(
+        observations.vjm,
+        observations.q,
+        np.tile(now.theta, (len(observations.q), 1)) if now.theta.any() else None,
+    )
 
 
-def _judged(seen: Observations, where: Chain, now: Fit) -> Fit:
-    off = residuals(seen, where, now)
-    return replace(now, residual=off, loss=float(cauchy(off, seen.scale).sum()))
+def _judged(observations: Observations, where: Chain, now: Fit) -> Fit:
+    off = residuals(observations, where, now)
+    return replace(now, residual=off, loss=float(cauchy(off, observations.scale).sum()))
 
 
-def residuals(seen: Observations, where: Chain, now: Fit) -> Array:
+def residuals(observations: Observations, where: Chain, now: Fit) -> Array:
     """Compute the residuals R x(q) + t - y: targets by the fit minus readings.
 
     Args:
-        seen: The readings y.
+        observations: The readings y.
         where: The extended chain in their poses.
         now: The fit, with frame R, t and targets.
 
@@ -318,22 +334,24 @@ def residuals(seen: Observations, where: Chain, now: Fit) -> Array:
         Residuals, (poses, m, 3) [m]; 0 where nothing was read.
     """
     x = where.points(now.markers) @ now.frame.rotation.T + now.frame.translation
-    return np.where(seen.there[..., None], x - seen.read, 0.0)
+    return np.where(observations.there[..., None], x - observations.read, 0.0)
 
 
-def _refined(seen: Observations, where: Chain, now: Fit) -> Fit:
+def _refined(observations: Observations, where: Chain, now: Fit) -> Fit:
     """One weighted Gauss-Newton step of all that is free."""
-    free = seen.free
-    about = now.residual - now.frame.translation + seen.read  # the targets about the frame's origin
+    free = observations.free
+    about = now.residual - now.frame.translation + observations.read  # the targets about the frame's origin
     columns: list[Array] = []
     if free.frame:
         columns += [*np.broadcast_to(np.eye(3)[:, None, None], (3, *about.shape))]
         columns += [*skew(about).transpose(2, 0, 1, 3)]
     if free.theta:
-        J = translation_rows(where, now.markers)[:, free.theta].reshape(*seen.markers.shape, -1, len(seen.q))
+        J = translation_rows(where, now.markers)[:, free.theta].reshape(
+            *observations.markers.shape, -1, len(observations.q)
+        )
         columns += list(np.einsum("mxcp,yx->cpmy", J, now.frame.rotation))
-    scale = max(seen.scale, now.typical(seen)) if free.lost else seen.scale
-    weight = seen.there / (1 + np.square(now.residual / scale).sum(axis=-1) / 3)
+    scale = max(observations.scale, now.typical(observations)) if free.lost else observations.scale
+    weight = observations.there / (1 + np.square(now.residual / scale).sum(axis=-1) / 3)
     root = np.sqrt(weight)[..., None]
     left, held = root * np.stack([-now.residual, *columns]), np.zeros_like(now.markers)
     size = np.maximum([np.linalg.norm(column) for column in left[1:]], 1e-12)
@@ -350,5 +368,5 @@ def _refined(seen: Observations, where: Chain, now: Fit) -> Fit:
     frame, theta = now.frame, now.theta.copy()
     theta[list(free.theta)] += step[len(step) - len(free.theta) :]
     if free.frame:
-        frame = Frame(turned(step[None, 3:6])[0] @ frame.rotation, frame.translation + step[:3])
+        frame = Frame(rotation_matrices(step[None, 3:6])[0] @ frame.rotation, frame.translation + step[:3])
     return replace(now, frame=frame, theta=theta, markers=now.markers + held)

@@ -13,10 +13,10 @@ from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError, Ids
 from testbench.identify.absolute.align import read_only
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import ArmState
 from testbench.identify.diagnosis.hypothesis import Issue, undo_one_by_one
 from testbench.identify.diagnosis.steps import best, nuisance_model, with_shift
-from testbench.identify.metric import Metric
+from testbench.identify.metric import PriorScaling
 
 CELLS = 400  #: Steps that are tried at first.
 THIN = 1500  #: Rows that are looked at first.
@@ -50,7 +50,7 @@ def _poses_so_far(pose: Ids) -> Ids:
     return np.cumsum(first)
 
 
-def _clear(state: State, series: Series, noise: Noise, elastic: Metric) -> Issue | None:
+def _clear(state: ArmState, series: Series, noise: Noise, elastic: PriorScaling) -> Issue | None:
     """The greatest step in a series, None where there is none that is worth parting it.
 
     Args:
@@ -61,18 +61,18 @@ def _clear(state: State, series: Series, noise: Noise, elastic: Metric) -> Issue
     """
     one = read_only(in_time(series))
     steps = places(one, LEAST)
-    at = nuisance_model(state, (one,), noise, elastic)
+    linear = nuisance_model(state, (one,), noise, elastic)
     thin = np.linspace(0, one.rows - 1, min(THIN, one.rows)).astype(int)
     tried = steps[np.linspace(0, len(steps) - 1, min(CELLS, len(steps))).astype(int)]
     place = np.unique(np.searchsorted(thin, tried))
     place = place[(place > 0) & (place < len(thin))]
-    if not len(place) or not _sure(found := best(at, select_rows(one, thin), place)):
+    if not len(place) or not _sure(issue := best(linear, select_rows(one, thin), place)):
         return None
     if len(tried) < len(steps) or len(thin) < one.rows:
-        middle = np.searchsorted(tried, thin[int(found.numbers["place"])])
+        middle = np.searchsorted(tried, thin[int(issue.numbers["place"])])
         low, high = tried[max(middle - 2, 0)], tried[min(middle + 2, len(tried) - 1)]
-        found = best(at, one, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
-    return with_shift(at, one, found) if _sure(found) else None
+        issue = best(linear, one, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
+    return with_shift(linear, one, issue) if _sure(issue) else None
 
 
 def _sure(step: Issue) -> bool:
@@ -93,11 +93,11 @@ def in_time(series: Series) -> Series:
 
 Parts = tuple[Series, ...]
 """Series, in parts where something moved."""
-Fitted = tuple[State, Noise]
+Fitted = tuple[ArmState, Noise]
 
 
 def settled(
-    series: Parts, fitted: Callable[[Parts], Fitted], elastic: Metric
+    series: Parts, fitted: Callable[[Parts], Fitted], elastic: PriorScaling
 ) -> tuple[list[Issue], Parts, Fitted]:
     """Fit series, divide them where targets or tracker moved, and fit again until nothing moves.
 
@@ -116,14 +116,14 @@ def settled(
 
     def undo(parts: Parts, now: Fitted) -> tuple[list[Issue], Parts, Fitted] | None:
         steps = [_clear(now[0], one, now[1], elastic) for one in parts]
-        found = [step for step in steps if step]
-        if not found:
+        issues = [step for step in steps if step]
+        if not issues:
             return None
         apart, shared = _parted(parts, steps)
         try:
-            return found + shared, apart, fitted(apart)
+            return issues + shared, apart, fitted(apart)
         except BenchError:
-            return [*found, Issue("not_parted", tuple(step.where[0] for step in found))], parts, now
+            return [*issues, Issue("not_parted", tuple(step.where[0] for step in issues))], parts, now
 
     return undo_one_by_one(series, fitted(series), undo)
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError, InputError
-from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.align import align_all
 from testbench.identify.absolute.fit import Calibration, first_fit
-from testbench.identify.absolute.state import State, nominal, torque_scale
+from testbench.identify.absolute.state import ArmState, nominal_state, torque_scale
 from testbench.identify.diagnosis.gravity import (
     DOWN,
     LEVEL,
@@ -29,7 +29,7 @@ from testbench.identify.diagnosis.gravity import (
 )
 from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.kinematics import FreeParameters, Observations, fit
-from testbench.identify.metric import metric
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior
 from testbench.model.loaded import displacement
 from testbench.model.structure import joints_only
@@ -50,25 +50,25 @@ CLEAR, LEVELLED = 20.0, 7.0
 LESS = 0.9  #: Ratio of scatter to that with the folder's mounting, above which no mounting is reported [1].
 
 
-def by_own_weight(found: Calibration, prior: Prior) -> Issue | None:
+def by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
     """Find a base mounting under which gravity explains absolute readings much better.
 
     With scatter s of the readings in n poses, a mounting gains 3 n log(s_folder / s_mounting) nats.
 
     Args:
-        found: The calibration with the mounting of the arm's folder.
+        calibration: The calibration with the mounting of the arm's folder.
         prior: Prior of the compliances, from the folder.
 
     Returns:
         The mounting; None when the one of the folder explains the readings as well, or when they scatter too
         much to tell.
     """
-    state = found.state
+    state = calibration.state
     level = mean_level(state.frames.values())
     turned = level is not None and angle(level, DOWN) > LEVEL
     if not turned and not _stuck(state):
         return None
-    series = [_thin(one) for one in found.series]
+    series = [_thin(one) for one in calibration.series]
     poses = sum(len(np.unique(one.pose)) for one in series)
     own = _scatter(state, series, prior, DOWN)
     if own > FAR * state.vjm.reach:
@@ -84,9 +84,9 @@ def by_own_weight(found: Calibration, prior: Prior) -> Issue | None:
     return None
 
 
-def _stuck(state: State) -> bool:
+def _stuck(state: ArmState) -> bool:
     """Whether springs of joints that carry weight are held at zero."""
-    own, joints = np.diag(state.C_theta)[state.vjm.own], state.vjm.arm.joints
+    own, joints = np.diag(state.C_theta)[state.vjm.joint_slice], state.vjm.arm.joints
     folder = np.array([joint.compliance for joint in joints])
     carries = state.torque_scale > CARRIES * state.torque_scale.max(initial=0)
     return bool((carries & (own < STUCK * folder)).any())
@@ -97,18 +97,18 @@ def _thin(series: Series) -> Series:
     return select_rows(series, some)
 
 
-def _scatter(state: State, series: Sequence[Series], prior: Prior, g: Array) -> float:
+def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) -> float:
     """How far readings scatter about the arm with gravity along g, (3,) [m]; infinite if they do not fit."""
     vjm, every = mounted(state.vjm, g), tuple(series)
-    bare = nominal(vjm, state.weights, torque_scale(vjm, state.weights, every))
+    bare = nominal_state(vjm, state.weights, torque_scale(vjm, state.weights, every))
     try:
-        noise = first_fit(aligned(bare, every), every, metric(prior, vjm, joints_only(vjm.arm)))[1]
+        noise = first_fit(align_all(bare, every), every, scale_by_prior(prior, vjm, joints_only(vjm.arm)))[1]
     except BenchError:
         return float("inf")
     return float(np.hypot(noise.open_position, np.mean([one.sigma for one in series]) * noise.factor[0]))
 
 
-def _tilts(state: State, series: Sequence[Series], prior: Prior, own: float) -> Iterator[Array]:
+def _tilts(state: ArmState, series: Sequence[Series], prior: Prior, own: float) -> Iterator[Array]:
     """The tilt at which the variance would be least, by a parabola through probes about both level axes."""
     slope, bend = np.zeros(2), np.zeros(2)
     for k in range(2):
@@ -146,13 +146,15 @@ def hangs(before: Observations, after: Observations, C_theta: Array) -> bool:
     except InputError:  # nobody knows what it weighs
         return False
     left = []
-    for seen, g in ((before, -DOWN), (after, DOWN), (before, DOWN)):
+    for observations, g in ((before, -DOWN), (after, DOWN), (before, DOWN)):
         turned = mounted(vjm, g)
-        where = chain(turned, seen.q)
+        where = chain(turned, observations.q)
         theta = (C_theta @ own_weight(where, weights)).T
-        sag = displacement(where, theta, seen.markers) @ towards(g).T
-        bare = replace(seen, read=seen.read - sag, free=FreeParameters(frame=True, targets=True))
-        off = np.sort(fit(bare).away(seen))
+        sag = displacement(where, theta, observations.markers) @ towards(g).T
+        bare = replace(
+            observations, read=observations.read - sag, free=FreeParameters(frame=True, targets=True)
+        )
+        off = np.sort(fit(bare).away(observations))
         left.append(float(np.sqrt(np.square(off[: int(np.ceil(MOST * len(off)))]).mean())))
     hung, *upright = left
     poses = len(np.unique(before.q, axis=0))  # all that is read in one shares its errors of geometry

@@ -40,24 +40,24 @@ RIDGE = 1e-9  #: Of the normal equations, over their mean diagonal: a direction 
 LEAST = 3  #: Rows of half a file, and of what slipped.
 
 
-def likely_orders(seen: Observations) -> Iterator[Ids]:
+def likely_orders(observations: Observations) -> Iterator[Ids]:
     """Find the likeliest orders of the joints in the file, by a linear form (see the module).
 
     Args:
-        seen: The readings.
+        observations: The readings.
 
     Yields:
         At most FITTED orders, (n,) each, the likeliest first: joint k has the angles of column order[k].
     """
-    n = len(seen.vjm.arm.joints)
+    n = len(observations.vjm.arm.joints)
     if n <= MAX_JOINTS:
         every = np.array(list(permutations(range(n)))[1:], dtype=int).reshape(-1, n)
     else:
         every = np.array([np.arange(n)[::-1], *(_exchange(n, *pair) for pair in combinations(range(n), 2))])
-    rows = np.flatnonzero(seen.there.any(axis=1))
+    rows = np.flatnonzero(observations.there.any(axis=1))
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(SCREENED_ROWS, len(rows))).astype(int))]
     parts = np.array_split(every, -(-len(every) // TOGETHER)) if len(every) else []
-    cost = [loss for part in parts for loss in _screened(seen, rows, part)]
+    cost = [loss for part in parts for loss in _screened(observations, rows, part)]
     yield from every[np.argsort(cost, kind="stable")[:FITTED]]
 
 
@@ -67,15 +67,17 @@ def _exchange(n: int, i: int, j: int) -> Ids:
     return order
 
 
-def _screened(seen: Observations, rows: Ids, orders: Ids) -> Array:
+def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
     """Robustly weighted loss of the linear form in every order, (orders,) [nats]."""
     count = len(orders)
-    p, R = tool_pose(seen.vjm, seen.q[rows][:, orders].swapaxes(0, 1).reshape(-1, orders.shape[1]))
-    row, target = np.nonzero(seen.there[rows, :SCREENED_TARGETS])
+    p, R = tool_pose(
+        observations.vjm, observations.q[rows][:, orders].swapaxes(0, 1).reshape(-1, orders.shape[1])
+    )
+    row, target = np.nonzero(observations.there[rows, :SCREENED_TARGETS])
     p, R = p.reshape(count, -1, 3)[:, row], R.reshape(count, -1, 3, 3)[:, row]
-    y = seen.read[rows][row, target]
-    right, columns = p + np.matvec(R, seen.markers[target]), np.zeros((count, len(row), 3, 0))
-    if not seen.free.frame:
+    y = observations.read[rows][row, target]
+    right, columns = p + np.matvec(R, observations.markers[target]), np.zeros((count, len(row), 3, 0))
+    if not observations.free.frame:
         right = right - y
     else:
         fixed = np.zeros((len(row), 3, 12))  # of A, by rows, and of b: the same in every order
@@ -83,8 +85,8 @@ def _screened(seen: Observations, rows: Ids, orders: Ids) -> Array:
             fixed[:, axis, 3 * axis : 3 * axis + 3] = y
             fixed[:, axis, 9 + axis] = 1
         columns = np.broadcast_to(fixed, (count, *fixed.shape))
-    if seen.free.targets:
-        of = np.equal(target[:, None], np.arange(seen.there[:, :SCREENED_TARGETS].shape[1]))
+    if observations.free.targets:
+        of = np.equal(target[:, None], np.arange(observations.there[:, :SCREENED_TARGETS].shape[1]))
         own = -R[:, :, :, None, :] * of[None, :, None, :, None]
         columns = np.concatenate([columns, own.reshape(*own.shape[:3], -1)], axis=3)
     weight, left = np.ones(right.shape[:2]), right
@@ -96,8 +98,8 @@ def _screened(seen: Observations, rows: Ids, orders: Ids) -> Array:
         x = np.linalg.solve(H + ridge[:, None, None] * np.eye(H.shape[1]), g[..., None])
         left = right - (columns @ x[:, None])[..., 0]
         off = np.linalg.norm(left, axis=2)
-        weight = 1 / (1 + (off / np.maximum(np.median(off, axis=1, keepdims=True), seen.scale)) ** 2)
-    return np.asarray(cauchy(left, seen.scale).sum(axis=1))
+        weight = 1 / (1 + (off / np.maximum(np.median(off, axis=1, keepdims=True), observations.scale)) ** 2)
+    return np.asarray(cauchy(left, observations.scale).sum(axis=1))
 
 
 @dataclass(frozen=True)
@@ -109,64 +111,67 @@ class Slip:
     q: Array  #: The joint angles that the readings belong to, (poses, n) [rad, m].
 
 
-def slip(seen: Observations) -> Slip | None:
+def slip(observations: Observations) -> Slip | None:
     """Find the row from which readings are those of the pose before or after, with all rows before it sound.
 
     Args:
-        seen: The readings, in the order of the file.
+        observations: The readings, in the order of the file.
 
     Returns:
         The slip; None when no slip explains the readings clearly better.
     """
-    n, far = len(seen.q), LOST * seen.scale
-    head = _half(seen, slice(n // 2))
-    if head is None or _misfits(seen, head, np.arange(n)[-ROWS:]) < LEAST:
+    n, far = len(observations.q), LOST * observations.scale
+    head = _half(observations, slice(n // 2))
+    if head is None or _misfits(observations, head, np.arange(n)[-ROWS:]) < LEAST:
         return None
-    _, gain, first, shift, found = min(_tried(seen, head), key=lambda one: one[0])
-    while first > 1 and _misfits(seen, found, np.array([first - 1])):
+    _, gain, first, shift, found = min(_tried(observations, head), key=lambda one: one[0])
+    while first > 1 and _misfits(observations, found, np.array([first - 1])):
         first -= 1  # the row that was deleted has no pose at all
-    q = np.roll(seen.q, shift, axis=0)
-    q[:first] = seen.q[:first]
+    q = np.roll(observations.q, shift, axis=0)
+    q[:first] = observations.q[:first]
     before, behind = (
-        _typical(replace(seen, q=q), found, part) for part in (slice(first), slice(first, None))
+        _typical(replace(observations, q=q), found, part) for part in (slice(first), slice(first, None))
     )
-    sound = gain > BETTER * seen.there[first:].sum() and max(before, behind) < far
+    sound = gain > BETTER * observations.there[first:].sum() and max(before, behind) < far
     return Slip(first, shift, q) if sound else None
 
 
-def _tried(seen: Observations, head: Fit) -> Iterator[tuple[float, float, int, int, Fit]]:
+def _tried(observations: Observations, head: Fit) -> Iterator[tuple[float, float, int, int, Fit]]:
     """What all readings cost if they slipped one way from the row that is best, and what that gains [nats].
 
     With them the row, the way and the fit: of the first half, all sound, or of the second, all slipped.
     """
     for shift in (1, -1):
-        moved = replace(seen, q=np.roll(seen.q, shift, axis=0))
-        for found in (head, _half(moved, slice(len(seen.q) // 2, None)) or head):
+        moved = replace(observations, q=np.roll(observations.q, shift, axis=0))
+        for found in (head, _half(moved, slice(len(observations.q) // 2, None)) or head):
             own, other = (
                 cauchy(residuals(one, chain(one.vjm, one.q), found), one.scale).sum(axis=1)
-                for one in (seen, moved)
+                for one in (observations, moved)
             )
             cost = np.cumsum(own - other)[:-LEAST] + other.sum()
-            alike = cost < cost.min() + BETTER * seen.there.shape[1]  # an inserted row fits either way
+            # an inserted row fits either way
+            alike = cost < cost.min() + BETTER * observations.there.shape[1]
             first = 1 + int(np.flatnonzero(alike)[-1])
             yield float(cost.min()), float(own.sum() - cost.min()), first, shift, found
 
 
-def _half(seen: Observations, half: slice) -> Fit | None:
+def _half(observations: Observations, half: slice) -> Fit | None:
     """Frame and targets by half of the rows; None where there are too few."""
-    rows = np.arange(len(seen.q))[half]
-    one = seen.rows(rows[np.unique(np.linspace(0, len(rows) - 1, min(ROWS, len(rows))).astype(int))])
+    rows = np.arange(len(observations.q))[half]
+    one = observations.rows(rows[np.unique(np.linspace(0, len(rows) - 1, min(ROWS, len(rows))).astype(int))])
     return fit(one) if len(rows) >= LEAST and one.there.any() else None
 
 
-def _misfits(seen: Observations, found: Fit, rows: Ids) -> int:
+def _misfits(observations: Observations, found: Fit, rows: Ids) -> int:
     """How many of some rows do not fit."""
-    one = seen.rows(rows)
+    one = observations.rows(rows)
     off = np.linalg.norm(residuals(one, chain(one.vjm, one.q), found), axis=2)
-    return int((off > LOST * seen.scale).any(axis=1).sum())
+    return int((off > LOST * observations.scale).any(axis=1).sum())
 
 
-def _typical(seen: Observations, found: Fit, part: slice) -> float:
+def _typical(observations: Observations, found: Fit, part: slice) -> float:
     """Median distance of readings in some rows [m]; 0 without any."""
-    off = np.linalg.norm(residuals(seen, chain(seen.vjm, seen.q), found), axis=2)[part][seen.there[part]]
+    off = np.linalg.norm(residuals(observations, chain(observations.vjm, observations.q), found), axis=2)[
+        part
+    ][observations.there[part]]
     return float(np.median(off)) if len(off) else 0.0

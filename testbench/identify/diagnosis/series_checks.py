@@ -9,7 +9,7 @@ from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.align import Misfit
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import ArmState
 from testbench.identify.diagnosis.kinematics import ROWS, of_series
 from testbench.identify.diagnosis.screens import slip
 from testbench.model.vjm import Vjm
@@ -18,7 +18,7 @@ BETTER = 0.5  #: Scatter over that of the readings as they are, below which they
 
 
 def check_last_joint(
-    vjm: Vjm, series: Sequence[Series], fitted: Callable[[tuple[Series, ...]], tuple[State, Noise]]
+    vjm: Vjm, series: Sequence[Series], fitted: Callable[[tuple[Series, ...]], tuple[ArmState, Noise]]
 ) -> None:
     """Refuse readings that fit much better with the last joint's sign reversed.
 

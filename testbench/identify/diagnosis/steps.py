@@ -16,13 +16,20 @@ from scipy.special import fdtrc
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.choose import GEOMETRY
-from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, prior, usual
+from testbench.identify.absolute.evidence import (
+    LOOSE_STRENGTH,
+    ActiveUnknowns,
+    ErrorScales,
+    activate,
+    active_prior,
+    default_scales,
+)
 from testbench.identify.absolute.noise import Noise, weights
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import ArmState
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.diagnosis.hypothesis import Issue, Score, score_test
-from testbench.identify.metric import Metric
-from testbench.identify.rows import rows_of
+from testbench.identify.metric import PriorScaling
+from testbench.identify.rows import series_rows
 from testbench.model.joint_errors import JointErrors
 
 ORDERS = 8  #: Highest order of periodic errors that the poses of a part of a series may share.
@@ -37,14 +44,14 @@ ALIKE = 10.0  #: Difference of gains, over the variance, below which two steps e
 class Linear:
     """Hold the linearised model beside a step: all that it may lack, with its prior."""
 
-    own: Choice  #: Unknowns that the model may lack, c of them.
+    own: ActiveUnknowns  #: Unknowns that the model may lack, c of them.
     prior: Array  #: Prior precision of the unknowns, compliances in the metric, (c, c).
-    state: State  #: The arm that the equations are linearised about.
+    state: ArmState  #: The arm that the equations are linearised about.
     noise: Noise  #: Noise of the readings about the arm.
 
 
 def nuisance_model(
-    state: State, series: tuple[Series, ...], noise: Noise, elastic: Metric, orders: int = ORDERS
+    state: ArmState, series: tuple[Series, ...], noise: Noise, elastic: PriorScaling, orders: int = ORDERS
 ) -> Linear:
     """Build the linear model of everything but a step that may explain the residuals of series.
 
@@ -63,9 +70,12 @@ def nuisance_model(
     errors = JointErrors(tuple(range(1, orders + 1)))
     state = replace(state, errors=errors, n=np.zeros((state.vjm.arm.n_joints, errors.size)))
     unknowns = unknowns_of(state.vjm, series, errors, elastic.structure)
-    own, size = choice(unknowns, GEOMETRY | {"harmonics"}, elastic), usual(unknowns, len(noise.factor))
-    P, _ = prior(own, Learnt(LACKING * size.deviation, size.factor), LOOSE)
-    return Linear(own, P, state, noise)
+    active, size = (
+        activate(unknowns, GEOMETRY | {"harmonics"}, elastic),
+        default_scales(unknowns, len(noise.factor)),
+    )
+    P, _ = active_prior(active, ErrorScales(LACKING * size.deviation, size.factor), LOOSE_STRENGTH)
+    return Linear(active, P, state, noise)
 
 
 def chance(step: Issue) -> float:
@@ -83,11 +93,11 @@ def chance(step: Issue) -> float:
     return float(fdtrc(z, step.numbers["free"], 2 * (step.nats or 0.0) / z))
 
 
-def best(at: Linear, series: Series, steps: Ids) -> Issue:
+def best(linear: Linear, series: Series, steps: Ids) -> Issue:
     """Find the step of a series that explains most of the residuals.
 
     Args:
-        at: The linear model of everything but the step.
+        linear: The linear model of everything but the step.
         series: The readings, in order of time.
         steps: First row after each step that is tried, ascending, (steps,).
 
@@ -102,27 +112,27 @@ def best(at: Linear, series: Series, steps: Ids) -> Issue:
         - `share`: fraction of the sum of squares that it explains [1];
         - `free`: independent equations left after the fit.
     """
-    sums = _sums(at, series, steps)
-    return _greatest(_rest(at, (series,), [sums]), series, sums, steps, turns=True)
+    sums = _sums(linear, series, steps)
+    return _greatest(_rest(linear, (series,), [sums]), series, sums, steps, turns=True)
 
 
 def most_significant_step(
-    at: Linear, series: Sequence[Series], places: Sequence[Ids]
+    linear: Linear, series: Sequence[Series], places: Sequence[Ids]
 ) -> Iterator[tuple[Series, Issue]]:
     """Find in every series the step that is least likely by chance, with or without a rotation.
 
     A series is skipped when a single wrong row or pose explains its readings as well.
 
     Args:
-        at: The linear model of everything but the steps.
+        linear: The linear model of everything but the steps.
         series: The readings, in order of time; all of them determine the arm.
         places: First row after each step that is tried, per series, ascending, (steps,).
 
     Yields:
         A series and its step, with numbers as in `best`.
     """
-    sums = [_sums(at, one, np.arange(1, one.rows)) for one in series]
-    rest = _rest(at, series, sums)
+    sums = [_sums(linear, one, np.arange(1, one.rows)) for one in series]
+    rest = _rest(linear, series, sums)
     for one, own, steps in zip(series, sums, places, strict=True):
         if not len(steps):
             continue
@@ -169,12 +179,12 @@ class _Rest:
         )
 
 
-def _rest(at: Linear, series: Sequence[Series], sums: Sequence[_Sums]) -> _Rest:
-    AA, c = np.sum([one.AA for one in sums], axis=0), len(at.own.columns)
-    H = AA[:c, :c] + at.prior
+def _rest(linear: Linear, series: Sequence[Series], sums: Sequence[_Sums]) -> _Rest:
+    AA, c = np.sum([one.AA for one in sums], axis=0), len(linear.own.columns)
+    H = AA[:c, :c] + linear.prior
     size = np.sqrt(np.diag(H))
     L = cholesky(H / size / size[:, None], lower=True)
-    spent = c - float(np.trace(cho_solve((L, True), at.prior / size / size[:, None])))
+    spent = c - float(np.trace(cho_solve((L, True), linear.prior / size / size[:, None])))
     e, count = solve_triangular(L, AA[:c, c] / size, lower=True), sum(one.count for one in sums)
     poses = sum(len(np.unique(one.pose)) for one in series)
     shared = max(1.0, count / (FREE * poses))
@@ -185,9 +195,9 @@ def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bo
     behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
     target, tracker = rest.tested(behind, turns=turns)
     slipped = target.gain.max() > tracker.gain.max()
-    own, other = (target, tracker) if slipped else (tracker, target)
-    k = int(own.gain.argmax())
-    gain, place = float(own.gain[k]), int(steps[k])
+    score, other = (target, tracker) if slipped else (tracker, target)
+    k = int(score.gain.argmax())
+    gain, place = float(score.gain[k]), int(steps[k])
     s2 = max(rest.before - gain, 1e-300) / rest.count
     numbers = {
         "alike": bool(gain - other.gain[max(0, k - 2) : k + 3].max() < ALIKE * s2),
@@ -199,16 +209,16 @@ def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bo
         "across": bool(series.pose[place - 1] == series.pose[place]),
     }
     kind = "target_moved" if slipped else "tracker_moved"
-    return Issue(kind, (series.name, series.frame), own.b[k], numbers, gain / s2 / rest.shared / 2)
+    return Issue(kind, (series.name, series.frame), score.b[k], numbers, gain / s2 / rest.shared / 2)
 
 
-def _sums(at: Linear, series: Series, steps: Ids) -> _Sums:
+def _sums(linear: Linear, series: Series, steps: Ids) -> _Sums:
     edges = np.r_[0, steps, series.rows]
     cells, AA = [], 0.0
-    numbers = 3 * series.rows * (len(series.markers) + 1) * at.own.unknowns.size
+    numbers = 3 * series.rows * (len(series.markers) + 1) * linear.own.unknowns.size
     batches = min(len(edges) - 1, 1 + numbers // BATCH)  # of cells that are in memory together
     for part in np.array_split(np.arange(len(edges) - 1), batches):
-        A, Z = _equations(at, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
+        A, Z = _equations(linear, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
         AA = AA + np.einsum("ar,br->ab", A, A, optimize=True)
         each = A.shape[1] // (edges[part[-1] + 1] - edges[part[0]])
         for a, b in zip(edges[part] - edges[part[0]], edges[part + 1] - edges[part[0]], strict=True):
@@ -217,26 +227,26 @@ def _sums(at: Linear, series: Series, steps: Ids) -> _Sums:
     return _Sums(np.asarray(AA), np.array(cells), steps, 3 * int(series.seen.sum() + series.turned.sum()))
 
 
-def _equations(at: Linear, series: Series) -> tuple[Array, Array]:
+def _equations(linear: Linear, series: Series) -> tuple[Array, Array]:
     """Whitened [A e], (c + 1, equations), and Z, (z, equations); those of a row follow one another."""
-    own, rows = at.own, rows_of(at.own.unknowns, at.state, series)
-    W, pull = weights(series, at.noise, at.state.frame(series).rotation, rows[:, :, -1])
+    active, rows = linear.own, series_rows(linear.own.unknowns, linear.state, series)
+    W, pull = weights(series, linear.noise, linear.state.frame(series).rotation, rows[:, :, -1])
     W = W * np.sqrt(pull)[..., None, None]
-    A = rows[:, :, np.r_[own.columns, -1]]
-    Z = np.concatenate([steps_of(at, series, rows, what) for what in ("target", "tracker")], axis=2)
+    A = rows[:, :, np.r_[active.columns, -1]]
+    Z = np.concatenate([steps_of(linear, series, rows, what) for what in ("target", "tracker")], axis=2)
     both = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
-    if own.elastic is not None:
-        e = slice(own.rigid, len(own.columns))
-        both[e] = np.tensordot(own.elastic.L.T, both[e], 1)
+    if active.elastic is not None:
+        e = slice(active.rigid, len(active.columns))
+        both[e] = np.tensordot(active.elastic.L.T, both[e], 1)
     lines = both.reshape(len(both), -1)
     return lines[: A.shape[2]], lines[A.shape[2] :]
 
 
-def steps_of(at: Linear, series: Series, A: Array, what: str) -> Array:
+def steps_of(linear: Linear, series: Series, A: Array, what: str) -> Array:
     """Compute the columns of a rigid move of the tracker or of the targets.
 
     Args:
-        at: The linear model, whose unknowns name the columns.
+        linear: The linear model, whose unknowns name the columns.
         series: The readings.
         A: Columns of all unknowns, then the residuals, (s, 3, unknowns + 1, rows) [m, rad].
         what: "tracker" or "target".
@@ -246,9 +256,9 @@ def steps_of(at: Linear, series: Series, A: Array, what: str) -> Array:
         mount of one target without orientation.
     """
     if what == "tracker":
-        return A[:, :, at.own.unknowns.columns(f"frame {series.frame}")]
-    mount = A[:, :, at.own.unknowns.columns(f"mount {series.target}")]
-    points = at.state.mount(series).points
+        return A[:, :, linear.own.unknowns.columns(f"frame {series.frame}")]
+    mount = A[:, :, linear.own.unknowns.columns(f"mount {series.target}")]
+    points = linear.state.mount(series).points
     T = np.zeros((mount.shape[2], 6))
     for k, point in enumerate(points):
         T[3 * k : 3 * k + 3] = np.column_stack([np.eye(3), np.cross(np.eye(3), point).T])
@@ -256,11 +266,11 @@ def steps_of(at: Linear, series: Series, A: Array, what: str) -> Array:
     return np.asarray(np.einsum("sxcr,cz->sxzr", mount, T[:, : 3 if len(T) == 3 else 6]))
 
 
-def with_shift(at: Linear, series: Series, step: Issue) -> Issue:
+def with_shift(linear: Linear, series: Series, step: Issue) -> Issue:
     """Add to a step the RMS distance by which it moves the targets.
 
     Args:
-        at: The linear model of everything but the step.
+        linear: The linear model of everything but the step.
         series: The readings.
         step: The step.
 
@@ -268,7 +278,7 @@ def with_shift(at: Linear, series: Series, step: Issue) -> Issue:
         The step with that distance over all readings, RMS [m], as its number `shift`.
     """
     what = step.name.removesuffix("_moved")
-    Z = steps_of(at, series, rows_of(at.own.unknowns, at.state, series), what)
+    Z = steps_of(linear, series, series_rows(linear.own.unknowns, linear.state, series), what)
     d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
     shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
     return replace(step, numbers={**step.numbers, "shift": shift})

@@ -15,12 +15,12 @@ from testbench.data.series import Series, select_rows, series_of
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.fit import first_fit
-from testbench.identify.absolute.state import Mount, State, nominal, torque_scale
+from testbench.identify.absolute.state import ArmState, Mount, nominal_state, torque_scale
 from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.kinematics import ORIGIN
 from testbench.identify.diagnosis.moves import places
 from testbench.identify.diagnosis.steps import chance, most_significant_step, nuisance_model, with_shift
-from testbench.identify.metric import metric
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_points
@@ -57,16 +57,22 @@ class Timeline:
             return []
         try:
             state, noise = first_fit(
-                _start(self.vjm, series), series, metric(self.prior, self.vjm, joints_only(self.vjm.arm))
+                _start(self.vjm, series),
+                series,
+                scale_by_prior(self.prior, self.vjm, joints_only(self.vjm.arm)),
             )
         except BenchError:  # too few readings for where arm and targets are: no step can be told
             return []
-        at = nuisance_model(state, series, noise, metric(self.prior, self.vjm, all153(self.vjm.arm)), ORDERS)
+        linear = nuisance_model(
+            state, series, noise, scale_by_prior(self.prior, self.vjm, all153(self.vjm.arm)), ORDERS
+        )
         clear = CHANCE / (2 * sum(map(len, steps)))
-        found = [
-            with_shift(at, *one) for one in most_significant_step(at, series, steps) if chance(one[1]) < clear
+        issues = [
+            with_shift(linear, *one)
+            for one in most_significant_step(linear, series, steps)
+            if chance(one[1]) < clear
         ]
-        return [replace(step, numbers={**step.numbers, "pairs": True}) for step in found]
+        return [replace(step, numbers={**step.numbers, "pairs": True}) for step in issues]
 
 
 def _in_time(data: Dataset) -> Iterator[Series]:
@@ -77,19 +83,19 @@ def _in_time(data: Dataset) -> Iterator[Series]:
     pose = dict(zip(data.run.tolist(), data.pose.tolist(), strict=True))
     stations = 1 if data.station is None else len(np.unique(data.station))
     for every in series_of(data, "station", NAME):
-        one = with_targets(every, every.markers[:: -(-len(every.markers) // TARGETS)])
-        loaded = np.arange(one.rows) >= one.rows // 2
-        poses = np.array([pose[run] for run in one.row.tolist()])
+        series = with_targets(every, every.markers[:: -(-len(every.markers) // TARGETS)])
+        loaded = np.arange(series.rows) >= series.rows // 2
+        poses = np.array([pose[run] for run in series.row.tolist()])
         read = np.column_stack(
-            [poses, loaded, np.where(loaded, one.pose, 0), one.position.reshape(one.rows, -1)]
+            [poses, loaded, np.where(loaded, series.pose, 0), series.position.reshape(series.rows, -1)]
         )
         first = np.unique(read, axis=0, return_index=True)[1]
-        first = first[np.argsort((2 * one.pose + loaded)[first])]
-        name = one.frame if stations > 1 else ""
-        yield select_rows(replace(one, name=name, row=2 * one.row + loaded, pose=poses), first)
+        first = first[np.argsort((2 * series.pose + loaded)[first])]
+        name = series.frame if stations > 1 else ""
+        yield select_rows(replace(series, name=name, row=2 * series.row + loaded, pose=poses), first)
 
 
-def _start(vjm: Vjm, series: tuple[Series, ...]) -> State:
+def _start(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
     """The arm as its folder has it, in the base's frame."""
     try:
         weights = read_weights(vjm.arm)
@@ -97,7 +103,7 @@ def _start(vjm: Vjm, series: tuple[Series, ...]) -> State:
         weights = Weights(np.zeros(vjm.arm.n_joints + 2), np.zeros((vjm.arm.n_joints + 2, 3)))
     markers = series[0].markers
     return replace(
-        nominal(vjm, weights, torque_scale(vjm, weights, series)),
+        nominal_state(vjm, weights, torque_scale(vjm, weights, series)),
         frames={one.frame: ORIGIN for one in series},
         mounts={NAME: Mount(marker_points(vjm, markers), np.eye(3), markers)},
     )

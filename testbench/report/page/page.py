@@ -20,11 +20,11 @@ from testbench.errors import Array
 from testbench.files.robot.meshes import decimated
 from testbench.files.robot.robot import Surface
 from testbench.files.robot.solids import hull_of
-from testbench.plant.shapes import Frames, Shape, corners, quaternions, visual_shapes
+from testbench.plant.shapes import BodyFrames, Shape, corners, quaternions, visual_shapes
 from testbench.report.colours import SCALE, Look, hexadecimal
-from testbench.report.markdown import Told, as_plain
-from testbench.report.scene import Poses, Seen
-from testbench.report.schema import Column, Table, brackets, looks
+from testbench.report.markdown import ReportWords, as_plain
+from testbench.report.scene import PageContent, PoseGroup
+from testbench.report.schema import Table, TableColumn, brackets, looks
 from testbench.runs import provenance as files
 from testbench.runs.spread import Spread, dotted, inner
 
@@ -69,7 +69,7 @@ def grid(table: Table) -> Json:
         "rows": rows,
         "brackets": brackets(table),
         "dots": dotted(c.value(row) for c in itertools.compress(table.columns, drawn) for row in table.rows),
-        "looks": {name: look_plain(own) for name, own in shown.items()},
+        "looks": {name: look_plain(look) for name, look in shown.items()},
     }
 
 
@@ -78,13 +78,13 @@ def look_plain(look: Look) -> Json:
     return {"colour": look.hex, "mark": look.mark, "filled": look.prior}
 
 
-def _drawn(column: Column, table: Table) -> bool:
+def _drawn(column: TableColumn, table: Table) -> bool:
     """Whether a column can be drawn: numbers, and not all alike."""
     numbers = [_numbers(column.value(row)) for row in table.rows]
     return column.form != "yes" and len({n[0] for n in numbers if n}) > 1
 
 
-def _cell(column: Column, row: object) -> Json:
+def _cell(column: TableColumn, row: object) -> Json:
     """Its text, and what is drawn: the number or median, its line, a dot a trial; below 20 these alone."""
     value, known, text = column.value(row), column.known(row), column.cell(row)
     found: dict[str, object] = {"text": f"{text} [{known}]" if known else text}
@@ -94,7 +94,7 @@ def _cell(column: Column, row: object) -> Json:
     if len(numbers) > 1 and (line := inner(value)):
         found |= {"low": line[0], "high": line[1]}
     if isinstance(value, Spread) and value.values:
-        found |= {"dots": [float(f"{x:.4g}") for x in value.values], "few": value.few}
+        found |= {"dots": [float(f"{x:.4g}") for x in value.values], "few": value.too_few}
     return found
 
 
@@ -156,7 +156,7 @@ MICRO = 1e4  #: Places are written as whole tenths of a millimetre, turns as who
 TRIANGLES = 500  #: Of a mesh at most: an arm turns smoothly on a phone.
 
 
-def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
+def write_page(folder: Path, scenario: str, words: ReportWords, page: PageContent) -> None:
     """report.html of a run, from its words, what is drawn, and the pictures that lie in its folder."""
     pictures = [{"name": png.name, "data": embedded(png)} for png in sorted(folder.glob("*.png"))]
     text = fill(
@@ -164,7 +164,7 @@ def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
         words={name: words.block(name) for name in MARKED}
         | {name: as_plain(words.block(name)) for name in FACTS},
         rest=words.block("body"),
-        drawn=seen_plain(seen),
+        drawn=seen_plain(page),
         pictures=pictures,
         others=[name for name in (*files.inside(folder), "manifest.json") if name != NAME],
         versions=files.versions(),
@@ -172,29 +172,29 @@ def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
     (folder / NAME).write_text(text, encoding="utf-8")
 
 
-def seen_plain(seen: Seen) -> Json:
+def seen_plain(page: PageContent) -> Json:
     """All that is drawn."""
-    scene = seen.scene and {
-        "title": seen.scene.title,
-        "solids": [_solid(shape) for shape in visual_shapes(seen.scene.cell.room)],
-        "groups": [_group(own) for own in seen.scene.groups],
+    scene = page.scene and {
+        "title": page.scene.title,
+        "solids": [_solid(shape) for shape in visual_shapes(page.scene.cell.room)],
+        "groups": [_group(pose_group) for pose_group in page.scene.groups],
     }
-    parts = {"map": _map(seen), "runs": plain(seen.runs), "tables": [grid(own) for own in seen.tables]}
+    parts = {"map": _map(page), "runs": plain(page.runs), "tables": [grid(table) for table in page.tables]}
     return {"scene": scene, **parts, "ramp": SCALE}
 
 
-def _map(seen: Seen) -> Json | None:
+def _map(page: PageContent) -> Json | None:
     """The map, with the places in its lines of the two whose difference is drawn."""
-    if seen.map is None:
+    if page.map is None:
         return None
-    both = seen.map.difference
-    lines = list(seen.map.lines)
-    return {**plain(seen.map), "difference": both and [lines.index(own) for own in both]}
+    both = page.map.difference
+    lines = list(page.map.lines)
+    return {**plain(page.map), "difference": both and [lines.index(model_line) for model_line in both]}
 
 
-def _group(own: Poses) -> Json:
-    found: Json = plain(replace(own, near=None))
-    return found if own.near is None else {**found, "near": _near(own.near)}
+def _group(pose_group: PoseGroup) -> Json:
+    found: Json = plain(replace(pose_group, near=None))
+    return found if pose_group.near is None else {**found, "near": _near(pose_group.near)}
 
 
 def plain(value: Any) -> Any:
@@ -203,7 +203,7 @@ def plain(value: Any) -> Any:
     Numbers of a line have four digits, places of a map are in whole millimetres, all that moves in `MICRO`;
     what a look has stands beside what is drawn so.
     """
-    if isinstance(value, Frames):
+    if isinstance(value, BodyFrames):
         return frames_plain(value)
     if isinstance(value, Look):
         return look_plain(value)
@@ -232,7 +232,7 @@ def _near(points: Array) -> Json:
     return {"at": points.round(3).tolist(), "yaw": round(float(yaw), 3), "pitch": round(float(pitch), 3)}
 
 
-def frames_plain(frames: Frames) -> list[list[int | None]]:
+def frames_plain(frames: BodyFrames) -> list[list[int | None]]:
     """By pose: of every body its origin and its turn as a quaternion, x, y, z, w."""
     turns = quaternions(frames.rotations)
     return [_whole(row) for row in np.concatenate([frames.positions, turns], axis=2)]

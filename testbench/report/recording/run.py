@@ -26,8 +26,8 @@ from testbench.report.colours import (
     TASK,
     Colour,
 )
-from testbench.report.markdown import Told, as_markdown, grid
-from testbench.report.recording.stream import Header, Pen, layout, recording, snake, text_view
+from testbench.report.markdown import ReportWords, as_markdown, grid
+from testbench.report.recording.stream import Pen, RecordingHeader, layout, recording, snake, text_view
 from testbench.report.recording.world import (
     SIDE,
     frame,
@@ -38,7 +38,16 @@ from testbench.report.recording.world import (
     write_layer,
     write_map,
 )
-from testbench.report.scene import Layer, Line, Poses, RunChart, Scene, Seen, charts_of, leads
+from testbench.report.scene import (
+    Layer,
+    ModelLine,
+    PageContent,
+    PoseGroup,
+    RunChart,
+    Scene,
+    charts_of,
+    sorting_numbers,
+)
 from testbench.workflows.cell import Cell
 
 TYPICAL, WORST, POSE = "typical_first", "worst_first", "pose"
@@ -74,14 +83,14 @@ HUES: Mapping[str, Colour] = {
 }
 """Colours by name."""
 STEEP = 0.8  #: How steeply a path is looked down on, over how far the eye is ahead and aside [1].
-NEAR = 0.16  #: Room around what is in view, over its size [1].
+VIEW_MARGIN = 0.16  #: Room around what is in view, over its size [1].
 
 
 @dataclass(frozen=True)
 class _Group:
     """A group of poses, and where its parts are in the recording."""
 
-    poses: Poses
+    poses: PoseGroup
     name: str  #: Of its entities.
     arm: str  #: Root of its arm's bodies; groups of the same poses share one.
     charts: Sequence[RunChart]  #: Its map as one, where it has no other.
@@ -89,7 +98,7 @@ class _Group:
     @property
     def leads(self) -> list[Array]:
         """Numbers of lines that are largest in the worst pose, (poses,) each."""
-        return leads(self.poses, self.charts)
+        return sorting_numbers(self.poses, self.charts)
 
     @property
     def rank(self) -> Ids:
@@ -119,14 +128,16 @@ class _Group:
         return "/".join(["charts", self.name, snake(chart.title), *map(snake, line)])
 
 
-def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapping[str, Path]) -> None:
+def write_run(
+    path: Path, header: RecordingHeader, words: ReportWords, page: PageContent, figures: Mapping[str, Path]
+) -> None:
     """Write a run for the Rerun viewer; an existing file is replaced only by a whole one."""
-    if seen.map and not any(np.isfinite(line.values).any() for line in seen.map.lines):
-        seen = replace(seen, map=None)  # nowhere is there a bound
-    groups = _groups(seen)
-    tabs = [_tab(seen.scene, own, first=own is groups[0]) for own in groups] if seen.scene else []
-    names, arm, body, size = _around_map(seen, groups)
-    where = [map_tab(seen.map, arm, body, size)] if seen.map else []
+    if page.map and not any(np.isfinite(line.values).any() for line in page.map.lines):
+        page = replace(page, map=None)  # nowhere is there a bound
+    groups = _groups(page)
+    tabs = [_tab(page.scene, group, first=group is groups[0]) for group in groups] if page.scene else []
+    names, arm, body, size = _around_map(page, groups)
+    where = [map_tab(page.map, arm, body, size)] if page.map else []
     pictures: list[rrb.Container | rrb.View] = [
         rrb.Spatial2DView(origin=f"figure/{snake(name)}", name=name) for name in figures
     ]
@@ -136,21 +147,21 @@ def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapp
     front, back = (tabs, pictures) if tabs else (pictures, [])
     views = [*lead, *front, *where, *back, text_view("tables", "Tables")]
     places = len(groups[0].poses.names) if groups else 1
-    documents = {"summary": summary(words), "tables": _tables(words, seen)}
-    titles = [own.title for own in (seen.scene, seen.map, *seen.runs) if own]
+    documents = {"summary": summary(words), "tables": _tables(words, page)}
+    titles = [own.title for own in (page.scene, page.map, *page.runs) if own]
     with recording(
         path, header, layout(*views, timeline=TYPICAL, places=places), [*documents.values(), *titles]
     ) as pen:
         pen.documents(documents)
-        if seen.scene:
-            _write_scene(pen, seen.scene.cell, groups)
-        if seen.map:
-            write_map(pen, seen.map, names, size)
+        if page.scene:
+            _write_scene(pen, page.scene.cell, groups)
+        if page.map:
+            write_map(pen, page.map, names, size)
         for name, png in figures.items():
             pen.still(f"figure/{snake(name)}", rr.EncodedImage(path=png))
 
 
-def summary(words: Told) -> str:
+def summary(words: ReportWords) -> str:
     """What a recording says first."""
     badge = words.block("badge")
     head = [f"## **{badge}**" if badge else "", f"### {words.block('question')}"]
@@ -158,31 +169,31 @@ def summary(words: Told) -> str:
     return "\n\n".join(filter(None, [*head, *map(words.block, ("worst", "statements"))]))
 
 
-def _tables(words: Told, seen: Seen) -> str:
+def _tables(words: ReportWords, page: PageContent) -> str:
     """What stands below the first sentences, and tables of the page that are not among it."""
     rest = words.block("body")
-    others = [(table.title, grid(table)) for table in seen.tables if table.rows]
+    others = [(table.title, grid(table)) for table in page.tables if table.rows]
     parts = [f"### {as_markdown(title)}\n\n{text}" for title, text in others if text not in rest]
     return "\n\n".join([rest, *parts])
 
 
-def _groups(seen: Seen) -> list[_Group]:
+def _groups(page: PageContent) -> list[_Group]:
     """Groups of the scene with their names; those of the same poses have one arm and one set of charts."""
     arms: dict[int, str] = {}
-    found: list[_Group] = []
-    every = seen.scene.groups if seen.scene else ()
+    groups: list[_Group] = []
+    every = page.scene.groups if page.scene else ()
     for k, poses in enumerate(every):
         arm = arms.setdefault(id(poses.rigid), f"arm_{k}" if k else "arm")
-        found.append(_Group(poses, snake(poses.name), arm, charts_of(seen, k)))
-    return found
+        groups.append(_Group(poses, snake(poses.name), arm, charts_of(page, k)))
+    return groups
 
 
-def _around_map(seen: Seen, groups: Sequence[_Group]) -> tuple[Sequence[str], str, Array, float]:
+def _around_map(page: PageContent, groups: Sequence[_Group]) -> tuple[Sequence[str], str, Array, float]:
     """Names of the places of the map, the arm beside them, its points (n, 3) [m], size of all that [m]."""
-    if seen.map and groups:
-        own = groups[seen.map.group]
-        return own.poses.names, own.arm, own.poses.rigid.positions[0, 1:], own.size
-    at = seen.map.at if seen.map else np.zeros((1, 3))
+    if page.map and groups:
+        group = groups[page.map.group]
+        return group.poses.names, group.arm, group.poses.rigid.positions[0, 1:], group.size
+    at = page.map.at if page.map else np.zeros((1, 3))
     size = float(np.nanmax(np.linalg.norm(at, axis=1)))
     return [f"place {k}" for k in range(1, len(at) + 1)], "", np.zeros((1, 3)), size
 
@@ -190,25 +201,25 @@ def _around_map(seen: Seen, groups: Sequence[_Group]) -> tuple[Sequence[str], st
 def _write_scene(pen: Pen, cell: Cell, groups: Sequence[_Group]) -> None:
     """Arms, layers, words and charts of every group."""
     drawn: set[str] = set()
-    for own in groups:
-        times = {TYPICAL: own.typical, WORST: own.rank, POSE: 1 + np.arange(len(own.poses.names))}
+    for group in groups:
+        times = {TYPICAL: group.typical, WORST: group.rank, POSE: 1 + np.arange(len(group.poses.names))}
         rows = pen.on(*(rr.TimeColumn(name, sequence=at) for name, at in times.items()))
-        if own.arm not in drawn:
-            drawn.add(own.arm)
-            bent = next((g.poses.bent for g in groups if g.arm == own.arm and g.poses.bent), None)
-            write_arm(rows, cell, own.arm, own.poses.rigid, bent)
-        pairs = zip(own.poses.names, own.poses.words, strict=True)
-        key = _colours(own.poses.layers)
+        if group.arm not in drawn:
+            drawn.add(group.arm)
+            bent = next((g.poses.bent for g in groups if g.arm == group.arm and g.poses.bent), None)
+            write_arm(rows, cell, group.arm, group.poses.rigid, bent)
+        pairs = zip(group.poses.names, group.poses.words, strict=True)
+        key = _colours(group.poses.layers)
         texts = [f"**{as_markdown(name)}** {as_markdown(text)}\n\n{key}" for name, text in pairs]
-        rows.texts(f"here/{own.name}", texts)
-        for layer in own.poses.layers:
-            write_layer(rows, f"world/{own.name}/{snake(layer.name)}", layer, own.size)
-        for chart in own.charts:
+        rows.texts(f"here/{group.name}", texts)
+        for layer in group.poses.layers:
+            write_layer(rows, f"world/{group.name}/{snake(layer.name)}", layer, group.size)
+        for chart in group.charts:
             for line in chart.lines:
-                _write_line(rows, own.path(chart, line.name), line, lead=line is chart.lines[-1])
+                _write_line(rows, group.path(chart, line.name), line, lead=line is chart.lines[-1])
             if chart.limit is not None and np.isfinite(chart.limit):
-                level = np.full(len(own.poses.names), chart.limit)
-                rows.line(own.path(chart, chart.limit_is), chart.limit_is, None, level)
+                level = np.full(len(group.poses.names), chart.limit)
+                rows.line(group.path(chart, chart.limit_is), chart.limit_is, None, level)
 
 
 def _colours(layers: Sequence[Layer]) -> str:
@@ -223,7 +234,7 @@ def _hue(colour: Colour) -> str:
     return min(apart, key=apart.__getitem__)
 
 
-def _write_line(rows: Pen, path: str, line: Line, *, lead: bool) -> None:
+def _write_line(rows: Pen, path: str, line: ModelLine, *, lead: bool) -> None:
     """A number a pose with its interval; what is not known leaves a gap."""
     rows.line(path, line.name, line.look, line.values, lead=lead)
     for name, values in zip(("lower", "upper"), line.ends or (), strict=False):
@@ -231,38 +242,38 @@ def _write_line(rows: Pen, path: str, line: Line, *, lead: bool) -> None:
             rows.line(f"{path}_{name}", f"{line.name}, {name} end", None, values)
 
 
-def _tab(scene: Scene, own: _Group, *, first: bool) -> rrb.Container:
+def _tab(scene: Scene, group: _Group, *, first: bool) -> rrb.Container:
     """The arm and what is shown; at the right of the first tab the summary, and the group's charts."""
     charts = [
         rrb.TimeSeriesView(
-            origin=own.path(chart),
-            name=f"{chart.title}, by {chart.across}{_order(own)}",
-            axis_x=_beyond(len(own.poses.names)),
+            origin=group.path(chart),
+            name=f"{chart.title}, by {chart.across}{_order(group)}",
+            axis_x=_beyond(len(group.poses.names)),
             axis_y=_from_zero(chart),
             plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
         )
-        for chart in own.charts
+        for chart in group.charts
     ]
-    bodies = [f"+ $origin/{own.arm}/**", f"+ $origin/{own.arm}_deflected/**"]
+    bodies = [f"+ $origin/{group.arm}/**", f"+ $origin/{group.arm}_deflected/**"]
     world = rrb.Spatial3DView(
         origin="world",
-        name=f"{own.poses.name} (m): {scene.title}",
-        contents=[f"+ $origin/{own.name}/**", *(bodies if own.poses.near is None else [])],
-        eye_controls=orbit(*_eye(own)),
+        name=f"{group.poses.name} (m): {scene.title}",
+        contents=[f"+ $origin/{group.name}/**", *(bodies if group.poses.near is None else [])],
+        eye_controls=orbit(*_eye(group)),
         overrides={
-            f"world/{own.name}/{snake(layer.name)}": rrb.EntityBehavior(visible=False)
-            for layer in own.poses.layers
+            f"world/{group.name}/{snake(layer.name)}": rrb.EntityBehavior(visible=False)
+            for layer in group.poses.layers
             if not layer.shown
         },
     )
-    here = text_view(f"here/{own.name}", "What is shown")
-    main = rrb.Vertical(world, here, row_shares=[6, 1], name=own.poses.name)
-    return _beside(main, *charts, name=own.poses.name, summary=first)
+    here = text_view(f"here/{group.name}", "What is shown")
+    main = rrb.Vertical(world, here, row_shares=[6, 1], name=group.poses.name)
+    return _beside(main, *charts, name=group.poses.name, summary=first)
 
 
-def _order(own: _Group) -> str:
+def _order(group: _Group) -> str:
     """In which order the timeline that a reader lands on has a group's poses."""
-    return ", a typical one, then the worst first" if own.leads else ", in order"
+    return ", a typical one, then the worst first" if group.leads else ", in order"
 
 
 def _from_zero(chart: RunChart) -> rrb.archetypes.ScalarAxis:
@@ -292,9 +303,9 @@ def _beside(
     return rrb.Horizontal(main, rrb.Vertical(*right, row_shares=shares), column_shares=[3, 2], name=name)
 
 
-def _eye(own: _Group) -> tuple[Array, Array]:
+def _eye(group: _Group) -> tuple[Array, Array]:
     """Eye and target: all that is near, or the arm in the pose shown first and all that moves there."""
-    poses, k = own.poses, own.poses.first
+    poses, k = group.poses, group.poses.first
     points = poses.near
     if points is None:
         moved = [layer.at[min(k, len(layer.at) - 1)] for layer in poses.layers if layer.kind != "specks"]
@@ -309,4 +320,4 @@ def _eye(own: _Group) -> tuple[Array, Array]:
         turn = np.arctan2(SIDE[1], SIDE[0])
         tool = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ across
     above = SIDE[2] if poses.near is None else STEEP
-    return frame(points, np.full(len(points), NEAR * own.size), tool, above=above)
+    return frame(points, np.full(len(points), VIEW_MARGIN * group.size), tool, above=above)

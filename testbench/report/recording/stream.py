@@ -31,7 +31,7 @@ SHAPES = (
 
 
 @dataclass(frozen=True)
-class Header:
+class RecordingHeader:
     """What identifies a recording."""
 
     scenario: str  #: Name of the scenario.
@@ -96,7 +96,7 @@ def text_view(origin: str, name: str) -> rrb.TextDocumentView:
 
 @contextlib.contextmanager
 def recording(
-    path: Path, header: Header, blueprint: rrb.Blueprint, words: Sequence[str] = ()
+    path: Path, header: RecordingHeader, blueprint: rrb.Blueprint, words: Sequence[str] = ()
 ) -> Iterator[Pen]:
     """A stream in memory, closed in any case; without an error it is written to `path`, whole.
 
@@ -135,7 +135,7 @@ def recording(
         rr.set_strict_mode(strict)
 
 
-def _write_properties(stream: rr.RecordingStream, header: Header) -> None:
+def _write_properties(stream: rr.RecordingStream, header: RecordingHeader) -> None:
     stream.send_recording_name(f"{header.scenario}, seed {header.seed}")
     stream.send_property("study", rr.AnyValues(**vars(header)))
     stream.send_property("versions", rr.AnyValues(drop_untyped_nones=True, **versions()))

@@ -31,14 +31,14 @@ def newest(folder: Path) -> Path:
         InputError: When it is no recording.
     """
     if folder.is_file() and folder.suffix == ".rrd":
-        found = [folder]
+        paths = [folder]
     else:
         restore(folder)
-        found = [file for there in ("*.rrd", "*/*.rrd") for file in folder.glob(there)]
-        found = [file for file in found if file.is_file()]  # a pipe of that name has no end
-    if not found:
+        paths = [file for there in ("*.rrd", "*/*.rrd") for file in folder.glob(there)]
+        paths = [file for file in paths if file.is_file()]  # a pipe of that name has no end
+    if not paths:
         raise BenchError(f"no recording (*.rrd) in {folder}: a scenario writes one into its --out folder")
-    file = max(found, key=lambda file: file.stat().st_mtime).absolute()
+    file = max(paths, key=lambda file: file.stat().st_mtime).absolute()
     with file.open("rb") as opened:
         if opened.read(len(BEGINS)) != BEGINS:
             raise InputError(file, "", "is no recording of Rerun; run its scenario or command again")
@@ -86,7 +86,7 @@ def program() -> str:
     """Find the viewer itself: its script in Python starts it as a child, which a kill would not reach."""
     spec = find_spec("rerun_cli")
     folder = Path(spec.origin).parent if spec is not None and spec.origin else Path()
-    found = [path for path in (folder / "Rerun.app/Contents/MacOS/Rerun", folder / "rerun") if path.is_file()]
-    if not found:
+    paths = [path for path in (folder / "Rerun.app/Contents/MacOS/Rerun", folder / "rerun") if path.is_file()]
+    if not paths:
         raise BenchError(f"no Rerun viewer beside {sys.executable}: install rerun-sdk there")
-    return str(found[0])
+    return str(paths[0])

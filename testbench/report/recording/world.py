@@ -10,11 +10,11 @@ import rerun.blueprint as rrb
 from rerun.components import FillMode
 
 from testbench.errors import Array
-from testbench.plant.shapes import Frames, Shape, join_meshes, quaternions, visual_shapes
+from testbench.plant.shapes import BodyFrames, Shape, join_meshes, quaternions, visual_shapes
 from testbench.report.colours import GREY, MEASURED, SCALE, Colour
 from testbench.report.markdown import Markdown, as_markdown, place
 from testbench.report.recording.stream import Pen, snake, text_view
-from testbench.report.scene import Layer, PlaceMap, Scale, scale_of
+from testbench.report.scene import ErrorScale, Layer, PlaceMap, scale_of
 from testbench.report.schema import show
 from testbench.workflows.cell import Cell
 
@@ -26,7 +26,7 @@ ASPECT = 1.25  #: Width over height of the narrowest pane that shows the arm [1]
 SIDE = (0.35, 0.9, 0.25)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
 
 
-def write_arm(pen: Pen, cell: Cell, root: str, rigid: Frames, bent: Frames | None) -> None:
+def write_arm(pen: Pen, cell: Cell, root: str, rigid: BodyFrames, bent: BodyFrames | None) -> None:
     """The arm in every pose: its bodies in grey, and once more those that are seen to move under load.
 
     A ghost of another body would flicker through its surface.
@@ -47,18 +47,18 @@ def write_arm(pen: Pen, cell: Cell, root: str, rigid: Frames, bent: Frames | Non
             _write_frames(pen, path, bent, body)
 
 
-def _write_frames(pen: Pen, path: str, frames: Frames, body: int) -> None:
+def _write_frames(pen: Pen, path: str, frames: BodyFrames, body: int) -> None:
     turns = quaternions(frames.rotations[:, body])
     pen.rows(path, rr.Transform3D.columns(translation=frames.positions[:, body], quaternion=turns))
 
 
-def _moving(rigid: Frames, bent: Frames) -> list[int]:
+def _moving(rigid: BodyFrames, bent: BodyFrames) -> list[int]:
     """Bodies that are seen to move."""
     shift = np.linalg.norm(bent.positions - rigid.positions, axis=2).max(axis=0)
     return np.flatnonzero(shift > 0.005 * reach(rigid)).tolist()
 
 
-def reach(frames: Frames) -> float:
+def reach(frames: BodyFrames) -> float:
     """Largest distance of a body from the foot of the arm, the scale of symbols [m]."""
     arm = frames.positions[:, 1:]  # the world is first
     return float(np.linalg.norm(arm - arm[:, :1], axis=-1).max())
@@ -179,7 +179,7 @@ def frame(
     return target + distance * back, target
 
 
-MOST, ROW = 4, 3  #: Maps at most, and side by side.
+MAX_MAPS, MAPS_PER_ROW = 4, 3  #: Maps at most, and side by side.
 BALL = 0.02  #: Radius of the largest ball of a map over the size of what is in view [1].
 SMALLEST = 0.4  #: Size of the ball of least error over that of the greatest [1]: colour is never alone.
 KEYS = 5  #: Errors of which the words say the colour.
@@ -198,42 +198,46 @@ def sizes(share: Array) -> Array:
     return SMALLEST + (1 - SMALLEST) * share
 
 
-def write_map(pen: Pen, found: PlaceMap, names: Sequence[str], size: float) -> None:
+def write_map(pen: Pen, place_map: PlaceMap, names: Sequence[str], size: float) -> None:
     """A map a line, rings where there is no number; in words what colours are, and where each is largest.
 
     What is in view has this size [m].
     """
-    scale, there, said = _scale(found), np.isfinite(found.at).all(axis=1), []
-    for line in found.lines[-MOST:]:
+    scale, there, said = _scale(place_map), np.isfinite(place_map.at).all(axis=1), []
+    for line in place_map.lines[-MAX_MAPS:]:
         path, known = f"{ROOT}/{snake(line.name)}", there & np.isfinite(line.values)
         share = scale.shares(line.values[known])
-        balls = rr.Points3D(found.at[known], colors=shades(share), radii=BALL * size * sizes(share))
+        balls = rr.Points3D(place_map.at[known], colors=shades(share), radii=BALL * size * sizes(share))
         pen.still(f"{path}/field", balls)
         if (there & ~known).any():
-            _write_rings(pen, f"{path}/none", found.at[there & ~known], SMALLEST * BALL * size)
+            _write_rings(pen, f"{path}/none", place_map.at[there & ~known], SMALLEST * BALL * size)
         if known.any():
             k = int(np.argmax(np.where(known, line.values, -np.inf)))
             own = f"{show(float(line.values[k]))} mm"
-            pen.names(f"{path}/worst", found.at[[k]] + [0, 0, 3 * BALL * size], [f"worst {own}"], SCALE[-1])
-            said.append(f"- {as_markdown(line.name)}: {own}, {as_markdown(names[k])}, {place(found.at[k])}")
-    if found.difference:
-        said.append(_write_difference(pen, found, size))
+            pen.names(
+                f"{path}/worst", place_map.at[[k]] + [0, 0, 3 * BALL * size], [f"worst {own}"], SCALE[-1]
+            )
+            said.append(
+                f"- {as_markdown(line.name)}: {own}, {as_markdown(names[k])}, {place(place_map.at[k])}"
+            )
+    if place_map.difference:
+        said.append(_write_difference(pen, place_map, size))
     key = ", ".join(f"{show(mm)}" for mm in scale.errors(np.linspace(0, 1, KEYS)))
     said.append(f"\nFrom small and dark blue by grey to large and yellow: {key} {scale.words}.")
-    rings = [f"Rings: {found.without}."] if found.without else []
-    head = [f"{found.title}. Where each is largest:", "\n".join(said), *rings]
+    rings = [f"Rings: {place_map.without}."] if place_map.without else []
+    head = [f"{place_map.title}. Where each is largest:", "\n".join(said), *rings]
     pen.documents({WORDS: Markdown("\n\n".join(head))})
 
 
-def _write_difference(pen: Pen, found: PlaceMap, size: float) -> str:
+def _write_difference(pen: Pen, place_map: PlaceMap, size: float) -> str:
     """The winner minus joint stiffness: balls in the colour of the one that errs less; the words for it."""
-    assert found.difference
-    ours, theirs = found.difference
-    known = np.isfinite(found.at).all(axis=1) & np.isfinite(ours.values) & np.isfinite(theirs.values)
+    assert place_map.difference
+    ours, theirs = place_map.difference
+    known = np.isfinite(place_map.at).all(axis=1) & np.isfinite(ours.values) & np.isfinite(theirs.values)
     off = (ours.values - theirs.values)[known]
     most = float(np.abs(off).max(initial=0.0)) or 1.0
     colours = np.where((off <= 0)[:, None], ours.look.colour, theirs.look.colour).astype(np.uint8)
-    balls = rr.Points3D(found.at[known], colors=colours, radii=BALL * size * sizes(np.abs(off) / most))
+    balls = rr.Points3D(place_map.at[known], colors=colours, radii=BALL * size * sizes(np.abs(off) / most))
     pen.still(f"{ROOT}/{DIFFERENCE}/field", balls)
     less, a, b = int((off < 0).sum()), as_markdown(ours.name), as_markdown(theirs.name)
     return f"- {a} minus {b}: {a} errs less in {less} of {len(off)} places, by {show(most)} mm at most"
@@ -246,13 +250,13 @@ def _write_rings(pen: Pen, path: str, centres: Array, radius: float) -> None:
     pen.still(path, rings)
 
 
-def _scale(found: PlaceMap) -> Scale:
-    return scale_of(*(line.values for line in found.lines[-MOST:]))
+def _scale(place_map: PlaceMap) -> ErrorScale:
+    return scale_of(*(line.values for line in place_map.lines[-MAX_MAPS:]))
 
 
-def map_tab(found: PlaceMap, arm: str, body: Array, size: float) -> rrb.Container:
+def map_tab(place_map: PlaceMap, arm: str, body: Array, size: float) -> rrb.Container:
     """The maps side by side with an arm, its points (n, 3) [m], and words; all in view has this size [m]."""
-    at = found.at[np.isfinite(found.at).all(axis=1)]
+    at = place_map.at[np.isfinite(place_map.at).all(axis=1)]
     points = np.vstack([at, body])
     eye = orbit(*frame(points, np.full(len(points), 0.04 * size), at[0, :2], aspect=1.1))
     views = [
@@ -262,10 +266,10 @@ def map_tab(found: PlaceMap, arm: str, body: Array, size: float) -> rrb.Containe
             contents=[f"+ $origin/map/{snake(line.name)}/**", *([f"+ $origin/{arm}/**"] if arm else [])],
             eye_controls=eye,
         )
-        for line in found.lines[-MOST:]
+        for line in place_map.lines[-MAX_MAPS:]
     ]
-    if found.difference:
-        ours, theirs = found.difference
+    if place_map.difference:
+        ours, theirs = place_map.difference
         views.append(
             rrb.Spatial3DView(
                 origin="world",
@@ -274,11 +278,13 @@ def map_tab(found: PlaceMap, arm: str, body: Array, size: float) -> rrb.Containe
                 eye_controls=eye,
             )
         )
-    across = len(views) if len(views) <= ROW else -(-len(views) // 2)
-    words = text_view(WORDS, found.heading)
+    across = len(views) if len(views) <= MAPS_PER_ROW else -(-len(views) // 2)
+    words = text_view(WORDS, place_map.heading)
     if len(views) % across:
-        return rrb.Grid(*views, words, grid_columns=across, name=found.heading)
-    return rrb.Vertical(rrb.Grid(*views, grid_columns=across), words, row_shares=[13, 3], name=found.heading)
+        return rrb.Grid(*views, words, grid_columns=across, name=place_map.heading)
+    return rrb.Vertical(
+        rrb.Grid(*views, grid_columns=across), words, row_shares=[13, 3], name=place_map.heading
+    )
 
 
 def _typical(values: Array) -> str:

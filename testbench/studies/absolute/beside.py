@@ -7,18 +7,18 @@ import numpy as np
 from testbench.data.series import Series
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.choose import GEOMETRY
-from testbench.identify.absolute.evidence import Learnt, choice, solve, squares
-from testbench.identify.absolute.fit import Calibration, Gathered
+from testbench.identify.absolute.evidence import ErrorScales, activate, gram_of_active, solve_active
+from testbench.identify.absolute.fit import Calibration, LinearisedReadings
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.posterior import RegisteredSeries, posterior_of
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import ArmState
 from testbench.identify.absolute.unknowns import unknowns_of
-from testbench.identify.fold import Point, reduce_series
-from testbench.identify.metric import metric
+from testbench.identify.fold import Linearisation, reduce_series
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.robust_loss import SQUARE
-from testbench.identify.rows import rows_of
+from testbench.identify.rows import series_rows
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
@@ -37,7 +37,7 @@ class Held:
     inside: int
 
 
-def true_state(state: State, truth: Truth) -> State:
+def true_state(state: ArmState, truth: Truth) -> ArmState:
     """A state with what the truth has of all its errors; its frames and mounts stay.
 
     A joint's offset is a turn of the link before it about its axis, as in the model.
@@ -73,7 +73,7 @@ def true_joints(vjm: Vjm, truth: Truth) -> Array:
     return np.asarray(np.diag(C)[6 * len(vjm.arm.links) :] + links)
 
 
-def judged(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Array]:
+def score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Array]:
     """All numbers of a calibration that have an interval, beside the truth.
 
     A joint's true compliance has that of the link before it about its axis, of a rigid model's links too.
@@ -82,12 +82,12 @@ def judged(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Ar
         Of each part those numbers that the truth has, where there are some: joint errors have its orders. Of
         the compliances of the joints found over true, less one, (n,); (0,) of a rigid model.
     """
-    own, known, parts, relative = calibration.own, posterior_of(calibration), {}, np.zeros(0)
-    true = own.unknowns.current(true_state(calibration.state, truth))
-    for group in functionals(own):
-        a, sought = group.of[:, own.columns], group.of @ true
+    active, known, parts, relative = calibration.active, posterior_of(calibration), {}, np.zeros(0)
+    true = active.unknowns.current(true_state(calibration.state, truth))
+    for group in functionals(active):
+        a, sought = group.of[:, active.columns], group.of @ true
         if group.part == "joint compliances":
-            sought = true_joints(own.unknowns.vjm, truth)
+            sought = true_joints(active.unknowns.vjm, truth)
             relative = a @ known.x / sought - 1
         inside = (np.abs(a @ known.x - sought) < known.half_widths(a))[sought != 0]
         if inside.size:
@@ -95,45 +95,48 @@ def judged(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Ar
     return parts, relative
 
 
-def optimum_mm(found: Gathered, truth: Truth, check: Series) -> float:
+def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     """Expected RMS distance from the true positions of the best linear estimate, at the truth.
 
     It knows the standard deviations that geometry, joint errors and noise were drawn with, which orders the
     joint errors have, and compliances to SHAPE around the true ones, and has no other errors to look for.
     """
-    vjm, asked = found.state.vjm, truth.arm.disturbances
-    assert asked.geometry is not None
-    errors = JointErrors(tuple(range(1, 1 + (asked.gear.orders if asked.gear else 0))))
+    vjm, disturbances = found.state.vjm, truth.arm.disturbances
+    assert disturbances.geometry is not None
+    errors = JointErrors(tuple(range(1, 1 + (disturbances.gear.orders if disturbances.gear else 0))))
     unknowns = unknowns_of(vjm, found.series, errors, all153(vjm.arm))
     kinds = GEOMETRY | ({"harmonics"} if errors.orders else frozenset())
-    own = choice(unknowns, kinds, metric(Prior("truth", truth.C_theta), vjm, unknowns.structure))
+    active = activate(unknowns, kinds, scale_by_prior(Prior("truth", truth.C_theta), vjm, unknowns.structure))
     nothing = np.zeros((vjm.arm.n_joints, errors.size))
     true = true_state(replace(found.state, errors=errors, n=nothing), truth)
-    reduced = reduce_series(Point(unknowns, true, Noise(), SQUARE), found.series)
+    reduced = reduce_series(Linearisation(unknowns, true, Noise(), SQUARE), found.series)
     sizes = {
-        "geometry shift": asked.geometry.position,
-        "geometry turn": float(np.hypot(asked.geometry.angle, asked.sensor_offset / np.sqrt(3))),
-        "harmonics": asked.gear.sigma if asked.gear else 0.0,
+        "geometry shift": disturbances.geometry.position,
+        "geometry turn": float(
+            np.hypot(disturbances.geometry.angle, disturbances.sensor_offset / np.sqrt(3))
+        ),
+        "harmonics": disturbances.gear.sigma if disturbances.gear else 0.0,
     }
     deviation = np.full(unknowns.size, np.inf)
     for kind, columns in unknowns.groups:
         deviation[columns] = sizes[kind]
-    known = Learnt(deviation, np.ones(len(reduced.kinds)))
-    V = solve(own, squares(own, reduced.gram), known, Strength(SHAPE)).covariance
-    assert own.elastic is not None
-    lines = rows_of(unknowns, true, check)[:, :, own.columns].transpose(0, 1, 3, 2)
-    A = lines.reshape(-1, len(own.columns))
-    A = np.hstack([A[:, : own.rigid], A[:, own.rigid :] @ own.elastic.L])
+    known = ErrorScales(deviation, np.ones(len(reduced.kinds)))
+    V = solve_active(active, gram_of_active(active, reduced.gram), known, Strength(SHAPE)).covariance
+    assert active.elastic is not None
+    lines = series_rows(unknowns, true, check)[:, :, active.columns].transpose(0, 1, 3, 2)
+    A = lines.reshape(-1, len(active.columns))
+    A = np.hstack([A[:, : active.rigid], A[:, active.rigid :] @ active.elastic.L])
     return MM * float(np.sqrt(3 * np.einsum("ec,cd,ed->e", A, V, A).mean()))
 
 
 def registered(calibration: Calibration, series: Series) -> RegisteredSeries:
     """Frame and mount of a series as the calibration left them, with all that it left open between them."""
-    own, every = calibration.own, np.arange(calibration.own.unknowns.size)
+    active, every = calibration.active, np.arange(calibration.active.unknowns.size)
     calibration.state.frame(series), calibration.state.mount(series)
     names = f"frame {series.frame}", f"mount {series.target}"
-    at = np.concatenate([every[own.unknowns.columns(name)] for name in names])  # all frames and mounts are on
-    at = np.r_[at, np.flatnonzero(own.columns >= own.unknowns.starts["geometry"])]
+    # all frames and mounts are on
+    at = np.concatenate([every[active.unknowns.columns(name)] for name in names])
+    at = np.r_[at, np.flatnonzero(active.columns >= active.unknowns.starts["geometry"])]
     whole = posterior_of(calibration)
     return RegisteredSeries(
         calibration.state, np.zeros(0, dtype=int), Posterior.normal(whole.x[at], whole.root[:, at])

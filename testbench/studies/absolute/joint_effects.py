@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from testbench.arm.folder import Joint
+from testbench.arm.folder import ArmJoint
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.pattern import FIRST
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.state import State, forward
+from testbench.identify.absolute.state import ArmState, series_equilibrium
 from testbench.identify.diagnosis.moves import in_time
 from testbench.model.vjm import translation_rows
 from testbench.report.table import Row, Trials
@@ -26,7 +26,7 @@ TOGETHER, PARTS = 60, 10
 
 
 def joint_rows(
-    joints: Sequence[Joint], series: Sequence[Series], waves: Mapping[str, Sequence[float]]
+    joints: Sequence[ArmJoint], series: Sequence[Series], waves: Mapping[str, Sequence[float]]
 ) -> list[Row]:
     """Make a row a joint: its angles, and its error by A, by C and by both.
 
@@ -58,7 +58,7 @@ def _joint(name: str, a: Array, c: Array, waves: dict[str, Array]) -> Row:
     )
 
 
-def effect_rows(joints: Sequence[Joint], series: Sequence[str], own: Trials) -> list[Row]:
+def effect_rows(joints: Sequence[ArmJoint], series: Sequence[str], own: Trials) -> list[Row]:
     """Make rows of effects that no model has, with half intervals; none of joints that the rows do not show.
 
     Args:
@@ -89,7 +89,7 @@ def _far(angles: Array, known: Array) -> Array:
     return np.asarray(np.minimum(at - ring[place - 1], ring[place] - at))
 
 
-def approach(state: State, series: Series) -> Array:
+def approach(state: ArmState, series: Series) -> Array:
     """How far every joint stands apart by the side that it comes from, and half intervals, (n, 2) [rad, m].
 
     Least squares over rows that follow the one before in the file; zero where none does.
@@ -97,8 +97,8 @@ def approach(state: State, series: Series) -> Array:
     one = in_time(series)
     came = np.flatnonzero(np.diff(one.row) == 1)
     sign = np.sign(np.diff(one.q, axis=0)[came]).T
-    J = translation_rows(forward(state, one).where, state.mount(one).points)
-    A = J.reshape(-1, len(state.theta_0), one.rows)[:3, state.vjm.own, 1 + came] * sign / 2
+    J = translation_rows(series_equilibrium(state, one).chain, state.mount(one).points)
+    A = J.reshape(-1, len(state.theta_0), one.rows)[:3, state.vjm.joint_slice, 1 + came] * sign / 2
     A, y = A.transpose(0, 2, 1).reshape(-1, len(sign)), residuals(state, one)[0][:, 1 + came].ravel()
     inverse = np.linalg.pinv(A)
     x = inverse @ y
@@ -106,7 +106,7 @@ def approach(state: State, series: Series) -> Array:
     return np.stack([x, HALF * scatter * np.linalg.norm(inverse, axis=1)], axis=1)
 
 
-def drift(state: State, series: Series) -> Array:
+def drift(state: ArmState, series: Series) -> Array:
     """RMS of how z drifts in base axes, and half its interval, (2,) [m]: means of rows less their scatter."""
     z = residuals(state, in_time(series))[0, 2]
     z = (z - z.mean())[: len(z) // TOGETHER * TOGETHER].reshape(-1, TOGETHER)

@@ -15,29 +15,43 @@ from testbench.data.series import Series, select_rows
 from testbench.design.absolute import position_rows
 from testbench.errors import Ids
 from testbench.identify.absolute.choose import blocks_of
-from testbench.identify.absolute.fit import ORDERS, PATTERN, Calibration, Options, explain, gather
+from testbench.identify.absolute.fit import (
+    MAX_ORDER,
+    PATTERN,
+    Calibration,
+    CalibrationOptions,
+    linearise_readings,
+    select_and_solve,
+)
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.prior import Strength, cad_prior
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.report import colours
-from testbench.report.badge import Badge, beside_all
+from testbench.report.badge import Badge, badge_against_all
 from testbench.report.colours import CHOICE, Look, look
 from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
-from testbench.report.scene import Seen
+from testbench.report.scene import PageContent
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged
 from testbench.studies.absolute.joint_effects import approach, drift, effect_rows, joint_rows
 from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.headline import READ, headline
 from testbench.studies.study import Run, Study
-from testbench.workflows.absolute import FRAME_POSES, File, Score, evenly, read_all, score
+from testbench.workflows.absolute import (
+    FRAME_POSES,
+    File,
+    PositionErrors,
+    evenly_spaced_rows,
+    position_errors,
+    read_all,
+)
 from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.plan import MORE, best_of, union_after
+from testbench.workflows.plan import FURTHER, best_of, union_after
 from testbench.workflows.plan_settings import PlanSettings
 from testbench.workflows.rows import MM, UM
 
@@ -51,11 +65,11 @@ LINKS_LS, LINKS_GCO, LINKS_PRIOR = "+ links, LS", "+ links, GCO", "+ links, GCO 
 ALL, SHARED = "+ joint errors + links", "+ common pattern"
 
 
-def _with(*names: str) -> Options:
-    return Options(only=frozenset(names))
+def _with(*names: str) -> CalibrationOptions:
+    return CalibrationOptions(only=frozenset(names))
 
 
-LADDER: Mapping[str, Options] = {
+LADDER: Mapping[str, CalibrationOptions] = {
     GEOMETRY: _with(),
     JOINTS: _with(SPRINGS),
     LINKS_LS: replace(_with(SPRINGS, LINKS), constraint="none", strength=WEAK),
@@ -64,7 +78,7 @@ LADDER: Mapping[str, Options] = {
     WAVES: _with(SPRINGS, ERRORS),
     SHARED: _with(SPRINGS, ERRORS, PATTERN),
     ALL: _with(SPRINGS, ERRORS, LINKS),
-    CHOSEN: Options(),
+    CHOSEN: CalibrationOptions(),
 }
 """Models, from geometry alone to what cross-validation keeps: gear ratio, play and stiffening tried too."""
 TWO = (JOINTS, SHARED)  #: Without joint errors and with them.
@@ -106,7 +120,8 @@ ERRORS = (
 )
 JOINT = "joint strange_to_A_percent strange_to_C_percent common_deg correlation rms_A_urad rms_C_urad"
 DRAW = "random poses of C"  #: What trains where the number of poses is in question.
-ENOUGH = 50  #: Highest order where the number of poses is in question: more change little and cost twice.
+#: Highest order where the number of poses is in question: more change little and cost twice.
+MAX_COUNTED_ORDER = 50
 JUDGING = 200  #: Random poses of C, never of those that trained, and about as many of A, that judge these.
 
 
@@ -116,7 +131,7 @@ class Flags:
 
 
 @dataclass(frozen=True)
-class Settings:
+class RealSettings:
     """What is tried."""
 
     thin: int  #: Every so many rows of the readings are taken.
@@ -126,11 +141,11 @@ class Settings:
     draws: Mapping[int, int]  #: Random poses that train, and in how many seeds, from the first, at most.
 
 
-def settings(_: Flags, quick: bool, seeds: range) -> Settings:
+def settings(_: Flags, quick: bool, seeds: range) -> RealSettings:
     """What the flags ask for: many random poses are dear, hence tried in few seeds."""
     if quick:
-        return Settings(6, 30, (GEOMETRY, *RUNGS), seeds[0], {60: 1})
-    return Settings(1, ORDERS, tuple(LADDER), seeds[0], {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3})
+        return RealSettings(6, 30, (GEOMETRY, *RUNGS), seeds[0], {60: 1})
+    return RealSettings(1, MAX_ORDER, tuple(LADDER), seeds[0], {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3})
 
 
 Judged = tuple[str, Series, int | None]
@@ -166,14 +181,14 @@ def split(
 
 
 @dataclass(frozen=True)
-class FitRow:
+class RealFitRow:
     """A model, as the readings that trained it made it, beside readings that judge it."""
 
     split: str  #: One of SPLITS, or DRAW.
     name: str  #: Of the model.
     judged: str  #: Series that judges it, empty for none.
     poses: int  #: That trained it.
-    error: Score | None  #: Positions that were not fitted; None where nothing judges.
+    error: PositionErrors | None  #: Positions that were not fitted; None where nothing judges.
     #: Readings minus model of all judged rows, base axes, (3 rows,) [um]; of those that are drawn.
     left_um: tuple[float, ...]
     method: str | None  #: How compliances were found; None of a rigid arm.
@@ -189,7 +204,7 @@ class FitRow:
     effects: tuple[float, ...]
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
+def trials(asked: RealSettings, seeds: Sequence[int]) -> list[list[RealFitRow]]:
     """Rows of some seeds; the seed draws the poses, and nothing else."""
     cell, series = read(asked.thin)
     found = []
@@ -199,7 +214,7 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
     return found
 
 
-def models_of(asked: Settings, name: str) -> list[str]:
+def models_of(asked: RealSettings, name: str) -> list[str]:
     """Models that are tried on a split: of the one that judges nothing, those that are looked into.
 
     Choosing is dear: from one series to the other it is left out.
@@ -211,70 +226,72 @@ def models_of(asked: Settings, name: str) -> list[str]:
     return [one for one in asked.models if name == BLOCKS or one != CHOSEN]
 
 
-def _ladder(asked: Settings, cell: Cell, series: Sequence[Series]) -> Iterator[FitRow]:
+def _ladder(asked: RealSettings, cell: Cell, series: Sequence[Series]) -> Iterator[RealFitRow]:
     """Every model on every split: gathered once a split. C with the common pattern plans the poses of A."""
-    fifty = {EVENLY: evenly(series[0], MORE)}
+    fifty = {EVENLY: evenly_spaced_rows(series[0], FURTHER)}
     for name in (BOTH, BLOCKS, TO_A, TO_C, EVENLY, PLANNED):
         (train, judged), tried = split(name, series, fifty.get(name)), models_of(asked, name)
         only = None if CHOSEN in tried else frozenset({SPRINGS}).union(*(LADDER[one].may for one in tried))
-        options = Options(only=only, orders=asked.orders)
-        found = gather(cell.vjm, train, cad_prior(cell.arm), options)
+        options = CalibrationOptions(only=only, orders=asked.orders)
+        linearised_readings = linearise_readings(cell.vjm, train, cad_prior(cell.arm), options)
         poses = sum(one.rows for one in train)
         for model in tried:
-            own = explain(found, LADDER[model])
+            calibration = select_and_solve(linearised_readings, LADDER[model])
             if not judged:
-                yield _row(own, Row(split=name, name=model, poses=poses))
+                yield _row(calibration, Row(split=name, name=model, poses=poses))
             for one in judged:
                 if one[0] != AGAIN or model in (GEOMETRY, *RUNGS):
-                    yield _row(own, Row(name=model, poses=poses), one)
+                    yield _row(calibration, Row(name=model, poses=poses), one)
             if (name, model) == (TO_A, SHARED):
-                fifty[PLANNED] = _planned(model_of(own), series[0])
+                fifty[PLANNED] = _planned(model_of(calibration), series[0])
 
 
 def _planned(known: ArmModel, series: Series) -> Ids:
     """Rows of a series that a plan's criterion chooses for all of its poses, by what is known of the arm."""
     sigma = UM * series.sigma
-    settings = PlanSettings(absolute=True, criterion="I", poses=MORE, orientations=True, sigma_um=sigma)
+    settings = PlanSettings(absolute=True, criterion="I", poses=FURTHER, orientations=True, sigma_um=sigma)
     union = union_after(known, settings)
-    wanted = position_rows(union, series.q[evenly(series, JUDGING)])
+    wanted = position_rows(union, series.q[evenly_spaced_rows(series, JUDGING)])
     return np.sort(best_of(union, series.q, wanted)[0])
 
 
-def _draws(asked: Settings, cell: Cell, series: Sequence[Series], seed: int) -> Iterator[FitRow]:
+def _draws(asked: RealSettings, cell: Cell, series: Sequence[Series], seed: int) -> Iterator[RealFitRow]:
     """Models of random poses of C, judged on poses of C that they never saw, and on A."""
     a, c = series
-    order = stream(seed).permutation(c.rows)
+    order = trial_rng(seed).permutation(c.rows)
     rest = select_rows(c, order[max(asked.draws) :][:JUDGING])
     few = select_rows(a, np.unique(np.linspace(0, a.rows - 1, JUDGING + FRAME_POSES).astype(int)))
-    tried = Options(orders=min(asked.orders, ENOUGH), only=LADDER[SHARED].only)
+    tried = CalibrationOptions(orders=min(asked.orders, MAX_COUNTED_ORDER), only=LADDER[SHARED].only)
     for poses in [n for n, draws in asked.draws.items() if seed < asked.first + draws]:
-        found = gather(cell.vjm, (select_rows(c, order[:poses]),), cad_prior(cell.arm), tried)
+        linearised_readings = linearise_readings(
+            cell.vjm, (select_rows(c, order[:poses]),), cad_prior(cell.arm), tried
+        )
         for model in TWO:
-            own = explain(found, LADDER[model])
+            calibration = select_and_solve(linearised_readings, LADDER[model])
             for one, frame_poses in ((rest, None), (few, FRAME_POSES)):
-                yield _row(own, Row(name=model, poses=poses), (DRAW, one, frame_poses))
+                yield _row(calibration, Row(name=model, poses=poses), (DRAW, one, frame_poses))
 
 
-def _row(found: Calibration, about: Row, judged: Judged | None = None) -> FitRow:
+def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFitRow:
     """What a model is, beside readings that judge it, but those that told frame and target."""
-    estimate, own, steps = found.estimate, found.own, found.chosen.steps
+    estimate, active, steps = found.estimate, found.active, found.chosen.steps
     K, n = 2 * len(found.state.errors.orders), found.state.vjm.arm.n_joints
     certificate, left = None if estimate is None else estimate.certificate, np.zeros(0)
     about |= Row(judged="", error=None)
     if judged:
         about["split"], series, frame_poses = judged
-        about |= Row(judged=series.name, error=score(model_of(found), [series], frame_poses))
+        about |= Row(judged=series.name, error=position_errors(model_of(found), [series], frame_poses))
         if about.split == BLOCKS:
             left = np.round(UM * residuals(found.state, series)[0].T, 2)
     waves, effects = "harmonics" in found.chosen.kinds and about.split != DRAW, np.zeros(0)
     if (about.split, about.name) == (BOTH, SHARED):
         slow = [drift(found.state, one) for one in found.series]
         effects = np.vstack([approach(found.state, found.series[1]), *slow])
-    return FitRow(
+    return RealFitRow(
         **about,
         left_um=tuple(left.ravel().tolist()),
         method=None if estimate is None else estimate.method,
-        parameters=int((own.columns >= own.unknowns.starts["geometry"]).sum()),
+        parameters=int((active.columns >= active.unknowns.starts["geometry"]).sum()),
         conservative=estimate is None or bool(estimate.conservative),
         min_eigenvalue=0.0 if estimate is None else float(estimate.min_eigenvalue),
         duality_gap=None if certificate is None else float(certificate.duality_gap),
@@ -286,7 +303,7 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> FitRow
     )
 
 
-def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
     """Report the ladder as it is, and errors by number of random poses over the seeds."""
     cell, series = read(asked.thin)
     ladder, told = trials.where(split=SPLITS), ("name", "split", "judged", "poses")
@@ -360,8 +377,8 @@ def _badge(rows: Trials) -> Badge | None:
     }
     ours = errors.pop(SHARED)  # every model of the ladder has them
     pairs = {name: (ours, own, None) for name, own in errors.items()}
-    found = beside_all(SHARED, pairs, "position of held-out blocks")
-    return found and replace(found, what="RMS error")  # the tables have means
+    badge = badge_against_all(SHARED, pairs, "position of held-out blocks")
+    return badge and replace(badge, what="RMS error")  # the tables have means
 
 
 def _series(series: Series) -> Row:
@@ -398,7 +415,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"real_ur10.png": forest(found.tables["models"], PANES, title, reading, JOINTS)}
 
 
-def write(run: Run[Settings]) -> Seen:
+def write(run: Run[RealSettings]) -> PageContent:
     """Write errors.csv, a line a position: row of its file, joints, reading minus both models in base axes.
 
     Returns:
@@ -430,7 +447,7 @@ STUDY = Study(
     settings=settings,
     seeds=(20, 1),
     arms=lambda _: [find_arm(ARM)],
-    row=FitRow,
+    row=RealFitRow,
     trials=trials,
     report=report,
     printed=("models",),

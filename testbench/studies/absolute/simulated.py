@@ -14,13 +14,13 @@ from testbench.arm.folder import find_arm
 from testbench.data.series import Series
 from testbench.errors import Array, BenchError, Mask
 from testbench.files.write import series_text
-from testbench.identify.absolute.fit import Calibration, explain, gather
-from testbench.identify.absolute.fit import Options as Fit
-from testbench.identify.absolute.posterior import inside, model_of, posterior_of, predict
+from testbench.identify.absolute.fit import Calibration, linearise_readings, select_and_solve
+from testbench.identify.absolute.fit import CalibrationOptions as Fit
+from testbench.identify.absolute.posterior import inside_ellipsoid, model_of, posterior_of, predict
 from testbench.plant.build import build_plant
 from testbench.plant.gear import GearErrors
-from testbench.plant.tracker import Tracker, read_positions, stream
-from testbench.plant.true_arms import FAMILY, member
+from testbench.plant.tracker import Tracker, read_positions, trial_rng
+from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.report import colours
 from testbench.report.badge import of_rivals
 from testbench.report.colours import CHOICE, Look, look
@@ -28,11 +28,11 @@ from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest, sweeps
 from testbench.report.markdown import Markdown, listed
 from testbench.report.report import Report, lines, say
-from testbench.report.scene import Seen
+from testbench.report.scene import PageContent
 from testbench.report.schema import Table, pivot
 from testbench.report.table import Row, Trials, number
-from testbench.runs.spread import ENOUGH, span, spread
-from testbench.studies.absolute.beside import Held, judged, optimum_mm, registered, true_state
+from testbench.runs.spread import MIN_PERCENTILE_TRIALS, span, spread
+from testbench.studies.absolute.beside import Held, optimum_mm, registered, score_intervals, true_state
 from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.headline import FEW, READ, headline
 from testbench.studies.study import Run, Study
@@ -152,7 +152,7 @@ KNOWN = 1e-4  #: Standard deviation below which geometry is known [m, rad].
 
 
 @dataclass(frozen=True)
-class Options:
+class AbsoluteOptions:
     """Flags of the study."""
 
     arm: Annotated[
@@ -161,7 +161,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Settings:
+class AbsoluteSettings:
     """What is tried."""
 
     arms: tuple[str, ...]
@@ -180,7 +180,7 @@ class Settings:
         return (*self.numbers, self.many) if often else self.numbers
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: AbsoluteOptions, quick: bool, seeds: range) -> AbsoluteSettings:
     """What the flags ask for.
 
     Raises:
@@ -191,12 +191,12 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
         if name not in PAYLOAD or arms.count(name) > 1:
             raise BenchError(f"--arm: expected different ones of {', '.join(PAYLOAD)}, got {name!r}")
     if quick:
-        return Settings(arms, QUICK_NUMBERS, 0, QUICK_NUMBERS[0], seeds[0])
-    return Settings(arms, NUMBERS, MANY, FEATURED, seeds[0])
+        return AbsoluteSettings(arms, QUICK_NUMBERS, 0, QUICK_NUMBERS[0], seeds[0])
+    return AbsoluteSettings(arms, NUMBERS, MANY, FEATURED, seeds[0])
 
 
 @dataclass(frozen=True)
-class FitRow:
+class AbsoluteFitRow:
     """One fit of one campaign."""
 
     arm: str
@@ -226,7 +226,7 @@ class FitRow:
 
 
 @dataclass(frozen=True)
-class Asked:
+class AbsoluteTrial:
     """What is measured, and what explains it."""
 
     true_arm: str  #: One of TRUE_ARMS.
@@ -237,32 +237,38 @@ class Asked:
     shown: bool = False  #: Whether rows keep the readings, and what is drawn.
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
+def trials(asked: AbsoluteSettings, seeds: Sequence[int]) -> list[list[AbsoluteFitRow]]:
     """Rows of some seeds."""
     cells = {name: build_cell(find_arm(name)) for name in asked.arms}
     return [
-        [row for one in _campaigns(asked, seed) for row in _rows(cells[asked.arm_of(seed)], one, seed)]
+        [
+            row
+            for absolute_trial in _campaigns(asked, seed)
+            for row in _rows(cells[asked.arm_of(seed)], absolute_trial, seed)
+        ]
         for seed in seeds
     ]
 
 
-def _campaigns(asked: Settings, seed: int) -> Iterator[Asked]:
+def _campaigns(asked: AbsoluteSettings, seed: int) -> Iterator[AbsoluteTrial]:
     """All that is measured in a trial."""
     n = asked.featured
     for poses in asked.numbers_of(seed):
         more = (WITH_LINKS,) if poses == n else ()
-        yield Asked(REAL, ABSOLUTE, poses, (*BY_POSES, *more), shown=(seed, poses) == (asked.first, n))
+        yield AbsoluteTrial(
+            REAL, ABSOLUTE, poses, (*BY_POSES, *more), shown=(seed, poses) == (asked.first, n)
+        )
     for true, campaign, models in BESIDE:
         poses, loaded = (round(share * n) for share in CAMPAIGNS[campaign])
-        yield Asked(true, campaign, poses, models, loaded)
+        yield AbsoluteTrial(true, campaign, poses, models, loaded)
 
 
-def _rows(cell: Cell, asked: Asked, seed: int) -> Iterator[FitRow]:
+def _rows(cell: Cell, asked: AbsoluteTrial, seed: int) -> Iterator[AbsoluteFitRow]:
     """Draw a true arm of the family, measure it, and judge what models make of its readings.
 
     The arm, its frames and its poses are the same in all that is asked of a seed.
     """
-    own, (_, true) = true_cell(cell, member(FAMILY, seed // 2), seed), TRUE_ARMS[asked.true_arm]
+    own, (_, true) = true_cell(cell, true_arm_of_seed(FAMILY, seed // 2), seed), TRUE_ARMS[asked.true_arm]
     if asked.true_arm == JOINTS_ONLY:
         arm = own.plant.arm
         links = tuple(replace(link, compliance=STIFF * link.compliance) for link in arm.links)
@@ -271,14 +277,14 @@ def _rows(cell: Cell, asked: Asked, seed: int) -> Iterator[FitRow]:
     masses = (0.0, payload) if asked.loaded else (0.0,)
     how = Row(poses=asked.poses, masses=masses, loaded_poses=asked.loaded or None)
     series, truth = simulate_series(own, true.model_copy(update=how), seed)
-    q = clear_poses(cell, None, CHECKING, stream(seed, 900))
+    q = clear_poses(cell, None, CHECKING, trial_rng(seed, 900))
     exact = true.model_copy(update={"noise": False, "repeatability": 0.0, "outliers": 0.0})
     checks = [
         simulate_series(own, exact.model_copy(update={"masses": (mass,)}), seed, q)[0][0]
         for mass in (0.0, payload)
     ]
-    gathered = gather(cell.vjm, series, wrong_prior(cell, seed), MODELS[CHOSEN])
-    found = {name: explain(gathered, MODELS[name]) for name in asked.models}
+    gathered = linearise_readings(cell.vjm, series, wrong_prior(cell, seed), MODELS[CHOSEN])
+    found = {name: select_and_solve(gathered, MODELS[name]) for name in asked.models}
     alone, known = (asked.true_arm, asked.campaign) == (REAL, ABSOLUTE), _known(found[ALL])
     about = Row(arm=cell.arm.name, true_arm=asked.true_arm, campaign=asked.campaign, poses=asked.poses)
     about |= Row(readings=sum(one.rows for one in series))
@@ -288,12 +294,12 @@ def _rows(cell: Cell, asked: Asked, seed: int) -> Iterator[FitRow]:
         row = Row(about, name=name, geometry_off=_geometry_off(fit, truth, known))
         if asked.shown and name in DRAWN:
             row |= Row(q_rad=tuple(q.ravel().tolist()), data_file=text)
-        yield _row(row, fit, truth, checks, stream(seed, 901))
+        yield _row(row, fit, truth, checks, trial_rng(seed, 901))
 
 
 def _row(
     about: Row, fit: Calibration, truth: Truth, checks: Sequence[Series], rng: np.random.Generator
-) -> FitRow:
+) -> AbsoluteFitRow:
     """A calibration beside the truth.
 
     Args:
@@ -304,8 +310,8 @@ def _row(
         rng: Source of the noise of their readings.
     """
     off, within = check(fit, checks[0], rng)
-    held, joints = judged(fit, truth)
-    return FitRow(
+    held, joints = score_intervals(fit, truth)
+    return AbsoluteFitRow(
         **about,
         kept=tuple(step.name for step in fit.chosen.steps if step.kept),
         error_mm=MM * rms(off),
@@ -330,24 +336,24 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
     read = replace(true, position=read_positions(Tracker(true.sigma, None), true.position, rng))
     left, covariance = predict(model_of(calibration), registered(calibration, read), read)
     turn = calibration.state.frame(true).rotation
-    return left - (read.position - true.position) @ turn, np.asarray(inside(left, covariance))
+    return left - (read.position - true.position) @ turn, np.asarray(inside_ellipsoid(left, covariance))
 
 
 def _known(fit: Calibration) -> Array:
     """Combinations of errors of geometry that a fit knows to KNOWN, orthonormal, (k, geometry)."""
-    geometry = fit.own.unknowns.columns("geometry")
-    root = posterior_of(fit).root[:, np.flatnonzero(np.isin(fit.own.columns, np.r_[geometry]))]
+    geometry = fit.active.unknowns.columns("geometry")
+    root = posterior_of(fit).root[:, np.flatnonzero(np.isin(fit.active.columns, np.r_[geometry]))]
     values, vectors = np.linalg.eigh(root.T @ root)
     return np.asarray(vectors[:, values < KNOWN**2].T)
 
 
 def _geometry_off(fit: Calibration, truth: Truth, known: Array) -> float:
     """RMS error along some combinations of errors of geometry [mm, mrad]; 0 without any."""
-    off = (fit.state.theta_0 - true_state(fit.state, truth).theta_0)[fit.own.unknowns.inner]
+    off = (fit.state.theta_0 - true_state(fit.state, truth).theta_0)[fit.active.unknowns.inner]
     return MM * float(np.sqrt(np.mean((known @ off) ** 2))) if len(known) else 0.0
 
 
-def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: AbsoluteSettings, seeds: range, trials: Trials) -> Report:
     """Report by arm, true arm, campaign, number of poses and model."""
     arms = [arm for arm in asked.arms if arm in trials.values("arm")]
     places = {name: trials.values(name) for name in BY} | {"arm": arms, "name": [*MODELS]}
@@ -388,8 +394,8 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             "{trials:counted trial} of {arms:list} in turn, {featured} poses, noise {dataset.sigma_um:g} um",
             f,
         ),
-        answer=lines(headline(badge, own) for own in each),
-        claims=[FEW] if len(seeds) < ENOUGH else [],
+        answer=lines(headline(badge, table) for table in each),
+        claims=[FEW] if len(seeds) < MIN_PERCENTILE_TRIALS else [],
         numbers=f,
         tables={
             "short": replace(pivot(Table((), featured, title), *columns("name arm error_mm")), looks=LOOKS),
@@ -403,23 +409,23 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
 
 def _merged(key: Row, own: Trials) -> Row:
     """What a model makes of some true arms and a campaign, over their trials."""
-    found = Row(key, trials=len(own), inside=Row())
-    found["readings"] = number(own["readings"])
+    row = Row(key, trials=len(own), inside=Row())
+    row["readings"] = number(own["readings"])
     for name in ("error_mm", "loaded_mm", "optimum_mm", "geometry_off"):
-        found[name] = None if np.isnan(own[name]).any() else spread(own[name])
-    known = found.optimum_mm is not None
-    found["over_optimum"] = _root(own["error_mm"] / own["optimum_mm"]) if known else None
+        row[name] = None if np.isnan(own[name]).any() else spread(own[name])
+    known = row.optimum_mm is not None
+    row["over_optimum"] = _root(own["error_mm"] / own["optimum_mm"]) if known else None
     for part in PARTS:
         count, within = (np.nansum(own[f"{part}.{name}"].astype(float)) for name in ("of", "inside"))
-        found.inside[f"{part}_percent"] = 100 * within / count if count else None
+        row.inside[f"{part}_percent"] = 100 * within / count if count else None
     for name, part in (("gears", GEARS), ("links", LINKS)):
         share = 100 * np.mean([part in kept for kept in own["kept"]])
-        found[f"{name}_kept_percent"] = share if key.name == CHOSEN else None
+        row[f"{name}_kept_percent"] = share if key.name == CHOSEN else None
     off = 100 * np.array([cells[1:3] for cells in own["compliance_off"]])
     for joint, shares in zip((2, 3), off.T, strict=False):  # none of a rigid arm
-        found[f"bias_{joint}_percent"] = float(np.median(shares))
-        found[f"off_{joint}_percent"] = _root(shares)
-    return found
+        row[f"bias_{joint}_percent"] = float(np.median(shares))
+        row[f"off_{joint}_percent"] = _root(shares)
+    return row
 
 
 def _root(values: Array) -> float:
@@ -439,24 +445,27 @@ def figures(found: Report) -> dict[str, Figure]:
     reading = (
         f"RMS errors under own weight, {f.dataset.sigma_um:g} um a reading, medians of {f.trials} trials"
     )
-    own = _by_poses(f)
-    if len({row.poses for row in own}) == 1:
+    rows = _by_poses(f)
+    if len({row.poses for row in rows}) == 1:
         name, *arms = short.columns
         error = [replace(column, heading="RMS error", unit="mm") for column in arms]
-        titles, short = {own.key: own.heading for own in arms}, replace(short, columns=(name, *error))
+        titles, short = (
+            {column.key: column.heading for column in arms},
+            replace(short, columns=(name, *error)),
+        )
         return {f"{NAME}.png": forest(short, titles, title, f"{reading}.")}
-    best = [Row(row, name=OPTIMUM, error_mm=row.optimum_mm) for row in own if row.name == ALL]
+    best = [Row(row, name=OPTIMUM, error_mm=row.optimum_mm) for row in rows if row.name == ALL]
     drawn = {name: LOOKS[name] for name in (INCUMBENT, ALL, CHOSEN, OPTIMUM)}
     panes = {
         arm: Table(
-            columns("name poses error_mm"), [row for row in (*own, *best) if row.arm == arm], looks=drawn
+            columns("name poses error_mm"), [row for row in (*rows, *best) if row.arm == arm], looks=drawn
         )
         for arm in f.arms
     }
     return {f"{NAME}.png": sweeps(panes, title, f"{reading}; bands: {span(f.trials)}.")}
 
 
-def seen(run: Run[Settings]) -> Seen:
+def seen(run: Run[AbsoluteSettings]) -> PageContent:
     """Draw the first trial's arm amid the errors of joint springs and of what cross-validation chose."""
     cell, rows = build_cell(find_arm(run.settings.arm_of(run.seeds[0]))), run.first
     rows = rows.pick(np.array([own is not None for own in rows["q_rad"]]))
@@ -471,11 +480,11 @@ def seen(run: Run[Settings]) -> Seen:
 STUDY = Study(
     name=NAME,
     about="Calibrate simulated arms by absolute readings: what hides, how many poses, what loaded pairs add.",
-    options=Options,
+    options=AbsoluteOptions,
     settings=settings,
     seeds=(100, QUICK),
     arms=lambda asked: [find_arm(name) for name in asked.arms],
-    row=FitRow,
+    row=AbsoluteFitRow,
     trials=trials,
     report=report,
     printed=("short",),

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from testbench.arm.folder import PACKAGE
-from testbench.workflows.own_estimator import read_own
-from testbench.workflows.own_process import SUFFIX, Limits, Own
+from testbench.workflows.own_estimator import read_estimators
+from testbench.workflows.own_process import SUFFIX, EstimatorSource, Limits
 
 DEFAULT = "default"  #: What identify does by default, with the class's prior.
 JOINTS = "joints"
@@ -15,12 +15,14 @@ FOLDERS = (PACKAGE / "entries", PACKAGE.parent / "entries")
 """Where ours are: a wheel brings them inside the package."""
 
 
-def read_entries(asked: Sequence[str], limits: Limits) -> tuple[Own, ...]:
-    """The floors, then the others that were asked for, FILE.py or as `--estimator`; raises as `read_own`."""
+def read_entries(asked: Sequence[str], limits: Limits) -> tuple[EstimatorSource, ...]:
+    """The floors, then the others asked for, FILE.py or as `--estimator`; raises as `read_estimators`."""
     folder = next((folder for folder in FOLDERS if folder.is_dir()), FOLDERS[-1])
     floors = [folder / f"{name}{SUFFIX}" for name in FLOORS]
     others = [text for text in asked if Path(text).resolve() not in floors]
-    return read_own([*map(_full, map(str, floors)), *map(_full, others)], limits, (DEFAULT,), "ENTRY.py")
+    return read_estimators(
+        [*map(_full, map(str, floors)), *map(_full, others)], limits, (DEFAULT,), "ENTRY.py"
+    )
 
 
 def _full(text: str) -> str:

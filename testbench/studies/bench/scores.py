@@ -34,10 +34,10 @@ def errors(rows: Trials) -> dict[str, Array]:
     To skip is to fail, but for who skips every arm: such entries are left out.
     """
     found = {}
-    for (name,), own in rows.groups("name"):
-        done = own["status"] == DONE
-        if done.any() or not begins(own, SKIPPED).all():
-            found[name] = np.fmin(own[ERROR], own["deflection_mm"])
+    for (name,), trials in rows.groups("name"):
+        done = trials["status"] == DONE
+        if done.any() or not begins(trials, SKIPPED).all():
+            found[name] = np.fmin(trials[ERROR], trials["deflection_mm"])
     return found
 
 

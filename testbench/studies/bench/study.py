@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 
 from testbench.arm.folder import find_arm
-from testbench.report.badge import FEWEST, Badge
+from testbench.report.badge import MIN_PAIRS, Badge
 from testbench.report.campaigns import seeds_of
 from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest
@@ -13,11 +13,11 @@ from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials
-from testbench.runs.spread import ENOUGH
+from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.studies.bench import scores, trial
 from testbench.studies.bench.entries import DEFAULT, JOINTS
 from testbench.studies.bench.tasks import REAL, TASKS
-from testbench.studies.bench.trial import EntryRow, Settings
+from testbench.studies.bench.trial import BenchSettings, EntryRow
 from testbench.studies.campaign.report import dataset
 from testbench.studies.headline import READ, headline
 from testbench.studies.study import Study
@@ -32,7 +32,7 @@ SCORES = (
 SHORT = "name with_prior without_prior"
 
 
-def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: BenchSettings, seeds: range, trials: Trials) -> Report:
     """Standings over all tasks, and in each."""
     simulated = [name for name in asked.tasks if TASKS[name].arm != REAL] or asked.tasks
     boards = {words: _standings(trials, simulated, prior) for prior, words in CLASSES.items()}
@@ -79,7 +79,7 @@ def _badge(best: Row, board: Sequence[Row], arms: int) -> Badge:
     ties = tuple(row.name for row in board if row.tied)
     if factor < 1:
         low, high, names, factor = 1 / high, 1 / low, names[::-1], 1 / factor
-    if arms < FEWEST:
+    if arms < MIN_PAIRS:
         return Badge(*names, factor, None, arms, "too few", "arm")
     return Badge(*names, factor, (low, high), arms, "holds" if low > 1 else "tie", "arm", ties=ties)
 
@@ -96,9 +96,9 @@ def _standings(trials: Trials, tasks: Sequence[str], prior: bool) -> list[Row]:
 
 
 def _row(rows: Trials, standing: Row) -> Row:
-    own = rows.where(name=standing.name)
-    looked = {key: own[key].tolist()[0] for key in ("structure", "constraint", "prior")}
-    return Row(standing, **scores.quantities(own), **looked)
+    trials = rows.where(name=standing.name)
+    looked = {key: trials[key].tolist()[0] for key in ("structure", "constraint", "prior")}
+    return Row(standing, **scores.quantities(trials), **looked)
 
 
 def _failures(trials: Trials) -> list[Row]:
@@ -140,15 +140,17 @@ def figures(found: Report) -> Mapping[str, Figure]:
 STUDY = Study(
     name="bench",
     about="Rank estimators of anybody in frozen tasks, beside the default of identify.",
-    options=trial.Options,
+    options=trial.BenchOptions,
     settings=trial.settings,
-    seeds=(ENOUGH, 2),
+    seeds=(MIN_PERCENTILE_TRIALS, 2),
     row=EntryRow,
     trials=trial.trials,
     report=report,
     printed=("short",),
     figures=figures,
-    arms=lambda asked: [find_arm(arm) for arm in dict.fromkeys(TASKS[name].arm for name in asked.tasks)],
+    arms=lambda settings: [
+        find_arm(arm) for arm in dict.fromkeys(TASKS[name].arm for name in settings.tasks)
+    ],
     size=2,
-    own=lambda asked: asked.own,
+    own=lambda settings: settings.own,
 )

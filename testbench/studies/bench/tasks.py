@@ -13,21 +13,21 @@ from testbench.data.dataset import Dataset
 from testbench.data.series import select_rows
 from testbench.errors import Array
 from testbench.identify import Regression
-from testbench.identify.absolute.fit import Options, explain, gather
-from testbench.identify.absolute.inner import factor_of, moved, of_compliances, with_others
-from testbench.identify.absolute.posterior import model_of, place
+from testbench.identify.absolute.fit import CalibrationOptions, linearise_readings, select_and_solve
+from testbench.identify.absolute.inner import apply_step, back_substitute, compliance_rows, factor_of
+from testbench.identify.absolute.posterior import locate_series, model_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.prior import Prior, cad_prior
-from testbench.identify.registered import registered
+from testbench.identify.registered import register_dataset
 from testbench.model.structure import Structure, all153
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.disturbance import Disturbances
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.studies.absolute.real import LINKS, SPRINGS, read
 from testbench.studies.campaign.disturbances import ALL, disturbances
 from testbench.studies.campaign.disturbed import disturbed
 from testbench.studies.campaign.trial import reread
-from testbench.workflows.absolute import FRAME_POSES, evenly
+from testbench.workflows.absolute import FRAME_POSES, evenly_spaced_rows
 from testbench.workflows.absolute_truth import by_trackers
 from testbench.workflows.cell import Cell, Scenario, draw_poses, simulate_at, true_cell
 from testbench.workflows.perturbed_prior import prior_of
@@ -47,7 +47,7 @@ SECTION_5_2 = FullPose(
     most=41e-3,
 )
 
-ELASTIC = Options(only=frozenset({SPRINGS, LINKS}))  #: What explains the UR10 beside geometry.
+ELASTIC = CalibrationOptions(only=frozenset({SPRINGS, LINKS}))  #: What explains the UR10 beside geometry.
 FAMILY = ("tubes", "off_10", "off_20", "off_40", "cast", "joints")
 OTHERS = ("stiffer_3", "stiffer_10", "stiffer_30", "soft_link", "coupled", "far_joints")
 WRONG = ("link", "joints", "axes", "uncoupled")
@@ -89,7 +89,7 @@ TASKS: Mapping[str, Task] = {
 
 
 @dataclass(frozen=True)
-class Problem:
+class BenchProblem:
     """What an entry is given, and what judges its answer."""
 
     cell: Cell  #: The arm; its model has the targets where they were found.
@@ -107,7 +107,7 @@ class Problem:
         return all153(self.cell.arm)
 
 
-def problem(task: Task, cell: Cell, seed: int) -> Problem:
+def problem(task: Task, cell: Cell, seed: int) -> BenchProblem:
     """What a task is with this seed; the cell is of its arm."""
     if task.arm == REAL:
         return _real(task, cell, seed)
@@ -119,33 +119,33 @@ def problem(task: Task, cell: Cell, seed: int) -> Problem:
         campaign = simulate(true, SECTION_5_2, seed)
         data, truth = campaign.identification, campaign.truth
     if task.trackers:
-        found = registered(cell.vjm, data, "tracker")
+        found = register_dataset(cell.vjm, data, "tracker")
         true, data = replace(true, vjm=found.vjm), found.data
     rows = observation_of(true, truth)
-    return Problem(
+    return BenchProblem(
         true, data, prior_of(cell, prior, seed), own, truth.deflection, lambda pi: rows @ pi, truth
     )
 
 
-def _real(task: Task, cell: Cell, seed: int) -> Problem:
+def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
     """Random poses of series C train, every sixth of A judges; geometry and frames follow compliances."""
     _, (a, c) = read(1)
-    train, prior = select_rows(c, stream(seed).permutation(c.rows)[: task.poses]), cad_prior(cell.arm)
-    found = gather(cell.vjm, (train,), prior, ELASTIC)
-    known = explain(found, ELASTIC)
-    assert known.own.elastic
-    T = factor_of(known.own, found.reduced, known.chosen.learnt)
+    train, prior = select_rows(c, trial_rng(seed).permutation(c.rows)[: task.poses]), cad_prior(cell.arm)
+    linearised_readings = linearise_readings(cell.vjm, (train,), prior, ELASTIC)
+    known = select_and_solve(linearised_readings, ELASTIC)
+    assert known.active.elastic
+    T = factor_of(known.active, linearised_readings.reduced, known.chosen.scales)
     judge = select_rows(a, np.arange(0, a.rows, 6))
-    register = evenly(judge, FRAME_POSES)
+    register = evenly_spaced_rows(judge, FRAME_POSES)
     rest = select_rows(judge, np.setdiff1d(np.arange(judge.rows), register))
 
     def off(pi: Array) -> Array:
-        state = moved(found.state, known.own, with_others(T, pi))
-        placed = place(model_of(replace(known, state=state)), judge, register)
+        state = apply_step(linearised_readings.state, known.active, back_substitute(T, pi))
+        placed = locate_series(model_of(replace(known, state=state)), judge, register)
         return -residuals(placed.state, rest)[:1].transpose(2, 0, 1)
 
-    data = of_compliances(T, known.own.elastic, int(found.reduced.counts.sum()))
-    return Problem(cell, data, prior, REAL, np.zeros((rest.rows, 1, 3)), off)
+    data = compliance_rows(T, known.active.elastic, int(linearised_readings.reduced.counts.sum()))
+    return BenchProblem(cell, data, prior, REAL, np.zeros((rest.rows, 1, 3)), off)
 
 
 def observation_of(cell: Cell, truth: Dataset) -> Array:
@@ -173,4 +173,4 @@ def _weight(task: Task, true: Cell, seed: int) -> tuple[Dataset, Dataset]:
     clean, truth = disturbed(true, loaded, disturbances(1.0)[ALL] if task.disturbed else Disturbances(), seed)
     if task.trackers:
         return by_trackers(clean, task.trackers, seed), truth
-    return reread(clean, SIGMA, stream(seed, 1)), truth
+    return reread(clean, SIGMA, trial_rng(seed, 1)), truth

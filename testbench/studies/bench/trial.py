@@ -19,14 +19,20 @@ from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.identify.prior import Prior
 from testbench.runs.spread import Number, Share
 from testbench.studies.bench.entries import DEFAULT, read_entries
-from testbench.studies.bench.tasks import TASKS, Problem, observation_of, problem
+from testbench.studies.bench.tasks import TASKS, BenchProblem, observation_of, problem
 from testbench.studies.campaign.trial import LEARNS, Cover, cover, covers
 from testbench.workflows.cell import build_cell
-from testbench.workflows.evaluation import unseen
+from testbench.workflows.evaluation import without_compliances
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import named_models
-from testbench.workflows.own_estimator import MOST, LimitOptions, check_reach, check_unchanged, parameters
-from testbench.workflows.own_process import Own, ask
+from testbench.workflows.own_estimator import (
+    MAX_COMPLIANCE,
+    LimitOptions,
+    check_reach,
+    check_unchanged,
+    parameters_of,
+)
+from testbench.workflows.own_process import EstimatorSource, call_estimator
 from testbench.workflows.rows import FAILED, MM, NO_ERRORS, DatasetRow, ErrorRow, dataset_row, error_row
 
 DONE, SKIPPED = "done", "skipped: "
@@ -34,7 +40,7 @@ SKIP = "raised NotImplementedError: "  #: How an entry says that a task, or clas
 
 
 @dataclass(frozen=True)
-class Options(LimitOptions):
+class BenchOptions(LimitOptions):
     """Flags of the bench."""
 
     entries: Annotated[
@@ -45,12 +51,12 @@ class Options(LimitOptions):
 
 
 @dataclass(frozen=True)
-class Settings:
+class BenchSettings:
     """What is tried."""
 
     tasks: tuple[str, ...]  #: Names.
     versions: tuple[int, ...]  #: Of them.
-    own: tuple[Own, ...]  #: Entries.
+    own: tuple[EstimatorSource, ...]  #: Entries.
     first: int  #: The first seed.
 
 
@@ -74,18 +80,18 @@ class EntryRow:
     data_file: str | None = None
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: BenchOptions, quick: bool, seeds: range) -> BenchSettings:
     """What the flags ask for; raises BenchError for a task or an entry that there is not."""
     names = tuple(dict.fromkeys(options.task or TASKS))
     for name in names:
         if name not in TASKS:
             raise BenchError(f"--task: expected some of {', '.join(TASKS)}, got {name!r}")
     names = names[:2] if quick and not options.task else names
-    own = read_entries(options.entries or (), options.limits)
-    return Settings(names, tuple(TASKS[name].version for name in names), own, seeds[0])
+    estimator_sources = read_entries(options.entries or (), options.limits)
+    return BenchSettings(names, tuple(TASKS[name].version for name in names), estimator_sources, seeds[0])
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[EntryRow]]:
+def trials(asked: BenchSettings, seeds: Sequence[int]) -> list[list[EntryRow]]:
     """Rows of some seeds, one an answer."""
     cells = {arm: build_cell(find_arm(arm)) for arm in {TASKS[name].arm for name in asked.tasks}}
     found: list[list[EntryRow]] = []
@@ -99,7 +105,7 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[EntryRow]]:
     return found
 
 
-def _with_data(row: EntryRow, own: Problem) -> EntryRow:
+def _with_data(row: EntryRow, own: BenchProblem) -> EntryRow:
     """The same with what was given."""
     if isinstance(own.data, Dataset):
         return replace(row, measured=dataset_row(own.data), data_file=csv_text(own.data, own.cell.arm))
@@ -108,7 +114,7 @@ def _with_data(row: EntryRow, own: Problem) -> EntryRow:
     return replace(row, data_file=text.getvalue())
 
 
-def _task(task: str, own: Problem, entries: Sequence[Own]) -> Iterator[EntryRow]:
+def _task(task: str, own: BenchProblem, entries: Sequence[EstimatorSource]) -> Iterator[EntryRow]:
     """Rows of a task, those without a prior first."""
     size = MM * score(own.predict(np.zeros(own.structure.n)), own.true).rms
     about = (task, own.true_arm, size)
@@ -119,7 +125,7 @@ def _task(task: str, own: Problem, entries: Sequence[Own]) -> Iterator[EntryRow]
     yield _by_default(EntryRow(DEFAULT, LEARNS[0], "psd", True, *about), own)
 
 
-def _by_default(row: EntryRow, own: Problem) -> EntryRow:
+def _by_default(row: EntryRow, own: BenchProblem) -> EntryRow:
     """What identify's default makes of it; of equations without laws of joints, which these do not tell."""
     [model] = with_priors(own.cell.arm, named_models(own.cell, LEARNS), own.prior)
     structure = own.structure if own.truth is None else model.structure
@@ -136,11 +142,11 @@ def _by_default(row: EntryRow, own: Problem) -> EntryRow:
     )
 
 
-def _answered(row: EntryRow, own: Problem, entry: Own, prior: Prior | None) -> EntryRow:
+def _answered(row: EntryRow, own: BenchProblem, entry: EstimatorSource, prior: Prior | None) -> EntryRow:
     """What an entry makes of it, or why it makes nothing."""
     try:
-        answer = ask(entry, (unseen(own.cell.vjm), own.structure, own.data, prior))
-        pi = parameters(own.structure, answer.found)
+        answer = call_estimator(entry, (without_compliances(own.cell.vjm), own.structure, own.data, prior))
+        pi = parameters_of(own.structure, answer.values)
         K = None if answer.covariance is None else covariance(answer.covariance, len(pi))
         check_reach(moved := own.predict(pi), own.cell.vjm)
     except BenchError as err:
@@ -163,8 +169,8 @@ def covariance(found: Array, n: int) -> Array:
         raise BenchError(f"wrong shape of the covariance: expected ({n}, {n}), got {found.shape}")
     if not np.isfinite(found).all() or (np.diag(found) < 0).any():
         raise BenchError("covariance: expected finite numbers and variances of at least 0")
-    if np.abs(found).max() > MOST:
-        raise BenchError(f"covariance: expected at most {MOST:g} in SI units, got a larger one")
+    if np.abs(found).max() > MAX_COMPLIANCE:
+        raise BenchError(f"covariance: expected at most {MAX_COMPLIANCE:g} in SI units, got a larger one")
     return (found + found.T) / 2
 
 

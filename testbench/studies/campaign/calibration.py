@@ -5,15 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from testbench.arm.folder import find_arm
-from testbench.plant.true_arms import FAMILY, member
+from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.studies.rivals import as_in_paper, plain_models, without_cone
 from testbench.workflows.campaign_flags import CampaignOptions
 from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
 from testbench.workflows.evaluation import CampaignRow, Result, campaign_rows, identify
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import JOINTS, Model, named_models
-from testbench.workflows.own_estimator import hired
-from testbench.workflows.own_process import Own
+from testbench.workflows.own_estimator import estimator_models
+from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.perturbed_prior import wrong_prior
 
 QUICK_WORKSPACE = 40
@@ -27,7 +27,7 @@ Options = CampaignOptions  #: Flags of the study.
 
 
 @dataclass(frozen=True)
-class Settings:
+class CalibrationSettings:
     """What is tried."""
 
     arm: str  #: Folder or name of the arm.
@@ -37,27 +37,29 @@ class Settings:
     magnification: float = 50.0  #: Of the drawn deflections [1].
 
 
-def settings(options: CampaignOptions, quick: bool, seeds: range) -> Settings:
+def settings(options: CampaignOptions, quick: bool, seeds: range) -> CalibrationSettings:
     """What the flags ask for."""
-    own = options.scenario(QUICK_WORKSPACE if quick else 200)
-    return Settings(options.arm, own, options.true_arm, seeds[0])
+    scenario = options.scenario(QUICK_WORKSPACE if quick else 200)
+    return CalibrationSettings(options.arm, scenario, options.true_arm, seeds[0])
 
 
-def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[CampaignRow]]:
+def trials(
+    asked: CalibrationSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
+) -> list[list[CampaignRow]]:
     """Rows of some seeds, one a model; estimators of one's own are the last."""
     cell, found = build_cell(find_arm(asked.arm)), []
-    models = hired(own)
+    models = estimator_models(own)
     for seed in seeds:
         true, campaign = calibrate(cell, asked, seed)
         every = results(true, campaign, models(true, wrong_prior(true, seed)))
-        arm, placed = member(asked.true_arm, seed), seed == asked.first
+        arm, placed = true_arm_of_seed(asked.true_arm, seed), seed == asked.first
         found.append(campaign_rows(true, campaign, every, arm, placed=placed))
     return found
 
 
-def calibrate(cell: Cell, asked: Settings, seed: int) -> tuple[Cell, Campaign]:
+def calibrate(cell: Cell, asked: CalibrationSettings, seed: int) -> tuple[Cell, Campaign]:
     """The same model of the true arm of a seed, and its campaign."""
-    true = true_cell(cell, member(asked.true_arm, seed), seed)
+    true = true_cell(cell, true_arm_of_seed(asked.true_arm, seed), seed)
     return true, simulate_at(true, asked.scenario, seed, draw_poses(cell, asked.scenario, seed))
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.identify import Estimate
-from testbench.identify.least_squares import completed, free_directions
-from testbench.identify.metric import Belief, metric, rescaled
+from testbench.identify.least_squares import complete_conservatively, free_directions
+from testbench.identify.metric import WeightedPrior, rescale_to_data, scale_by_prior
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, regression_of
 from testbench.identify.solve import solve
@@ -49,14 +49,21 @@ def without_prior(regressions: Sequence[Regression]) -> Compared:
     gco = [solve(regression, "psd") for regression in regressions]
     ls = [solve(weighed_as(estimate), "none") for estimate in gco]
     pairs = list(zip(ls, gco, strict=True))
-    return Compared(ls, gco, [_equal(*own) for own in pairs], [_lent(*own) for own in pairs])
+    return Compared(
+        ls, gco, [_equal(*estimates) for estimates in pairs], [_lent(*estimates) for estimates in pairs]
+    )
 
 
 def with_prior(vjm: Vjm, regressions: Sequence[Regression], prior: Prior, strength: Strength) -> Compared:
     """Both with the same prior, which leaves no direction free."""
-    own = metric(prior, vjm, regressions[0].structure)
-    pairs = [(r, Belief(rescaled(own, r), strength)) for r in regressions]
-    return Compared(*([solve(r, constraint, own) for r, own in pairs] for constraint in ("none", "psd")))
+    scaling = scale_by_prior(prior, vjm, regressions[0].structure)
+    pairs = [(r, WeightedPrior(rescale_to_data(scaling, r), strength)) for r in regressions]
+    return Compared(
+        *(
+            [solve(r, constraint, weighted_prior) for r, weighted_prior in pairs]
+            for constraint in ("none", "psd")
+        )
+    )
 
 
 def weighed_as(gco: Estimate) -> Regression:
@@ -66,11 +73,12 @@ def weighed_as(gco: Estimate) -> Regression:
     one C minimises both. Least squares weighs terms by their equations N_k, so rows go by 1 / sqrt(N_k n_k).
     """
     terms = gco.regression.terms
-    norms = np.array([np.sqrt(np.sum((t.R @ gco.pi - t.z) ** 2) + t.rest) for t in terms])
+    norms = np.array([np.sqrt(np.sum((t.R @ gco.pi - t.z) ** 2) + t.unexplained) for t in terms])
     size = np.maximum(norms, LEAST_NORM * norms.max()) * [t.equations for t in terms]
     shares = np.sqrt(size.mean() / size)
     weighed = (
-        replace(t, R=c * t.R, z=c * t.z, rest=c**2 * t.rest) for c, t in zip(shares, terms, strict=True)
+        replace(t, R=c * t.R, z=c * t.z, unexplained=c**2 * t.unexplained)
+        for c, t in zip(shares, terms, strict=True)
     )
     return regression_of(gco.regression.structure, tuple(weighed)) if len(terms) > 1 else gco.regression
 
@@ -85,7 +93,7 @@ def added(ls: Estimate, gco: Estimate) -> float:
 
 
 def _equal(ls: Estimate, gco: Estimate) -> Estimate:
-    return ls if added(ls, gco) > TAKEN else completed(ls.regression)
+    return ls if added(ls, gco) > TAKEN else complete_conservatively(ls.regression)
 
 
 def _lent(ls: Estimate, gco: Estimate) -> Estimate:

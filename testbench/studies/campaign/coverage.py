@@ -13,17 +13,17 @@ import numpy as np
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import gco, intervals, reduce, with_prior
-from testbench.identify.conic import optimum
+from testbench.identify.conic import solve_gco
 from testbench.identify.least_squares import minimum_norm
-from testbench.identify.metric import Belief, Metric, metric
+from testbench.identify.metric import PriorScaling, WeightedPrior, scale_by_prior
 from testbench.identify.posterior import Intervals, linearise
 from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regression import Regression
 from testbench.identify.solve import METHODS, solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
-from testbench.plant.tracker import stream
-from testbench.plant.true_arms import FAMILY, member
+from testbench.plant.tracker import trial_rng
+from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.estimators.bounds import Bounds, bounds, fit_set
 from testbench.workflows.cell import Cell, Scenario, Truth, simulate, true_cell
@@ -36,7 +36,7 @@ CONFIDENCE = 0.95
 DRAWS_LS, DRAWS_GCO = 199, 39  #: Refits of a bootstrap: the interval's order statistics are exact for both.
 REJECTIONS = 1000
 CHECKS = 10  #: Poses to predict in: x, y and z of one point in each.
-DRAWN, BELIEVED = Strength(0.1), Strength(0.3)
+DRAWN_STRENGTH, ASSUMED_STRENGTH = Strength(0.1), Strength(0.3)
 """The prior that truths are drawn from, and one that is believed whatever the readings say."""
 TRIED: dict[tuple[Truth, str], str] = {
     ("linear", "scaled"): "linear truth, wrong prior",
@@ -51,12 +51,12 @@ Kind = Literal["linearised", "bootstrap", "posterior", "set", "learnt", "believe
 
 
 @dataclass(frozen=True)
-class Case:
+class CoverageCase:
     """What datasets are drawn for."""
 
     name: str  #: Arm and model, for reports.
     regression: Regression  #: Poses, loads and sigmas.
-    metric: Metric  #: The structure in the metric of the CAD prior.
+    metric: PriorScaling  #: The structure in the metric of the CAD prior.
     truth: Array  #: Parameters, (n,).
     functionals: Array  #: Deflections asked for, (k, n).
 
@@ -71,7 +71,7 @@ class Covered:
     width_um: tuple[float, ...]  #: Of each, infinite where nothing bounds it.
 
 
-def full_pose_case(cell: Cell) -> Case:
+def full_pose_case(cell: Cell) -> CoverageCase:
     """Section 5.2: full poses read, template of 56 unknowns, 32 directions and every deflection seen."""
     campaign = simulate_full_pose(cell, FullPose(arm=cell.arm.name, check_runs=CHECKS), 1)
     structure = template56(cell.arm)
@@ -79,7 +79,7 @@ def full_pose_case(cell: Cell) -> Case:
     return _case(cell, cell.arm.name, structure, campaign.identification, rows)
 
 
-def gravity_cases(cell: Cell) -> list[Case]:
+def gravity_cases(cell: Cell) -> list[CoverageCase]:
     """Section 6: markers read under a hung weight; most deflections elsewhere are not seen."""
     scenario = Scenario(arm=cell.arm.name, truth="linear", workspace_poses=CHECKS)
     campaign = simulate(cell, scenario, 1)
@@ -91,10 +91,10 @@ def gravity_cases(cell: Cell) -> list[Case]:
     ]
 
 
-def _case(cell: Cell, name: str, s: Structure, data: Dataset, functionals: Array) -> Case:
+def _case(cell: Cell, name: str, s: Structure, data: Dataset, functionals: Array) -> CoverageCase:
     truth = s.entries(aggregate(cell.arm.C_theta, cell.vjm, s))
-    own = metric(cad_prior(cell.arm), cell.vjm, s)
-    return Case(name, reduce(cell.vjm, s, data), own, truth, functionals)
+    scaling = scale_by_prior(cad_prior(cell.arm), cell.vjm, s)
+    return CoverageCase(name, reduce(cell.vjm, s, data), scaling, truth, functionals)
 
 
 def _deflections(cell: Cell, structure: Structure, where: Dataset, targets: Array) -> Array:
@@ -103,11 +103,11 @@ def _deflections(cell: Cell, structure: Structure, where: Dataset, targets: Arra
     return observation(*args, targets).reshape(-1, structure.n)
 
 
-def fitted(case: Case, k: int, bootstrapped: bool) -> list[Covered]:
+def fitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:
     """Posterior and bootstrap intervals of least squares and GCO without a prior, from dataset k."""
-    rng, truth, rows = stream(k), case.functionals @ case.truth, case.functionals
+    rng, truth, rows = trial_rng(k), case.functionals @ case.truth, case.functionals
     regression = resampler(case.regression)(case.truth, rng)
-    fits = ((minimum_norm(regression), "least squares", DRAWS_LS), (optimum(regression), "GCO", DRAWS_GCO))
+    fits = ((minimum_norm(regression), "least squares", DRAWS_LS), (solve_gco(regression), "GCO", DRAWS_GCO))
     found = []
     for estimate, method, draws in fits:
         name, seen = f"{case.name}, {method}", linearise(estimate).intervals(rows, CONFIDENCE)
@@ -118,24 +118,24 @@ def fitted(case: Case, k: int, bootstrapped: bool) -> list[Covered]:
     return found
 
 
-def posterior(case: Case, k: int, strength: Strength = DRAWN) -> list[Covered]:
+def posterior(case: CoverageCase, k: int, strength: Strength = DRAWN_STRENGTH) -> list[Covered]:
     """Posterior intervals where the truth of dataset k is a draw of the prior; that of the case is not used.
 
     It is x = s e + u N(0, 1) in the metric, drawn again until it is conservative; s = 1 where the prior
     leaves the scale to the data, else s is drawn too.
     """
-    rng = stream(k)
+    rng = trial_rng(k)
     pi = case.metric.L @ draw_conservative(case.metric, strength, rng)
     regression, truth = resampler(case.regression)(pi, rng), case.functionals @ pi
     found = []
     for constraint, method in METHODS.items():
-        fit = solve(regression, constraint, Belief(case.metric, strength))
+        fit = solve(regression, constraint, WeightedPrior(case.metric, strength))
         seen = linearise(fit).intervals(case.functionals, CONFIDENCE)
         found.append(_covered(f"{case.name}, {method}", "posterior", truth, seen))
     return found
 
 
-def draw_conservative(metric: Metric, strength: Strength, rng: np.random.Generator) -> Array:
+def draw_conservative(metric: PriorScaling, strength: Strength, rng: np.random.Generator) -> Array:
     """A conservative draw of a prior, x, (n,): normal draws until one is positive semi-definite.
 
     Raises:
@@ -154,9 +154,9 @@ def draw_conservative(metric: Metric, strength: Strength, rng: np.random.Generat
     )
 
 
-def bounded(case: Case, k: int) -> Covered:
+def bounded(case: CoverageCase, k: int) -> Covered:
     """Set-based bounds from dataset k: they hold all true deflections at once as often as stated."""
-    regression = resampler(case.regression)(case.truth, stream(k))
+    regression = resampler(case.regression)(case.truth, trial_rng(k))
     models = fit_set(regression, case.metric, CONFIDENCE)
     seen = bounds(models, case.functionals)
     truth = case.functionals @ case.truth
@@ -167,19 +167,19 @@ def of_family(cell: Cell, seed: int) -> Iterator[Covered]:
     """Intervals of `identify` on another arm of the family, with another wrong prior, in every dataset.
 
     All links and joints, the prior learnt from the readings as `identify` does by default, and beside it
-    believed to `BELIEVED` whatever the readings say.
+    believed to `ASSUMED_STRENGTH` whatever the readings say.
     """
-    arm = true_cell(cell, member(FAMILY, seed), seed)
+    arm = true_cell(cell, true_arm_of_seed(FAMILY, seed), seed)
     for (truth, name), words in TRIED.items():
         campaign = simulate(arm, Scenario(arm=cell.arm.name, truth=truth, workspace_poses=CHECKS), seed)
-        where = campaign.truth
-        kinds: dict[Kind, Strength | None] = {"learnt": None, "believed": BELIEVED}
+        data = campaign.truth
+        kinds: dict[Kind, Strength | None] = {"learnt": None, "believed": ASSUMED_STRENGTH}
         for kind, strength in kinds.items():
             method = with_prior(gco, prior_of(cell, name, seed), strength)
             estimate = method(cell.vjm, all153(cell.arm), campaign.identification)
-            found = intervals(cell.vjm, estimate, where, CONFIDENCE)
+            found = intervals(cell.vjm, estimate, data, CONFIDENCE)
             own = replace(found, lower=found.lower[:, 0].ravel(), upper=found.upper[:, 0].ravel())
-            yield _covered(f"{words}: {kind}", kind, where.deflection[:, 0].ravel(), own)
+            yield _covered(f"{words}: {kind}", kind, data.deflection[:, 0].ravel(), own)
 
 
 def _covered(name: str, kind: Kind, truth: Array, seen: Intervals | Bounds) -> Covered:

@@ -31,7 +31,7 @@ SWITCHES: Mapping[str, str] = {
 
 
 @dataclass(frozen=True)
-class Options:
+class DisturbanceOptions:
     """Flags of the study."""
 
     scale: Annotated[
@@ -55,7 +55,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Settings:
+class DisturbanceSettings:
     """What is tried."""
 
     arm: str  #: Folder or name of the arm.
@@ -69,17 +69,17 @@ class Settings:
     sizes: tuple[float, ...] = ()  #: In which it is disturbed in every way too, over those of the cases [1].
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: DisturbanceOptions, quick: bool, seeds: range) -> DisturbanceSettings:
     """What the flags ask for; raises BenchError for a disturbance or a true arm that does not exist."""
     disturbances(options.scale, options.only or ())
     arms, sizes = tuple(options.arms or HELD_OUT), tuple(options.sizes or SIZES)
     for name in arms:
         if name not in HELD_OUT:
             raise BenchError(f"--arms: expected some of {', '.join(HELD_OUT)}, got {name!r}")
-    workspace = QUICK_WORKSPACE if quick else Settings.workspace
+    workspace = QUICK_WORKSPACE if quick else DisturbanceSettings.workspace
     only, sigma = tuple(options.only or ()), options.sigma_um / 1e6
     alone = options.true_arm != FAMILY and options.arms is None
-    return Settings(
+    return DisturbanceSettings(
         options.arm,
         seeds[0],
         options.scale,

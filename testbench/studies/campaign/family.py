@@ -16,26 +16,26 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset, select
 from testbench.identify import Estimate, least_squares
 from testbench.identify.evaluate import all_deflections
-from testbench.identify.hierarchy import KIND, contradicted, unchecked
-from testbench.identify.metric import metric
+from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_parts
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import TRUTHS
 from testbench.studies.campaign.trial import (
-    Case,
+    CampaignFitRow,
     Cover,
-    FitRow,
     Fits,
+    TrialCase,
     cover,
     each_seed,
     fitted,
-    judged,
     reread,
+    score_cases,
 )
 from testbench.studies.rivals import plain_models, without_cone
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
-from testbench.workflows.model_selection import choose, with_priors
+from testbench.workflows.model_selection import choose_model, with_priors
 from testbench.workflows.models import JOINTS, MODELS, Model
 from testbench.workflows.own_estimator import Models
 from testbench.workflows.perturbed_prior import PRIORS, prior_of, wrong_link
@@ -46,14 +46,14 @@ CHECK_POSES = 3
 RUNS = 2  #: In every pose.
 QUICK_WORKSPACE = 40
 CHOSEN = "default"  #: What `campaign.model_selection` chooses from the readings.
-PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+MODELS_WITHOUT_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68")
 SHOWN = "cast"  #: The true arm whose readings are left as a dataset.
 COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
 """Whose intervals are judged; those of joints alone show what noise alone would promise."""
 
 
 @dataclass(frozen=True)
-class Options:
+class FamilyOptions:
     """Flags of the study."""
 
     arm: ArmFlag = "kr500_l480"
@@ -63,7 +63,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Settings:
+class FamilySettings:
     """What is tried."""
 
     arm: str  #: Folder or name of the arm.
@@ -83,7 +83,7 @@ class Doubted:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MethodRow(FitRow):
+class FamilyMethodRow(CampaignFitRow):
     """One method in one case."""
 
     wrong: str | None  #: What is ten times off in the prior: a link's name, or "joints"; None for nothing.
@@ -94,24 +94,24 @@ class MethodRow(FitRow):
     doubted: Doubted | None = None  #: Of the default.
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: FamilyOptions, quick: bool, seeds: range) -> FamilySettings:
     """What the flags ask for."""
-    workspace = QUICK_WORKSPACE if quick else Settings.workspace
-    return Settings(options.arm, seeds[0], workspace=workspace, stiffer=options.stiffer)
+    workspace = QUICK_WORKSPACE if quick else FamilySettings.workspace
+    return FamilySettings(options.arm, seeds[0], workspace=workspace, stiffer=options.stiffer)
 
 
 @each_seed
-def trials(asked: Settings, seed: int, own: Models) -> Iterator[MethodRow]:
+def trials(asked: FamilySettings, seed: int, own: Models) -> Iterator[FamilyMethodRow]:
     """Rows of a seed, one a truth, method and number of poses."""
     cell = build_cell(find_arm(asked.arm))
-    plain, bare = plain_models(cell, PLAIN), to_fill(cell)
+    plain, bare = plain_models(cell, MODELS_WITHOUT_PRIOR), to_fill(cell)
     poses = draw_poses(cell, scenario(asked), seed)
     for truth, name in pairs(seed):
         true, prior = true_cell(cell, truth, seed, asked.stiffer), prior_of(cell, name, seed)
         campaign = simulate_at(true, scenario(asked), seed, poses)
         factors = {"true_arm": truth, "prior_error": name, "sigma_um": UM * asked.sigma}
         cases = [
-            Case(
+            TrialCase(
                 runs,
                 campaign.truth,
                 {**factors, "poses": n},
@@ -137,7 +137,7 @@ def pairs(seed: int) -> list[tuple[str, str]]:
     return [(truth, priors[(k + seed) % len(priors)]) for k, truth in enumerate(TRUTHS)]
 
 
-def scenario(asked: Settings) -> Scenario:
+def scenario(asked: FamilySettings) -> Scenario:
     """What is measured, without noise."""
     return Scenario(
         arm=find_arm(asked.arm).name,
@@ -153,32 +153,34 @@ def scenario(asked: Settings) -> Scenario:
 
 def read(campaign: Campaign) -> list[Dataset]:
     """The runs in few and in many poses, with noise."""
-    every = reread(campaign.identification, campaign.scenario.sigma, stream(campaign.seed, 1))
+    every = reread(campaign.identification, campaign.scenario.sigma, trial_rng(campaign.seed, 1))
     return [select(every, every.pose <= poses) for poses in POSES]
 
 
 def _rows(
-    cell: Cell, models: Sequence[Model], cases: Sequence[Case], prior: Prior, seed: int
-) -> Iterator[MethodRow]:
+    cell: Cell, models: Sequence[Model], cases: Sequence[TrialCase], prior: Prior, seed: int
+) -> Iterator[FamilyMethodRow]:
     """What is chosen by default and every method, from few and from many poses, in one truth."""
-    chosen = [choose(cell, case.runs, prior) for case in cases]
+    chosen = [choose_model(cell, case.runs, prior) for case in cases]
     found = fitted(cell, models, cases)
-    fits = Fits({CHOSEN: [own.estimate for own in chosen], **found}, found.seconds, found.filled)
-    truth, far = cases[0].judge, PRIORS[str(cases[0].factors["prior_error"])].far
+    fits = Fits(
+        {CHOSEN: [chosen_model.estimate for chosen_model in chosen], **found}, found.seconds, found.filled
+    )
+    truth, far = cases[0].test, PRIORS[str(cases[0].factors["prior_error"])].far
     link = wrong_link(cell, seed) if far == "link" else None
     share = None if link is None else _share(cell, link, truth, chosen[0].estimate)
 
     def more(name: str, k: int) -> dict[str, object]:
         estimate = fits[name][k]
         return {
-            "wrong": KIND if far == "joints" else None if link is None else cell.arm.links[link].name,
+            "wrong": ALL_JOINTS if far == "joints" else None if link is None else cell.arm.links[link].name,
             "link_share": share,
             "chosen": chosen[k].name if name == CHOSEN else None,
             "cover": cover(cell, estimate, truth) if name in COVERED else None,
             "doubted": _doubted(cell, link, estimate, prior) if name == CHOSEN else None,
         }
 
-    yield from judged(cell, cases, fits, MethodRow, more)
+    yield from score_cases(cell, cases, fits, FamilyMethodRow, more)
 
 
 def _share(cell: Cell, link: int, truth: Dataset, estimate: Estimate) -> float:
@@ -196,14 +198,14 @@ def _doubted(cell: Cell, link: int | None, estimate: Estimate, prior: Prior) -> 
     Open in the direction in which that link is wrong: stiffer than a prior that is ten times too soft. An
     estimate without a prior leaves all of it open.
     """
-    if estimate.belief is None:
+    if estimate.weighted_prior is None:
         names = [*(part.name for part in cell.arm.links), *(part.name for part in cell.arm.joints)]
         return Doubted((), tuple(names))
-    heard = tuple(scale.name for scale in contradicted(estimate.belief))
+    heard = tuple(scale.name for scale in contradicted_scales(estimate.weighted_prior))
     if link is None:
         return Doubted(heard, None)
-    own = estimate.of_compliances
-    left = unchecked(own, metric(prior, cell.vjm, own.structure))
+    regression = estimate.of_compliances
+    left = undetermined_parts(regression, scale_by_prior(prior, cell.vjm, regression.structure))
     traces = [
         np.trace(prior.C_theta[k : k + 6, k : k + 6]) / np.trace(cell.arm.C_theta[k : k + 6, k : k + 6])
         for k in range(0, 6 * len(cell.arm.links), 6)

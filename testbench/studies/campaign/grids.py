@@ -21,10 +21,18 @@ from testbench.identify.regression import RANK_TOLERANCE, Regression
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import TRUTHS
 from testbench.studies.campaign.compared import Compared, with_prior, without_prior
-from testbench.studies.campaign.trial import Case, FitRow, Fits, each_seed, fitted, judged, reread
+from testbench.studies.campaign.trial import (
+    CampaignFitRow,
+    Fits,
+    TrialCase,
+    each_seed,
+    fitted,
+    reread,
+    score_cases,
+)
 from testbench.workflows.cell import Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
 from testbench.workflows.models import Model
 from testbench.workflows.own_estimator import Models
@@ -37,7 +45,7 @@ Kind = Literal["gravity", "full_pose"]
 
 
 @dataclass(frozen=True)
-class Grid:
+class CellGrid:
     """The cells of one kind of reading."""
 
     arm: str  #: Name of the arm.
@@ -53,8 +61,8 @@ class Grid:
 STRUCTURES = (template56, mgco47, mgco68, all153)
 AT_ONCE = 2  #: Kinds of true arm in one trial.
 FAMILY = ("tubes", "off_20", "off_40", "cast")
-GRAVITY = Grid("kr500_l480", (4, 8, 12, 20, 40), (5e-6, 15e-6, 50e-6, 150e-6, 500e-6))
-FULL_POSE = Grid("arm_6r", (2, 4, 8, 18), (25e-6, 100e-6, 400e-6))
+GRAVITY = CellGrid("kr500_l480", (4, 8, 12, 20, 40), (5e-6, 15e-6, 50e-6, 150e-6, 500e-6))
+FULL_POSE = CellGrid("arm_6r", (2, 4, 8, 18), (25e-6, 100e-6, 400e-6))
 FEATURED = (8, 50e-6)  #: Poses and noise of section 6: the cell whose models the report lists.
 NONE = "none"
 PRIORS = {"30 %": Strength(0.3), "300 %": Strength(3.0)}
@@ -66,7 +74,7 @@ ONE = np.sqrt(0.5)  #: Sigma of a reading at which F_M is the RMS distance itsel
 
 
 @dataclass(frozen=True)
-class Options:
+class GridOptions:
     """Flags of the study."""
 
     truth: Annotated[
@@ -75,14 +83,14 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Settings:
+class GridSettings:
     """What is tried."""
 
     first: int  #: The first seed.
     truths: tuple[str, ...] = FAMILY
     judged: int = 200  #: Poses in which the models are judged.
-    gravity: Grid = GRAVITY
-    full_pose: Grid = FULL_POSE
+    gravity: CellGrid = GRAVITY
+    full_pose: CellGrid = FULL_POSE
 
     def arms(self, seed: int) -> list[str]:
         """Kinds of true arm in a trial: neighbours in the family, so that all take turns."""
@@ -90,13 +98,13 @@ class Settings:
         return [self.truths[(AT_ONCE * seed + k) % count] for k in range(min(AT_ONCE, count))]
 
     @property
-    def grids(self) -> dict[Kind, Grid]:
+    def grids(self) -> dict[Kind, CellGrid]:
         """By kind of reading."""
         return {"gravity": self.gravity, "full_pose": self.full_pose}
 
 
 @dataclass(frozen=True, kw_only=True)
-class MethodRow(FitRow):
+class GridMethodRow(CampaignFitRow):
     """One method in one cell: `name` is the method, `structure` that of the compared models."""
 
     uncertainty: str  #: Of the CAD prior, the same for both, or none.
@@ -105,7 +113,7 @@ class MethodRow(FitRow):
     free: int  #: Directions that the data do not see.
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: GridOptions, quick: bool, seeds: range) -> GridSettings:
     """What the flags ask for.
 
     Raises:
@@ -115,7 +123,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     for name in truths:
         if name not in TRUTHS or truths.count(name) > 1:
             raise BenchError(f"--truth: expected different ones of {', '.join(TRUTHS)}, got {name!r}")
-    found = Settings(seeds[0], truths)
+    found = GridSettings(seeds[0], truths)
     if not quick:
         return found
     gravity = replace(found.gravity, poses=(4, 8, 20), sigmas=(50e-6, 150e-6))
@@ -124,7 +132,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
 
 
 @each_seed
-def trials(asked: Settings, seed: int, own: Models) -> Iterator[MethodRow]:
+def trials(asked: GridSettings, seed: int, own: Models) -> Iterator[GridMethodRow]:
     """Rows of a seed, one a method, structure, truth, prior and cell of the grids."""
     for kind, grid in asked.grids.items():
         cell = build_cell(find_arm(grid.arm))
@@ -143,13 +151,13 @@ class Clean:
         """Which runs are in the first poses, (runs,)."""
         return np.asarray(np.isin(self.runs.pose, np.unique(self.runs.pose)[:poses]))
 
-    def read(self, grid: Grid) -> list[Dataset]:
+    def read(self, grid: CellGrid) -> list[Dataset]:
         """Every cell's runs with noise: at every level, and in every cell, the same random numbers."""
-        noisy = {sigma: reread(self.runs, sigma, stream(self.seed, 1)) for sigma in grid.sigmas}
+        noisy = {sigma: reread(self.runs, sigma, trial_rng(self.seed, 1)) for sigma in grid.sigmas}
         return [select(noisy[sigma], self.first(poses)) for poses, sigma in grid.cells]
 
 
-def _gravity(cell: Cell, grid: Grid, judged: int, truths: Sequence[str], seed: int) -> list[Clean]:
+def _gravity(cell: Cell, grid: CellGrid, judged: int, truths: Sequence[str], seed: int) -> list[Clean]:
     """Under a weight: MuJoCo settles every true arm in the same poses."""
     most = max(grid.poses)
     scenario = Scenario(
@@ -164,7 +172,7 @@ def _gravity(cell: Cell, grid: Grid, judged: int, truths: Sequence[str], seed: i
     return [Clean(c.identification, c.truth, seed) for c in campaigns]
 
 
-def _full_pose(cell: Cell, grid: Grid, judged: int, truths: Sequence[str], seed: int) -> list[Clean]:
+def _full_pose(cell: Cell, grid: CellGrid, judged: int, truths: Sequence[str], seed: int) -> list[Clean]:
     """Under wrenches along all axes, to first order and with deflections in range, as in section 5.2."""
     scenario = FullPose(
         arm=cell.arm.name, noise=False, poses=max(grid.poses), least=9e-3, most=41e-3, check_runs=judged
@@ -173,7 +181,7 @@ def _full_pose(cell: Cell, grid: Grid, judged: int, truths: Sequence[str], seed:
     return [Clean(c.identification, c.truth, seed) for c in campaigns]
 
 
-MEASURE: Mapping[Kind, Callable[[Cell, Grid, int, Sequence[str], int], list[Clean]]] = {
+MEASURE: Mapping[Kind, Callable[[Cell, CellGrid, int, Sequence[str], int], list[Clean]]] = {
     "gravity": _gravity,
     "full_pose": _full_pose,
 }
@@ -181,8 +189,8 @@ MEASURE: Mapping[Kind, Callable[[Cell, Grid, int, Sequence[str], int], list[Clea
 
 
 def _rows(
-    cell: Cell, kind: Kind, asked: Settings, seed: int, estimators: Sequence[Model]
-) -> Iterator[MethodRow]:
+    cell: Cell, kind: Kind, asked: GridSettings, seed: int, estimators: Sequence[Model]
+) -> Iterator[GridMethodRow]:
     """Rows of one kind of reading; estimators of one's own fit every structure without a prior."""
     grid, prior, truths = asked.grids[kind], cad_prior(cell.arm), asked.arms(seed)
     structures = [make(cell.arm) for make in STRUCTURES]
@@ -192,15 +200,17 @@ def _rows(
         alone = [reduce(cell.vjm, joints_only(cell.arm), runs) for runs in data]
         joints = [solve(regression, "none") for regression in alone]
         for structure in structures:
-            own = [reduce(cell.vjm, structure, runs) for runs in data]
-            found = {NONE: without_prior(own)}
-            found |= {name: with_prior(cell.vjm, own, prior, believed) for name, believed in PRIORS.items()}
-            noise = expected(cell.vjm, clean, grid, own)
+            regressions = [reduce(cell.vjm, structure, runs) for runs in data]
+            found = {NONE: without_prior(regressions)}
+            found |= {
+                name: with_prior(cell.vjm, regressions, prior, believed) for name, believed in PRIORS.items()
+            }
+            noise = expected(cell.vjm, clean, grid, regressions)
             for name, compared in found.items():
                 tried = estimators if name == NONE else ()
                 same = {"part": kind, "true_arm": truth, "structure": structure.name, "uncertainty": name}
                 cases = [
-                    Case(
+                    TrialCase(
                         runs,
                         clean.judge,
                         {**same, "poses": at[0], "sigma_um": UM * at[1]},
@@ -214,21 +224,21 @@ def _rows(
 
 
 def _compared(
-    cell: Cell, cases: Sequence[Case], own: Compared, fits: Fits, noise: Array
-) -> Iterator[MethodRow]:
+    cell: Cell, cases: Sequence[TrialCase], own: Compared, fits: Fits, noise: Array
+) -> Iterator[GridMethodRow]:
     """Rows of one structure with one prior; noise is what it is expected to leave least squares [um]."""
     fits |= {EQUAL: own.equal, LENT: own.lent} if own.equal and own.lent else {}
-    moved, binds = all_deflections(cell.vjm, own.gco, cases[0].judge), own.binds
+    moved, binds = all_deflections(cell.vjm, own.gco, cases[0].test), own.binds
     share = noise / (UM * np.sqrt(np.square(moved).sum(axis=3).mean(axis=(1, 2))))
 
     def more(name: str, k: int) -> dict[str, object]:
         known = {"expected": float(share[k]), "free": own.ls[k].structure.n - own.ls[k].regression.rank}
         return known | {"binds": binds[k]} | ({"constraint": "free"} if name == EQUAL else {})
 
-    yield from judged(cell, cases, fits, MethodRow, more)
+    yield from score_cases(cell, cases, fits, GridMethodRow, more)
 
 
-def expected(vjm: Vjm, clean: Clean, grid: Grid, regressions: Sequence[Regression]) -> Array:
+def expected(vjm: Vjm, clean: Clean, grid: CellGrid, regressions: Sequence[Regression]) -> Array:
     """RMS error in poses never measured that noise is expected to leave least squares, (cells,) [um].
 
     From rows and sigma alone; where the data leave directions free it is that of the directions seen.

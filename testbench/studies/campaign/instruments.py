@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask, check_least
-from testbench.plant.tracker import LONGEST, TYPICAL, LaserTracker, precision, read_positions, stream
+from testbench.plant.tracker import MAX_DEVIATION, TYPICAL, LaserTracker, precision, read_positions, trial_rng
 
 FLAT, WEIGHTED, UNWEIGHTED = "flat 50 um", "weighted", "flat weights"
 CENTRE = (2.2, 0.0, 1.6)  #: Middle of the work area, section 6 [m].
@@ -25,8 +25,8 @@ class Drift:
     def __post_init__(self) -> None:
         """Refuse, by BenchError, a number below 0 or too large for a slow drift."""
         for name in ("shift", "turn"):
-            if not 0 <= getattr(self, name) <= LONGEST:
-                raise BenchError(f"drift, {name}: expected 0 to {LONGEST:g}, got {getattr(self, name)}")
+            if not 0 <= getattr(self, name) <= MAX_DEVIATION:
+                raise BenchError(f"drift, {name}: expected 0 to {MAX_DEVIATION:g}, got {getattr(self, name)}")
 
 
 DRIFT = Drift(shift=20e-6, turn=5e-6)
@@ -79,16 +79,16 @@ def readings(
         yield "weighted, 3 readings averaged", distance, averaged
         yield "weighted, frame drifts", distance, by_laser(clean, tracker, seed, DRIFT)
         yield f"weighted, {100 * LOST:.0f} % of targets lost", distance, _lose(plain, seed)
-        misread, _ = spoil(plain, MISREAD, BY, stream(seed, 6))
+        misread, _ = spoil(plain, MISREAD, BY, trial_rng(seed, 6))
         yield f"weighted, {100 * MISREAD:.0f} % misread by {1e3 * BY:g} mm", distance, misread
 
 
 def by_laser(clean: Dataset, tracker: LaserTracker, seed: int, drift: Drift | None = None) -> Dataset:
     """A noise-free dataset read by a laser tracker, weighted by what it knows of itself: not of its drift."""
-    rng = stream(seed, 1)
+    rng = trial_rng(seed, 1)
     before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
     if drift is not None:
-        after = drifted(after, drift, tracker.station, stream(seed, 2))
+        after = drifted(after, drift, tracker.station, trial_rng(seed, 2))
     return replace(clean, before=before, after=after, precision=precision(tracker, before, after))
 
 
@@ -103,5 +103,5 @@ def unweighted(data: Dataset) -> Dataset:
 def _lose(data: Dataset, seed: int) -> Dataset:
     """The same without some of its targets."""
     assert data.precision is not None
-    gone = stream(seed, 3).random((data.runs, len(data.markers))) < LOST
+    gone = trial_rng(seed, 3).random((data.runs, len(data.markers))) < LOST
     return replace(data, precision=np.where(gone[..., None, None], 0.0, data.precision))

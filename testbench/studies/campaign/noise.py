@@ -15,16 +15,16 @@ import typer
 
 from testbench.arm.folder import find_arm
 from testbench.errors import BenchError
-from testbench.plant.tracker import stream
-from testbench.plant.true_arms import FAMILY, member
+from testbench.plant.tracker import trial_rng
+from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.studies.campaign.instruments import UNWEIGHTED, WEIGHTED, readings
 from testbench.studies.campaign.trial import (
-    Case,
-    FitRow,
+    CampaignFitRow,
+    TrialCase,
     each_seed,
     fitted,
-    judged,
     reread,
+    score_cases,
     with_wrong_priors,
 )
 from testbench.workflows.campaign_flags import TrueArmFlag
@@ -43,13 +43,13 @@ GRAVITY = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 SIX_DOF_PRIOR, GRAVITY_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO69"), (JOINTS, "MLS56", "MGCO56", "MGCO68")
 """Those that are fitted with a prior too."""
 INSTRUMENT = "MGCO56 + prior"  #: Instruments are compared by this model alone.
-MOST_UM = 10_000.0  #: Largest noise that an instrument can have [um].
+MAX_UM = 10_000.0  #: Largest noise that an instrument can have [um].
 FLAT_SIGMA = 50e-6  #: Noise of the instrument that reads all axes alike, wherever it stands [m].
 NEAR = 4.0  #: Distance at which instruments are compared [m].
 
 
 @dataclass(frozen=True)
-class Options:
+class NoiseOptions:
     """Flags of the study."""
 
     sigma_um: Annotated[
@@ -59,7 +59,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Settings:
+class NoiseSettings:
     """What is tried."""
 
     first: int  #: The first seed of all: the parts with fewer trials have the first ones.
@@ -70,35 +70,35 @@ class Settings:
     true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: NoiseOptions, quick: bool, seeds: range) -> NoiseSettings:
     """What the flags ask for: levels ascending, no noise at all among them.
 
     Raises:
         BenchError: When a level is out of range or there twice, or none is above 0.
     """
-    found = Settings(seeds[0], true_arm=options.true_arm)
+    found = NoiseSettings(seeds[0], true_arm=options.true_arm)
     if quick:
         found = replace(found, gravity_trials=2, instrument_trials=1, distances=(4.0,))
     levels = options.sigma_um
     if not levels:
         return found
     for value in levels:
-        if not 0 <= value <= MOST_UM or levels.count(value) > 1:
-            raise BenchError(f"--sigma-um: expected different values of 0 to {MOST_UM:g}, got {value:g}")
+        if not 0 <= value <= MAX_UM or levels.count(value) > 1:
+            raise BenchError(f"--sigma-um: expected different values of 0 to {MAX_UM:g}, got {value:g}")
     if max(levels) == 0:
         raise BenchError("--sigma-um: expected at least one level above 0")
     return replace(found, sigmas=tuple(value / 1e6 for value in sorted({0.0, *levels})))
 
 
 @each_seed
-def trials(asked: Settings, seed: int, own: Models) -> Iterator[FitRow]:
+def trials(asked: NoiseSettings, seed: int, own: Models) -> Iterator[CampaignFitRow]:
     """Rows of a seed, one a fit."""
-    arm = member(asked.true_arm, seed)
+    arm = true_arm_of_seed(asked.true_arm, seed)
     light, heavy = build_cell(find_arm(LIGHT)), build_cell(find_arm(HEAVY))
     cell, models = true_cell(light, arm, seed), with_wrong_priors(light, SIX_DOF, SIX_DOF_PRIOR, seed, own)
     scenario = FullPose(arm=LIGHT, least=9e-3, most=41e-3, noise=False)
     levels = _levels(asked, "six_dof", arm, simulate_full_pose(cell, scenario, seed))
-    yield from judged(cell, levels, fitted(cell, models, levels))
+    yield from score_cases(cell, levels, fitted(cell, models, levels))
     gravity, instruments = (seed - asked.first < n for n in (asked.gravity_trials, asked.instrument_trials))
     if gravity or instruments:
         cell, models = (
@@ -108,7 +108,7 @@ def trials(asked: Settings, seed: int, own: Models) -> Iterator[FitRow]:
         linear, bent = _campaigns(cell, seed)
     if gravity:
         levels = _levels(asked, "gravity", arm, bent)
-        yield from judged(cell, levels, fitted(cell, models, levels))
+        yield from score_cases(cell, levels, fitted(cell, models, levels))
     if instruments:
         named = {model.name: model for model in models}
         for campaign in (linear, bent):
@@ -123,28 +123,30 @@ def _campaigns(cell: Cell, seed: int) -> list[Campaign]:
     return [simulate_at(cell, scenario, seed, poses) for scenario in (linear, bent)]
 
 
-def _levels(asked: Settings, part: str, arm: str, campaign: Campaign) -> list[Case]:
+def _levels(asked: NoiseSettings, part: str, arm: str, campaign: Campaign) -> list[TrialCase]:
     """Every level of noise."""
     clean, seed = campaign.identification, campaign.seed
     factors = {"part": part, "truth": campaign.scenario.truth, "true_arm": arm}
     cases = [
-        Case(reread(clean, sigma, stream(seed, 1)), campaign.truth, {**factors, "sigma_um": UM * sigma})
+        TrialCase(
+            reread(clean, sigma, trial_rng(seed, 1)), campaign.truth, {**factors, "sigma_um": UM * sigma}
+        )
         for sigma in asked.sigmas
     ]
     if (part, seed) == ("gravity", asked.first):
-        cases[0] = replace(cases[0], shown=reread(clean, FLAT_SIGMA, stream(seed, 1)))
+        cases[0] = replace(cases[0], saved=reread(clean, FLAT_SIGMA, trial_rng(seed, 1)))
     return cases
 
 
 def _instruments(
-    cell: Cell, models: Mapping[str, Model], asked: Settings, arm: str, campaign: Campaign
-) -> Iterator[FitRow]:
+    cell: Cell, models: Mapping[str, Model], asked: NoiseSettings, arm: str, campaign: Campaign
+) -> Iterator[CampaignFitRow]:
     """The same poses read by several instruments; by the default model, the two ways of weighting alone."""
     clean, seed = campaign.identification, campaign.seed
     same = {"part": "instrument", "truth": campaign.scenario.truth, "true_arm": arm}
-    flat = reread(clean, FLAT_SIGMA, stream(seed, 1))
+    flat = reread(clean, FLAT_SIGMA, trial_rng(seed, 1))
     read = [
-        Case(runs, campaign.truth, {**same, "instrument": name, "distance_m": x})
+        TrialCase(runs, campaign.truth, {**same, "instrument": name, "distance_m": x})
         for name, x, runs in readings(clean, flat, asked.distances, seed)
     ]
     weights = [
@@ -153,4 +155,4 @@ def _instruments(
         if case.factors["instrument"] in (WEIGHTED, UNWEIGHTED) and case.factors["distance_m"] == NEAR
     ]
     for name, cases in ((INSTRUMENT, read), (DEFAULT, weights)):
-        yield from judged(cell, cases, fitted(cell, [models[name]], cases))
+        yield from score_cases(cell, cases, fitted(cell, [models[name]], cases))

@@ -14,14 +14,14 @@ import typer
 from testbench.arm.folder import find_arm, load_arm
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
-from testbench.identify.metric import metric, rescaled
+from testbench.identify.metric import rescale_to_data, scale_by_prior
 from testbench.identify.prior import Prior
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 from testbench.runs.spread import Number
 from testbench.studies.campaign import coverage
 from testbench.studies.campaign.coverage import Covered
-from testbench.studies.campaign.trial import Case, FitRow, each_seed, fitted, judged
+from testbench.studies.campaign.trial import CampaignFitRow, TrialCase, each_seed, fitted, score_cases
 from testbench.studies.estimators.stein import (
     choose_strength,
     every_fold,
@@ -46,7 +46,7 @@ from testbench.workflows.own_estimator import Models
 from testbench.workflows.perturbed_prior import SCALE, wrong_prior
 
 SIX_DOF = "arm_6r"  #: The arm of section 5.2: the data see all its predictions.
-PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+MODELS_WITHOUT_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68")
 """Models without a prior; beside MLS56 stands what is conservative and fits as well."""
 VARIED = ("MGCO56", "MGCO68")  #: Structures whose prior's scale and number of poses are varied.
 
@@ -71,7 +71,7 @@ class FilledModel(Model):
 
 
 @dataclass(frozen=True)
-class Options:
+class PriorOptions:
     """Flags of the study."""
 
     arm: ArmFlag = "kr500_l480"
@@ -79,7 +79,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Settings:
+class PriorSettings:
     """What is tried."""
 
     arm: str  #: Folder or name of the arm.
@@ -95,7 +95,7 @@ class Settings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MethodRow(FitRow):
+class PriorMethodRow(CampaignFitRow):
     """One method in one case."""
 
     filling: Filling
@@ -107,14 +107,14 @@ class MethodRow(FitRow):
 class TrialRow:
     """One fit of a campaign, or the intervals of one dataset."""
 
-    fit: MethodRow | None = None
+    fit: PriorMethodRow | None = None
     intervals: Covered | None = None
     data_file: str | None = None  #: dataset.csv, in a row of the first seed.
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: PriorOptions, quick: bool, seeds: range) -> PriorSettings:
     """What the flags ask for."""
-    found = Settings(
+    found = PriorSettings(
         arm=options.arm,
         scenario=of_arm(load_arm(options.arm), Scenario(arm=find_arm(options.arm).resolve().name)),
         first=seeds[0],
@@ -127,7 +127,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
 
 
 @each_seed
-def trials(asked: Settings, seed: int, own: Models) -> Iterator[TrialRow]:
+def trials(asked: PriorSettings, seed: int, own: Models) -> Iterator[TrialRow]:
     """Fits of the campaign of a seed, then intervals."""
     cell = build_cell(find_arm(asked.arm))
     heavy = coverage.gravity_cases(cell)
@@ -137,7 +137,9 @@ def trials(asked: Settings, seed: int, own: Models) -> Iterator[TrialRow]:
     yield from (TrialRow(intervals=row) for row in _intervals(cell, heavy, asked, seed - asked.first))
 
 
-def _intervals(cell: Cell, heavy: Sequence[coverage.Case], asked: Settings, k: int) -> Iterator[Covered]:
+def _intervals(
+    cell: Cell, heavy: Sequence[coverage.CoverageCase], asked: PriorSettings, k: int
+) -> Iterator[Covered]:
     """Intervals of every kind from dataset k."""
     light = coverage.full_pose_case(build_cell(find_arm(SIX_DOF)))
     yield from coverage.fitted(light, k, k < asked.bootstraps)
@@ -149,15 +151,15 @@ def _intervals(cell: Cell, heavy: Sequence[coverage.Case], asked: Settings, k: i
         yield from coverage.of_family(cell, asked.first + k)
 
 
-def _fits(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[MethodRow]:
+def _fits(cell: Cell, asked: PriorSettings, seed: int, own: Models) -> Iterator[PriorMethodRow]:
     """All fits of one campaign."""
     straight, bent = _campaigns(cell, asked.scenario, seed)
     linear = asked.scenario.model_copy(update={"truth": "linear"})
-    plain = [FilledModel(**vars(model)) for model in plain_models(cell, PLAIN)]
+    plain = [FilledModel(**vars(model)) for model in plain_models(cell, MODELS_WITHOUT_PRIOR)]
     hired = [FilledModel(**vars(model)) for model in own(cell, wrong_prior(cell, seed))]
     every = [*plain, *_filled(cell, seed, asked.structures, FILLERS), *hired]
-    seen = replace(_case(bent, "nonlinear"), shown=bent.measured if seed == asked.first else None)
-    yield from _judged(cell, every, [_case(straight, "linear"), seen])
+    trial_case = replace(_case(bent, "nonlinear"), saved=bent.measured if seed == asked.first else None)
+    yield from _judged(cell, every, [_case(straight, "linear"), trial_case])
     for scale in asked.scales:
         _, *filled = _filled(cell, seed, VARIED, (LS, GCO), scale)
         yield from _judged(cell, filled, [_case(straight, "scale", scale=scale)])
@@ -176,23 +178,25 @@ def _campaigns(cell: Cell, scenario: Scenario, seed: int) -> list[Campaign]:
     return [simulate_at(cell, own, seed, poses) for own in truths]
 
 
-def _case(campaign: Campaign, part: str, **more: object) -> Case:
+def _case(campaign: Campaign, part: str, **more: object) -> TrialCase:
     factors = {"part": part, "truth": campaign.scenario.truth, "true_arm": "tubes", **more}
-    return Case(campaign.identification, campaign.truth, factors)
+    return TrialCase(campaign.identification, campaign.truth, factors)
 
 
-def _judged(cell: Cell, models: Sequence[FilledModel], cases: Sequence[Case]) -> Iterator[MethodRow]:
+def _judged(
+    cell: Cell, models: Sequence[FilledModel], cases: Sequence[TrialCase]
+) -> Iterator[PriorMethodRow]:
     fits, filling = fitted(cell, models, cases), {model.name: model.filling for model in models}
 
     def more(name: str, k: int) -> dict[str, object]:
         estimate = fits[name][k]
-        belief = estimate.belief
+        belief = estimate.weighted_prior
         return {
             "filling": filling[name],
             "uncertainty_percent": 100 * belief.strength.uncertainty if belief else None,
         }
 
-    yield from judged(cell, cases, fits, MethodRow, more)
+    yield from score_cases(cell, cases, fits, PriorMethodRow, more)
 
 
 def _filled(
@@ -200,11 +204,11 @@ def _filled(
 ) -> list[FilledModel]:
     """Joints alone, then structures by these methods, all with the same wrong prior."""
     prior = wrong_prior(cell, seed, scale)
-    joints, *own = named_models(cell, (JOINTS, *structures))
-    asked = [(joints, LS), *((model, filler) for model in own for filler in fillers)]
+    joints, *models = named_models(cell, (JOINTS, *structures))
+    asked = [(joints, LS), *((model, filler) for model in models for filler in fillers)]
     return [
-        FilledModel(f"{m.name}, {own.name}", m.structure, own.estimator(cell, prior), own.filling)
-        for m, own in asked
+        FilledModel(f"{m.name}, {filler.name}", m.structure, filler.estimator(cell, prior), filler.filling)
+        for m, filler in asked
     ]
 
 
@@ -219,15 +223,15 @@ def _of(fill: Fill) -> Callable[[Cell, Prior], Estimator]:
 def _least_trace(vjm: Vjm, structure: Structure, data: Dataset, prior: Prior) -> Estimate:
     """GCO of least trace in the metric of a prior, no compliance believed."""
     regression = reduce(vjm, structure, data)
-    return gco_least_trace(regression, rescaled(metric(prior, vjm, structure), regression))
+    return gco_least_trace(regression, rescale_to_data(scale_by_prior(prior, vjm, structure), regression))
 
 
 def _log_det(vjm: Vjm, structure: Structure, data: Dataset, prior: Prior) -> Estimate:
     """GCO with the log-determinant prior."""
     regression = reduce(vjm, structure, data)
-    own = rescaled(metric(prior, vjm, structure), regression)
+    scaling = rescale_to_data(scale_by_prior(prior, vjm, structure), regression)
     return gco_stein(
-        regression, own, choose_strength(every_fold(vjm, structure, data), own, stein_parameters)
+        regression, scaling, choose_strength(every_fold(vjm, structure, data), scaling, stein_parameters)
     )
 
 

@@ -18,7 +18,7 @@ from testbench.report.report import Report, say
 from testbench.report.schema import Table, best_of, pivot
 from testbench.report.table import SHARED, TRIAL, Row, Trials, aligned, merged, number, shared
 from testbench.runs.spread import Number, Spread, middle, span, wins
-from testbench.studies.rivals import SAME
+from testbench.studies.rivals import DEFAULT_WITHOUT_CONE
 from testbench.studies.study import Study
 from testbench.workflows.model_selection import DEFAULT
 from testbench.workflows.models import JOINTS
@@ -38,7 +38,7 @@ JUDGED = (
     "identification.",
 )
 """Columns of a model whatever the factors are."""
-PAIRS = (("MGCO56", "MLS56"), (DEFAULT, SAME), ("MGCO56", JOINTS), (DEFAULT, JOINTS))
+PAIRS = (("MGCO56", "MLS56"), (DEFAULT, DEFAULT_WITHOUT_CONE), ("MGCO56", JOINTS), (DEFAULT, JOINTS))
 """What the cone does without a prior and to the default; GCO and the default beside the incumbent."""
 METHODS: Mapping[Constraint, str] = {
     "none": "least squares",
@@ -52,7 +52,7 @@ RIVALS = "rivals"  #: Name of the table of pairs.
 
 
 @dataclass(frozen=True)
-class Grid:
+class TrialTable:
     """A table of the trials: one quantity by two factors, or several quantities of each row."""
 
     title: str
@@ -101,7 +101,7 @@ class Preset(Generic[O, S, W]):
     row: type[W]
     trials: Callable[..., Sequence[Sequence[W]]]  #: Rows of some seeds: see `trial.each_seed`.
     #: Tables by name.
-    tables: Callable[[S], Mapping[str, Grid]]
+    tables: Callable[[S], Mapping[str, TrialTable]]
     #: Cells whose models report.json lists, by words behind their names; the first one is the headline's.
     cells: Callable[[S, Trials], Mapping[str, Where]]
     figures: Callable[[Report], Mapping[str, Figure]]
@@ -137,7 +137,7 @@ class Preset(Generic[O, S, W]):
         own = self.derived(asked, trials)
         grids, cells = self.tables(asked), self.cells(asked, own)
         found = {name: grid.cells(own) for name, grid in grids.items()}
-        listed = Grid("", columns=self.also)
+        listed = TrialTable("", columns=self.also)
         models = {words: replace(listed, where=where).cells(own) for words, where in cells.items()}
         first, where = next(iter(cells.items()))
         at = own.where(**where)
@@ -209,7 +209,7 @@ def duels(trials: Trials, pairs: Sequence[tuple[str, str]], value: str = ERROR) 
         pairs: Names of ours and theirs; pairs that are not both there are left out.
         value: Column of the error.
     """
-    found = []
+    rows = []
     for ours, theirs in pairs:
         both = aligned(trials, (ours, theirs), value)
         if ours == theirs or not len(both):
@@ -217,7 +217,7 @@ def duels(trials: Trials, pairs: Sequence[tuple[str, str]], value: str = ERROR) 
         labels, (a, b), n = shared(trials, (ours, theirs)), both.T, len(both)
         worst = int((a / b).argmax())
         seeds = aligned(trials, (ours, theirs), SHARED if SHARED in trials else TRIAL)
-        found.append(
+        rows.append(
             Row(
                 ours=ours,
                 theirs=theirs,
@@ -231,7 +231,7 @@ def duels(trials: Trials, pairs: Sequence[tuple[str, str]], value: str = ERROR) 
                 worst_seed=int(seeds[worst, 0]),
             )
         )
-    return found
+    return rows
 
 
 def rivals_table(rows: Sequence[Row], value: str = ERROR) -> Table:

@@ -18,17 +18,17 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify import Constraint, Estimate, intervals
-from testbench.identify.evaluate import Score, all_deflections, score
+from testbench.identify.evaluate import DeflectionErrors, all_deflections, score
 from testbench.identify.posterior import CONFIDENCE
 from testbench.plant.tracker import Tracker, read_orientations, read_positions
 from testbench.runs.spread import Share
 from testbench.studies.rivals import plain_models, without_cone
 from testbench.workflows.cell import Cell, Truth
-from testbench.workflows.evaluation import attempted, has_failed
+from testbench.workflows.evaluation import fit_or_rigid, has_failed
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import Model, named_models
-from testbench.workflows.own_estimator import Models, hired
-from testbench.workflows.own_process import Own
+from testbench.workflows.own_estimator import Models, estimator_models
+from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.perturbed_prior import with_wrong_prior, wrong_prior
 from testbench.workflows.rows import MM, NO_ERRORS, UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
 
@@ -43,7 +43,7 @@ LEARNS = ("ALL153",)
 
 
 @dataclass(frozen=True, kw_only=True)
-class FitRow:
+class CampaignFitRow:
     """One model in one case of one trial: what was chosen, and how it errs in poses never measured."""
 
     name: str  #: Of the model.
@@ -89,13 +89,13 @@ class Cover:
 
 
 @dataclass(frozen=True)
-class Case:
+class TrialCase:
     """Runs to identify from, and true deflections in poses never measured, at one choice of every factor."""
 
     runs: Dataset
-    judge: Dataset
+    test: Dataset
     factors: Mapping[str, object]  #: Fields of a row.
-    shown: Dataset | None = None  #: The dataset that the study leaves, in one case of the first seed.
+    saved: Dataset | None = None  #: The dataset that the study leaves, in one case of the first seed.
 
 
 class Fits(dict[str, Sequence[Estimate]]):
@@ -112,35 +112,35 @@ class Fits(dict[str, Sequence[Estimate]]):
         self.filled = filled  #: Models that were given a prior.
 
 
-def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
+def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[TrialCase]) -> Fits:
     """Every model identified from the runs of every case."""
     runs = [case.runs for case in cases]
     found, seconds = {}, {}
     for model in models:
         start = perf_counter()
-        found[model.name] = [attempted(cell, model, one) for one in runs]
+        found[model.name] = [fit_or_rigid(cell, model, data) for data in runs]
         seconds[model.name] = (perf_counter() - start) / len(runs)
     return Fits(found, seconds, [m.name for m in models if m.filled])
 
 
 def each_seed(
     trial: Callable[[S, int, Models], Iterable[R]],
-) -> Callable[[S, Sequence[int], Sequence[Own]], list[list[R]]]:
+) -> Callable[[S, Sequence[int], Sequence[EstimatorSource]], list[list[R]]]:
     """The trials of a study, of a function of settings, a seed and what makes models of own estimators."""
 
     @wraps(trial)
-    def trials(asked: S, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[R]]:
-        models = hired(own)
+    def trials(asked: S, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()) -> list[list[R]]:
+        models = estimator_models(own)
         return [list(trial(asked, seed, models)) for seed in seeds]
 
     return trials
 
 
-def judged(
+def score_cases(
     cell: Cell,
-    cases: Sequence[Case],
+    cases: Sequence[TrialCase],
     fits: Fits,
-    kind: type[R] = FitRow,  # type: ignore[assignment]  # the rows of most studies
+    kind: type[R] = CampaignFitRow,  # type: ignore[assignment]  # the rows of most studies
     more: Callable[[str, int], Mapping[str, object]] = lambda *_: {},
 ) -> Iterator[R]:
     """Rows of every case, a model each, judged by true deflections.
@@ -152,10 +152,10 @@ def judged(
         kind: Type of the rows.
         more: Other fields of a row, by the model's name and the case's place.
     """
-    far = _scores(cell, [case.judge for case in cases], fits)
+    far = _scores(cell, [case.test for case in cases], fits)
     near = _scores(cell, [case.runs for case in cases], fits)
     for k, case in enumerate(cases):
-        shown = {} if case.shown is None else _left(cell, case.shown)
+        shown = {} if case.saved is None else _left(cell, case.saved)
         for name, estimates in fits.items():
             fields = _fields(name, estimates[k], far[k, name], fits.seconds.get(name))
             fields["prior"] = fields["prior"] or name in fits.filled
@@ -166,9 +166,9 @@ def judged(
             shown = {}
 
 
-def _scores(cell: Cell, data: Sequence[Dataset], fits: Fits) -> dict[tuple[int, str], Score]:
+def _scores(cell: Cell, data: Sequence[Dataset], fits: Fits) -> dict[tuple[int, str], DeflectionErrors]:
     """Errors of every fit by the dataset of its case: where the arm is in one, is worked out once."""
-    found: dict[tuple[int, str], Score] = {}
+    found: dict[tuple[int, str], DeflectionErrors] = {}
     for one in {id(own): own for own in data}.values():
         keys = [(k, name) for k, own in enumerate(data) if own is one for name in fits]
         moved = all_deflections(cell.vjm, [fits[name][k] for k, name in keys], one)
@@ -204,10 +204,12 @@ OF_FIT = (
 ).split()
 
 
-def _fields(name: str, estimate: Estimate, error: Score, seconds: float | None) -> dict[str, object]:
+def _fields(
+    name: str, estimate: Estimate, error: DeflectionErrors, seconds: float | None
+) -> dict[str, object]:
     """Fields of a row that all studies have."""
-    own = fit_row(name, estimate, seconds, prior=estimate.belief is not None)
-    found = {key: getattr(own, key) for key in OF_FIT} | {
+    row = fit_row(name, estimate, seconds, prior=estimate.weighted_prior is not None)
+    found = {key: getattr(row, key) for key in OF_FIT} | {
         "rms_um": UM * error.rms,
         "p95_um": UM * error.p95,
         "max_um": UM * error.max,

@@ -11,16 +11,16 @@ from testbench.arm.folder import find_arm
 from testbench.correct.inverse import joints_along
 from testbench.correct.process import process_wrench
 from testbench.design.planning import make_plan
-from testbench.design.refine import Reach
-from testbench.design.rows import Experiment, Specification, Tasks
+from testbench.design.refine import Feasibility
+from testbench.design.rows import MeasurementSetup, Specification, Tasks
 from testbench.errors import Array, BenchError
-from testbench.identify.metric import metric
+from testbench.identify.metric import scale_by_prior
 from testbench.model.load import Load, weight
 from testbench.plant.site import Payload
-from testbench.plant.tracker import Station, stream
+from testbench.plant.tracker import Station, trial_rng
 from testbench.studies.compensation import settings as s
 from testbench.studies.study import Everywhere
-from testbench.workflows.candidates import Checks, Conditions, build_checks, feasible, find
+from testbench.workflows.candidates import Checks, PoseConditions, build_checks, feasible, find
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.models import MODELS
 from testbench.workflows.perturbed_prior import UNCERTAINTY, wrong_prior
@@ -28,14 +28,14 @@ from testbench.workflows.perturbed_prior import UNCERTAINTY, wrong_prior
 START = (0.3, -1.2, 1.6, 0.1, -0.4, 0.0)  #: Joints near the panel [rad].
 AROUND = 50  #: Candidates that stand for the workspace, which no criterion here asks for.
 DRILLING, MILLING = "drilling", "milling"
-FORCE = (1000.0, 3000.0)  #: Least and largest force of the process [N].
+FORCE_RANGE = (1000.0, 3000.0)  #: Least and largest force of the process [N].
 TIP = (0.5, 0.0, 0.0)  #: Where the tool cuts, in the tool's frame [m].
 RADIUS, NEAREST, HEIGHT = 2.0, 2.4, 1.6
 """Of the panel, a cylinder about a level axis along y: how far its nearest line is from the robot [m]."""
 HOLES, PATTERN = (6, 5), (0.6, 0.4)  #: Along y and up the panel, and half of the pattern's size [m].
 WINDOW, CORNER, STEPS = (0.5, 0.3), 0.1, 64
 """Half of the milled window's size, the radius of its corners [m], and points of the path around it."""
-LEAST = 0.3  #: Of a component of the milling force before scaling, over the largest.
+MIN_FORCE_COMPONENT = 0.3  #: Of a component of the milling force before scaling, over the largest.
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,11 @@ def drawn(job: Job, rng: np.random.Generator) -> Array:
 
     A mill is held back, pushed aside to either side and out of the panel.
     """
-    size, parts, side = rng.uniform(*FORCE), rng.uniform(LEAST, 1, 3), rng.choice([-1.0, 1.0])
+    size, parts, side = (
+        rng.uniform(*FORCE_RANGE),
+        rng.uniform(MIN_FORCE_COMPONENT, 1, 3),
+        rng.choice([-1.0, 1.0]),
+    )
     milled = parts / np.linalg.norm(parts) * [-1.0, side, -1.0]
     return np.asarray(size * (job.typical if job.name == DRILLING else milled))
 
@@ -119,25 +123,25 @@ def tasks(q: Array, forces: Sequence[Array]) -> Tasks:
     return Tasks(q, Load(wrench, np.array(TIP)).over(len(wrench)))
 
 
-def prepare(asked: s.Settings, everywhere: Everywhere) -> s.Settings:
+def prepare(asked: s.CompensationSettings, everywhere: Everywhere) -> s.CompensationSettings:
     """The scene; PoseError for too few feasible poses."""
     cell = build_cell(find_arm(asked.arm))
-    found = find(_checks(cell), asked.candidates, stream(asked.seed, 1)).q
+    found = find(_checks(cell), asked.candidates, trial_rng(asked.seed, 1)).q
     q = np.concatenate([program(cell, job) for job in jobs()])
     plain = [tuple(map(tuple, own.tolist())) for own in (found, q)]
-    scene = s.Scene(candidates=plain[0], program=plain[1])
+    scene = s.CompensationScene(candidates=plain[0], program=plain[1])
     asked = replace(asked, scene=scene)
-    rows = everywhere(partial(plan_rows, asked), len(_planned(asked)), s.PlanRow, "plans")
+    rows = everywhere(partial(plan_rows, asked), len(_planned(asked)), s.CompensationPlanRow, "plans")
     return replace(asked, scene=replace(scene, plans=tuple(rows)))
 
 
-def _planned(asked: s.Settings) -> list[tuple[str, int]]:
+def _planned(asked: s.CompensationSettings) -> list[tuple[str, int]]:
     return list(product((s.WEIGHT, s.BOTH), asked.numbers))
 
 
 def _checks(cell: Cell) -> Checks:
     payload = Payload(s.PAYLOAD, s.SLING)
-    return build_checks(cell, Conditions(area=s.AREA, station=Station(s.STATION), payload=payload))
+    return build_checks(cell, PoseConditions(area=s.AREA, station=Station(s.STATION), payload=payload))
 
 
 def program(cell: Cell, job: Job) -> Array:
@@ -147,10 +151,12 @@ def program(cell: Cell, job: Job) -> Array:
         BenchError: When a point is out of reach.
     """
     start, tip = np.array(START), np.array(TIP)
-    found = joints_along(cell.vjm, job.position, job.rotation, start=start, point=tip)
-    if not found.there.all():
-        raise BenchError(f"{job.name}: {cell.arm.name} does not reach point {np.argmin(found.there) + 1}")
-    return found.q
+    reached = joints_along(cell.vjm, job.position, job.rotation, start=start, point=tip)
+    if not reached.converged.all():
+        raise BenchError(
+            f"{job.name}: {cell.arm.name} does not reach point {np.argmin(reached.converged) + 1}"
+        )
+    return reached.q
 
 
 def loads(cell: Cell) -> tuple[Load, Load]:
@@ -158,24 +164,26 @@ def loads(cell: Cell) -> tuple[Load, Load]:
     return weight(cell.vjm, s.PAYLOAD), Load(np.array([0.0, s.PULL, 0.0, 0.0, 0.0, 0.0]), cell.vjm.load)
 
 
-def plan_rows(asked: s.Settings, numbers: Sequence[int]) -> list[list[s.PlanRow]]:
+def plan_rows(asked: s.CompensationSettings, numbers: Sequence[int]) -> list[list[s.CompensationPlanRow]]:
     """Plans by their numbers, one list each; `asked` holds candidates and program."""
     cell = build_cell(find_arm(asked.arm))
-    reach, found = Reach(partial(feasible, _checks(cell))), []
+    reach, found = Feasibility(partial(feasible, _checks(cell))), []
     for name, poses in map(_planned(asked).__getitem__, numbers):
         spec = specify(cell, asked, name, poses)
-        best = make_plan(spec, "test", np.array(asked.scene.candidates), reach, stream(asked.seed, 2))
-        found.append([s.PlanRow(name, poses, tuple(best.q.ravel().tolist()), tuple(best.load.tolist()))])
+        best = make_plan(spec, "test", np.array(asked.scene.candidates), reach, trial_rng(asked.seed, 2))
+        found.append(
+            [s.CompensationPlanRow(name, poses, tuple(best.q.ravel().tolist()), tuple(best.load.tolist()))]
+        )
     return found
 
 
-def specify(cell: Cell, asked: s.Settings, name: str, poses: int) -> Specification:
+def specify(cell: Cell, asked: s.CompensationSettings, name: str, poses: int) -> Specification:
     """What a plan is for: the points of both jobs under forces of the middle of their range."""
-    own = metric(wrong_prior(cell, asked.seed), cell.vjm, MODELS["ALL153"](cell).structure)
+    scaling = scale_by_prior(wrong_prior(cell, asked.seed), cell.vjm, MODELS["ALL153"](cell).structure)
     return Specification(
-        experiment=Experiment(cell.vjm, own, cell.vjm.markers, s.SIGMA),
+        experiment=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, s.SIGMA),
         loads=loads(cell)[: 1 if name == s.WEIGHT else 2],
-        tasks=tasks(np.array(asked.scene.program), [np.mean(FORCE) * job.typical for job in jobs()]),
+        tasks=tasks(np.array(asked.scene.program), [np.mean(FORCE_RANGE) * job.typical for job in jobs()]),
         workspace=np.array(asked.scene.candidates[:AROUND]),
         uncertainty=UNCERTAINTY,
         poses=poses,

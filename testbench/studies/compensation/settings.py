@@ -11,7 +11,7 @@ from pydantic import Field
 from testbench.arm.folder import find_arm
 from testbench.errors import BenchError
 from testbench.model.poses import WorkArea
-from testbench.studies.rivals import SAME
+from testbench.studies.rivals import DEFAULT_WITHOUT_CONE
 from testbench.workflows.models import JOINTS
 
 NAME = "compensation"
@@ -36,8 +36,8 @@ NOMINAL, PRIOR, PERFECT = "nominal", "prior alone", "perfect"
 """Not identified: the folder's values; the same as the prior has them, wrong; the true compliances."""
 DEFAULT = "default"  #: What `identify` takes by default.
 LEAST_SQUARES = "MLS56"
-PLAIN = (JOINTS, LEAST_SQUARES, "MGCO56")  #: Identified without a prior.
-IDENTIFIED = (*PLAIN, SAME, DEFAULT)
+MODELS_WITHOUT_PRIOR = (JOINTS, LEAST_SQUARES, "MGCO56")  #: Identified without a prior.
+IDENTIFIED = (*MODELS_WITHOUT_PRIOR, DEFAULT_WITHOUT_CONE, DEFAULT)
 MODELS = (NOMINAL, PRIOR, *IDENTIFIED, PERFECT)
 DRAWN = (JOINTS, DEFAULT)
 
@@ -45,7 +45,7 @@ Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
 
 
 @dataclass(frozen=True)
-class PlanRow:
+class CompensationPlanRow:
     """A planned campaign."""
 
     loads: str  #: What loads the arm, WEIGHT or BOTH.
@@ -55,12 +55,12 @@ class PlanRow:
 
 
 @dataclass(frozen=True)
-class Scene:
+class CompensationScene:
     """What all trials share."""
 
     candidates: Angles = ()  #: Feasible poses to measure.
     program: Angles = ()  #: Programmed joints of all jobs, one job after the other.
-    plans: tuple[PlanRow, ...] = ()
+    plans: tuple[CompensationPlanRow, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -82,14 +82,14 @@ ADVISED = Way(PLANNED, BOTH, FEATURED)
 
 
 @dataclass(frozen=True)
-class Options:
+class CompensationOptions:
     """Flags of the study."""
 
     arm: Annotated[str, typer.Option(metavar="ARM", help="Arm in front of the panel.")] = ARM
 
 
 @dataclass(frozen=True)
-class Settings:
+class CompensationSettings:
     """What is tried."""
 
     arm: str
@@ -97,7 +97,7 @@ class Settings:
     numbers: tuple[int, ...] = NUMBERS  #: Poses of the campaigns.
     candidates: int = CANDIDATES  #: Feasible poses to choose from.
     #: Made of the rest by `plans.prepare`; empty before.
-    scene: Annotated[Scene, Field(exclude=True)] = Scene()
+    scene: Annotated[CompensationScene, Field(exclude=True)] = CompensationScene()
 
     def ways(self, arm: str) -> tuple[Way, ...]:
         """The campaigns of one of ARMS."""
@@ -107,7 +107,7 @@ class Settings:
         return tuple(Way(*one) for one in product((PLANNED, RANDOM), (WEIGHT, BOTH), numbers))
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: CompensationOptions, quick: bool, seeds: range) -> CompensationSettings:
     """What the flags ask for.
 
     Raises:
@@ -116,5 +116,5 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     if find_arm(options.arm).resolve().name != ARM:
         raise BenchError(f"--arm: expected {ARM}, whose work area has the panel, got {options.arm!r}")
     if quick:
-        return Settings(options.arm, seeds[0], QUICK_NUMBERS, QUICK_CANDIDATES)
-    return Settings(options.arm, seeds[0])
+        return CompensationSettings(options.arm, seeds[0], QUICK_NUMBERS, QUICK_CANDIDATES)
+    return CompensationSettings(options.arm, seeds[0])

@@ -6,26 +6,26 @@ import numpy as np
 
 from testbench.arm.folder import find_arm
 from testbench.errors import Array
-from testbench.plant.equilibrium import settle
+from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.shapes import elastic_frames, rigid_frames
-from testbench.plant.true_arms import FAMILY, TRUTH_WORDS, TRUTHS, member
+from testbench.plant.true_arms import FAMILY, TRUTH_WORDS, TRUTHS, true_arm_of_seed
 from testbench.report.badge import of_rivals
 from testbench.report.colours import CHOICE, LOAD, MEASURED, TASK, Look, look
 from testbench.report.columns import columns
 from testbench.report.figure import Figure, ranges
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
-from testbench.report.scene import Layer, Poses, RunChart, Scene, Seen, arrow_scale
-from testbench.report.schema import Column, Table, pivot
+from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, arrow_scale
+from testbench.report.schema import Table, TableColumn, pivot
 from testbench.report.table import Row, Trials
 from testbench.runs.spread import span, spread
 from testbench.studies.calibration_scene import with_errors
 from testbench.studies.compensation import settings as s
-from testbench.studies.compensation.plans import FORCE, jobs, prepare
+from testbench.studies.compensation.plans import FORCE_RANGE, jobs, prepare
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, NOWHERE, REAL, Way
 from testbench.studies.compensation.trial import JobsRow, tasks_of, trials
 from testbench.studies.headline import READ, headline, warnings
-from testbench.studies.rivals import SAME
+from testbench.studies.rivals import DEFAULT_WITHOUT_CONE
 from testbench.studies.study import Run, Study
 from testbench.workflows.cell import build_cell, true_cell
 from testbench.workflows.models import JOINTS, WITHOUT_CONE
@@ -36,7 +36,7 @@ LOOKS = {
     JOINTS: look("Joints", "none"),
     s.LEAST_SQUARES: look("MLS56", "none"),
     "MGCO56": look("MGCO56", "psd"),
-    SAME: look(WITHOUT_CONE, "none", prior=True),
+    DEFAULT_WITHOUT_CONE: look(WITHOUT_CONE, "none", prior=True),
     DEFAULT: CHOICE,
 }
 """How models are drawn."""
@@ -54,7 +54,7 @@ FOUND = (
 BY_ARM = "true_arm name trials removed_percent worst_percent worse after.median_mm covered_percent"
 
 
-def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: s.CompensationSettings, seeds: range, trials: Trials) -> Report:
     """Report over all truths, and truth by truth for the campaign that is advised."""
     advised = trials.where(**vars(ADVISED))
     met = [name for name in TRUTHS if name in advised.values("true_arm")]
@@ -69,7 +69,7 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         pull=s.PULL,
         runs=s.RUNS,
         sigma_um=UM * s.SIGMA,
-        force=FORCE,
+        force=FORCE_RANGE,
         points={job.name: len(job.position) for job in jobs()},
         featured=ADVISED.poses,
         numbers=asked.numbers,
@@ -81,7 +81,7 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         chosen=[Row(name=name, fits=chosen.count(name)) for name in sorted(set(chosen))],
         dataset=Row(runs=s.RUNS * ADVISED.poses, points=ADVISED.poses, sigma_um=UM * s.SIGMA),
     )
-    badge = of_rivals(left, DEFAULT, [s.LEAST_SQUARES, JOINTS, SAME], "left_mm")
+    badge = of_rivals(left, DEFAULT, [s.LEAST_SQUARES, JOINTS, DEFAULT_WITHOUT_CONE], "left_mm")
     way = (REAL, ADVISED.campaign, ADVISED.poses)
     ours = [g for g in f.groups if (g.arm, g.campaign, g.poses) == way]
     return Report(
@@ -104,25 +104,25 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
     )
 
 
-def _error_columns(keys: str) -> tuple[Column, ...]:
+def _error_columns(keys: str) -> tuple[TableColumn, ...]:
     """Columns, and behind them what a correction leaves."""
     *others, left = columns(f"{keys} after.median_mm")
     return (*others, replace(left, heading="error after correction"))
 
 
-def _groups(asked: s.Settings, trials: Trials) -> list[Row]:
+def _groups(asked: s.CompensationSettings, trials: Trials) -> list[Row]:
     """By disturbance, campaign and model, in the order of the report."""
     groups = dict(trials.groups("arm", "by", "loads", "poses", "name"))
     return [
         _group(way, own)
         for arm in s.ARMS
         for way in (NOWHERE, *asked.ways(arm))
-        for name in (*s.MODELS, *own_names(trials))
+        for name in (*s.MODELS, *user_estimator_names(trials))
         if (own := groups.get((arm, *vars(way).values(), name)))
     ]
 
 
-def own_names(trials: Trials) -> list[str]:
+def user_estimator_names(trials: Trials) -> list[str]:
     """Estimators of one's own."""
     return [name for name in trials.values("name") if name not in s.MODELS]
 
@@ -190,11 +190,11 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def seen(run: Run[s.Settings]) -> Seen:
+def seen(run: Run[s.CompensationSettings]) -> PageContent:
     """The jobs of the first trial: where the tool is without correction and with, the arm undisturbed."""
     seed, rows = run.seeds[0], run.first.where(arm=IDEAL, **vars(ADVISED))
     true, work = (
-        true_cell(build_cell(find_arm(run.settings.arm)), member(FAMILY, seed), seed),
+        true_cell(build_cell(find_arm(run.settings.arm)), true_arm_of_seed(FAMILY, seed), seed),
         tasks_of(run.settings, seed),
     )
     every = [np.reshape(rows.where(name=name)["off_mm"][0], (2, -1, 1, 3)) / MM for name in s.DRAWN]
@@ -203,9 +203,11 @@ def seen(run: Run[s.Settings]) -> Seen:
     M = arrow_scale(before, LONGEST)
     where = np.concatenate([job.position for job in jobs()])[:, None]
     labels = [f"{job.name.capitalize()} {k + 1}" for job in jobs() for k in range(len(job.position))]
-    bent, rest = (settle(true.plant, work.q, *load) for load in ((work.load.wrench, work.load.point), ()))
+    bent, rest = (
+        solve_equilibrium(true.plant, work.q, *load) for load in ((work.load.wrench, work.load.point), ())
+    )
     tip, force = where + M * before, PER_NEWTON * work.load.wrench[:, None, :3]
-    poses = Poses(
+    poses = PoseGroup(
         name="Jobs",
         names=labels,
         words=[""] * len(labels),
@@ -218,7 +220,7 @@ def seen(run: Run[s.Settings]) -> Seen:
     )
     drawn, lines = with_errors(poses, where, off, DRAWN_AS, M)
     chart = RunChart("How far the tool is off at each point, arm undisturbed (mm)", 0, "point", labels, lines)
-    return Seen(
+    return PageContent(
         scene=Scene(true, f"What is off, and how the arm bends, undisturbed, x {M:g}.", [drawn]), runs=[chart]
     )
 
@@ -226,10 +228,10 @@ def seen(run: Run[s.Settings]) -> Seen:
 STUDY = Study(
     name=s.NAME,
     about="Correct a drilling pattern and a milling path by identified models; judge them on the true arm.",
-    options=s.Options,
+    options=s.CompensationOptions,
     settings=s.settings,
     seeds=(100, 6),
-    arms=lambda asked: [find_arm(asked.arm)],
+    arms=lambda settings: [find_arm(settings.arm)],
     row=JobsRow,
     trials=trials,
     report=report,

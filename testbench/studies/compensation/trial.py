@@ -17,20 +17,26 @@ from testbench.data.dataset import Dataset, in_order
 from testbench.design.rows import Tasks
 from testbench.errors import Array, Ids, NoEquilibrium
 from testbench.files.write import csv_text
-from testbench.identify.absolute.state import State
-from testbench.identify.arm_model import About, ArmModel, bending, of_compliances, of_estimate
+from testbench.identify.absolute.state import ArmState
+from testbench.identify.arm_model import (
+    ArmModel,
+    ModelOrigin,
+    elastic_state,
+    model_of_compliances,
+    model_of_estimate,
+)
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior
 from testbench.model.structure import all153
 from testbench.model.weights import read_weights
 from testbench.plant.disturbance import TYPICAL
 from testbench.plant.disturbed import disturb, exactly_loaded
-from testbench.plant.equilibrium import Equilibrium, settle_pair
-from testbench.plant.tracker import stream
-from testbench.plant.true_arms import FAMILY, TRUTHS, member
+from testbench.plant.equilibrium import ArmEquilibrium, solve_unloaded_and_loaded
+from testbench.plant.tracker import trial_rng
+from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.plans import TIP, drawn, jobs, loads, tasks
-from testbench.studies.compensation.settings import Settings, Way
+from testbench.studies.compensation.settings import CompensationSettings, Way
 from testbench.studies.rivals import without_cone
 from testbench.workflows.cell import (
     Cell,
@@ -41,11 +47,11 @@ from testbench.workflows.cell import (
     settle_both,
     true_cell,
 )
-from testbench.workflows.evaluation import attempted
-from testbench.workflows.model_selection import choose, with_priors
+from testbench.workflows.evaluation import fit_or_rigid
+from testbench.workflows.model_selection import choose_model, with_priors
 from testbench.workflows.models import Model, named_models
-from testbench.workflows.own_estimator import Models, hired
-from testbench.workflows.own_process import Own
+from testbench.workflows.own_estimator import Models, estimator_models
+from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.perturbed_prior import PRIORS, prior_of
 from testbench.workflows.rows import FAILED, MM
 
@@ -55,7 +61,7 @@ DIGITS = 7  #: Of a distance in millimetres.
 HIDDEN, CHOSEN, PROCESS, NOISE = 20, 30, 50, 1000
 """Streams of a seed: disturbances, random poses, forces of the process, noise (plus the campaign)."""
 LINEAR_JOINTS = replace(TYPICAL, stiffening=0.0, backlash=0.0, hysteresis=0.0)
-Settle = Callable[[Array, Array, Array], tuple[Equilibrium, Equilibrium]]
+Settle = Callable[[Array, Array, Array], tuple[ArmEquilibrium, ArmEquilibrium]]
 """The arm unloaded and loaded, in poses (runs, n), under wrenches (runs, 6) at points (runs, 3)."""
 
 
@@ -85,7 +91,7 @@ class JobsRow:
 
 
 @dataclass(frozen=True)
-class Fit:
+class CorrectionModel:
     """A model to correct by."""
 
     way: Way
@@ -95,15 +101,17 @@ class Fit:
     status: str = "solved"
 
 
-def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[JobsRow]]:
+def trials(
+    asked: CompensationSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
+) -> list[list[JobsRow]]:
     """Rows of some seeds; `asked` holds the scene."""
     cell = build_cell(find_arm(asked.arm))
-    models = hired(own)
+    models = estimator_models(own)
     return [_trial(cell, asked, seed, models) for seed in seeds]
 
 
-def _trial(cell: Cell, asked: Settings, seed: int, own: Models) -> list[JobsRow]:
-    truth, work, rows = member(FAMILY, seed), tasks_of(asked, seed), []
+def _trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> list[JobsRow]:
+    truth, work, rows = true_arm_of_seed(FAMILY, seed), tasks_of(asked, seed), []
     true, prior = true_cell(cell, truth, seed), prior_in_turn(cell, seed)
     for arm in s.ARMS:
         ways, (measured, working) = asked.ways(arm), true_arm(true, seed, arm)
@@ -126,9 +134,9 @@ def prior_in_turn(cell: Cell, seed: int) -> Prior:
     return prior_of(cell, list(PRIORS)[seed // len(TRUTHS) % len(PRIORS)], seed)
 
 
-def tasks_of(asked: Settings, seed: int) -> Tasks:
+def tasks_of(asked: CompensationSettings, seed: int) -> Tasks:
     """The jobs of a trial, each under a force of its own."""
-    rng = stream(seed, PROCESS)
+    rng = trial_rng(seed, PROCESS)
     return tasks(np.array(asked.scene.program), [drawn(job, rng) for job in jobs()])
 
 
@@ -140,11 +148,13 @@ def true_arm(cell: Cell, seed: int, arm: str) -> tuple[Settle, Settle]:
     if arm == s.IDEAL:
         own = partial(settle_both, cell.plant, "nonlinear")
         return own, own
-    found = disturb(cell.plant, LINEAR_JOINTS if arm == s.LINEAR else TYPICAL, stream(seed, HIDDEN))
-    return partial(settle_pair, found), partial(settle_pair, exactly_loaded(found))
+    plant = disturb(cell.plant, LINEAR_JOINTS if arm == s.LINEAR else TYPICAL, trial_rng(seed, HIDDEN))
+    return partial(solve_unloaded_and_loaded, plant), partial(
+        solve_unloaded_and_loaded, exactly_loaded(plant)
+    )
 
 
-def chosen(asked: Settings, way: Way, seed: int) -> tuple[Array, Ids]:
+def chosen(asked: CompensationSettings, way: Way, seed: int) -> tuple[Array, Ids]:
     """Poses to measure, (poses, n) [rad], and which load acts in each, (poses,).
 
     Fewer random poses are the first of more, with the loads by turns.
@@ -153,12 +163,14 @@ def chosen(asked: Settings, way: Way, seed: int) -> tuple[Array, Ids]:
     if way.by == s.PLANNED:
         plan = next(p for p in scene.plans if (p.loads, p.poses) == (way.loads, way.poses))
         return np.array(plan.q_rad).reshape(way.poses, -1), np.array(plan.load)
-    every = stream(seed, CHOSEN).choice(len(scene.candidates), max(asked.numbers), replace=False)
+    every = trial_rng(seed, CHOSEN).choice(len(scene.candidates), max(asked.numbers), replace=False)
     load = np.zeros(way.poses, dtype=int) if way.loads == s.WEIGHT else np.arange(way.poses) % 2
     return np.array(scene.candidates)[every[: way.poses]], load
 
 
-def measure(cell: Cell, settle: Settle, asked: Settings, ways: Sequence[Way], seed: int) -> list[Dataset]:
+def measure(
+    cell: Cell, settle: Settle, asked: CompensationSettings, ways: Sequence[Way], seed: int
+) -> list[Dataset]:
     """Readings of campaigns, every pose RUNS times."""
     wrench, point = (np.stack([getattr(one, key) for one in loads(cell)]) for key in ("wrench", "point"))
     every = [chosen(asked, way, seed) for way in ways]
@@ -169,43 +181,61 @@ def measure(cell: Cell, settle: Settle, asked: Settings, ways: Sequence[Way], se
         runs = slice(first, first := first + s.RUNS * way.poses)
         loaded = LoadedPoses(q[runs], pose[runs], wrench[load[runs]], point[load[runs]])
         before, after = (in_order(rest, runs) for rest in settled)
-        found.append(read_markers(cell, SETUP, loaded, (before, after), stream(seed, NOISE + k)))
+        found.append(read_markers(cell, SETUP, loaded, (before, after), trial_rng(seed, NOISE + k)))
     return found
 
 
-def known(cell: Cell, prior: Prior) -> list[Fit]:
+def known(cell: Cell, prior: Prior) -> list[CorrectionModel]:
     """Models that nobody identified: the folder's, the prior, and the true one."""
     weights = read_weights(cell.arm)
     every = {s.NOMINAL: cell.arm.C_theta, s.PRIOR: prior.C_theta, s.PERFECT: cell.plant.arm.C_theta}
-    return [Fit(s.NOWHERE, name, sure(bending(cell.vjm, C, weights), name)) for name, C in every.items()]
+    return [
+        CorrectionModel(s.NOWHERE, name, certain_model(elastic_state(cell.vjm, C, weights), name))
+        for name, C in every.items()
+    ]
 
 
-def sure(state: State, name: str) -> ArmModel:
+def certain_model(state: ArmState, name: str) -> ArmModel:
     """An arm that nobody doubts: all its compliances, with no spread."""
     structure = all153(state.vjm.arm)
     pi = structure.entries(state.C_theta)
-    return of_compliances(state, structure, Posterior.normal(pi, np.zeros((0, structure.n))), About(name))
+    return model_of_compliances(
+        state, structure, Posterior.normal(pi, np.zeros((0, structure.n))), ModelOrigin(name)
+    )
 
 
 def identified(
     cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior, more: Sequence[Model] = ()
-) -> list[Fit]:
+) -> list[CorrectionModel]:
     """All models, and more, from all campaigns."""
-    weights, found = read_weights(cell.arm), []
-    plain, filled = named_models(cell, s.PLAIN), with_priors(cell.arm, [without_cone(cell)], prior)
+    weights, correction_models = read_weights(cell.arm), []
+    plain, filled = (
+        named_models(cell, s.MODELS_WITHOUT_PRIOR),
+        with_priors(cell.arm, [without_cone(cell)], prior),
+    )
     for model in (*plain, *filled, *more):
         for way, runs in campaigns.items():
-            one = attempted(cell, model, runs)
-            found.append(Fit(way, model.name, of_estimate(cell.vjm, one, weights), status=one.status))
+            estimate = fit_or_rigid(cell, model, runs)
+            correction_models.append(
+                CorrectionModel(
+                    way, model.name, model_of_estimate(cell.vjm, estimate, weights), status=estimate.status
+                )
+            )
     for way, runs in campaigns.items():
-        own = choose(cell, runs, prior)
-        found.append(
-            Fit(way, s.DEFAULT, of_estimate(cell.vjm, own.estimate, weights), own.name, own.estimate.status)
+        chosen_model = choose_model(cell, runs, prior)
+        correction_models.append(
+            CorrectionModel(
+                way,
+                s.DEFAULT,
+                model_of_estimate(cell.vjm, chosen_model.estimate, weights),
+                chosen_model.name,
+                chosen_model.estimate.status,
+            )
         )
-    return found
+    return correction_models
 
 
-def order(fit: Fit, work: Tasks) -> Compensated | None:
+def order(fit: CorrectionModel, work: Tasks) -> Compensated | None:
     """The joints that a model commands; None, for the program's, where it failed or has the arm buckle."""
     if fit.status.startswith(FAILED):
         return None
@@ -218,15 +248,19 @@ def order(fit: Fit, work: Tasks) -> Compensated | None:
 def execute(working: Settle, work: Tasks, orders: Sequence[Compensated | None]) -> Array:
     """Tip of the tool minus where it was asked, not corrected, then by each order, (n, points, 3) [m]."""
     n = 1 + len(orders)
-    q = np.concatenate([work.q, *(work.q if own is None else own.q for own in orders)])
+    q = np.concatenate(
+        [work.q, *(work.q if compensated is None else compensated.q for compensated in orders)]
+    )
     rest, loaded = working(q, *(np.tile(part, (n, 1)) for part in (work.load.wrench, work.load.point)))
-    start, end = (one.tool + np.matvec(one.rotation, np.array(TIP)) for one in (rest, loaded))
+    start, end = (
+        equilibrium.tool + np.matvec(equilibrium.rotation, np.array(TIP)) for equilibrium in (rest, loaded)
+    )
     return np.asarray(end.reshape(n, -1, 3) - start[: len(work.q)])
 
 
-def row_of(fit: Fit, order: Compensated | None, before: Array, after: Array) -> JobsRow:
+def row_of(fit: CorrectionModel, order: Compensated | None, before: Array, after: Array) -> JobsRow:
     """One fit, of no named arm; what is off before and after, (points, 3) [m]."""
-    half = np.zeros((0, 3)) if order is None or fit.way == s.NOWHERE else order.half
+    half = np.zeros((0, 3)) if order is None or fit.way == s.NOWHERE else order.half_width
     bounded = np.isfinite(half)
     return JobsRow(
         **{"true_arm": "", "arm": "", **vars(fit.way), "name": fit.name, "chosen": fit.chosen},

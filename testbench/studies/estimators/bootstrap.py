@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.errors import Array, BenchError, check_array
-from testbench.identify.conic import by_clarabel, scale_program, sensitivity_units
+from testbench.identify.conic import scale_program, sensitivity_units, solve_clarabel
 from testbench.identify.estimate import Estimate
-from testbench.identify.least_squares import completed, minimum_norm
+from testbench.identify.least_squares import complete_conservatively, minimum_norm
 from testbench.identify.posterior import Intervals, check_confidence, linearise
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term
 
@@ -52,8 +52,8 @@ def _refits(regressions: Sequence[Regression], estimate: Estimate) -> Array:
     if estimate.penalty is not None:
         penalty = estimate.penalty
         lifted = [penalty.lifted(regression) for regression in regressions]
-        return np.array([penalty.lift @ by_clarabel(r, scale_program(r, penalty)).pi for r in lifted])
-    fit = completed if estimate.constraint == "free" else minimum_norm
+        return np.array([penalty.lift @ solve_clarabel(r, scale_program(r, penalty)).pi for r in lifted])
+    fit = complete_conservatively if estimate.constraint == "free" else minimum_norm
     return np.array([fit(r).pi for r in regressions])
 
 
@@ -76,7 +76,7 @@ def resampler(regression: Regression) -> Callable[[Array, np.random.Generator], 
 def _new_readings(term: Term, pi: Array, U: Array, rng: np.random.Generator) -> Term:
     N, spare = term.equations / 3, term.equations - U.shape[1]
     z = term.R @ pi + U @ rng.standard_normal(U.shape[1]) / math.sqrt(N)
-    return replace(term, z=z, rest=float(rng.chisquare(spare)) / N if spare else 0.0)
+    return replace(term, z=z, unexplained=float(rng.chisquare(spare)) / N if spare else 0.0)
 
 
 def _range(R: Array) -> Array:

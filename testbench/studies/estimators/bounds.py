@@ -22,7 +22,7 @@ from scipy.special import gammaincinv
 
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify import cone
-from testbench.identify.metric import Metric, whitened
+from testbench.identify.metric import PriorScaling, weighted_rows
 from testbench.identify.posterior import check_confidence
 from testbench.identify.regression import RANK_TOLERANCE, Regression
 
@@ -35,7 +35,7 @@ ACCEPTED = ("Solved", "AlmostSolved")
 class FitSet:
     """All conservative models that fit the data at a confidence."""
 
-    metric: Metric  #: Units of every block; the ceiling is counted in its prior.
+    metric: PriorScaling  #: Units of every block; the ceiling is counted in its prior.
     confidence: float  #: Least probability that the truth is inside [1].
     ceiling: float  #: Every block is at most this often the prior's, C <= k P.
     rows: Array  #: Of the r directions that the data see, in standard deviations, (r, n).
@@ -66,7 +66,9 @@ class Bounds:
     status: tuple[tuple[str, str], ...]  #: Of lower and upper: "solved", "empty" or "not solved: ...".
 
 
-def fit_set(regression: Regression, metric: Metric, confidence: float, *, ceiling: float = CEILING) -> FitSet:
+def fit_set(
+    regression: Regression, metric: PriorScaling, confidence: float, *, ceiling: float = CEILING
+) -> FitSet:
     """The conservative models, no block above `ceiling` times the prior, that fit a dataset.
 
     The truth is among them with at least the probability `confidence`, such as 0.95.
@@ -76,12 +78,12 @@ def fit_set(regression: Regression, metric: Metric, confidence: float, *, ceilin
             another structure.
     """
     check_confidence(confidence)
-    own, asked = metric.structure, regression.structure
-    if not (np.array_equal(own.a, asked.a) and np.array_equal(own.b, asked.b)):
-        raise BenchError(f"metric: expected one of {asked.name}, got one of {own.name}")
+    structure, asked = metric.structure, regression.structure
+    if not (np.array_equal(structure.a, asked.a) and np.array_equal(structure.b, asked.b)):
+        raise BenchError(f"metric: expected one of {asked.name}, got one of {structure.name}")
     if not 0 < ceiling < math.inf:
         raise BenchError(f"ceiling: expected a finite number above 0, got {ceiling}")
-    A, y = whitened(regression, metric)
+    A, y = weighted_rows(regression, metric)
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
     rows, centre = s[:r, None] * Vt[:r], U[:, :r].T @ y
@@ -112,19 +114,19 @@ def bounds(models: FitSet, functionals: Array) -> Bounds:
         for i, a in enumerate(functionals):
             size = float(np.linalg.norm(a))
             for side, sign in enumerate((-1, 1)):
-                found = greatest(-sign * a / (size or 1.0))
-                good = found.word in ACCEPTED
-                status[i][side] = "solved" if good else found.failure
+                solution = greatest(-sign * a / (size or 1.0))
+                good = solution.word in ACCEPTED
+                status[i][side] = "solved" if good else solution.failure
                 if good:  # the bound is the dual's, so it holds
-                    value[i, side], reached[i, side] = -sign * size * found.bound, L @ found.x
+                    value[i, side], reached[i, side] = -sign * size * solution.bound, L @ solution.x
     return Bounds(value[:, 0], value[:, 1], reached, tuple((lower, upper) for lower, upper in status))
 
 
-def prepare(problem: cone.Problem) -> Callable[[Array], cone.Solution]:
+def prepare(problem: cone.ConeProgram) -> Callable[[Array], cone.Solution]:
     """A program, set up once, as a function of its cost c, (n,); the program's own is not used."""
     settings = cone.settings(TOLERANCE)
     settings.presolve_enable = False  # or the cost could not be changed
-    solver = cone.set_up(problem, settings)
+    solver = cone.build_solver(problem, settings)
 
     def solve_for(cost: Array) -> cone.Solution:
         solver.update(q=cost)
@@ -133,7 +135,7 @@ def prepare(problem: cone.Problem) -> Callable[[Array], cone.Solution]:
     return solve_for
 
 
-def _program(models: FitSet) -> cone.Problem:
+def _program(models: FitSet) -> cone.ConeProgram:
     """The set as the constraints of a program whose cost is still open."""
     n, sizes = models.metric.structure.n, models.metric.sizes
     rows = tuple(_ceiling(sizes, 0, n, models.ceiling))
@@ -144,7 +146,7 @@ def _program(models: FitSet) -> cone.Problem:
             "second order", np.vstack([head, R]), np.r_[1.0, Q.T @ models.centre / models.radius]
         )
         rows = (ball, *rows)
-    return cone.Problem(np.zeros(n), cone.psd_blocks(0, sizes), rows)
+    return cone.ConeProgram(np.zeros(n), cone.psd_blocks(0, sizes), rows)
 
 
 def _nearest(rows: Array, centre: Array, sizes: tuple[int, ...], ceiling: float) -> float:
@@ -152,7 +154,7 @@ def _nearest(rows: Array, centre: Array, sizes: tuple[int, ...], ceiling: float)
     n, unit = rows.shape[1], max(1.0, float(np.linalg.norm(centre)))
     ball = cone.norm_below(0, np.c_[np.zeros(len(rows)), rows / unit], centre / unit)
     blocks = (cone.free_block(0, 1), *cone.psd_blocks(1, sizes))
-    problem = cone.Problem(np.r_[1.0, np.zeros(n)], blocks, (ball, *_ceiling(sizes, 1, n + 1, ceiling)))
+    problem = cone.ConeProgram(np.r_[1.0, np.zeros(n)], blocks, (ball, *_ceiling(sizes, 1, n + 1, ceiling)))
     return float(unit * cone.solve(problem, tolerance=TOLERANCE).x[0])
 
 

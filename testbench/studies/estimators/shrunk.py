@@ -25,7 +25,7 @@ def ridge(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     scale[scale < UNSEEN * scale.max()] = np.inf  # what no reading sees is zero
     U, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
     z = U.T @ y
-    rest = y @ y - z @ z + sum(term.equations / 3 * term.rest for term in regression.terms)
+    rest = y @ y - z @ z + sum(term.equations / 3 * term.unexplained for term in regression.terms)
 
     def score(size: float) -> float:
         left = size / (s**2 + size)

@@ -16,15 +16,15 @@ import numpy as np
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import cone
-from testbench.identify.conic import EXACT, norms_below, optimum
-from testbench.identify.crossval import Fold, divided, folds
+from testbench.identify.conic import EXACT_FIT, norms_below, solve_gco
+from testbench.identify.crossval import Fold, divide_poses, folds
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.fold import reduce_parts
-from testbench.identify.interior import Program, interior
-from testbench.identify.metric import Belief, Case, Metric, whitened
+from testbench.identify.interior import BlockProgram, interior
+from testbench.identify.metric import Case, PriorScaling, WeightedPrior, weighted_rows
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression, f_m
-from testbench.identify.solve import answer
+from testbench.identify.solve import solve_with_prior
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -34,13 +34,13 @@ LEFT = 1e-10  #: Distance from the optimum up to which it is solved, over the co
 SLACK = 1e-2  #: Share by which F_M may exceed its optimum while the trace is made least.
 
 
-def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
+def gco_stein(regression: Regression, metric: PriorScaling, strength: Strength) -> Estimate:
     """GCO with the log-determinant prior; the common scale is that of the Gaussian fit."""
-    case = Case(regression, Belief(metric, strength))
+    case = Case(regression, WeightedPrior(metric, strength))
     pi, left = _minimum(case)
     estimate = make_estimate(regression, pi, method="GCO with log-det prior", constraint="psd")
     return replace(
-        estimate, belief=case.belief, status="solved" if left <= LEFT else f"not solved: {left:.1g}"
+        estimate, weighted_prior=case.belief, status="solved" if left <= LEFT else f"not solved: {left:.1g}"
     )
 
 
@@ -51,34 +51,34 @@ def stein_parameters(case: Case) -> Array:
 
 def _minimum(case: Case) -> tuple[Array, float]:
     """Parameters, (n,), and how far they are from the optimum, over the cost of no model."""
-    metric, n = case.belief.metric, case.belief.metric.structure.n
-    e, (A, y) = metric.expected, whitened(case.regression, metric)
-    scale = max(1e-6, float(np.linalg.solve(metric.L, answer("psd", case).pi) @ e / (e @ e)))
+    metric, n = case.belief.scaling, case.belief.scaling.structure.n
+    e, (A, y) = metric.expected, weighted_rows(case.regression, metric)
+    scale = max(1e-6, float(np.linalg.solve(metric.L, solve_with_prior("psd", case).pi) @ e / (e @ e)))
     # X in units of the scale, the cost in those of what the readings span
     T: Array = np.asarray(np.linalg.qr(np.c_[scale * A, y], mode="r"))[:n]
     size = float(T[:, n] @ T[:, n])
     R, z = T[None, :, :n] / math.sqrt(size), T[None, :, n] / math.sqrt(size)
     weight = 1 / (size * case.belief.strength.uncertainty**2)
-    program = Program(R, z, np.zeros(1), weight * e, metric.sizes, squares=True, barrier=weight)
-    found = interior(program)
-    return np.asarray(scale * metric.L @ found.x), found.left(program)
+    program = BlockProgram(R, z, np.zeros(1), weight * e, metric.sizes, squares=True, barrier=weight)
+    iterate = interior(program)
+    return np.asarray(scale * metric.L @ iterate.x), iterate.distance_from_optimum(program)
 
 
-def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
+def gco_least_trace(regression: Regression, metric: PriorScaling) -> Estimate:
     """GCO without a prior: of the models that fit as well as the best, the one of least trace of X.
 
     The prior's compliances are a metric here and nothing more: the trace counts every compliance in units of
     what was expected. As well means an F_M within `SLACK` of the optimum, which itself may only be approached
     as unseen compliance grows without end.
     """
-    best = optimum(regression).f_m
+    best = solve_gco(regression).f_m
     n, count = metric.structure.n, len(regression.terms)
-    allowed = (1 + SLACK) * max(best, EXACT * f_m(regression, np.zeros(n)))
+    allowed = (1 + SLACK) * max(best, EXACT_FIT * f_m(regression, np.zeros(n)))
     total = cone.Rows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
-    parts = [(term.R @ metric.L, term.z, math.sqrt(term.rest)) for term in regression.terms]
+    parts = [(term.R @ metric.L, term.z, math.sqrt(term.unexplained)) for term in regression.terms]
     norms = norms_below(*(np.array(part) / allowed for part in zip(*parts, strict=True)))
     solution = cone.solve(
-        cone.Problem(
+        cone.ConeProgram(
             cost=np.r_[np.zeros(count), metric.expected],
             blocks=(cone.free_block(0, count), *cone.psd_blocks(count, metric.sizes)),
             rows=(total, *norms),
@@ -98,15 +98,15 @@ def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
 
 def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
     """The folds of the runs with a reading."""
-    [parts] = reduce_parts(vjm, [structure], data, divided(data))
+    [parts] = reduce_parts(vjm, [structure], data, divide_poses(data))
     return folds(parts)
 
 
-def choose_strength(held: Sequence[Fold], metric: Metric, fit: Callable[[Case], Array]) -> Strength:
+def choose_strength(held: Sequence[Fold], metric: PriorScaling, fit: Callable[[Case], Array]) -> Strength:
     """The uncertainty of a prior that predicts poses held out best, its scale left to the data."""
 
     def error(strength: Strength) -> float:
-        cases = ((fold, Case(fold.fitted, Belief(metric, strength))) for fold in held)
+        cases = ((fold, Case(fold.fitted, WeightedPrior(metric, strength))) for fold in held)
         return float(np.mean([f_m(fold.held_out, fit(case)) for fold, case in cases]))
 
     return min(map(Strength, UNCERTAINTIES), key=error)

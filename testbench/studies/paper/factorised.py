@@ -17,19 +17,19 @@ from scipy.optimize import minimize
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.certify import certify, tie_break
-from testbench.identify.conic import Program, scale_program
+from testbench.identify.conic import ConicProgram, scale_program
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.fold import reduce
 from testbench.identify.regression import Regression, Term, check_symmetric
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.workflows.cell import Cell
 
 Observe = Callable[[float], None]
 """Told of every F_M that is the least so far; a clock or a plot may listen."""
 
-LARGEST_ORDER = 6  #: Order of the vector space that reaches every conservative 6x6 matrix.
+MAX_ORDER = 6  #: Order of the vector space that reaches every conservative 6x6 matrix.
 BLOCK_POINTS = 64  #: Points evaluated at a time: their vectors stay in the cache.
 FIRST_STEP = 0.3
 """Standard deviation of the entries of a random b: its compliances explain about the size of the data."""
@@ -48,7 +48,7 @@ class Factorised:
     """F_M(b) of Eq. (19) in units where the entries of b are of order one."""
 
     regression: Regression  #: The reduced dataset.
-    program: Program  #: The same problem over compliances, and its units.
+    program: ConicProgram  #: The same problem over compliances, and its units.
     m: int  #: Order of the vector space, 1 to 6.
     rows: npt.NDArray[np.int_]  #: Rows of C_theta that are unknown and touched by data, (k,).
     #: Which entries of V are in b, (m, k): a block of size n needs vectors of R^min(m, n).
@@ -74,14 +74,14 @@ class Descent:
 Evaluate = Callable[[Factorised, Array], tuple[float, Array]]  #: F_M and its gradient at a b, such as `cost`.
 
 
-def factorise(regression: Regression, m: int = LARGEST_ORDER) -> Factorised:
+def factorise(regression: Regression, m: int = MAX_ORDER) -> Factorised:
     """The factorised problem of a reduced dataset; no compliance of a rank above m, Eq. (16), is reached.
 
     Raises:
         BenchError: When m is not 1 to 6, or the structure is not symmetric.
     """
-    if not 1 <= m <= LARGEST_ORDER:
-        raise BenchError(f"m: expected an order of the vector space of 1 to {LARGEST_ORDER}, got {m}")
+    if not 1 <= m <= MAX_ORDER:
+        raise BenchError(f"m: expected an order of the vector space of 1 to {MAX_ORDER}, got {m}")
     check_symmetric(regression.structure)
     program = scale_program(regression, tie_break(regression))
     blocks = program.structure.blocks
@@ -124,7 +124,7 @@ def cost(problem: Factorised, b: Array) -> tuple[float, Array]:
     value, g = 0.0, np.zeros(s.n)
     for term in problem.terms:
         residual = term.R @ x - term.z
-        rms = math.sqrt(residual @ residual + term.rest)
+        rms = math.sqrt(residual @ residual + term.unexplained)
         value += rms
         if rms > 0:
             g += residual @ term.R / rms
@@ -136,7 +136,7 @@ def costs(problem: Factorised, population: Array) -> Array:
     found = []
     for first in range(0, population.shape[1], BLOCK_POINTS):
         x = _gramians(problem, vectors(problem, population[:, first : first + BLOCK_POINTS]))
-        rows = [(term.R @ x - term.z[:, None], term.rest) for term in problem.terms]
+        rows = [(term.R @ x - term.z[:, None], term.unexplained) for term in problem.terms]
         found.append(sum(np.sqrt((residual**2).sum(axis=0) + rest) for residual, rest in rows))
     return np.concatenate(found)
 
@@ -177,7 +177,7 @@ class LocalSolves:
     """
 
     rng: np.random.Generator  #: Source of the starts.
-    m: int = LARGEST_ORDER  #: Order of the vector space, 1 to 6.
+    m: int = MAX_ORDER  #: Order of the vector space, 1 to 6.
     starts: int = 1  #: Number of local solves.
 
     def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
@@ -248,6 +248,6 @@ def order_range(structure: Structure, runs: int) -> tuple[float, float]:
 def every_order(cell: Cell, structure: Structure, data: Dataset, starts: int, seed: int) -> list[Estimate]:
     """Identify by vectors of Eq. (16) of every order m from 1 to 6, each the best of some local solves."""
     return [
-        LocalSolves(stream(seed, 10 + m), m, starts)(cell.vjm, structure, data)
-        for m in range(1, LARGEST_ORDER + 1)
+        LocalSolves(trial_rng(seed, 10 + m), m, starts)(cell.vjm, structure, data)
+        for m in range(1, MAX_ORDER + 1)
     ]

@@ -10,9 +10,9 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm, load_arm
-from testbench.correct.rest import rest
+from testbench.correct.rest import equilibrium
 from testbench.errors import Array
-from testbench.identify.arm_model import bending
+from testbench.identify.arm_model import elastic_state
 from testbench.model.load import Load
 from testbench.model.loaded import (
     displacement,
@@ -25,8 +25,8 @@ from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
 from testbench.model.weights import no_weights
 from testbench.plant.build import Plant, weightless
-from testbench.plant.equilibrium import settle
-from testbench.plant.tracker import stream
+from testbench.plant.equilibrium import solve_equilibrium
+from testbench.plant.tracker import trial_rng
 from testbench.report import campaigns
 from testbench.report.badge import Badge, of_rivals
 from testbench.report.colours import GCO, LEAST_SQUARES, NOMINAL, SERIES, Look, look
@@ -69,7 +69,7 @@ Method = Literal["linear", "secant", "integrated", "joints"]
 
 
 @dataclass(frozen=True)
-class Options:
+class LoadedStiffnessOptions:
     """Flags of the study."""
 
     arm: ArmFlag = "kr500_l480"
@@ -79,7 +79,7 @@ class Options:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings(Options):
+class LoadedStiffnessSettings(LoadedStiffnessOptions):
     """What is tried."""
 
     loads: int = FULL[0]  #: How many weights, evenly spread on a log scale.
@@ -104,19 +104,19 @@ class PoseRow:
     error_m: tuple[float, ...]  #: Predicted minus true, world, (3,).
 
 
-def settings(options: Options, quick: bool, _: range) -> Settings:
+def settings(options: LoadedStiffnessOptions, quick: bool, _: range) -> LoadedStiffnessSettings:
     """What the flags ask for."""
     loads, poses = QUICK if quick else FULL
-    return Settings(**vars(options), loads=loads, poses=poses)
+    return LoadedStiffnessSettings(**vars(options), loads=loads, poses=poses)
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[PoseRow]]:
+def trials(asked: LoadedStiffnessSettings, seeds: Sequence[int]) -> list[list[PoseRow]]:
     """Rows of some seeds, each with poses of its own."""
     cell = build_cell(find_arm(asked.arm))
     plants: dict[Truth, Plant] = {"weightless": weightless(cell.plant), "own weight": cell.plant}
     found = []
     for seed in seeds:
-        q = clear_poses(cell, WORKSPACE, asked.poses, stream(seed))
+        q = clear_poses(cell, WORKSPACE, asked.poses, trial_rng(seed))
         found.append([row for load in asked.weights for row in hang(cell, plants, q, load)])
     return found
 
@@ -128,7 +128,7 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> li
     point = np.tile(cell.vjm.load, (len(q), 1))
     predicted, rows = predict(cell, q, wrench, point), []
     for truth, plant in plants.items():
-        moved = settle(plant, q, wrench, point).tool - settle(plant, q).tool
+        moved = solve_equilibrium(plant, q, wrench, point).tool - solve_equilibrium(plant, q).tool
         every = predicted | {"joints": joints_alone(cell, q, wrench, point, moved)}
         rows += [
             PoseRow(
@@ -149,7 +149,9 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> li
 def predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, Array]:
     """Deflection of the tool by method, with the true compliances, (poses, 3) [m]."""
     unloaded, C_theta = chain(cell.vjm, q), cell.arm.C_theta
-    theta = rest(bending(cell.vjm, C_theta, no_weights(cell.arm)), q, [Load(wrench, point)]).theta
+    theta = equilibrium(
+        elastic_state(cell.vjm, C_theta, no_weights(cell.arm)), q, [Load(wrench, point)]
+    ).theta
     K_w = geometric_stiffness(unloaded, wrench, point)
     return {
         "linear": displacement(unloaded, secant(unloaded, C_theta, wrench, point), AT_TOOL)[:, 0],
@@ -168,7 +170,7 @@ def joints_alone(cell: Cell, q: Array, wrench: Array, point: Array, moved: Array
     return np.asarray(A @ pi)
 
 
-def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: LoadedStiffnessSettings, seeds: range, trials: Trials) -> Report:
     """Report the errors over the poses of all seeds, by load, truth and method."""
     rows = [
         Row(load_N=load, truth=truth, method=method, prediction=f"{NAMES[method]}, {truth}", **_errors(own))
@@ -264,7 +266,7 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[Settings]) -> None:
+def write(run: Run[LoadedStiffnessSettings]) -> None:
     """Write errors.csv of the first seed: a line for each pose, load, truth and method.
 
     Vectors are in world axes; the error is predicted minus true.
@@ -287,7 +289,7 @@ def write(run: Run[Settings]) -> None:
 STUDY = Study(
     name="loaded_stiffness",
     about="Hang weights on the arm over its whole workspace; compare Eq. (6) and (7) with the truth.",
-    options=Options,
+    options=LoadedStiffnessOptions,
     settings=settings,
     seeds=(1, 10_000),
     row=PoseRow,

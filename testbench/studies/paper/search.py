@@ -61,7 +61,7 @@ class Basin:
 
 
 @dataclass
-class Search:
+class SearchState:
     """What the search knows so far."""
 
     problem: Factorised  #: F_M(b).
@@ -82,28 +82,28 @@ class Search:
 
     def solve(self, start: Array) -> None:
         """A local solve; its optimum becomes a basin."""
-        found = descend(self.problem, start, observe=self.observe)
-        self.evaluations += found.evaluations
-        self.descents.append(found.f_m)
-        self.keep(found.b, found.f_m)
-        self.basins.append(Basin(found.b, float(np.linalg.norm(start - found.b))))
+        descent = descend(self.problem, start, observe=self.observe)
+        self.evaluations += descent.evaluations
+        self.descents.append(descent.f_m)
+        self.keep(descent.b, descent.f_m)
+        self.basins.append(Basin(descent.b, float(np.linalg.norm(start - descent.b))))
 
 
 def explore(
     problem: Factorised, budget: Budget, rng: np.random.Generator, observe: Observe | None = None
-) -> Search:
+) -> SearchState:
     """Genetic algorithm, then global search, through the whole budget.
 
     The paper stops at an F_M "slightly higher or close to 2", its noise floor; whether any conservative model
     reaches that, the conic program tells.
     """
-    search = Search(problem, falling(observe), np.zeros(problem.size))
+    search = SearchState(problem, falling(observe), np.zeros(problem.size))
     genetic_algorithm(search, budget, rng)
     global_search(search, budget, rng)
     return search
 
 
-def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) -> None:
+def genetic_algorithm(search: SearchState, budget: Budget, rng: np.random.Generator) -> None:
     """The start b0: differential evolution in the role of the paper's genetic algorithm."""
     problem = search.problem
 
@@ -128,7 +128,7 @@ def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) 
     )
 
 
-def global_search(search: Search, budget: Budget, rng: np.random.Generator) -> None:
+def global_search(search: SearchState, budget: Budget, rng: np.random.Generator) -> None:
     """Local solves from the best point and from the trial points that pass both filters."""
     search.solve(search.best)
     points = trial_points(search.problem, search.best, budget.trial_points, rng)

@@ -21,7 +21,7 @@ from testbench.files.write import csv_text
 from testbench.identify import Estimate, least_squares, paper_gco
 from testbench.identify.estimate import CONSERVATIVE_TOLERANCE
 from testbench.model.structure import Structure, free36
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.report import campaigns
 from testbench.report.badge import of_rivals
 from testbench.report.columns import columns
@@ -34,11 +34,11 @@ from testbench.runs.spread import wins
 from testbench.studies.headline import READ, headline, warnings
 from testbench.studies.paper.factorised import every_order, order_range
 from testbench.studies.paper.published import EQ_22, EQ_23
-from testbench.studies.paper.verdicts import comparison, judged, verdict_table
+from testbench.studies.paper.verdicts import comparison, statement_row, verdict_table
 from testbench.studies.study import Study
 from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.cell import measure as read
-from testbench.workflows.evaluation import of_model
+from testbench.workflows.cell import measure_markers as read
+from testbench.workflows.evaluation import fit_model
 from testbench.workflows.models import Model
 from testbench.workflows.pose_campaign import FullPose, at_tool, random_wrenches
 from testbench.workflows.rows import UM, DatasetRow, FitRow, dataset_row, fit_row
@@ -50,7 +50,7 @@ STARTS = 8  #: Local solves of every order m: below 6 there are local minima tha
 ORDERED, QUICK_ORDERED = 200, 3  #: Draws that are solved for every order m too.
 AT_OPTIMUM = 1e-6
 """Share of F_M by which a local solve may exceed the certified optimum and still have reached it."""
-LEAST = 1e-8  #: Excess of F_M below is rounding of two solvers [1].
+MIN_EXCESS = 1e-8  #: Excess of F_M below is rounding of two solvers [1].
 
 SECTION_5_1 = FullPose(
     arm=NAME,
@@ -80,14 +80,14 @@ Loads = Literal["axes", "random"]
 
 
 @dataclass(frozen=True)
-class Options:
+class SingleLinkOptions:
     """Flags of the study."""
 
     loads: Annotated[Loads, typer.Option(help="One axis at a time, or six random wrenches.")] = "axes"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings(Options):
+class SingleLinkSettings(SingleLinkOptions):
     """What is tried."""
 
     first: int = 1000  #: The first draw: it keeps its readings.
@@ -132,7 +132,7 @@ class LinkRow(FitRow, Matrix):
     #: Order of the vector space of Eq. (16) where a local solve searched it; 0 for a convex solve.
     m: int = 0
     f_m_over_optimum: float = 1.0  #: F_M, the best of some local solves, over the certified optimum.
-    excess_percent: float = 0.0  #: The same above it, at least `LEAST`.
+    excess_percent: float = 0.0  #: The same above it, at least `MIN_EXCESS`.
     reaches_optimum: bool = True  #: Whether the two are the same.
     printed: Matrix | None = None  #: The paper's matrix under the check loads, in the first draw.
     data_file: str | None = None  #: dataset.csv, in the first draw.
@@ -146,9 +146,9 @@ class Draw:
     truth: Dataset
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: SingleLinkOptions, quick: bool, seeds: range) -> SingleLinkSettings:
     """What the flags ask for."""
-    return Settings(options.loads, first=seeds[0], ordered=QUICK_ORDERED if quick else ORDERED)
+    return SingleLinkSettings(options.loads, first=seeds[0], ordered=QUICK_ORDERED if quick else ORDERED)
 
 
 def models(cell: Cell) -> list[Model]:
@@ -161,16 +161,16 @@ def models(cell: Cell) -> list[Model]:
     ]
 
 
-def measure(cell: Cell, asked: Settings, seed: int) -> Draw:
+def measure(cell: Cell, asked: SingleLinkSettings, seed: int) -> Draw:
     """Load the true link, read it, and draw loads to check with."""
     campaign = asked.campaign
     if asked.loads == "axes":
         wrench = np.diag([campaign.force] * 3 + [campaign.moment] * 3)
     else:
-        wrench = wrenches_within(6, campaign.force, campaign.moment, stream(seed, 2))
-    check = wrenches_within(campaign.check_runs, campaign.force, campaign.moment, stream(seed, 0))
+        wrench = wrenches_within(6, campaign.force, campaign.moment, trial_rng(seed, 2))
+    check = wrenches_within(campaign.check_runs, campaign.force, campaign.moment, trial_rng(seed, 0))
     return Draw(
-        identification=_read(cell, campaign, wrench, stream(seed, 1)),
+        identification=_read(cell, campaign, wrench, trial_rng(seed, 1)),
         truth=_read(cell, campaign, check, None),
     )
 
@@ -186,17 +186,17 @@ def wrenches_within(count: int, force: float, moment: float, rng: np.random.Gene
     return size * random_wrenches(count, force, moment, rng)
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[LinkRow]]:
+def trials(asked: SingleLinkSettings, seeds: Sequence[int]) -> list[list[LinkRow]]:
     """What every model, and in the first draws every order m, made of some draws."""
     cell = build_cell(find_arm(NAME))
     return [list(_trial(cell, asked, seed)) for seed in seeds]
 
 
-def _trial(cell: Cell, asked: Settings, seed: int) -> Iterator[LinkRow]:
+def _trial(cell: Cell, asked: SingleLinkSettings, seed: int) -> Iterator[LinkRow]:
     draw = measure(cell, asked, seed)
     for model in models(cell):
         start = time.perf_counter()
-        estimate = of_model(cell, model, draw.identification)
+        estimate = fit_model(cell, model, draw.identification)
         fit = fit_row(model.name, estimate, time.perf_counter() - start)
         row = _row(cell, asked, draw, fit, estimate)
         if seed == asked.first and model.name in PRINTED:
@@ -211,12 +211,12 @@ def _trial(cell: Cell, asked: Settings, seed: int) -> Iterator[LinkRow]:
                 _row(cell, asked, draw, fit_row(GCO, own, 0.0), own),
                 m=m,
                 f_m_over_optimum=ratio,
-                excess_percent=100 * max(LEAST, ratio - 1),
+                excess_percent=100 * max(MIN_EXCESS, ratio - 1),
                 reaches_optimum=ratio <= 1 + AT_OPTIMUM,
             )
 
 
-def _row(cell: Cell, asked: Settings, draw: Draw, fit: FitRow, estimate: Estimate) -> LinkRow:
+def _row(cell: Cell, asked: SingleLinkSettings, draw: Draw, fit: FitRow, estimate: Estimate) -> LinkRow:
     campaign, C = asked.campaign, estimate.C_theta
     load = draw.identification.wrench / ([campaign.force] * 3 + [campaign.moment] * 3)
     return LinkRow(
@@ -284,7 +284,7 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: SingleLinkSettings, seeds: range, trials: Trials) -> Report:
     """Report medians and spreads of every method and order, the paper's statements, and who is nearer."""
     f = _numbers(asked, seeds, trials)
     errors = Table(columns(ERRORS), f.models, "How far off", headline=POSITION)
@@ -315,13 +315,13 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     )
 
 
-def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
+def _numbers(asked: SingleLinkSettings, seeds: range, trials: Trials) -> Row:
     """All numbers of report.json."""
     plain, searched, campaign = trials.where(m=0), trials.pick(trials["m"] > 0), asked.campaign
     um, urad = UM * campaign.sigma, UM * campaign.sigma_rotation
     data, [loads] = campaigns.dataset(plain), merged(plain.where(name=GCO).keep("condition"))
     low, high = order_range(models(build_cell(find_arm(NAME)))[-1].structure, data.runs)
-    found = [_merged(own, **_entries(own)) for _, own in plain.groups("name")]
+    rows = [_merged(own, **_entries(own)) for _, own in plain.groups("name")]
     order = [_merged(own) for _, own in searched.groups("m")]
     return Row(
         seed=seeds[0],
@@ -340,12 +340,12 @@ def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
             sigma_of_a_deflection_urad=math.sqrt(2) * urad,
         ),
         order_range=(low, high),
-        models=found,
+        models=rows,
         order_draws=len(searched.values("seed")),
         order=order,
         claims=[
-            *_statements(plain, {m.name: m for m in found}),
-            judged(
+            *_statements(plain, {m.name: m for m in rows}),
+            statement_row(
                 f"any order m that Eq. (20) allows, {low:g} to {high:g}, reaches the least F_M",
                 all(row.reaches_optimum == 1 for row in order if row.m >= low),
                 min(row.reaches_optimum for row in order if row.m >= low),
@@ -362,7 +362,7 @@ def _statements(plain: Trials, by: Mapping[str, Row]) -> Iterator[Row]:
         (SYMMETRIC, 0, "least squares with a symmetric matrix never does (not in the paper)"),
     ):
         holds = by[name].conservative if share else 1 - by[name].conservative
-        yield judged(claim, holds == 1, holds)
+        yield statement_row(claim, holds == 1, holds)
     for other, words in ((LEAST_SQUARES, ""), (SYMMETRIC, " with a symmetric matrix (not in the paper)")):
         ours, theirs = aligned(plain, (GCO, other), POSITION).T
         claim = f"GCO predicts positions better than least squares{words}"
@@ -401,7 +401,7 @@ def figures(found: Report) -> dict[str, Figure]:
 STUDY = Study(
     name=NAME,
     about="Identify the single link of section 5.1 by least squares and by GCO, over many draws of noise.",
-    options=Options,
+    options=SingleLinkOptions,
     settings=settings,
     seeds=(1000, 100),
     arms=lambda _: [find_arm(NAME)],

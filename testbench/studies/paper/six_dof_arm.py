@@ -17,7 +17,7 @@ from testbench.report.campaigns import NOT_OF_A_MODEL
 from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report, say
-from testbench.report.scene import Seen
+from testbench.report.scene import PageContent
 from testbench.report.schema import Table, best_of
 from testbench.report.table import Row, Trials, aligned, merged
 from testbench.runs.spread import wins
@@ -25,15 +25,15 @@ from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.headline import READ, headline, warnings
 from testbench.studies.paper.factorised import every_order
 from testbench.studies.paper.published import SECTION_5_2
-from testbench.studies.paper.verdicts import comparison, judged, nearly, number, verdict_table
+from testbench.studies.paper.verdicts import comparison, nearly, number, statement_row, verdict_table
 from testbench.studies.rivals import plain_models
 from testbench.studies.study import Run, Study
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Truth, build_cell
-from testbench.workflows.evaluation import CampaignRow, campaign_rows, identify, judge
+from testbench.workflows.evaluation import CampaignRow, campaign_rows, identify, score_estimate
 from testbench.workflows.models import EQUAL_FIT, JOINTS, Model, named_models
-from testbench.workflows.own_estimator import hired
-from testbench.workflows.own_process import Own
+from testbench.workflows.own_estimator import estimator_models
+from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.pose_campaign import FullPose, simulate
 from testbench.workflows.rows import MM, UM
 
@@ -63,7 +63,7 @@ ORDER_STARTS, QUICK_ORDER_STARTS = 5, 2
 
 
 @dataclass(frozen=True)
-class Options:
+class SixDofOptions:
     """Flags of the study."""
 
     arm: ArmFlag = "arm_6r"
@@ -74,7 +74,7 @@ class Options:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings(Options):
+class SixDofSettings(SixDofOptions):
     """What is tried."""
 
     scenario: FullPose  #: What is measured; its truth is replaced by each in turn.
@@ -93,7 +93,7 @@ class SixDofRow(CampaignRow):
     f_m_over_optimum: float | None = None  #: F_M, the best of some local solves, over the least possible.
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: SixDofOptions, quick: bool, seeds: range) -> SixDofSettings:
     """What the flags ask for."""
     share = math.sqrt(2) if options.per == "deflection" else 1.0
     scenario = FullPose(
@@ -103,7 +103,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
         least=9e-3,
         most=41e-3,
     )
-    return Settings(
+    return SixDofSettings(
         **vars(options),
         scenario=scenario,
         first=seeds[0],
@@ -112,10 +112,12 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     )
 
 
-def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[SixDofRow]]:
+def trials(
+    asked: SixDofSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
+) -> list[list[SixDofRow]]:
     """Rows of some seeds: all models under two truths, and in the first seeds every order m."""
     cell = build_cell(find_arm(asked.arm))
-    every = [*models(cell), *hired(own)(cell, None)]
+    every = [*models(cell), *estimator_models(own)(cell, None)]
     return [list(_trial(cell, every, asked, seed)) for seed in seeds]
 
 
@@ -125,7 +127,7 @@ def models(cell: Cell) -> list[Model]:
     return [replace(model, estimator=paper_gco) if model.estimator == gco else model for model in every]
 
 
-def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[SixDofRow]:
+def _trial(cell: Cell, models: Sequence[Model], asked: SixDofSettings, seed: int) -> Iterator[SixDofRow]:
     for truth in TRUTHS:
         campaign = simulate(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
         results, linear = identify(cell, campaign, models, time.perf_counter), truth == "linear"
@@ -141,13 +143,13 @@ def _orders(cell: Cell, campaign: Campaign, name: str, starts: int) -> Iterator[
     [model] = named_models(cell, [name])
     best = paper_gco(cell.vjm, model.structure, campaign.identification).f_m
     estimates = every_order(cell, model.structure, campaign.identification, starts, campaign.seed)
-    results = [judge(cell, campaign, model, estimate, 0.0) for estimate in estimates]
+    results = [score_estimate(cell, campaign, model, estimate, 0.0) for estimate in estimates]
     rows = campaign_rows(cell, campaign, results, TUBES, placed=False)
     for m, (row, estimate) in enumerate(zip(rows, estimates, strict=True), start=1):
         yield SixDofRow(**vars(row), m=m, f_m_over_optimum=estimate.f_m / best)
 
 
-def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: SixDofSettings, seeds: range, trials: Trials) -> Report:
     """Report medians and spreads of every model and order under both truths, and the paper's statements."""
     straight = trials.where(m=0, truth=TRUTHS[0])
     f = Row(
@@ -158,8 +160,10 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         truth="linear",
         **_found(asked, trials),
     )
-    own = badge.of_models(straight, f.models, asked_about(f.models), ERROR)
-    f["map"] = campaigns.error_map(straight, badge.drawn(own, straight["name"], *campaigns.own(f.models)))
+    own = badge.of_models(straight, f.models, model_in_question(f.models), ERROR)
+    f["map"] = campaigns.error_map(
+        straight, badge.drawn(own, straight["name"], *campaigns.user_estimators(f.models))
+    )
     short = Table(columns(SHORT, paper=False), f.models, headline=ERROR)
     return Report(
         scenario=STUDY.name,
@@ -169,7 +173,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             "{dataset.sigma_um:.3g} um and {dataset.sigma_urad:.3g} urad a reading; {dataset.check_runs} "
             "check runs; {seeds}",
             f,
-            seeds=campaigns.seeds_told(f.seed),
+            seeds=campaigns.seeds_label(f.seed),
         ),
         answer=headline(own, short),
         claims=warnings(trials.where(m=0)),
@@ -186,7 +190,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     )
 
 
-def _found(asked: Settings, trials: Trials) -> Row:
+def _found(asked: SixDofSettings, trials: Trials) -> Row:
     """Numbers of the models, of the orders m, and the paper's statements."""
     scenario = asked.scenario
     fits, searched = trials.where(m=0).drop("m", "f_m_over_optimum"), trials.pick(trials["m"] > 0)
@@ -209,14 +213,14 @@ def _found(asked: Settings, trials: Trials) -> Row:
         ),
         ties=[_tie(straight), _tie(bent)],
         claims=[
-            judged("only the GCO models are conservative (Table I)", only_gco, only_gco),
+            statement_row("only the GCO models are conservative (Table I)", only_gco, only_gco),
             *(row for m in table_i for row in _cells(m)),
             *_comparisons(straight, bent),
         ],
     )
 
 
-def asked_about(models: Sequence[Row]) -> str:
+def model_in_question(models: Sequence[Row]) -> str:
     """Name the best GCO model if nothing is clearly better, else the best of all.
 
     The completed model is none of them: its fit and its predictions are those of MLS56.
@@ -271,7 +275,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"six_dof_arm.png": forest(table, PANES, title, reading, JOINTS)}
 
 
-def write(run: Run[Settings]) -> Seen:
+def write(run: Run[SixDofSettings]) -> PageContent:
     """Write dataset.csv of the first seed, linear truth; return what the page draws."""
     asked = run.settings
     cell = build_cell(find_arm(asked.arm))
@@ -282,7 +286,7 @@ def write(run: Run[Settings]) -> Seen:
 STUDY = Study(
     name="six_dof_arm",
     about="Identify the models of Table I and two baselines from 108 runs, and check them on 120 others.",
-    options=Options,
+    options=SixDofOptions,
     settings=settings,
     seeds=(100, 5),
     row=SixDofRow,

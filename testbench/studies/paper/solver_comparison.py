@@ -18,7 +18,7 @@ from testbench.arm.folder import find_arm
 from testbench.errors import Array, BenchError
 from testbench.files.write import csv_text
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, paper_gco, reduce
-from testbench.plant.tracker import stream
+from testbench.plant.tracker import trial_rng
 from testbench.report import campaigns
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GCO, SERIES, Look
@@ -32,7 +32,7 @@ from testbench.studies.estimators.modelled import cvxpy, modelled
 from testbench.studies.headline import READ, headline
 from testbench.studies.paper.factorised import (
     CLOSE,
-    LARGEST_ORDER,
+    MAX_ORDER,
     Factorised,
     Observe,
     costs,
@@ -44,10 +44,10 @@ from testbench.studies.paper.factorised import (
 )
 from testbench.studies.paper.search import Budget, explore
 from testbench.studies.paper.six_dof_arm import TUBES
-from testbench.studies.paper.verdicts import judged, verdict_table
+from testbench.studies.paper.verdicts import statement_row, verdict_table
 from testbench.studies.study import Study
 from testbench.workflows.cell import Campaign, Cell, build_cell
-from testbench.workflows.evaluation import CampaignRow, campaign_rows, judge
+from testbench.workflows.evaluation import CampaignRow, campaign_rows, score_estimate
 from testbench.workflows.models import Model, named_models
 from testbench.workflows.pose_campaign import FullPose, simulate
 
@@ -81,13 +81,13 @@ DIFFERENCE = math.sqrt(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class Options:
+class SolverOptions:
     """Flags of the study."""
 
     model: Annotated[str, typer.Option(metavar="NAME", help="A GCO model of the paper.")] = "MGCO69"
     m: Annotated[
         int, typer.Option(min=1, max=6, metavar="M", help="Order m of the vector space, Eq. (16).")
-    ] = LARGEST_ORDER
+    ] = MAX_ORDER
     generations: Annotated[int, typer.Option(min=1, metavar="N", help="Limit for the genetic algorithm.")] = (
         1000
     )
@@ -99,7 +99,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Settings(Options):
+class SolverSettings(SolverOptions):
     """What is tried."""
 
     first: int = 1  #: The first seed: its runs are kept.
@@ -123,7 +123,7 @@ class SolverRow(CampaignRow):
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolverResult:
     """What one solver found."""
 
     key: str  #: Its letter.
@@ -142,8 +142,8 @@ OverB = Callable[[Factorised, np.random.Generator, Observe], Found]
 
 def search(budget: Budget, problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
     """The paper's optimiser, run through its whole budget: no threshold stops it."""
-    found = explore(problem, budget, rng, observe)
-    return found.best, found.evaluations, found.descents
+    search_state = explore(problem, budget, rng, observe)
+    return search_state.best, search_state.evaluations, search_state.descents
 
 
 def local_solves(starts: int, problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
@@ -177,7 +177,7 @@ def gco_model(cell: Cell, name: str) -> Model:
     return model
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSettings:
     """What the flags ask for.
 
     Raises:
@@ -188,49 +188,59 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
         cvxpy("SCS")
     most = (QUICK_GENERATIONS, QUICK_STARTS) if quick else (options.generations, options.starts)
     generations, starts = map(min, zip((options.generations, options.starts), most, strict=True))
-    return Settings(**vars(options) | {"generations": generations, "starts": starts}, first=seeds[0])
+    return SolverSettings(**vars(options) | {"generations": generations, "starts": starts}, first=seeds[0])
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[SolverRow]]:
+def trials(asked: SolverSettings, seeds: Sequence[int]) -> list[list[SolverRow]]:
     """Rows of some seeds, one a solver."""
     cell = build_cell(find_arm(ARM))
     model = gco_model(cell, asked.model)
     return [_trial(cell, model, asked, seed) for seed in seeds]
 
 
-def _trial(cell: Cell, model: Model, asked: Settings, seed: int) -> list[SolverRow]:
+def _trial(cell: Cell, model: Model, asked: SolverSettings, seed: int) -> list[SolverRow]:
     campaign = simulate(cell, SCENARIO, seed)
     conic = _repeated("d", paper_gco, cell, model, campaign)
-    found = [*_factor_solvers(cell, model, asked, campaign), conic]
+    solver_results = [*_factor_solvers(cell, model, asked, campaign), conic]
     if asked.scs:
-        found.append(_repeated("e", modelled, cell, model, campaign))
+        solver_results.append(_repeated("e", modelled, cell, model, campaign))
     proof = conic.estimate.certificate
     assert proof is not None
-    proofs = [proof if own is conic else certify(own.estimate, dual=proof.dual) for own in found]
+    proofs = [
+        proof if solver_result is conic else certify(solver_result.estimate, dual=proof.dual)
+        for solver_result in solver_results
+    ]
     results = [
-        judge(cell, campaign, model, replace(own.estimate, certificate=proven), own.seconds)
-        for own, proven in zip(found, proofs, strict=True)
+        score_estimate(
+            cell, campaign, model, replace(solver_result.estimate, certificate=proven), solver_result.seconds
+        )
+        for solver_result, proven in zip(solver_results, proofs, strict=True)
     ]
     data = csv_text(campaign.identification, cell.arm) if seed == asked.first else None
     rows = campaign_rows(cell, campaign, results, TUBES, placed=False)
     return [
-        replace(_row(row, own, conic, proven.f_m_excess_bound), data_file=data if own is conic else None)
-        for row, own, proven in zip(rows, found, proofs, strict=True)
+        replace(
+            _row(row, solver_result, conic, proven.f_m_excess_bound),
+            data_file=data if solver_result is conic else None,
+        )
+        for row, solver_result, proven in zip(rows, solver_results, proofs, strict=True)
     ]
 
 
-def _repeated(key: str, estimator: Estimator, cell: Cell, model: Model, campaign: Campaign) -> Solved:
+def _repeated(key: str, estimator: Estimator, cell: Cell, model: Model, campaign: Campaign) -> SolverResult:
     """A solver without chance, certificate included where it makes one: median time of several calls."""
     calls = []
     for _ in range(1 + REPEATS):
         start = perf_counter()
         estimate = estimator(cell.vjm, model.structure, campaign.identification)
         seconds = perf_counter() - start
-        calls.append(Solved(key, estimate, [(seconds, estimate.f_m)], seconds))
+        calls.append(SolverResult(key, estimate, [(seconds, estimate.f_m)], seconds))
     return sorted(calls[1:], key=lambda call: call.seconds)[REPEATS // 2]
 
 
-def _factor_solvers(cell: Cell, model: Model, asked: Options, campaign: Campaign) -> Iterator[Solved]:
+def _factor_solvers(
+    cell: Cell, model: Model, asked: SolverOptions, campaign: Campaign
+) -> Iterator[SolverResult]:
     """The solvers over b: the paper's, long and short, and local solves from random starts."""
     points = asked.trial_points
     first = min(Budget().stage_one_points, points)
@@ -250,18 +260,18 @@ def _factor_solvers(cell: Cell, model: Model, asked: Options, campaign: Campaign
         start = perf_counter()
         problem = factorise(reduce(cell.vjm, model.structure, campaign.identification), asked.m)
         note = partial(_note, way, start)
-        b, evaluations, solves = solver(problem, stream(campaign.seed, random), note)
+        b, evaluations, solves = solver(problem, trial_rng(campaign.seed, random), note)
         pi, method = parameters(problem, b), f"GCO over b, m = {asked.m}"
         estimate = make_estimate(problem.regression, pi, method=method, constraint="psd")
         estimate = replace(estimate, status="budget spent" if key in PAPERS else "local optimum")
-        yield Solved(key, estimate, way, perf_counter() - start, evaluations, solves)
+        yield SolverResult(key, estimate, way, perf_counter() - start, evaluations, solves)
 
 
 def _note(way: list[tuple[float, float]], start: float, f_m: float) -> None:
     way.append((perf_counter() - start, f_m))
 
 
-def _row(row: CampaignRow, own: Solved, conic: Solved, excess: float) -> SolverRow:
+def _row(row: CampaignRow, own: SolverResult, conic: SolverResult, excess: float) -> SolverRow:
     f_m, best = own.estimate.f_m, conic.estimate.f_m
     there = next((seconds for seconds, value in own.way if value <= WITHIN * best), None)
     elsewhere = [value > best * (1 + CLOSE) for value in own.solves]
@@ -280,7 +290,7 @@ def _row(row: CampaignRow, own: Solved, conic: Solved, excess: float) -> SolverR
     )
 
 
-def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: SolverSettings, seeds: range, trials: Trials) -> Report:
     """Report medians and spreads of every solver, and what the proof says of the paper's search."""
     solvers, own = list(_solvers(asked, trials)), trials.where(key="d")
     rows = {row.key: row for row in solvers}
@@ -330,7 +340,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     )
 
 
-def _solvers(asked: Settings, trials: Trials) -> Iterator[Row]:
+def _solvers(asked: SolverSettings, trials: Trials) -> Iterator[Row]:
     """A row a solver; a time to 1 % is of those seeds in which it came there."""
     names: Mapping[str, str] = {
         "a": "the paper's: differential evolution in place of MATLAB's GA, up to "
@@ -356,14 +366,14 @@ def _statements(f: Row, seeds: int) -> Iterator[Row]:
     """What the paper says of its search, and of the F_M at which it would stop."""
     bound = f.models[0].relative_excess_bound
     proven = most(bound) <= WITHIN - 1
-    unviable = judged(
+    unviable = statement_row(
         'a proof of the global optimum is "unviable" (ours: relative bound of F_M)', False, None
     )
     yield Row(unviable, found=bound, verdict="contradicted" if proven else unviable.verdict)
     share = 1 - f.elsewhere / f.local_solves
-    yield judged("every local solve over b, m = n, ends at the global optimum", share == 1, share)
+    yield statement_row("every local solve over b, m = n, ends at the global optimum", share == 1, share)
     stops = 1 - f.floor_out_of_reach / seeds
-    yield judged("the search can stop at the F_M of noise alone", stops == 1, stops)
+    yield statement_row("the search can stop at the F_M of noise alone", stops == 1, stops)
 
 
 def figures(found: Report) -> dict[str, Figure]:
@@ -377,7 +387,7 @@ def figures(found: Report) -> dict[str, Figure]:
 STUDY = Study(
     name="solver_comparison",
     about="Minimise F_M by several solvers on the data of section 5.2, and certify what each of them found.",
-    options=Options,
+    options=SolverOptions,
     settings=settings,
     seeds=(20, 2),
     arms=lambda _: [find_arm(ARM)],

@@ -4,7 +4,7 @@ A number of the paper is consistent where it lies inside our 5 to 95 % over the 
 their range: one in ten lies outside even where nothing differs. It is not excluded, and no more, at the edge
 of a wide interval. That one error is smaller than another is confirmed, or contradicted, by a sign test on
 the same data, without ties; the best model has to beat the best of the others. That two errors are nearly the
-same must hold in `MOST` of the seeds, any other statement in all of them.
+same must hold in `MIN_EQUAL_SHARE` of the seeds, any other statement in all of them.
 """
 
 import numpy as np
@@ -15,8 +15,8 @@ from testbench.report.schema import Table
 from testbench.report.table import Row
 from testbench.runs.spread import Number, Share, Spread, ends
 
-LEVEL = 0.05  #: Of the sign test, two-sided.
-MOST = 0.95  #: Share of the seeds in which two errors must be nearly the same.
+TEST_LEVEL = 0.05  #: Of the sign test, two-sided.
+MIN_EQUAL_SHARE = 0.95  #: Share of the seeds in which two errors must be nearly the same.
 NUMBERS = "published found holds p_value"  #: What a statement may have; a table shows those that it has.
 WIDE, EDGE = 2.0, 0.1
 """Ratio of the ends of a wide interval, and the share of its logarithm next to an end that is its edge."""
@@ -33,7 +33,7 @@ def _row(claim: str, verdict: str, **numbers: object) -> Row:
     return Row({**dict.fromkeys(NUMBERS.split()), **numbers}, claim=claim, verdict=verdict)
 
 
-def judged(claim: str, verdict: bool, holds: Share | None) -> Row:
+def statement_row(claim: str, verdict: bool, holds: Share | None) -> Row:
     """Judge a statement that holds, or not.
 
     Args:
@@ -70,10 +70,10 @@ def comparison(claim: str, won: int, lost: int, seeds: int) -> Row:
         seeds: All of them.
     """
     p = float(binomtest(won, won + lost).pvalue) if won + lost else 1.0
-    verdict = "no clear difference" if p >= LEVEL else "confirmed" if won > lost else "contradicted"
+    verdict = "no clear difference" if p >= TEST_LEVEL else "confirmed" if won > lost else "contradicted"
     return _row(claim, verdict, holds=won / seeds, p_value=p)
 
 
 def nearly(claim: str, held: int, seeds: int) -> Row:
-    """Judge that two errors are nearly the same, or one hardly larger: in `MOST` of the seeds."""
-    return judged(claim, held >= MOST * seeds, held / seeds)
+    """Judge that two errors are nearly the same, or one hardly larger: in `MIN_EQUAL_SHARE` of the seeds."""
+    return statement_row(claim, held >= MIN_EQUAL_SHARE * seeds, held / seeds)

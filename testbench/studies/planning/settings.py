@@ -16,15 +16,17 @@ from testbench.workflows.models import JOINTS
 NAME = "pose_selection"
 RANDOM = "random"  #: Poses without a plan, beside the criteria of criteria.CRITERIA.
 Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
-PLAIN = ("MGCO68", "MGCO56", JOINTS)
-FITS = (*(f"{name}{FILLED}" for name in PLAIN), *PLAIN)  #: How runs are identified.
-PLANNED, BARE = FITS[0], PLAIN[0]  #: The fit that plans are made for, and the same without its prior.
+MODELS_WITHOUT_PRIOR = ("MGCO68", "MGCO56", JOINTS)
+#: How runs are identified.
+FITS = (*(f"{name}{FILLED}" for name in MODELS_WITHOUT_PRIOR), *MODELS_WITHOUT_PRIOR)
+#: The fit that plans are made for, and the same without its prior.
+PLANNED, BARE = FITS[0], MODELS_WITHOUT_PRIOR[0]
 INCUMBENT = JOINTS  #: Six joint compliances by plain least squares.
 WHOLE = DEFAULT  #: What `identify` does by default.
 
 
 @dataclass(frozen=True)
-class Options:
+class PlanningOptions:
     """Flags of the study."""
 
     arm: ArmFlag = "kr500_l480"
@@ -82,7 +84,7 @@ QUICK = Scope(
 
 
 @dataclass(frozen=True)
-class PlanRow:
+class PlannedRow:
     """A plan, what it is certified for, and which error at the tasks it forecasts."""
 
     ground: str  #: Name of the ground that it is for.
@@ -97,40 +99,40 @@ class PlanRow:
 
 
 @dataclass(frozen=True)
-class Scene:
+class PlanningScene:
     """What all plans and trials share: feasible poses, and where predictions are wanted."""
 
     candidates: Angles = ()  #: Feasible poses to choose from.
     tasks: Angles = ()  #: Poses where the robot works.
     workspace: Angles = ()  #: Poses all over the workspace.
-    plans: tuple[PlanRow, ...] = ()  #: By criterion and number of poses, then by fit.
+    plans: tuple[PlannedRow, ...] = ()  #: By criterion and number of poses, then by fit.
 
-    def plan(self, criterion: str, poses: int, fit: str) -> PlanRow:
+    def plan(self, criterion: str, poses: int, fit: str) -> PlannedRow:
         """The plan by a criterion of so many poses for a fit."""
         return next(p for p in self.plans if (p.criterion, p.poses, p.fit) == (criterion, poses, fit))
 
 
-EMPTY = Scene()
+EMPTY = PlanningScene()
 
 
 @dataclass(frozen=True)
-class Settings:
+class PlanningSettings:
     """What is tried."""
 
     arm: str  #: Folder or name of the arm.
     seed: int  #: Root of the candidates, the tasks and the planner's prior; the first trial.
     scope: Scope  #: Sizes and numbers.
     #: Made of the rest by `plans.prepare`; empty before.
-    scene: Annotated[Scene, Field(exclude=True)] = EMPTY
-    away: Annotated[Scene, Field(exclude=True)] = EMPTY  #: The same on the other ground.
+    scene: Annotated[PlanningScene, Field(exclude=True)] = EMPTY
+    away: Annotated[PlanningScene, Field(exclude=True)] = EMPTY  #: The same on the other ground.
 
 
-def elsewhere(asked: Settings) -> Settings:
+def elsewhere(asked: PlanningSettings) -> PlanningSettings:
     """The same on the other ground."""
     return replace(asked, scope=replace(asked.scope, ground=AWAY), scene=asked.away)
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: PlanningOptions, quick: bool, seeds: range) -> PlanningSettings:
     """What the flags ask for."""
     find_arm(options.arm)
-    return Settings(options.arm, seeds[0], QUICK if quick else Scope())
+    return PlanningSettings(options.arm, seeds[0], QUICK if quick else Scope())

@@ -16,7 +16,7 @@ from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest, sweeps
 from testbench.report.planned_poses import ORDER, OURS, UNSCALED, World
 from testbench.report.report import Report, say
-from testbench.report.scene import Line, PlaceMap, Scene, Seen
+from testbench.report.scene import ModelLine, PageContent, PlaceMap, Scene
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import ends, independent, middle, span, wins
@@ -24,14 +24,22 @@ from testbench.studies.headline import READ, headline, warnings
 from testbench.studies.planning import settings as s
 from testbench.studies.planning import trial
 from testbench.studies.planning.plans import prepare
-from testbench.studies.planning.settings import BARE, FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
+from testbench.studies.planning.settings import (
+    BARE,
+    FITS,
+    INCUMBENT,
+    PLANNED,
+    RANDOM,
+    WHOLE,
+    PlanningSettings,
+)
 from testbench.studies.study import Run, Study
 from testbench.workflows.cell import build_cell
 from testbench.workflows.perturbed_prior import SCALE, SHAPE, UNCERTAINTY
 
 CRITERIA = "plan efficiency_percent expected_tasks_mm tasks_mm workspace_mm"
 POSES = "plan poses tasks_mm workspace_mm expected_tasks_mm efficiency_percent"
-ENOUGH = 0.1  #: Error at the tasks that a campaign is to reach [mm].
+TARGET_ERROR_MM = 0.1  #: Error at the tasks that a campaign is to reach [mm].
 KEPT = "promised count inside_90 below above inside_95 over_promised"
 GROUNDS = "ground fit judged planned_mm random_mm over_random planned_better better_than_joints seeds"
 KEPT_BY: Mapping[str, tuple[str, Mapping[str, str]]] = {
@@ -49,7 +57,7 @@ LOOKS = {
 """Colour and mark of every criterion, random poses dashed."""
 
 
-def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
     """Report errors by criterion and number of poses, where planning pays, and whether promises hold."""
     f = _numbers(asked, seeds, trials)
     n, rivals = asked.scope.featured, [row.plan for row in f.criteria if row.plan != "test"]
@@ -66,7 +74,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             "{arm} under {payload_kg:g} kg, noise {dataset.sigma_um:g} um, {study.candidates} candidates; "
             "non-linear truth, {seeds}",
             f | {"study": Row(vars(f.study))},
-            seeds=campaigns.seeds_told(f.seed),
+            seeds=campaigns.seeds_label(f.seed),
         ),
         answer=headline(badge, criteria),
         claims=warnings(trials.where(part="measured"), "fit"),
@@ -84,7 +92,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             "enough": Table(
                 columns("plan fewest"),
                 [Row(plan=name, fewest=n) for name, n in f.recommendation.fewest.items()],
-                f"Poses that keep the tasks within {1000 * ENOUGH:g} um in 95 % of the trials",
+                f"Poses that keep the tasks within {1000 * TARGET_ERROR_MM:g} um in 95 % of the trials",
             ),
             "poses": Table(
                 columns(POSES),
@@ -98,7 +106,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     )
 
 
-def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
+def _numbers(asked: PlanningSettings, seeds: range, trials: Trials) -> Row:
     """Every number of report.json."""
     scope, n = asked.scope, asked.scope.featured
     measured, promises = trials.where(part="measured"), trials.where(part="promise")
@@ -123,7 +131,9 @@ def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
         where=each,
         plans=[plan for plan in asked.scene.plans if plan.fit == PLANNED],
         errors=errors,
-        recommendation=Row(within_mm=ENOUGH, fewest=Row({name: _fewest(planned, name) for name in own})),
+        recommendation=Row(
+            within_mm=TARGET_ERROR_MM, fewest=Row({name: _fewest(planned, name) for name in own})
+        ),
         kept=list(_all_kept(promises.where(fit=WHOLE))),
         kept_joints=_kept(INCUMBENT, promises.where(fit=INCUMBENT)),
         grounds=list(_grounds(trials.where(part="ground"))),
@@ -133,15 +143,17 @@ def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
 
 
 def _fewest(levels: Sequence[Row], plan: str) -> int | None:
-    """The fewest poses that keep the tasks within ENOUGH in 95 % of the trials, of few trials in all."""
-    return next((row.poses for row in levels if row.plan == plan and ends(row.tasks_mm)[1] <= ENOUGH), None)
+    """The fewest poses that keep tasks within TARGET_ERROR_MM in 95 % of the trials, of few trials in all."""
+    return next(
+        (row.poses for row in levels if row.plan == plan and ends(row.tasks_mm)[1] <= TARGET_ERROR_MM), None
+    )
 
 
 def _all_kept(promises: Trials) -> Iterator[Row]:
     """All promises, then those of each plan, ground, truth and prior."""
     yield _kept("all", promises)
     for what, (column, called) in KEPT_BY.items():
-        groups = {called.get(name, name): own for (name,), own in promises.groups(column)}
+        groups = {called.get(name, name): trials for (name,), trials in promises.groups(column)}
         for name in sorted(groups):
             yield _kept(f"{what}: {name}", groups[name])
 
@@ -218,32 +230,32 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[Settings]) -> Seen:
+def write(run: Run[PlanningSettings]) -> PageContent:
     """What is drawn: the featured plan, and where errors remain."""
-    asked, cell = run.settings, build_cell(find_arm(run.settings.arm))
-    n, scene = asked.scope.featured, asked.scene
-    q, places = trial.poses_of(asked, "test", n, asked.seed), np.array(scene.workspace)
+    settings, cell = run.settings, build_cell(find_arm(run.settings.arm))
+    n, scene = settings.scope.featured, settings.scene
+    q, places = trial.poses_of(settings, "test", n, settings.seed), np.array(scene.workspace)
     left = np.array([middle(value) for value in run.report.numbers["where"].each_place_mm])
     at = [chain(cell.vjm, np.array(own)).position for own in (q, scene.tasks, scene.candidates, places)]
-    world = World(cell, asked.scope.ground.station, *at[:3])
-    force = np.tile([0.0, 0.0, -GRAVITY * asked.scope.payload], (n, 1))
+    world = World(cell, settings.scope.ground.station, *at[:3])
+    force = np.tile([0.0, 0.0, -GRAVITY * settings.scope.payload], (n, 1))
     named = {f"Run {k}": f"{cell.arm.words(own)}." for k, own in enumerate(q, start=1)}
     rest = [f"Error {mm:.3f} mm. {cell.arm.words(own)}." for own, mm in zip(places, left, strict=True)]
     plan = world.poses(f"{ORDER}: test", named, q, world.measured(q, force))
     over = "Error of the predicted deflection, median over the trials (mm)"
-    return Seen(
+    return PageContent(
         scene=Scene(cell, UNSCALED, [plan, world.all_over(places, rest, int(left.argmax()))]),
-        map=PlaceMap(over, 1, at[3], [Line(f"{PLANNED}, poses by test", OURS, left)]),
+        map=PlaceMap(over, 1, at[3], [ModelLine(f"{PLANNED}, poses by test", OURS, left)]),
     )
 
 
 STUDY = Study(
     name=s.NAME,
     about="Plan 4 to 40 poses by six criteria, measure them, identify, and judge where the robot works.",
-    options=s.Options,
+    options=s.PlanningOptions,
     settings=s.settings,
     seeds=(100, 2),
-    row=trial.Row,
+    row=trial.PlanErrorRow,
     trials=trial.trials,
     report=report,
     printed=("criteria",),

@@ -11,31 +11,44 @@ import numpy as np
 
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
-from testbench.design.forecast import widened
-from testbench.design.rows import Experiment, Specification, Tasks
-from testbench.design.whole_arm import promise_on
+from testbench.design.forecast import inflate_intervals
+from testbench.design.rows import MeasurementSetup, Specification, Tasks
+from testbench.design.whole_arm import forecast_on
 from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify import Estimate
 from testbench.identify.evaluate import all_deflections
-from testbench.identify.metric import metric
+from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior, Strength
 from testbench.model.laws import without_laws
 from testbench.model.load import weight
 from testbench.model.vjm import chain
-from testbench.plant.tracker import stream
-from testbench.plant.true_arms import FAMILY, TRUTHS, member
+from testbench.plant.tracker import trial_rng
+from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.studies.planning import settings as s
-from testbench.studies.planning.settings import FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
-from testbench.workflows.cell import Campaign, Cell, Setup, build_cell, hanging, true_cell
-from testbench.workflows.cell import measure as read
-from testbench.workflows.evaluation import CampaignRow, attempted, campaign_rows, has_failed, judge, of_model
+from testbench.studies.planning.settings import FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, PlanningSettings
+from testbench.workflows.cell import Campaign, Cell, Setup, build_cell, poses_with_weight, true_cell
+from testbench.workflows.cell import measure_markers as read
+from testbench.workflows.evaluation import (
+    CampaignRow,
+    campaign_rows,
+    fit_model,
+    fit_or_rigid,
+    has_failed,
+    score_estimate,
+)
 from testbench.workflows.model_selection import FILLED, with_priors
 from testbench.workflows.models import MODELS, Model
-from testbench.workflows.own_estimator import Models, hired
-from testbench.workflows.own_process import Own
+from testbench.workflows.own_estimator import Models, estimator_models
+from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
-from testbench.workflows.predicted_error import Expected, fitted, half_widths, joints_alone, overall
+from testbench.workflows.predicted_error import (
+    Expected,
+    forecast_summary,
+    half_widths,
+    joints_alone,
+    linear_fit_after,
+)
 from testbench.workflows.rows import MM
 
 NOISE, CHANCE = 100, 300  #: Streams of a seed for noise and for random poses, plus the number of poses.
@@ -48,7 +61,7 @@ class Bench:
     """The true arm and where predictions are judged."""
 
     cell: Cell  #: The arm.
-    asked: Settings  #: On its ground.
+    asked: PlanningSettings  #: On its ground.
     tasks: Dataset  #: Noise-free deflections in the tasks under its one weight.
     workspace: Dataset  #: The same over the workspace.
 
@@ -64,7 +77,7 @@ class Bench:
 
 
 @dataclass(frozen=True)
-class Row:
+class PlanErrorRow:
     """RMS errors of one fit against the true deflection."""
 
     part: Part  #: What was measured.
@@ -85,11 +98,13 @@ class Row:
     data_file: str | None = None  #: dataset.csv: what the first trial measured of that plan.
 
 
-def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[Row]]:
+def trials(
+    asked: PlanningSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
+) -> list[list[PlanErrorRow]]:
     """Rows of some seeds; `asked` holds the plans."""
     cell = build_cell(find_arm(asked.arm))
     bench, places = build_bench(cell, asked), (asked, s.elsewhere(asked))
-    models = hired(own)
+    models = estimator_models(own)
     return [
         [
             *of_plans(bench, seed, models),
@@ -109,26 +124,27 @@ def tried(cell: Cell, seed: int, own: Models) -> dict[str, Model]:
 def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
     """Models by name: of `FITS` with a prior the readings set its scale; `WHOLE` learns more of it."""
     *plain, whole = (
-        replace(MODELS[name](cell), name=name) for name in (*s.PLAIN, WHOLE.removesuffix(FILLED))
+        replace(MODELS[name](cell), name=name)
+        for name in (*s.MODELS_WITHOUT_PRIOR, WHOLE.removesuffix(FILLED))
     )
-    found = [
+    models = [
         *with_priors(cell.arm, plain, prior, Strength(UNCERTAINTY)),
         *plain,
         *with_priors(cell.arm, [whole], prior),
     ]
-    return {model.name: model for model in found}
+    return {model.name: model for model in models}
 
 
-def of_plans(bench: Bench, seed: int, own: Models) -> Iterator[Row]:
+def of_plans(bench: Bench, seed: int, own: Models) -> Iterator[PlanErrorRow]:
     """Every plan and random poses, identified in every way."""
     scope, models = bench.asked.scope, tried(bench.cell, seed, own)
     levels = [(name, n) for name in (*scope.criteria, RANDOM) for n in scope.numbers(name)]
     runs = [measure(bench, poses_of(bench.asked, name, n, seed), seed) for name, n in levels]
     for fit, model in models.items():
-        estimates = [attempted(bench.cell, model, one) for one in runs]
+        estimates = [fit_or_rigid(bench.cell, model, one) for one in runs]
         found = zip(levels, runs, estimates, bench.errors_mm(estimates), strict=True)
         for (name, n), data, estimate, errors in found:
-            row = Row("measured", name, n, fit, *errors, status=estimate.status)
+            row = PlanErrorRow("measured", name, n, fit, *errors, status=estimate.status)
             if (n, fit) == (scope.featured, PLANNED):
                 row = featured(bench, row, model, estimate, data)
                 if (name, seed) == ("test", bench.asked.seed):
@@ -136,12 +152,14 @@ def of_plans(bench: Bench, seed: int, own: Models) -> Iterator[Row]:
             yield row
 
 
-def featured(bench: Bench, row: Row, model: Model, estimate: Estimate, data: Dataset) -> Row:
+def featured(
+    bench: Bench, row: PlanErrorRow, model: Model, estimate: Estimate, data: Dataset
+) -> PlanErrorRow:
     """The row of the featured number of poses, with its model, and errors pose by pose."""
     model = replace(model, name=f"{row.plan}, {row.fit}")
     setup, tasks = setup_of(bench.asked), bench.tasks
     campaign = Campaign(setup, bench.asked.seed, data, data, tasks, tasks, bench.workspace)
-    result = judge(bench.cell, campaign, model, estimate, estimate.solver_seconds)
+    result = score_estimate(bench.cell, campaign, model, estimate, estimate.solver_seconds)
     [own] = campaign_rows(bench.cell, campaign, [result], "tubes", placed=False)
     row = replace(row, model=own)
     if row.plan != "test":
@@ -153,13 +171,13 @@ def featured(bench: Bench, row: Row, model: Model, estimate: Estimate, data: Dat
     )
 
 
-def of_ground(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[Row]:
+def of_ground(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> Iterator[PlanErrorRow]:
     """Plans for the very fit against random poses, on one ground, the true arm one of the family.
 
     An estimator of one's own has the plan for `PLANNED`.
     """
     n, ground, models = asked.scope.featured, asked.scope.ground.name, tried(cell, seed, own)
-    bench = build_bench(true_cell(cell, member(FAMILY, seed), seed), asked)
+    bench = build_bench(true_cell(cell, true_arm_of_seed(FAMILY, seed), seed), asked)
     drawn = poses_of(asked, RANDOM, n, seed)
     chance = measure(bench, drawn, seed)
     yield from of_promise(bench, seed, (RANDOM, drawn, chance))
@@ -168,9 +186,9 @@ def of_ground(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[R
         data = measure(bench, chosen, seed)
         if fit == PLANNED:
             yield from of_promise(bench, seed, ("test", chosen, data))
-        both = [attempted(bench.cell, model, runs) for runs in (data, chance)]
-        for name, errors, one in zip(("test", RANDOM), bench.errors_mm(both), both, strict=True):
-            yield Row("ground", name, n, fit, *errors, ground, status=one.status)
+        both = [fit_or_rigid(bench.cell, model, runs) for runs in (data, chance)]
+        for name, errors, estimate in zip(("test", RANDOM), bench.errors_mm(both), both, strict=True):
+            yield PlanErrorRow("ground", name, n, fit, *errors, ground, status=estimate.status)
 
 
 def prior_in_turn(seed: int) -> str:
@@ -178,28 +196,28 @@ def prior_in_turn(seed: int) -> str:
     return list(PRIORS)[(seed + seed // len(TRUTHS)) % len(PRIORS)]
 
 
-def of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -> Iterator[Row]:
+def of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -> Iterator[PlanErrorRow]:
     """What was promised of all links and joints with a learnt prior, and of joints alone, and what came.
 
     `measured` are the name of a plan, its poses, and what was read there.
     """
-    (plan, q, data), cell, asked, name = measured, bench.cell, bench.asked, prior_in_turn(seed)
+    (plan, q, data), cell, settings, name = measured, bench.cell, bench.asked, prior_in_turn(seed)
     prior, tasks = prior_of(cell, name, seed), bench.tasks
-    whole, models = specify(cell, asked, prior, WHOLE), fits(cell, prior)
+    whole, models = specify(cell, settings, prior, WHOLE), fits(cell, prior)
     for fit, spec in ((WHOLE, whole), (INCUMBENT, joints_alone(whole, prior))):
-        after = fitted(spec, prior, q, np.zeros(len(q), dtype=int))
-        promise = promise_on(after, whole.tasks.q, whole.tasks.load)
-        [off] = bench.off([of_model(cell, models[fit], data)], tasks)
+        after = linear_fit_after(spec, prior, q, np.zeros(len(q), dtype=int))
+        promise = forecast_on(after, whole.tasks.q, whole.tasks.load)
+        [off] = bench.off([fit_model(cell, models[fit], data)], tasks)
         own = (off @ chain(cell.vjm, tasks.q).rotation).reshape(len(off), -1)  # along the tool's axes
-        yield Row(
+        yield PlanErrorRow(
             "promise",
             plan,
             len(q),
             fit,
             tasks_mm=float(rms_mm(off, 0, 1)),
-            ground=asked.scope.ground.name,
-            expected=overall(widened(promise)),
-            truth=member(FAMILY, seed),
+            ground=settings.scope.ground.name,
+            expected=forecast_summary(inflate_intervals(promise)),
+            truth=true_arm_of_seed(FAMILY, seed),
             prior=name,
             inside=float((np.abs(own) <= half_widths(promise)).mean()),
         )
@@ -210,7 +228,7 @@ def rms_mm(off: Array, *over: int) -> Array:
     return np.asarray(MM * np.sqrt(np.square(off).sum(axis=-1).mean(axis=over)))
 
 
-def build_bench(cell: Cell, asked: Settings) -> Bench:
+def build_bench(cell: Cell, asked: PlanningSettings) -> Bench:
     """The true arm and its deflections where predictions are judged."""
     tasks, workspace = (_read(cell, asked, np.array(q)) for q in (asked.scene.tasks, asked.scene.workspace))
     return Bench(cell, asked, tasks, workspace)
@@ -218,28 +236,28 @@ def build_bench(cell: Cell, asked: Settings) -> Bench:
 
 def measure(bench: Bench, q: Array, seed: int) -> Dataset:
     """Noisy runs of the true arm, every pose (poses, n) [rad] once under the weight."""
-    return _read(bench.cell, bench.asked, q, stream(seed, NOISE + len(q)))
+    return _read(bench.cell, bench.asked, q, trial_rng(seed, NOISE + len(q)))
 
 
-def _read(cell: Cell, asked: Settings, q: Array, rng: np.random.Generator | None = None) -> Dataset:
-    loaded = hanging(cell, q, np.arange(len(q)) + 1, asked.scope.payload)
+def _read(cell: Cell, asked: PlanningSettings, q: Array, rng: np.random.Generator | None = None) -> Dataset:
+    loaded = poses_with_weight(cell, q, np.arange(len(q)) + 1, asked.scope.payload)
     return read(cell, setup_of(asked), loaded, rng)
 
 
-def setup_of(asked: Settings) -> Setup:
+def setup_of(asked: PlanningSettings) -> Setup:
     """What is measured, as every campaign says it."""
     return Setup(arm=asked.arm, truth="nonlinear", sigma=asked.scope.sigma)
 
 
-def specify(cell: Cell, asked: Settings, prior: Prior, fit: str = PLANNED) -> Specification:
+def specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str = PLANNED) -> Specification:
     """The featured number of poses under one weight, with the arm's own markers, planned for a fit.
 
     Without a prior of its own a fit's unknowns are still in units of the planner's.
     """
     scope, scene, load = asked.scope, asked.scene, weight(cell.vjm, asked.scope.payload)
-    own = metric(prior, cell.vjm, without_laws(fits(cell, prior)[fit].structure))
+    scaling = scale_by_prior(prior, cell.vjm, without_laws(fits(cell, prior)[fit].structure))
     return Specification(
-        experiment=Experiment(cell.vjm, own, cell.vjm.markers, scope.sigma),
+        experiment=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, scope.sigma),
         loads=(load,),
         tasks=Tasks(np.array(scene.tasks), load),
         workspace=np.array(scene.workspace),
@@ -248,9 +266,9 @@ def specify(cell: Cell, asked: Settings, prior: Prior, fit: str = PLANNED) -> Sp
     )
 
 
-def poses_of(asked: Settings, name: str, poses: int, seed: int, fit: str = PLANNED) -> Array:
+def poses_of(asked: PlanningSettings, name: str, poses: int, seed: int, fit: str = PLANNED) -> Array:
     """The poses of a plan, or random ones of a trial, (poses, n) [rad]."""
     if name != RANDOM:
         return np.reshape(asked.scene.plan(name, poses, fit).q_rad, (poses, -1))
     q = np.array(asked.scene.candidates)
-    return np.asarray(q[stream(seed, CHANCE + poses).choice(len(q), poses, replace=False)])
+    return np.asarray(q[trial_rng(seed, CHANCE + poses).choice(len(q), poses, replace=False)])

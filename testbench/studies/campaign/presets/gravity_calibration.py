@@ -4,20 +4,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from testbench.arm.folder import find_arm
-from testbench.plant.true_arms import CALLED, member
+from testbench.plant.true_arms import CALLED, true_arm_of_seed
 from testbench.report import campaigns
 from testbench.report.badge import drawn
 from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, distinct
 from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report, say
-from testbench.report.scene import Seen
+from testbench.report.scene import PageContent
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged
 from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.campaign import calibration
-from testbench.studies.campaign.calibration import Options, Settings
-from testbench.studies.campaign.report import PAIRS, Grid, Preset, Where
+from testbench.studies.campaign.calibration import CalibrationSettings, Options
+from testbench.studies.campaign.report import PAIRS, Preset, TrialTable, Where
 from testbench.studies.paper import SECTION_6
 from testbench.studies.rivals import IN_PAPER
 from testbench.studies.study import Run
@@ -43,13 +43,13 @@ MODELS = (
 WORST = "name place_error_mm x_m y_m z_m joints"
 
 
-def tables(asked: Settings) -> Mapping[str, Grid]:
+def tables(asked: CalibrationSettings) -> Mapping[str, TrialTable]:
     """Every model, those that differ in short, and by true arm."""
     whole = _models(PAPER if asked.scenario.arm == PAPERS_ARM else {})
     return {
-        "short": Grid("", columns=SHORT, rows=lambda trials: distinct(_models({})(trials))),
-        "models": Grid("", columns=MODELS, rows=whole),
-        "by_arm": Grid(
+        "short": TrialTable("", columns=SHORT, rows=lambda trials: distinct(_models({})(trials))),
+        "models": TrialTable("", columns=MODELS, rows=whole),
+        "by_arm": TrialTable(
             "RMS error over the workspace by true arm, mm",
             across="true_arm",
             value=TRUE,
@@ -68,17 +68,17 @@ def _models(paper: Mapping[str, Mapping[str, float]]) -> Callable[[Trials], Sequ
     return rows
 
 
-def cells(_: Settings, __: Trials) -> Mapping[str, Where]:
+def cells(_: CalibrationSettings, __: Trials) -> Mapping[str, Where]:
     """All trials are of one cell."""
     return {"": {}}
 
 
-def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
     """Report as every campaign does; beside it what was measured, and where models are worst."""
     found, scenario = PRESET.report(asked, seeds, trials), asked.scenario
     models = distinct(found.numbers["models"])
     best = campaigns.best(models, "none", prior=False)
-    compared = drawn(found.badge, trials["name"], *campaigns.own(models), best)
+    compared = drawn(found.badge, trials["name"], *campaigns.user_estimators(models), best)
     errors = campaigns.error_map(trials.where(name={m.name for m in models}), compared)
     measured = {"payload_kg": scenario.mass, "truth": scenario.truth, "noise": scenario.noise}
     numbers = Row(
@@ -105,9 +105,11 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
 def _worst(errors: ErrorPlaces) -> Iterator[Row]:
     """Rows of the worst place of every model of the map."""
     for name in errors.compared:
-        at = errors.worst[name]
-        x, y, z = at.position_m
-        yield Row(name=name, place_error_mm=at.error_mm, x_m=x, y_m=y, z_m=z, joints=at.joints)
+        worst_place = errors.worst[name]
+        x, y, z = worst_place.position_m
+        yield Row(
+            name=name, place_error_mm=worst_place.error_mm, x_m=x, y_m=y, z_m=z, joints=worst_place.joints
+        )
 
 
 def figures(found: Report) -> Mapping[str, Figure]:
@@ -120,13 +122,13 @@ def figures(found: Report) -> Mapping[str, Figure]:
     return {"models.png": forest(table, panes, found.question, reading, JOINTS)}
 
 
-def write(run: Run[Settings]) -> Seen:
+def write(run: Run[CalibrationSettings]) -> PageContent:
     """Write dataset.csv of the first seed; what the page draws."""
-    asked, seed = run.settings, run.seeds[0]
-    cell = build_cell(find_arm(asked.arm))
+    settings, seed = run.settings, run.seeds[0]
+    cell = build_cell(find_arm(settings.arm))
     write_runs(run, cell)
-    true = true_cell(cell, member(asked.true_arm, seed), seed)
-    return calibration_scene(run, true, asked.scenario, asked.scenario.identification_poses)
+    true = true_cell(cell, true_arm_of_seed(settings.true_arm, seed), seed)
+    return calibration_scene(run, true, settings.scenario, settings.scenario.identification_poses)
 
 
 PRESET = Preset(

@@ -13,8 +13,8 @@ from testbench.report.report import Report
 from testbench.report.table import Row, Trials
 from testbench.studies.campaign import priors
 from testbench.studies.campaign.coverage import CONFIDENCE
-from testbench.studies.campaign.priors import SIX_DOF, Options, Settings, TrialRow
-from testbench.studies.campaign.report import ERROR, Grid, Preset, Where
+from testbench.studies.campaign.priors import SIX_DOF, PriorOptions, PriorSettings, TrialRow
+from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where
 from testbench.workflows.models import JOINTS
 
 SEEN = "name parameters rank conservative uncertainty_percent rms_um"
@@ -22,10 +22,10 @@ COVERAGE = "interval datasets covered_percent standard_error_percent width_um un
 ALSO = "filling uncertainty_percent"
 
 
-def tables(_: Settings) -> Mapping[str, Grid]:
+def tables(_: PriorSettings) -> Mapping[str, TrialTable]:
     """Models under both truths, the scale of the prior, the number of poses, coverage of intervals."""
-    shown = Grid("", columns=SEEN, by="filling")
-    swept = Grid("", by="filling")
+    shown = TrialTable("", columns=SEEN, by="filling")
+    swept = TrialTable("", by="filling")
     title = "RMS error over the workspace, um"
     return {
         "models": replace(shown, title=f"{title}: linear truth", where={"part": "linear"}),
@@ -42,7 +42,7 @@ def tables(_: Settings) -> Mapping[str, Grid]:
             across="poses",
             where={"part": "poses"},
         ),
-        "coverage": Grid(
+        "coverage": TrialTable(
             "Coverage of 95 % intervals of predicted deflections",
             columns=COVERAGE,
             where={"part": None},
@@ -51,7 +51,7 @@ def tables(_: Settings) -> Mapping[str, Grid]:
     }
 
 
-def derived(_: Settings, trials: Trials) -> Trials:
+def derived(_: PriorSettings, trials: Trials) -> Trials:
     """Put fits and intervals side by side: each row is of one or the other."""
     own = trials.inside("fit").add(**trials.keep("seed", "intervals.").columns)
     whole = {key: np.nan_to_num(own[key]).astype(int) for key in ("parameters", "rank", "poses")}
@@ -81,7 +81,7 @@ def coverage(own: Trials) -> Iterator[Row]:
         )
 
 
-def cells(_: Settings, __: Trials) -> Mapping[str, Where]:
+def cells(_: PriorSettings, __: Trials) -> Mapping[str, Where]:
     """The campaigns with a linear truth."""
     return {"": {"part": "linear"}}
 
@@ -113,7 +113,7 @@ PRESET = Preset(
     question="What do the poses of section 6 not see, and what is a CAD prior worth?",
     how="An arm under its payload in 8 poses, judged in 200 poses never measured. The prior is twice too "
     "soft and 30 % wrong in shape. Intervals are of datasets whose noise is drawn anew.",
-    options=Options,
+    options=PriorOptions,
     settings=priors.settings,
     seeds=(1000, 10),
     row=TrialRow,
@@ -136,5 +136,5 @@ STUDY = replace(
     PRESET.study(),
     size=2,
     models="fit.name",
-    arms=lambda asked: [find_arm(asked.arm), find_arm(SIX_DOF)],
+    arms=lambda settings: [find_arm(settings.arm), find_arm(SIX_DOF)],
 )

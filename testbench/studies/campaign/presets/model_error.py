@@ -12,9 +12,16 @@ from testbench.report.report import Report
 from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged, number
 from testbench.runs.spread import middle, wins
 from testbench.studies.campaign import disturbances, disturbed
-from testbench.studies.campaign.disturbances import ALL, NONE, PLAIN_COMPENSATOR, STIFF, Options, Settings
+from testbench.studies.campaign.disturbances import (
+    ALL,
+    NONE,
+    PLAIN_COMPENSATOR,
+    STIFF,
+    DisturbanceOptions,
+    DisturbanceSettings,
+)
 from testbench.studies.campaign.disturbed import BESIDE_IT, IN_FAMILY, DisturbedRow
-from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, lines
+from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, lines
 from testbench.workflows.model_selection import DEFAULT, FILLED
 from testbench.workflows.models import JOINTS
 from testbench.workflows.rows import UM
@@ -28,29 +35,31 @@ KINDS = (
 CLAIM = "case name true_change_percent true_within read_change_percent read_within"
 
 
-def tables(asked: Settings) -> Mapping[str, Grid]:
+def tables(asked: DisturbanceSettings) -> Mapping[str, TrialTable]:
     """The default by kind of arm; errors by disturbance and model; what each adds; the paper's claim."""
     noise, family = UM * asked.sigma, {"part": IN_FAMILY}
     shown = ("noisy", noise, f"with noise of {noise:g} um"), ("calm", 0.0, "without noise")
     errors = {
-        name: Grid(f"RMS error, um, {words}", "case", "name", by="sigma_um", where=family | {"sigma_um": um})
+        name: TrialTable(
+            f"RMS error, um, {words}", "case", "name", by="sigma_um", where=family | {"sigma_um": um}
+        )
         for name, um, words in shown
     }
     return {
-        "kinds": Grid(
+        "kinds": TrialTable(
             f"All disturbances unless told, noise of {noise:g} um: median RMS errors",
             columns=KINDS,
             where={"sigma_um": noise},
             rows=kinds,
         ),
         **errors,
-        "ranking": Grid(
+        "ranking": TrialTable(
             f"{DEFAULT}, without noise",
             columns="case moved_um added_um",
             where=family | {"sigma_um": 0.0, "name": DEFAULT},
             rows=ranking,
         ),
-        "claim": Grid(
+        "claim": TrialTable(
             "Errors with the compensator over those without, less 100 %",
             columns=CLAIM,
             where=family | {"sigma_um": noise, "case": {PLAIN_COMPENSATOR, STIFF}},
@@ -59,7 +68,7 @@ def tables(asked: Settings) -> Mapping[str, Grid]:
     }
 
 
-def derived(_: Settings, trials: Trials) -> Trials:
+def derived(_: DisturbanceSettings, trials: Trials) -> Trials:
     """Add what a case adds to the error of the same trial without disturbance, and by how much it changes it.
 
     Against readings the noise of two readings of three axes stands in quadrature in both errors.
@@ -115,7 +124,7 @@ def _of_kind(kind: str, part: Trials) -> Row:
     )
 
 
-def cells(asked: Settings, _: Trials) -> Mapping[str, Where]:
+def cells(asked: DisturbanceSettings, _: Trials) -> Mapping[str, Where]:
     """All disturbances together, then none, with noise."""
     return {case: {"part": IN_FAMILY, "case": case, "sigma_um": UM * asked.sigma} for case in (ALL, NONE)}
 
@@ -136,7 +145,7 @@ PRESET = Preset(
     question="What do disturbances cost that the model does not know?",
     how="An arm in the poses and under the weight of section 6, judged in poses never measured, without "
     "noise and with it.",
-    options=Options,
+    options=DisturbanceOptions,
     settings=disturbances.settings,
     seeds=(100, 2),
     row=DisturbedRow,

@@ -11,25 +11,25 @@ from testbench.report.report import Report
 from testbench.report.table import TRIAL, Row, Trials, matched
 from testbench.studies.campaign import noise
 from testbench.studies.campaign.instruments import UNWEIGHTED, WEIGHTED
-from testbench.studies.campaign.noise import HEAVY, INSTRUMENT, LIGHT, Options, Settings
-from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, duels, lines
-from testbench.studies.campaign.trial import FitRow
-from testbench.studies.rivals import SAME
+from testbench.studies.campaign.noise import HEAVY, INSTRUMENT, LIGHT, NoiseOptions, NoiseSettings
+from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, duels, lines
+from testbench.studies.campaign.trial import CampaignFitRow
+from testbench.studies.rivals import DEFAULT_WITHOUT_CONE
 from testbench.workflows.model_selection import DEFAULT
 from testbench.workflows.models import EQUAL_FIT, JOINTS
 
 GRAVITY, SIX_DOF = "KR 500, 8 poses", "108 runs of section 5.2"
 TRACKER_UM = {"gravity": 50.0, "six_dof": 25.0}  #: Noise of the paper's trackers, sections 6 and 5.2.
 HIDDEN = {
-    *("MLS32", EQUAL_FIT, "Clipped LS", "MGCO47", "MGCO68", "MGCO69", "MGCO147", SAME),
+    *("MLS32", EQUAL_FIT, "Clipped LS", "MGCO47", "MGCO68", "MGCO69", "MGCO147", DEFAULT_WITHOUT_CONE),
     *("Joints + prior", "MGCO56 + prior", "MGCO68 + prior", "MGCO69 + prior"),
 }
 """Models without a line in the figure, where more would cover one another."""
 
 
-def tables(_: Settings) -> Mapping[str, Grid]:
+def tables(_: NoiseSettings) -> Mapping[str, TrialTable]:
     """Errors by model and noise, with what a um of it costs; instruments by distance, weighted or not."""
-    by_noise = Grid("", across="sigma_um", columns="um_per_um")
+    by_noise = TrialTable("", across="sigma_um", columns="um_per_um")
     read = {"part": "instrument"}
     return {
         "gravity": replace(
@@ -38,13 +38,13 @@ def tables(_: Settings) -> Mapping[str, Grid]:
         "six_dof": replace(
             by_noise, title=f"{SIX_DOF}: RMS error, um, by noise of a reading", where={"part": "six_dof"}
         ),
-        "instruments": Grid(
+        "instruments": TrialTable(
             f"KR 500, {INSTRUMENT}: RMS error, um, by distance of the instrument",
             down="instrument",
             across="distance_m",
             where=read | {"name": INSTRUMENT},
         ),
-        "weights": Grid(
+        "weights": TrialTable(
             "Full covariances beside flat weights, in the same readings",
             columns="name distance_m truth error_ratio won",
             where=read,
@@ -55,15 +55,15 @@ def tables(_: Settings) -> Mapping[str, Grid]:
 
 def _weighted(read: Trials) -> list[Row]:
     """What full covariances of a laser tracker are worth beside flat weights, by model and truth."""
-    found = []
-    for (name, truth, distance), own in read.groups("name", "truth", "distance_m"):
-        ways = own.add(name=[way.partition(": ")[2] for way in own["instrument"]])
+    rows = []
+    for (name, truth, distance), trials in read.groups("name", "truth", "distance_m"):
+        ways = trials.add(name=[way.partition(": ")[2] for way in trials["instrument"]])
         pairs = duels(ways, [(WEIGHTED, UNWEIGHTED)])
-        found += [Row(pair, name=name, truth=truth, distance_m=distance) for pair in pairs]
-    return found
+        rows += [Row(pair, name=name, truth=truth, distance_m=distance) for pair in pairs]
+    return rows
 
 
-def derived(_: Settings, trials: Trials) -> Trials:
+def derived(_: NoiseSettings, trials: Trials) -> Trials:
     """Add what the largest noise adds in quadrature to the error of the same trial without, per noise."""
     truths = zip(trials["truth"], trials["instrument"], strict=True)
     trials = trials.add(instrument=[own and f"{truth} truth: {own}" for truth, own in truths])
@@ -77,7 +77,7 @@ def derived(_: Settings, trials: Trials) -> Trials:
     return trials.add(um_per_um=added)
 
 
-def cells(asked: Settings, _: Trials) -> Mapping[str, Where]:
+def cells(asked: NoiseSettings, _: Trials) -> Mapping[str, Where]:
     """The noise nearest to that of the paper's tracker, in both parts."""
     levels = [1e6 * sigma for sigma in asked.sigmas]
     return {
@@ -102,10 +102,10 @@ PRESET = Preset(
     question="What does tracker noise cost, by method and structure?",
     how="108 runs of section 5.2 (judged in check runs), the KR 500 in 8 poses and read by several "
     "instruments (judged over the workspace). The noise of all levels has the same random numbers.",
-    options=Options,
+    options=NoiseOptions,
     settings=noise.settings,
     seeds=(1000, 4),
-    row=FitRow,
+    row=CampaignFitRow,
     trials=noise.trials,
     tables=tables,
     printed="gravity",

@@ -12,10 +12,18 @@ from testbench.report.figure import Figure, ranges
 from testbench.report.report import Report
 from testbench.report.schema import Table
 from testbench.report.table import SHARED, TRIAL, Row, Trials, matched, number
-from testbench.runs.spread import SAME, Number, ends, middle
+from testbench.runs.spread import SAME_ERROR, Number, ends, middle
 from testbench.studies.campaign import grids
-from testbench.studies.campaign.grids import GCO, JOINTS, LENT, SQUARES, MethodRow, Options, Settings
-from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, by_case
+from testbench.studies.campaign.grids import (
+    GCO,
+    JOINTS,
+    LENT,
+    SQUARES,
+    GridMethodRow,
+    GridOptions,
+    GridSettings,
+)
+from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, by_case
 from testbench.workflows.rows import UM
 
 KINDS = {"gravity": "a weight, three markers", "full_pose": "six wrenches, full pose"}
@@ -29,13 +37,13 @@ CELL = ("part", "structure", "poses", "sigma_um")
 LOOKS = {SQUARES: look("MLS56", "none"), LENT: look("MLS56", "free"), JOINTS: look("Joints", "none")}
 """Of those that GCO is drawn beside."""
 PAYS = "way cells cone_pays beats_too"
-BY_LEVEL = Grid("", down="level", across="theirs", value="ratio", columns="fits_share", by="part")
+BY_LEVEL = TrialTable("", down="level", across="theirs", value="ratio", columns="fits_share", by="part")
 
 
-def tables(_: Settings) -> Mapping[str, Grid]:
+def tables(_: GridSettings) -> Mapping[str, TrialTable]:
     """A map of every kind of reading; both by the error to expect; in how many cells the cone pays."""
     maps = {
-        part: Grid(
+        part: TrialTable(
             f"{words}: GCO over least squares, by noise",
             down="cell",
             across="sigma_um",
@@ -48,13 +56,13 @@ def tables(_: Settings) -> Mapping[str, Grid]:
         BY_LEVEL,
         title="GCO's error over the other's, by the error to expect of least squares over the deflection",
         where={"pair": True},
-        rows=lambda own: BY_LEVEL.cells(own.pick(np.argsort(own["order"], kind="stable"))),
+        rows=lambda trials: BY_LEVEL.cells(trials.pick(np.argsort(trials["order"], kind="stable"))),
     )
-    count = Grid("Cells in which the cone pays by itself", columns=PAYS, rows=paying)
+    count = TrialTable("Cells in which the cone pays by itself", columns=PAYS, rows=paying)
     return maps | {"levels": levels, "pays": count}
 
 
-def derived(_: Settings, trials: Trials) -> Trials:
+def derived(_: GridSettings, trials: Trials) -> Trials:
     """Pick fits without a prior; add GCO's error over theirs in the same fit, and the error to expect."""
     own = trials.where(uncertainty=grids.NONE)
     kind = np.array([list(KINDS).index(part) for part in own["part"]])
@@ -81,7 +89,7 @@ def paying(own: Trials) -> Iterator[Row]:
         for _, cell in kind.groups(*CELL):
             lent, joints = (cell.where(name=theirs) for theirs in (LENT, JOINTS))
             cone.append(pays(number(lent["ratio"], lent[SHARED])))
-            beats.append(cone[-1] and np.mean(joints["ratio"] < 1 - SAME) > 0.5)
+            beats.append(cone[-1] and np.mean(joints["ratio"] < 1 - SAME_ERROR) > 0.5)
         yield Row(way=KINDS[part], cells=len(cone), cone_pays=sum(cone), beats_too=int(sum(beats)))
 
 
@@ -90,7 +98,7 @@ def pays(ratio: Number) -> bool:
     return ends(ratio)[1] < 1 and middle(ratio) <= MATTERS
 
 
-def cells(_: Settings, trials: Trials) -> Mapping[str, Where]:
+def cells(_: GridSettings, trials: Trials) -> Mapping[str, Where]:
     """The cell of section 6 by structure, that in which GCO errs least first."""
     poses, sigma = grids.FEATURED
     at = {"part": "gravity", "poses": poses, "sigma_um": UM * sigma}
@@ -127,10 +135,10 @@ PRESET = Preset(
     question="Where does the cone pay by itself?",
     how="GCO beside least squares of the same structure on the same readings, without a prior, judged over "
     "the workspace. Two kinds of true arm in every trial.",
-    options=Options,
+    options=GridOptions,
     settings=grids.settings,
     seeds=(100, 2),
-    row=MethodRow,
+    row=GridMethodRow,
     trials=grids.trials,
     tables=tables,
     printed="gravity",
@@ -141,4 +149,6 @@ PRESET = Preset(
     derived=derived,
     figures=figures,
 )
-STUDY = replace(PRESET.study(), arms=lambda asked: [find_arm(grid.arm) for grid in asked.grids.values()])
+STUDY = replace(
+    PRESET.study(), arms=lambda settings: [find_arm(grid.arm) for grid in settings.grids.values()]
+)

@@ -12,10 +12,10 @@ from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
 from testbench.report.table import SHARED, TRIAL, Cells, Row, Trials, matched, number
 from testbench.studies.campaign import family
-from testbench.studies.campaign.family import CHOSEN, POSES, MethodRow, Options, Settings
-from testbench.studies.campaign.report import ERROR, Grid, Preset, Where, by_case
+from testbench.studies.campaign.family import CHOSEN, POSES, FamilyMethodRow, FamilyOptions, FamilySettings
+from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, by_case
 from testbench.workflows.models import JOINTS
-from testbench.workflows.perturbed_prior import PRIORS, PRIORS_CALLED, RIGHT
+from testbench.workflows.perturbed_prior import PRIORS, PRIORS_CALLED, UNPERTURBED
 
 MARGIN = 0.05  #: Share by which an error must exceed that of joints alone for a method to lose.
 MOVES = 0.05  #: Share of the true deflection over the workspace from which a link is said to move it.
@@ -23,28 +23,30 @@ SAID = ("doubted", "told", "unchecked", "otherwise", "either")  #: Columns of wh
 PROMISES = f"where cases covered_percent half_mm over_ideal {' '.join(SAID)}"
 
 
-def tables(_: Settings) -> Mapping[str, Grid]:
+def tables(_: FamilySettings) -> Mapping[str, TrialTable]:
     """Methods by poses; the default over joints alone by true arm and prior; what it promises."""
     few = {"name": CHOSEN, "poses": POSES[0]}
     return {
-        "short": Grid("RMS error over the workspace, um", across="poses"),
-        "cells": Grid(
+        "short": TrialTable("RMS error over the workspace, um", across="poses"),
+        "cells": TrialTable(
             f"The default's error over that of joint stiffness only, {POSES[0]} poses",
             down="true_arm",
             across="prior_error",
             value="over_joints",
             where=few,
         ),
-        "losses": Grid(
+        "losses": TrialTable(
             f"Cases in which a method errs over {100 * MARGIN:g} % more than joint stiffness only",
             columns="name poses over_joints loses",
             by="poses",
         ),
-        "promises": Grid("Promises of the default", columns=PROMISES, where={"name": CHOSEN}, rows=promises),
+        "promises": TrialTable(
+            "Promises of the default", columns=PROMISES, where={"name": CHOSEN}, rows=promises
+        ),
     }
 
 
-def derived(_: Settings, trials: Trials) -> Trials:
+def derived(_: FamilySettings, trials: Trials) -> Trials:
     """Sort cases as readers expect them; add errors over those of joints alone in the same case."""
     places = [
         [list(known).index(word) for word in trials[name]]
@@ -62,22 +64,22 @@ def promises(default: Trials) -> Iterator[Row]:
     parts = {"all": judged}
     parts |= {f"{n} poses": own for (n,), own in judged.groups("poses")}
     parts |= {f"prior {PRIORS_CALLED[name]}": judged.where(prior_error=name) for name in PRIORS}
-    parts[f"prior right, {CALLED['tubes']}"] = judged.where(prior_error=RIGHT, true_arm="tubes")
+    parts[f"prior right, {CALLED['tubes']}"] = judged.where(prior_error=UNPERTURBED, true_arm="tubes")
     parts[f"a link off, less than {percent}"] = judged.pick(share <= MOVES)
     parts[f"a link off, more than {percent}"] = judged.pick(share > MOVES)
     parts |= {CALLED[name]: judged.where(true_arm=name) for name in TRUTHS}
-    for where, own in parts.items():
-        if not len(own):
+    for where, trials in parts.items():
+        if not len(trials):
             continue
-        covered, half, ideal = (own[f"cover.{key}"] for key in ("covered_percent", "half_mm", "ideal_mm"))
+        covered, half, ideal = (trials[f"cover.{key}"] for key in ("covered_percent", "half_mm", "ideal_mm"))
         yield Row(
             where=where,
-            cases=len(own),
+            cases=len(trials),
             covered_percent=covered.mean(),  # every case has as many components
-            half_mm=number(half, own[SHARED]),
-            ideal_mm=number(ideal, own[SHARED]),
-            over_ideal=number(half / ideal, own[SHARED]),
-            **{key: _share(own[key]) for key in SAID},
+            half_mm=number(half, trials[SHARED]),
+            ideal_mm=number(ideal, trials[SHARED]),
+            over_ideal=number(half / ideal, trials[SHARED]),
+            **{key: _share(trials[key]) for key in SAID},
         )
 
 
@@ -110,7 +112,7 @@ def _said(rows: Trials) -> Mapping[str, Cells]:
     return dict(zip(SAID, (doubted, told, unchecked, otherwise, either), strict=True))
 
 
-def cells(_: Settings, trials: Trials) -> Mapping[str, Where]:
+def cells(_: FamilySettings, trials: Trials) -> Mapping[str, Where]:
     """The cases with fewest poses."""
     return {"": {"poses": min(trials.values("poses"))}}
 
@@ -134,10 +136,10 @@ PRESET = Preset(
     question="Which method should an engineer use by default with 8, 12 or 20 poses?",
     how="An arm under its payload, two runs a pose, MuJoCo as the truth, judged over the workspace. In every "
     "trial six true arms, each with another of six priors.",
-    options=Options,
+    options=FamilyOptions,
     settings=family.settings,
     seeds=(102, 6),
-    row=MethodRow,
+    row=FamilyMethodRow,
     trials=family.trials,
     tables=tables,
     printed="short",
