@@ -4,16 +4,14 @@ import numpy as np
 from measure import Row, at_most, feasible_poses, interleave, note, spread
 
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, Points, target_of
+from testbench.correct.newton import Aim, Points, equilibrium, target_of
 from testbench.correct.newton import solve_inverse_statics as corrected
-from testbench.correct.rest import equilibrium
 from testbench.errors import Array
 from testbench.identify import gco, with_prior
 from testbench.identify.arm_model import elastic_state, model_of_estimate
 from testbench.identify.prior import cad_prior
-from testbench.model.load import Load
+from testbench.model.load import Load, read_weights
 from testbench.model.structure import all153
-from testbench.model.weights import read_weights
 from testbench.workflows.cell import build_cell, simulate
 
 ARM, SEED, POINTS, REPEATS = "kr500_l480", 5, 10_000, 5

@@ -25,8 +25,8 @@ from testbench.files.export import draft_new
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.arm_model import elastic_state
+from testbench.model.load import read_weights
 from testbench.model.vjm import Vjm
-from testbench.model.weights import read_weights
 from testbench.runs import command
 from testbench.runs import provenance as files
 from testbench.workflows.absolute import evenly_spaced_rows, position_errors

@@ -21,7 +21,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import gco, with_prior
 from testbench.identify.closed_form import kabsch
-from testbench.identify.evaluate import deflections, score
+from testbench.identify.estimate import deflections, score
 from testbench.identify.prior import Strength, cad_prior, perturbed
 from testbench.identify.registered import register_dataset, transform_to_base, unloaded_series
 from testbench.identify.registration import Frame, register

@@ -45,9 +45,9 @@ if TYPE_CHECKING:
     from testbench.identify.absolute.fit import calibrate as calibrate
     from testbench.identify.arm_model import ArmModel as ArmModel
     from testbench.identify.estimate import Certificate as Certificate
-    from testbench.identify.evaluate import DeflectionErrors as DeflectionErrors
-    from testbench.identify.evaluate import deflections as deflections
-    from testbench.identify.evaluate import score as score
+    from testbench.identify.estimate import DeflectionErrors as DeflectionErrors
+    from testbench.identify.estimate import deflections as deflections
+    from testbench.identify.estimate import score as score
     from testbench.identify.method import Method as Method
     from testbench.identify.posterior import Intervals as Intervals
     from testbench.identify.prior import Prior as Prior
@@ -100,8 +100,8 @@ HOMES = {
     "reduce": "identify",
     "certify": "identify",
     "intervals": "identify",
-    "deflections": "identify.evaluate",
-    "score": "identify.evaluate",
+    "deflections": "identify.estimate",
+    "score": "identify.estimate",
     "calibrate": "identify.absolute.fit",
     "ArmModel": "identify.arm_model",
     "Load": "model.load",
@@ -132,7 +132,7 @@ HOMES = {
     "Program": "files.program",
     "PublicCampaign": "workflows.load_dataset",
     "Regression": "identify.regression",
-    "DeflectionErrors": "identify.evaluate",
+    "DeflectionErrors": "identify.estimate",
     "SeriesExport": "files.read_series",
     "Stiffness": "correct.stiffness",
     "Strength": "identify.prior",

@@ -2,14 +2,12 @@
 
 import numpy as np
 
-from testbench.correct.newton import Aim, Points, solve_inverse_statics
-from testbench.correct.rest import equilibrium
+from testbench.correct.newton import Aim, Points, equilibrium, solve_inverse_statics
 from testbench.data.dataset import Dataset
 from testbench.identify.arm_model import elastic_state
-from testbench.model.load import Load
+from testbench.model.load import Load, no_weights
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, observation, parameter_rows
-from testbench.model.weights import no_weights
 
 GRAVITY = 9.81
 SIGMA, SIGMA_ROTATION = 25e-6, 250e-6  #: Of a reading along an axis [m, rad].

@@ -22,16 +22,15 @@ from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
 from testbench.identify import gco
-from testbench.identify.evaluate import deflections, score
+from testbench.identify.estimate import deflections, score
 from testbench.model.structure import template56
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed
 from testbench.runs.spread import median_interval
-from testbench.studies.campaign.disturbances import ALL, disturbances
-from testbench.studies.campaign.disturbed import disturbed
+from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
 from testbench.studies.campaign.trial import cover, reread
 from testbench.studies.estimators.shrunk import ridge
-from testbench.studies.rivals import without_cone
+from testbench.studies.study import without_cone
 from testbench.workflows.cell import Scenario, build_cell, draw_poses, simulate_at, true_cell
 from testbench.workflows.model_selection import ALL_UNKNOWNS, with_priors
 from testbench.workflows.models import JOINTS, named_models

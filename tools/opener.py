@@ -30,7 +30,7 @@ from testbench.report.colours import CHOICE, GREY, LEAST_SQUARES, LOAD, Colour, 
 from testbench.report.colours import JOINTS as BLUE
 from testbench.runs import command
 from testbench.runs.whole import whole_file
-from testbench.studies.campaign import calibration as trial
+from testbench.studies.campaign import coverage as trial
 from testbench.workflows.cell import Campaign, Cell, build_cell, settle_both
 from testbench.workflows.evaluation import Result
 from testbench.workflows.model_selection import DEFAULT

@@ -15,7 +15,6 @@ from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
 from testbench.runs.spread import Spread, spread
 from testbench.studies.paper.factorised import every_order
-from testbench.studies.paper.published import EQ_22, EQ_23
 from testbench.studies.paper.single_link import (
     SingleLinkSettings,
     eigenvalues,
@@ -26,7 +25,7 @@ from testbench.studies.paper.single_link import (
     rms,
     wrenches_within,
 )
-from testbench.studies.paper.verdicts import statement_row, verdict_table
+from testbench.studies.paper.verdicts import EQ_22, EQ_23, statement_row, verdict_table
 from testbench.workflows.cell import Cell
 from testbench.workflows.pose_campaign import FullPose
 

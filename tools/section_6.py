@@ -23,7 +23,7 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, make_estimate, reduce
-from testbench.identify.evaluate import deflections, score
+from testbench.identify.estimate import deflections, score
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.report.columns import columns
@@ -33,8 +33,8 @@ from testbench.report.table import Row, Trials, aligned
 from testbench.runs import command
 from testbench.runs.spread import Spread, middle, spread
 from testbench.studies.paper.factorised import Factorised, cost, factorise, parameters, random_start
-from testbench.studies.paper.published import SECTION_6
 from testbench.studies.paper.verdicts import (
+    SECTION_6,
     TEST_LEVEL,
     comparison,
     nearly,
@@ -42,7 +42,7 @@ from testbench.studies.paper.verdicts import (
     statement_row,
     verdict_table,
 )
-from testbench.studies.rivals import IN_PAPER, as_in_paper
+from testbench.studies.study import IN_PAPER, as_in_paper
 from testbench.workflows.cell import (
     Campaign,
     CampaignPoses,

@@ -22,9 +22,8 @@ from testbench.arm.document import parse_xml
 from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import rpy_of
 from testbench.errors import Array, BenchError, InputError, read_bytes
-from testbench.files.controller_files import MAX_BYTES, STAMP
 from testbench.files.export import BEGINS, Draft, companion_path, export
-from testbench.files.export_controller import six_axes
+from testbench.files.export_controller import MAX_BYTES, STAMP, six_axes
 from testbench.files.export_geometry import identified_rigid
 from testbench.files.export_own import chain_of, place_frames, robot_origins
 from testbench.identify.absolute.state import ArmState

@@ -1,16 +1,116 @@
-"""TOML and XML of users: parsed if well-formed, without references to the outside; strict data models."""
+"""TOML documents of arms and maps: their numbers, and the line of a key for messages."""
 
 import os
+import re
 import tomllib
 import xml.etree.ElementTree as ET
-from collections.abc import Container
+from collections.abc import Container, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
-from testbench.errors import InputError
+from testbench.errors import InputError, read_text
+
+NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
+"""Pattern of a number, with a point as decimal mark."""
+INTEGER = r"^[+-]?[0-9]{1,19}$"
+WRITTEN = "such as 12, -0.5 or 2e-3"
+DECIMAL, WHOLE = re.compile(NUMBER), re.compile(INTEGER)
+MAX_CHARACTERS = 400  #: Most characters of a number: 17 digits hold all that a double does.
+
+
+def is_decimal(text: str) -> bool:
+    """Tell whether a text is a decimal number in ASCII digits, at most `MAX_CHARACTERS` characters long."""
+    return len(text) <= MAX_CHARACTERS and DECIMAL.fullmatch(text) is not None
+
+
+def is_integer(text: str) -> bool:
+    """Tell whether a text is an integer of 64 bits in ASCII digits."""
+    return WHOLE.fullmatch(text) is not None and -(2**63) <= int(text) < 2**63
+
+
+def read_decimals(words: Iterable[str]) -> list[float]:
+    """Convert texts to numbers; a number beyond what a double holds becomes infinite.
+
+    Args:
+        words: Texts, one number each.
+
+    Returns:
+        The numbers, in order.
+
+    Raises:
+        ValueError: At the first text that is no number.
+    """
+    words = list(words)
+    for word in words:
+        if not is_decimal(word):
+            raise ValueError(f"expected a number {WRITTEN}, got {word[:80]!r}")
+    return list(map(float, words))
+
+
+MAX_BYTES = 16_000_000  #: Largest file in which places are found [byte].
+HEADER = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
+KEY = re.compile(r"\s*([\w.-]+)\s*=")
+
+Keys = tuple[str | int, ...]
+"""Keys of nested tables, and indices into arrays from 0."""
+
+
+def toml_place(path: Path, keys: Sequence[str | int]) -> str:
+    """Find line, column and name of a value in TOML, or of the table that lacks it.
+
+    Args:
+        path: The file, already read once.
+        keys: Names of tables and keys, and indices into arrays from 0, such as ("link", 0, "name").
+
+    Returns:
+        The place as text, such as "line 12, column 1, link.0.name"; the keys alone if it cannot be found.
+    """
+    table: Keys = ()
+    seen: dict[str, int] = {}
+    best, place = 0, ""
+    for number, line in enumerate(_lines(path), start=1):
+        if header := HEADER.match(line):
+            table = _table(header[2], seen, array=header[1] == "[[")
+            here, start = table, header.start(2)
+        elif key := KEY.match(line):
+            here, start = (*table, *key[1].split(".")), key.start(1)
+        else:
+            continue
+        if len(here) > best and here == tuple(keys[: len(here)]):
+            best, place = len(here), f"line {number}, column {_inside(line, start, keys[len(here) :]) + 1}, "
+    return place + ".".join(map(str, keys))
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return read_text(path, MAX_BYTES).splitlines()
+    except InputError:  # it has changed since it was read
+        return []
+
+
+def _table(name: str, seen: dict[str, int], *, array: bool) -> Keys:
+    """Return the keys of a table from its header; in an array of tables those of the last one opened."""
+    if array:
+        seen[name] = seen.get(name, -1) + 1
+    path: Keys = ()
+    parts = name.split(".")
+    for k, part in enumerate(parts, start=1):
+        whole = ".".join(parts[:k])
+        path = (*path, part, seen[whole]) if whole in seen else (*path, part)
+    return path
+
+
+def _inside(line: str, start: int, keys: Sequence[str | int]) -> int:
+    """Find where keys of an inline table stand in a line, as far as they are there."""
+    for key in keys:
+        found = re.search(rf"\b{re.escape(str(key))}\s*=", line[start:])
+        if not found:
+            break
+        start += found.start()
+    return start
 
 
 class Strict(BaseModel):

@@ -9,8 +9,7 @@ from typing import Annotated, Generic, Literal, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError
 
-from testbench.arm.document import Name, Strict, parse_toml
-from testbench.arm.lines import toml_place
+from testbench.arm.document import Name, Strict, parse_toml, toml_place
 from testbench.arm.stiffness import COMPLIANCE_RANGE
 from testbench.errors import Array, InputError, read_text
 

@@ -9,8 +9,7 @@ import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from testbench.arm.decimal import WRITTEN, read_decimals
-from testbench.arm.document import MAX_SHOWN, inside, parse_xml, place_of
+from testbench.arm.document import MAX_SHOWN, WRITTEN, inside, parse_xml, place_of, read_decimals
 from testbench.errors import InputError, read_text
 
 PLACED = "pos quat axisangle euler xyaxes zaxis"  #: Attributes that place an element.

@@ -37,8 +37,13 @@ from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.file_contents import column_rows, contents, farthest_off, nominal_targets, shown_runs
 from testbench.workflows.options import Force, takes
 from testbench.workflows.project import ProjectCommand
-from testbench.workflows.read_runs import diagnose_runs, files_read, read_export_file, register_export
-from testbench.workflows.registration_notes import registration_notes
+from testbench.workflows.read_runs import (
+    diagnose_runs,
+    files_read,
+    read_export_file,
+    register_export,
+    registration_notes,
+)
 from testbench.workflows.rows import MM, UM
 
 COMMAND = "testbench data check"  #: As manifest.json names it.

@@ -8,7 +8,7 @@ import typer
 
 from testbench.plant.true_arms import TrueArmName
 from testbench.report.terminal import plain_console
-from testbench.studies.campaign.calibration import Options
+from testbench.studies.campaign.coverage import Options
 from testbench.studies.campaign.presets.gravity_calibration import STUDY
 from testbench.studies.run import run
 from testbench.workflows.options import Common, takes

@@ -9,14 +9,13 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from testbench.arm.decimal import read_decimals
+from testbench.arm.document import read_decimals
 from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.errors import BenchError, InputError
-from testbench.files.controller_files import ABB, STAMP, read_controller
 from testbench.files.export import BEGINS, Draft, companion_path, draft_new, draft_robot_urdf, export
-from testbench.files.export_controller import export_offsets
+from testbench.files.export_controller import ABB, STAMP, export_offsets, read_controller
 from testbench.files.export_geometry import RANDOM_POSES
 from testbench.files.export_left import BestOffsets, Sizes
 from testbench.identify.arm_model import ArmModel

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 from scipy.spatial.transform import Rotation
 
-from testbench.arm.decimal import read_decimals
+from testbench.arm.document import read_decimals
 from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.errors import Array, BenchError, InputError, check_array, shell_word
 from testbench.files.robot.chain import read_chain

@@ -11,7 +11,7 @@ import typer
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.cli.arguments import ArmCheck, plain
-from testbench.correct.rest import equilibrium
+from testbench.correct.newton import equilibrium
 from testbench.errors import Array, Ids
 from testbench.model.poses import WorkArea
 from testbench.model.vjm import joint_law_rotations

@@ -14,9 +14,8 @@ from testbench.cli.arguments import Orientations, absolute_alone
 from testbench.errors import Array, BenchError, InputError
 from testbench.files.program import read_poses
 from testbench.files.write import write_csv, write_series
-from testbench.plant.disturbance import Disturbances, GeometryErrors
+from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
 from testbench.plant.disturbed import disturb
-from testbench.plant.gear import GearErrors
 from testbench.plant.site import check_poses, check_position
 from testbench.plant.tracker import trial_rng
 from testbench.report.terminal import plain_console

@@ -12,8 +12,17 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.correct.newton import Aim, Asked, Corrected, Points, Target, solve_inverse_statics, target_of
-from testbench.correct.rest import assign_rows, equilibrium
+from testbench.correct.newton import (
+    Aim,
+    Asked,
+    Corrected,
+    Points,
+    Target,
+    assign_rows,
+    equilibrium,
+    solve_inverse_statics,
+    target_of,
+)
 from testbench.correct.uncertainty import LoadedPoses, half_widths
 from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Mask, check_array, check_items, check_type

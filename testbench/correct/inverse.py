@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.correct.newton import Target
-from testbench.correct.rest import with_rows
+from testbench.correct.newton import Target, with_rows
 from testbench.data.dataset import in_order, join_rows
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.model.tool_motion import tool_motion, turn_between

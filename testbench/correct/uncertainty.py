@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.correct.rest import RestPoses, batches, equilibrium
+from testbench.correct.newton import RestPoses, batches, equilibrium
 from testbench.data.dataset import in_order
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import ArmState
@@ -19,10 +19,9 @@ from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CONFIDENCE, conditional_covariance, quantile
 from testbench.identify.rows import jacobian, nominal_chain
 from testbench.model.joint_errors import basis
-from testbench.model.load import Load, on_joints
+from testbench.model.load import Load, on_joints, own_weight
 from testbench.model.loaded import displacement
 from testbench.model.vjm import chain, tool_pose
-from testbench.model.weights import own_weight
 
 LOOKED_AT = 60  #: Most poses, evenly picked, over which the most uncertain part is found.
 MIN_VARIANCE_SHARE = 0.5  #: Least share of the variance for a part to be named [1].

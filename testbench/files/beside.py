@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from testbench.arm.decimal import is_decimal
+from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.errors import Array, BenchError, InputError
 from testbench.files.columns import Columns, ReadColumn

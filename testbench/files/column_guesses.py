@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.arm.decimal import is_decimal
+from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.errors import Array, InputError
 from testbench.files.meaning import (

@@ -10,8 +10,7 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field, ValidationError, model_validator
 
-from testbench.arm.decimal import is_decimal
-from testbench.arm.document import Strict, parse_toml
+from testbench.arm.document import Strict, is_decimal, parse_toml
 from testbench.arm.folder import Arm
 from testbench.errors import InputError, read_text
 from testbench.files.mapping import FileLayout, Map, Text

@@ -7,10 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from testbench.arm.decimal import is_decimal
-from testbench.arm.document import Strict, parse_toml
+from testbench.arm.document import Strict, is_decimal, parse_toml, toml_place
 from testbench.arm.folder import Arm
-from testbench.arm.lines import toml_place
 from testbench.errors import InputError, read_text
 from testbench.files.names import (
     STATES,

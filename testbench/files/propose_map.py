@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.decimal import is_decimal
+from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.errors import InputError, Mask
 from testbench.files.column_guesses import (

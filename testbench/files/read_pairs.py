@@ -1,4 +1,7 @@
-"""Reader of measured runs from a text file of an instrument, a spreadsheet or a robot."""
+"""Reader of measured runs from a text file of an instrument, a spreadsheet or a robot.
+
+Runs from single readings: each loaded reading is paired with its unloaded one.
+"""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,11 +14,187 @@ from testbench.errors import Array, Ids, Mask, check_type
 from testbench.files.columns import Columns, find_columns, read_columns
 from testbench.files.mapping import Map, read_map
 from testbench.files.names import ENTRIES, Slot, columns_of
-from testbench.files.pair import HELD, Paired, pair
-from testbench.files.readings import FileReadings, average_shots, markers_only, read_readings
-from testbench.files.rows import RowConditions, read_conditions
-from testbench.files.scatter import read_covariances, read_scatter
-from testbench.files.table import table_of
+from testbench.files.readings import (
+    FileReadings,
+    average_shots,
+    markers_only,
+    read_covariances,
+    read_readings,
+    read_scatter,
+    readings_by_group,
+)
+from testbench.files.rows import SAME_POSE, RowConditions, first_rows, number_rows, read_conditions, repeats
+from testbench.files.table import TableCells, table_of
+
+HELD = 2e-4
+"""Largest difference of joint coordinates between the readings of a run that is accepted, with a note [rad,
+m]."""
+
+
+@dataclass(frozen=True)
+class Paired:
+    """Hold the readings of every run."""
+
+    row: Ids  #: Row of the table with the run's conditions, (runs,).
+    run: Ids  #: Identifier, (runs,).
+    leader: Ids  #: For every row one that has the same conditions, (rows,).
+    before: Array  #: Unloaded positions, (runs, m, 3) [m]; NaN where the target was lost or has no reading.
+    after: Array  #: Loaded positions, (runs, m, 3) [m]; NaN as above.
+    notes: tuple[str, ...]  #: Assumptions that were made.
+
+
+def pair(table: TableCells, conditions: RowConditions, read: FileReadings) -> Paired:
+    """Pair unloaded and loaded readings of a table to runs.
+
+    Args:
+        table: The table.
+        conditions: Poses, loads and states of its rows.
+        read: Readings of its rows.
+
+    Returns:
+        The runs.
+
+    Raises:
+        InputError: Names the line and what was expected.
+    """
+    marker = np.zeros(table.rows, dtype=int)
+    if read.long:
+        marker[read.row] = read.marker
+    if read.paired:
+        return _in_one_row(table, conditions, read, marker)
+    return _state_by_state(table, conditions, read, marker)
+
+
+def _in_one_row(table: TableCells, conditions: RowConditions, read: FileReadings, marker: Ids) -> Paired:
+    """Pair readings if a row holds both states, of all targets or of one."""
+    # Number the runs; without a column of runs repeated markers start a new one.
+    own, code = conditions, np.arange(table.rows)
+    if own.run is not None:
+        code = number_rows(own.run)
+    elif read.long:
+        code = _repeated(table, number_rows(own.pose, own.station, own.wrench, own.point), marker)
+    first = first_rows(code)
+    run = np.arange(len(first)) + 1 if own.run is None else own.run[first]
+    # Every run needs each marker exactly once.
+    again = repeats(code, marker) > 0
+    table.refuse(again, "", lambda row: f"run {run[code[row]]} stands in the file twice")
+    if read.long:
+        short = np.bincount(code) < len(read.markers)
+        each = f"expected one line for each of {', '.join(read.markers)}; those of a lost target are blank"
+        for k in np.flatnonzero(short)[:1]:
+            raise table.error(first[k], "", f"run {run[k]}: {each}")
+    before, after = (readings_by_group(read, code, read.after == state) for state in (False, True))
+    notes = () if own.run is not None else (f"runs are numbered in their order: {len(first)} of them",)
+    return Paired(first, run, first[code], before, after, notes)
+
+
+def _state_by_state(table: TableCells, conditions: RowConditions, read: FileReadings, marker: Ids) -> Paired:
+    """Pair readings if a row holds one state; an unloaded one serves its run, or all loads of its pose."""
+    own, loaded = conditions, np.zeros(table.rows, dtype=bool)
+    loaded[read.row] = read.after
+    if loaded.all() or not loaded.any():
+        have = "loaded" if loaded.any() else "unloaded"
+        raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}")
+    # Number readings of one pose, load and state; unloaded rows have no load.
+    load = np.column_stack([own.wrench, own.point]) * loaded[:, None]
+    code = number_rows(own.pose, own.station, own.run, loaded, load)
+    if own.run is None:
+        code = _repeated(table, code, marker)
+    again = repeats(code, marker) > 0
+    table.refuse(again, "", "this marker was read before in the same run, pose, state and load")
+    first, position = first_rows(code), readings_by_group(read, code)
+    # Find the unloaded reading of every loaded one; joints must not move in between.
+    hung, idle = np.flatnonzero(loaded[first]), np.flatnonzero(~loaded[first])
+    row, unloaded = first[hung], _belongs(table, own, first[idle], first[hung])
+    held = _check_held(table, own.q, row, first[idle[unloaded]])
+    # Number the runs, and note what was assumed.
+    notes = list[str]()
+    if own.run is None or len(np.unique(own.run[row])) < len(row):
+        notes = [f"runs are numbered in file order, one per load: {len(row)}"]
+    number = np.arange(len(row)) + 1 if notes or own.run is None else own.run[row]
+    notes += [*held, *_notes(table, first[idle], unloaded)]
+    return Paired(row, number, first[code], position[idle[unloaded]], position[hung], tuple(notes))
+
+
+def _notes(table: TableCells, idle: Ids, unloaded: Ids) -> list[str]:
+    """Note unloaded readings that serve several runs or none."""
+    shared = int((np.bincount(unloaded, minlength=len(idle)) > 1).sum())
+    alone = np.setdiff1d(np.arange(len(idle)), unloaded)
+    notes = [f"{shared} unloaded readings belong to several loads each"] * bool(shared)
+    if len(alone):
+        lines = ", ".join(str(table.lines[r]) for r in idle[alone[:5]])
+        notes.append(f"{len(alone)} unloaded readings have no loaded one, from line {lines}")
+    return notes
+
+
+def _repeated(table: TableCells, code: Ids, marker: Ids) -> Ids:
+    """Split groups at a repeated marker, (rows,): the second reading of each marker is a second run."""
+    again = repeats(code, marker)
+    if not again.any():
+        return code
+    count = np.zeros((int(code.max()) + 1, int(marker.max()) + 1), dtype=int)
+    np.add.at(count, (code, marker), 1)
+    if (count != count.max(axis=1, keepdims=True)).any():
+        problem = "missing columns ['run']: a pose and load comes again, not for all markers alike"
+        raise table.header_error(problem)
+    return number_rows(code, again)
+
+
+def _belongs(table: TableCells, conditions: RowConditions, idle: Ids, rows: Ids) -> Ids:
+    """Find the unloaded reading of each loaded one, (runs,): that of the run, else of the pose.
+
+    Args:
+        table: The cells.
+        conditions: Conditions of every row.
+        idle: First rows of the unloaded readings, in the order of the file.
+        rows: First rows of the loaded readings.
+    """
+    found = _last(number_rows(conditions.pose, conditions.station), idle, rows)
+    of_run = np.full(len(rows), -1)
+    if conditions.run is not None:
+        of_run = _last(number_rows(conditions.pose, conditions.station, conditions.run), idle, rows)
+    if conditions.taken_off is not None:
+        for row in rows[conditions.taken_off[rows] & (of_run < 0)][:1]:
+            raise table.error(row, "", "loading off: expected an unloaded reading of the same run")
+    for row in rows[found < 0][:1]:
+        hint = "" if conditions.named else "; without a column of poses equal joints are one"
+        problem = f"a loaded reading in pose {conditions.pose[row]}, which has no unloaded one{hint}"
+        raise table.error(row, "", problem)
+    return np.where(of_run < 0, found, of_run)
+
+
+def _last(key: Ids, idle: Ids, rows: Ids) -> Ids:
+    """Find the last place in `idle` with each row's key before that row, else the first one; else -1."""
+    place = key * len(key) + np.arange(len(key))
+    order = np.argsort(place[idle])
+    known = place[idle[order]]
+    first, behind = np.searchsorted(known, key[rows] * len(key)), np.searchsorted(known, place[rows])
+    at = np.minimum(np.maximum(first, behind - 1), len(known) - 1)
+    return np.where(key[idle[order[at]]] == key[rows], order[at], -1)
+
+
+def _check_held(table: TableCells, q: Array, row: Ids, idle: Ids) -> list[str]:
+    """Note joints that moved between unloaded and loaded readings; refuse motions beyond HELD."""
+    moved = np.abs(q[row] - q[idle]).max(axis=1)
+    for k in np.flatnonzero(moved > HELD)[:1]:
+        raise table.error(row[k], "", not_held("unloaded", int(table.lines[idle[k]]), moved[k]))
+    most = float(moved.max())
+    words = f"joints differ by up to {most:.2g} rad or m between unloaded and loaded"
+    return [f"{words}: deflections hold that too"] if most > SAME_POSE else []
+
+
+def not_held(which: str, line: int, by: float) -> str:
+    """Write the message about a joint that moved between two readings which belong together.
+
+    Args:
+        which: Which of the two the other line holds, such as "unloaded".
+        line: The line of the other reading.
+        by: Largest difference of a joint coordinate [rad, m].
+
+    Returns:
+        The message.
+    """
+    return f"expected the joints of the {which} reading in line {line}, one differs by {by:.2g} rad or m"
 
 
 @dataclass(frozen=True)

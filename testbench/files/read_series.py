@@ -15,17 +15,17 @@ from testbench.files.beside import read_rotations, read_temperature, read_time, 
 from testbench.files.columns import Columns, read_columns
 from testbench.files.mapping import Map, read_map
 from testbench.files.names import ROTATIONS, WHEN, Slot, What, series_names
-from testbench.files.pair import HELD, not_held
-from testbench.files.read_pairs import runs_of
+from testbench.files.read_pairs import HELD, not_held, runs_of
 from testbench.files.readings import (
     FileReadings,
+    Scatter,
     average_shots,
     markers_only,
     read_readings,
+    read_scatter,
     readings_by_group,
 )
 from testbench.files.rows import RowConditions, first_rows, number_rows, read_conditions, repeats
-from testbench.files.scatter import Scatter, read_scatter
 
 ALONE = "target"
 """Name of a file's only target if the arm has several."""

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from testbench.arm.decimal import is_decimal
+from testbench.arm.document import is_decimal
 from testbench.errors import Array, Ids
 from testbench.files.mapping import Log, Named, Names
 from testbench.files.names import WHOLE_NUMBER, XYZ, Slot, What, recognise, squeeze

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.arm.decimal import is_integer
+from testbench.arm.document import is_integer
 from testbench.arm.folder import Arm, ArmJoint
 from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
 from testbench.errors import Array, Ids, Mask

@@ -1,5 +1,9 @@
-"""Cells of a text file or workbook as their author sees them; errors name line and column."""
+"""Cells of a text file or workbook as their author sees them; errors name line and column.
 
+What a spreadsheet would compute begins with an apostrophe in our files, which is taken away again.
+"""
+
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -9,13 +13,48 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import csv
 
-from testbench.arm.decimal import NUMBER, is_integer
+from testbench.arm.document import NUMBER, is_integer
 from testbench.errors import Array, Ids, InputError, Mask, printable
-from testbench.files.formula import from_cell
 from testbench.files.mapping import FileLayout
 from testbench.files.names import Unit, squeeze
 from testbench.files.text import TableHeader, find_header, read_letters, rows_of, split_lines
 from testbench.files.workbook import SHEET
+
+BEGINS = frozenset("=+-@\uff1d\uff0b\uff0d\uff20")
+FORMULA = re.compile(r"[^+\-]|[+\-](?![\d.,\s]*(?:[eE][+-]?\d+)?\s*$)")
+"""What a formula begins with, in letters of full width too, and how: a signed number is none."""
+MARK = "'"
+
+
+def as_cell(text: str) -> str:
+    """Write text from a user's file as a cell of a CSV: on one line, and never a formula.
+
+    Args:
+        text: The text.
+
+    Returns:
+        The cell; text that a spreadsheet would take as a formula begins with MARK.
+    """
+    line = printable(text)
+    return MARK + line if _is_formula(line) else line
+
+
+def from_cell(text: str) -> str:
+    """Read the text of a cell that `as_cell` wrote.
+
+    Args:
+        text: The cell.
+
+    Returns:
+        The text, without the guard against formulas.
+    """
+    return text[1:] if text.startswith(MARK) and _is_formula(text[1:]) else text
+
+
+def _is_formula(text: str) -> bool:
+    begins = text.lstrip()
+    return begins[:1] in BEGINS and FORMULA.match(begins) is not None
+
 
 BLOCK = 16_000_000
 """Block that Arrow parses at a time [byte]: more than the longest row."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.decimal import is_decimal
+from testbench.arm.document import is_decimal
 from testbench.errors import InputError
 from testbench.files.layouts import Program, known_layouts
 from testbench.files.mapping import FileLayout

@@ -16,12 +16,12 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
 from testbench.data.series import Series
 from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array, check_type
-from testbench.files.formula import as_cell
 from testbench.files.names import ENTRIES, LOADING, WHEN, What, columns_of, torque_columns
 from testbench.files.program import Program
 from testbench.files.read_series import ALONE
+from testbench.files.readings import MIN_DEVIATIONS
 from testbench.files.rows import load_point, same_poses
-from testbench.files.scatter import MIN_DEVIATIONS
+from testbench.files.table import as_cell
 from testbench.runs.whole import write_whole
 
 Table = dict[str, list[str]]

@@ -7,15 +7,15 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.noise import Noise
+from testbench.identify.absolute.scatter import Noise
 from testbench.identify.absolute.state import ArmState, nominal_state
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior, linearise
 from testbench.model.laws import model_for
+from testbench.model.load import Weights
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
-from testbench.model.weights import Weights
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from scipy.sparse import block_diag, csr_array
 from testbench.data.dataset import Dataset
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, Ids, Mask, check_type
-from testbench.identify.absolute.noise import (
+from testbench.identify.absolute.scatter import (
     POSITIONS,
     Noise,
     combine_rows,

@@ -31,9 +31,9 @@ import numpy as np
 
 from testbench.arm.folder import Arm, Compensator
 from testbench.errors import Array, Ids, InputError, Mask
+from testbench.model.load import Weights, own_weight, read_weights
 from testbench.model.structure import Structure
 from testbench.model.vjm import Chain, Vjm, cross
-from testbench.model.weights import Weights, own_weight, read_weights
 
 LAW_KINDS = ("stiffening", "backlash", "friction")
 STRUT = "compensator"  #: Kind of law of joint 2 alone, where the arm has a compensator.

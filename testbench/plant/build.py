@@ -17,10 +17,9 @@ from testbench.arm.folder import Arm
 from testbench.arm.mesh import read_meshes
 from testbench.arm.mjcf import LENGTH, mesh_files, read_mjcf
 from testbench.errors import Array, Ids, InputError
-from testbench.plant.beyond import Beyond
-from testbench.plant.disturbance import NOMINAL, Disturbances
+from testbench.plant.disturbance import NOMINAL, Disturbances, Gears
 from testbench.plant.elastic import elastic_mjcf, theta_names
-from testbench.plant.gear import Gears
+from testbench.plant.joint_law import Beyond
 
 REFUSED = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 """What MuJoCo raises of a model that it does not compile."""

@@ -14,9 +14,8 @@ import numpy as np
 from testbench.errors import Array
 from testbench.plant.build import Plant, compile_mjcf, plant_of, weightless, with_model
 from testbench.plant.compensator import hinged_bodies
-from testbench.plant.disturbance import FOUNDATION, Disturbances
+from testbench.plant.disturbance import FOUNDATION, Disturbances, draw_gears
 from testbench.plant.elastic import AXES, elastic_mjcf
-from testbench.plant.gear import draw_gears
 
 
 def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) -> Plant:

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
 from testbench.plant.compensator import Strut, correct_for_strut, hinged_bodies, strut, strut_force
-from testbench.plant.gear import gear_error
+from testbench.plant.disturbance import gear_error
 from testbench.plant.joint_law import JointLaw, joint_rotation, tangent_compliance
 from testbench.plant.state import (
     ArmsInRow,

@@ -17,8 +17,8 @@ from testbench.plant.cast import cast_link
 from testbench.plant.tracker import trial_rng
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
-    from testbench.plant.beyond import Beyond
     from testbench.plant.build import Plant
+    from testbench.plant.joint_law import Beyond
 
 TrueArm = Callable[[Arm, np.random.Generator], Arm]
 Springs = Callable[[Arm, np.random.Generator], "Beyond"]
@@ -227,7 +227,7 @@ def _far_joints(arm: Arm, rng: np.random.Generator) -> Arm:
 
 def _following(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
     """Vary every link as a whole with the sine of the next joint's angle; the last with the last joint's."""
-    from testbench.plant.beyond import Beyond, Follows
+    from testbench.plant.joint_law import Beyond, Follows
 
     links, n = len(arm.links), arm.n_joints
     turns = np.zeros((links, n))
@@ -238,7 +238,7 @@ def _following(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
 
 def _following_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
     """Vary every axis of a link by itself, with a sum of the angles of all joints."""
-    from testbench.plant.beyond import Beyond, Follows
+    from testbench.plant.joint_law import Beyond, Follows
 
     links, n = len(arm.links), arm.n_joints
     share = ALONG * rng.standard_normal((links, 6))
@@ -247,7 +247,7 @@ def _following_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
 
 def _tied(arm: Arm, correlation: Array) -> "Beyond":
     """Couple joints by a correlation matrix, (n, n) [1]."""
-    from testbench.plant.beyond import Beyond
+    from testbench.plant.joint_law import Beyond
 
     root = np.sqrt([joint.compliance for joint in arm.joints])
     return Beyond(between=(correlation - np.diag(np.diag(correlation))) * np.outer(root, root))
@@ -269,7 +269,7 @@ def _tied_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
 
 
 def _slipping(arm: Arm, rng: np.random.Generator) -> "Beyond":
-    from testbench.plant.beyond import Beyond
+    from testbench.plant.joint_law import Beyond
 
     least, most = np.log(SLIP)
     return Beyond(slip=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))

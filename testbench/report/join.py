@@ -167,7 +167,7 @@ def _trials(run: Finished) -> Mapping[tuple[str, str], Sequence[BySeed]]:
     path = run.folder / WHOLE
     if not run.several or not path.is_file():
         return {}
-    from testbench.runs.parquet import series  # here: few runs have trials
+    from testbench.runs.store import series  # here: few runs have trials
 
     found: dict[tuple[str, str], list[BySeed]] = {}
     for number_by_seed in series(path, [f"{kind}.rms_mm" for kind in KINDS]):

@@ -1,17 +1,23 @@
-"""A report: numbers, sentences and tables, each said once; every view is made of it."""
+"""A report: numbers, sentences and tables, each said once; every view is made of it.
+
+Estimators of one's own that failed in some trials of a study: counted, and out of its other numbers.
+"""
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from string import Formatter
 from typing import Any
 
+import numpy as np
 from pydantic import JsonValue
 
 from testbench.errors import InputError
 from testbench.report.badge import Badge
 from testbench.report.colours import Look
+from testbench.report.columns import columns
 from testbench.report.markdown import (
     MAX_STATEMENTS,
     Markdown,
@@ -23,9 +29,10 @@ from testbench.report.markdown import (
     titled,
 )
 from testbench.report.schema import Table, TableColumn, looks, show, written_out
-from testbench.report.table import DRAWN, SPREAD, Row, plain, rows
+from testbench.report.table import DRAWN, SPREAD, TRIAL, Row, Trials, find, plain, rows
 from testbench.runs.manifest import read_plain
 from testbench.runs.spread import Spread, middle
+from testbench.workflows.rows import FAILED
 
 FORMS = {"list": listed, "counted": counted}
 """What a sentence may ask for beside a format of numbers."""
@@ -262,3 +269,39 @@ def number(cell: Any) -> Any:
     if not (isinstance(cell, Mapping) and SPREAD <= cell.keys() <= {*SPREAD, *DRAWN}):
         return cell
     return Spread(**{**cell, **{key: tuple(cell[key]) for key in DRAWN if cell.get(key)}})
+
+
+FAILURES = "failures"  #: Name of the table.
+Failures = Mapping[tuple[str, int], str]
+"""Why an estimator failed in a trial, by its name and the seed; of several cases the first."""
+
+
+def failures(trials: Trials, model: str) -> Failures:
+    """What the rows of trials say, of which a column names the models."""
+    found: dict[tuple[str, int], str] = {}
+    status = ".".join([*model.split(".")[:-1], "status"])
+    for name, seed, why in zip(*(trials[own].tolist() for own in (model, TRIAL, status)), strict=True):
+        if why and why.startswith(FAILED):
+            found.setdefault((name, seed), why)
+    return found
+
+
+def fitted(trials: Trials, model: str, lost: Failures) -> Trials:
+    """The other rows: who failed in one case of a trial has none of that trial, so that cases compare."""
+    keys = zip(trials[model].tolist(), trials[TRIAL].tolist(), strict=True)
+    return trials.pick(np.array([key not in lost for key in keys], dtype=bool))
+
+
+def with_failures(report: Report, lost: Failures, trials: int) -> Report:
+    """A report that says first who failed, how often, and why in the first of these trials."""
+    rows = [Row(name=name, seed=seed, status=why) for (name, seed), why in lost.items()]
+    count = Counter(row.name for row in rows)
+    first = [Row(find(rows, name=name), failed=f"{n} of {trials}") for name, n in count.items()]
+    sentence = "Your estimator {name} failed in {failed} trials, which its numbers leave out."
+    return replace(
+        report,
+        numbers={**report.numbers, FAILURES: rows},
+        tables={**report.tables, FAILURES: Table(columns("name failed seed status"), first, "Failures")},
+        body=[*report.body, FAILURES],
+        claims=[*(say(sentence, row) for row in first), *report.claims],
+    )

@@ -2,24 +2,206 @@
 
 A part is whole or absent after a kill, a crash or a full disk. A lock keeps a second run out. Trials come
 back in the order of their seeds, however they came.
+
+Trials in Parquet files: typed rows by seed, and whose they are in the file's metadata.
 """
 
-import contextlib
+import json
+import math
 import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+import pyarrow as pa
+from pyarrow import parquet
+from testbench.errors import BenchError, InputError, open_file
+from testbench.runs.whole import writing
+from testbench.runs.rows import SEED, ColumnType, Table, count
+import contextlib
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import Generic, TypeVar
-
-import pyarrow as pa
 import pyarrow.compute as pc
 from filelock import FileLock, Timeout
-
 from testbench.errors import InputError
 from testbench.runs.whole import folder_for, writing
 from testbench.runs.experiment import TrialPlan, check_header
-from testbench.runs.parquet import arrow_table, labelled, read_about, read_trials, write_trials
 from testbench.runs.rows import SEED, Table, columns, restored
+
+GROUP = 2**15  #: Rows of a row group.
+MAX_BYTES = 10**10  #: Of a file.
+MAX_COLUMNS = 2000
+MAX_ROWS = 10**8
+MAX_UNPACKED = 2 * 10**10  #: Bytes of all columns.
+MAX_READ = 2_000_000  #: Rows that are compared by seed.
+MODEL_COLUMN = "name"  #: Column of models.
+TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
+
+About = Mapping[str, Any]  #: Metadata of a file by key, each as JSON.
+
+
+def arrow_table(columns: Mapping[str, ColumnType], trials: Iterable[tuple[int, Table]], **about: Any) -> pa.Table:
+    """Collect the rows of trials in one table: None becomes null, NaN stays NaN.
+
+    Args:
+        columns: Types of the columns beside the seed.
+        trials: Seed and rows of each, of which some may have none.
+        about: Metadata, plain JSON data.
+
+    Raises:
+        BenchError: When cells are not of their column's type.
+    """
+    kinds = {name: pa.list_(TYPES[c.kind]) if c.several else TYPES[c.kind] for name, c in columns.items()}
+    schema = pa.schema({SEED: pa.int64(), **kinds}, _metadata(about))
+    cells: Table = {name: [] for name in schema.names}
+    for seed, own in trials:
+        if own and own.keys() != columns.keys():
+            differ = ", ".join(sorted(own.keys() ^ columns.keys()))
+            raise BenchError(f"rows: expected the columns of one dataclass, they differ in {differ}")
+        cells[SEED] += [seed] * count(own)
+        for name, values in own.items():
+            cells[name] += values
+    found = []
+    for field in schema:
+        try:
+            found.append(pa.array(cells[field.name], field.type))
+            if pa.types.is_integer(field.type) and found[-1].to_pylist() != cells[field.name]:
+                raise OverflowError("Arrow would cut a fraction off")
+        except (pa.ArrowException, OverflowError, UnicodeEncodeError) as err:
+            raise BenchError(f"rows: {field.name}: expected {field.type}: {err}") from err
+    return pa.table(found, schema=schema)
+
+
+def labelled(table: pa.Table, **about: Any) -> pa.Table:
+    """Replace the metadata of a table."""
+    return table.replace_schema_metadata(_metadata(about))
+
+
+def _metadata(about: About) -> dict[str, str]:
+    return {key: json.dumps(value, sort_keys=True) for key, value in about.items()}
+
+
+def write_trials(path: Path, table: pa.Table) -> None:
+    """Write a table of trials; the same rows give the same bytes, and a kill leaves no half of them.
+
+    Raises:
+        InputError: When the file cannot be written; an earlier one then stands.
+    """
+    part = path.with_name(f"{path.name}.part")
+    words = [field.name for field in table.schema if pa.types.is_string(field.type)]
+    with writing(path):
+        try:
+            with part.open("wb") as file:
+                parquet.write_table(
+                    table, file, row_group_size=GROUP, write_page_checksum=True, use_dictionary=words
+                )
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[parquet.ParquetFile]:
+    """Open a file of trials after a look at its sizes; InputError where the block finds it damaged."""
+    try:
+        with open_file(path, MAX_BYTES):
+            pass  # a plain file
+        with parquet.ParquetFile(path, page_checksum_verification=True) as file:
+            about = file.metadata
+            groups = [about.row_group(k) for k in range(about.num_row_groups)]
+            sizes = (about.num_columns, about.num_rows, sum(group.total_byte_size for group in groups))
+            for size, most, what in zip(
+                sizes, (MAX_COLUMNS, MAX_ROWS, MAX_UNPACKED), ("columns", "rows", "bytes"), strict=True
+            ):
+                if size > most:
+                    raise ValueError(f"expected at most {most} {what}, got {size}")
+            yield file
+    except (OSError, KeyError, ValueError, TypeError, RecursionError, pa.ArrowException) as err:
+        problem = f"expected trials in Parquet: {err}: it is damaged; move it away to start afresh"
+        raise InputError(path, "", problem) from err
+
+
+def read_about(path: Path, *keys: str) -> list[Any]:
+    """Read entries of a file's metadata.
+
+    Raises:
+        InputError: When it is damaged, or no file of trials.
+    """
+    with _opened(path) as file:
+        about = file.schema_arrow.metadata or {}
+        return [json.loads(about[key.encode()]) for key in keys]
+
+
+def read_trials(path: Path, schema: pa.Schema) -> pa.Table:
+    """Read a file of trials.
+
+    Args:
+        path: A file of `write_trials`.
+        schema: Of the trials, from `arrow_table`.
+
+    Raises:
+        InputError: When it is damaged, or has other columns.
+    """
+    with _opened(path) as file:
+        found = file.read(use_threads=False)
+        if not found.schema.equals(schema):
+            differ = sorted({*found.schema.names} ^ {*schema.names}) or ["their types"]
+            raise ValueError(f"expected the columns of this study, they differ in {', '.join(differ)}")
+        return found
+
+
+@dataclass(frozen=True)
+class NumberBySeed:
+    """One number of one model under one condition, by seed."""
+
+    name: str  #: Of the model.
+    key: str  #: Which number.
+    by_seed: dict[int, float]
+
+
+def series(path: Path, keys: Sequence[str]) -> list[NumberBySeed]:
+    """Read numbers of models by seed, of every condition that the words of a row name.
+
+    Args:
+        path: trials.parquet; its rows have a column `name`, perhaps below another name.
+        keys: Columns of numbers beside it, such as "workspace.rms_mm".
+
+    Raises:
+        InputError: When the file is damaged or too large.
+    """
+    found: dict[tuple[str, tuple[Any, ...]], dict[int, float]] = {}
+    with _opened(path) as file:
+        if file.metadata.num_rows > MAX_READ:
+            raise ValueError(f"expected at most {MAX_READ} rows, got {file.metadata.num_rows}")
+        schema = file.schema_arrow
+        heads = [n.removesuffix(MODEL_COLUMN) for n in schema.names if n == MODEL_COLUMN or n.endswith(f".{MODEL_COLUMN}")]
+        under = next((head for head in heads if any(head + key in schema.names for key in keys)), "")
+        wanted = [key for key in keys if heads and under + key in schema.names]
+        texts = [field.name for field in schema if pa.types.is_string(field.type)]
+        words = [under + MODEL_COLUMN, *(name for name in texts if not name.startswith(under))]
+        columns = [SEED, *words, *(under + key for key in wanted)] if wanted else []
+        cells = file.read(columns).to_pydict()
+    for key in wanted:
+        conditions = zip(*(cells[word] for word in words), strict=True)
+        for row in zip(conditions, cells[SEED], cells[under + key], strict=True):
+            _put(found.setdefault((key, row[0]), {}), *row[1:])
+    return [
+        NumberBySeed(condition[0], key, own)
+        for key in keys
+        for (of, condition), own in found.items()
+        if of == key and own and isinstance(condition[0], str) and not any(map(math.isnan, own.values()))
+    ]
+
+
+def _put(own: dict[int, float], seed: object, value: object) -> None:
+    """Add a finite number; NaN where a seed has two."""
+    if isinstance(value, float) and isinstance(seed, int) and math.isfinite(value):
+        own[seed] = math.nan if seed in own else value
+
 
 PARTS, WHOLE = "trials", "trials.parquet"
 """Folder with the trials of a run that is under way, and file of one that has come to its end."""

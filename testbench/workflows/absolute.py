@@ -29,8 +29,8 @@ from testbench.identify.posterior import Posterior
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION
 from testbench.identify.robust_loss import READINGS
+from testbench.model.load import read_weights
 from testbench.model.vjm import Vjm
-from testbench.model.weights import read_weights
 from testbench.runs.rows import Row
 
 T = TypeVar("T")

@@ -15,10 +15,9 @@ from testbench.data.dataset import Dataset, in_order
 from testbench.data.series import Series
 from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.plant.build import Plant
-from testbench.plant.disturbance import TYPICAL, Disturbances
+from testbench.plant.disturbance import TYPICAL, Disturbances, GearErrors, Gears
 from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import solve_equilibrium
-from testbench.plant.gear import GearErrors, Gears
 from testbench.plant.tracker import (
     LaserTracker,
     Tracker,

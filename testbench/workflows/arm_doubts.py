@@ -219,7 +219,7 @@ def _payloads(arm: ArmContext) -> Iterator[str]:
 
 def _behind(arm: ArmContext) -> Iterator[str]:
     """Tool beyond the last link as drawn; load point and markers beyond its end, or the tool in it."""
-    from testbench.workflows.beam import COINCIDE, flange_axis
+    from testbench.workflows.propose import COINCIDE, flange_axis
 
     vjm, links = arm.vjm, arm.cell.arm.links
     if len(links) == 1:
@@ -270,8 +270,8 @@ def _masses(arm: ArmContext) -> Iterator[str]:
 
 def _densities(cell: Cell, weights: Array) -> Iterator[str]:
     """Masses that fit the hulls of what collides, as far as the links have them."""
-    from testbench.files.robot.solids import hull_volume
-    from testbench.files.robot.weigh import PLAUSIBLE
+    from testbench.files.robot.meshes import hull_volume
+    from testbench.files.robot.write import PLAUSIBLE
     from testbench.plant.shapes import corners, solid_shapes
 
     names, volumes = cell.room.names, dict.fromkeys((link.name for link in cell.arm.links), 0.0)

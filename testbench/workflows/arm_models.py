@@ -21,8 +21,8 @@ from testbench.data.series import Series
 from testbench.errors import Array, BenchError, InputError, check_array, check_type, read_bytes, read_text
 from testbench.files.model_folder import ARM, DOCUMENT, FITS, MAX_BYTES, MAX_ROOT, POSTERIOR, copy_arm
 from testbench.identify.absolute.fit import Calibration
-from testbench.identify.absolute.noise import EQUATION_KINDS, Noise
 from testbench.identify.absolute.posterior import model_of
+from testbench.identify.absolute.scatter import EQUATION_KINDS, Noise
 from testbench.identify.absolute.state import ArmState, Mount
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.arm_model import ArmModel, ModelOrigin
@@ -32,10 +32,9 @@ from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
 from testbench.model.laws import model_for, with_laws
-from testbench.model.load import Load, resultant
+from testbench.model.load import Load, Weights, resultant, weights_known
 from testbench.model.structure import Structure, all153, labels_of
 from testbench.model.vjm import Vjm, tool_pose
-from testbench.model.weights import Weights, weights_known
 from testbench.runs import provenance as files
 from testbench.runs.manifest import input_error
 from testbench.runs.whole import reading, whole_folder

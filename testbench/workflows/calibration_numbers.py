@@ -14,8 +14,7 @@ from testbench.identify.absolute.choose import SelectionStep
 from testbench.identify.absolute.evidence import DEFAULT_SCALES, LOOSE_STRENGTH, ActiveUnknowns
 from testbench.identify.absolute.evidence import MAX_SCALE_FACTOR as MOST_OF_USUAL
 from testbench.identify.absolute.fit import Calibration
-from testbench.identify.absolute.posterior import posterior_of
-from testbench.identify.absolute.pull import pull_of
+from testbench.identify.absolute.posterior import posterior_of, pull_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import ArmState, nominal_state, series_equilibrium
 from testbench.identify.absolute.unknowns import Unknowns

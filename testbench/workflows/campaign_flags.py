@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.arm.decimal import is_decimal
+from testbench.arm.document import is_decimal
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import BenchError, shell_word
 from testbench.plant.true_arms import FAMILY, TrueArmName

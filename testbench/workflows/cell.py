@@ -169,7 +169,7 @@ class Cell(Displayed):
         from testbench.identify.absolute.posterior import model_of
         from testbench.identify.arm_model import model_of_estimate
         from testbench.identify.estimate import Estimate
-        from testbench.model.weights import weights_known
+        from testbench.model.load import weights_known
 
         if isinstance(found, Calibration):
             return model_of(found)

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from testbench.correct import uncertainty
-from testbench.correct.beyond import extent
-from testbench.correct.rest import equilibrium
+from testbench.correct.newton import equilibrium
+from testbench.correct.predicted import extent
 from testbench.errors import Array, Ids
 from testbench.files.program import unread_columns
 from testbench.identify.posterior import CONFIDENCE, quantile

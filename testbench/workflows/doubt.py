@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from scipy.special import gammainc
 
 from testbench.errors import Doubt
-from testbench.files.scatter import SIGMA
+from testbench.files.readings import SIGMA
 from testbench.identify import Estimate
 from testbench.identify.hierarchy import ALL_JOINTS
 from testbench.identify.metric import LearntScale

@@ -9,8 +9,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.files.write import csv_text
 from testbench.identify import Estimate, Method
-from testbench.identify.estimate import make_estimate
-from testbench.identify.evaluate import DeflectionErrors, all_deflections, score
+from testbench.identify.estimate import DeflectionErrors, all_deflections, make_estimate, score
 from testbench.identify.fold import reduce
 from testbench.model.vjm import Vjm
 from testbench.workflows.cell import Campaign, Cell

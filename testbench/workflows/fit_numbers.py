@@ -7,7 +7,7 @@ import numpy as np
 from testbench.correct.predicted import predict
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, NoEquilibrium, PoseError
-from testbench.identify.evaluate import all_deflections
+from testbench.identify.estimate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.laws import STRUT
 from testbench.model.load import Load

@@ -8,7 +8,7 @@ import numpy as np
 from testbench.data.dataset import MAX_SHOWN, Dataset, evenly, in_order
 from testbench.errors import Array, BenchError, Doubt
 from testbench.identify import Estimate, Method, intervals
-from testbench.identify.evaluate import DeflectionErrors, deflections, score
+from testbench.identify.estimate import DeflectionErrors, deflections, score
 from testbench.identify.fold import BLOCK_RUNS, PartitionedRegression, with_poses
 from testbench.identify.hierarchy import UndeterminedParts, contradicted_scales, undetermined_parts
 from testbench.identify.metric import scale_by_prior

@@ -17,10 +17,10 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, Ids
 from testbench.identify import Estimate, Estimator, Method, with_prior
-from testbench.identify.crossval import Candidate, Duel, Fold, divide_poses, folds, unless_beaten
 from testbench.identify.fold import PartitionedRegression, reduce_parts
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import f_m
+from testbench.identify.trace import Candidate, Duel, Fold, divide_poses, folds, unless_beaten
 from testbench.model.laws import with_laws, with_ties
 from testbench.progress import stepwise
 from testbench.workflows.advice import of_average

@@ -11,8 +11,15 @@ from testbench.arm.folder import COMPLIANCE_UNIT, OFFSETS
 from testbench.errors import Array
 from testbench.files.robot.robot import ImportedChain, Note
 from testbench.files.robot.write import rigid_mjcf
-from testbench.workflows.beam import beam_reach
-from testbench.workflows.propose import ALUMINIUM, LinkProposal, Proposal, UserInputs, in_wrist, propose
+from testbench.workflows.propose import (
+    ALUMINIUM,
+    LinkProposal,
+    Proposal,
+    UserInputs,
+    beam_reach,
+    in_wrist,
+    propose,
+)
 
 SPREAD = 1.9  #: The law misses the known compliances by this factor, root mean square of the logarithm [1].
 GUESSED = "so from payload and reach"  #: Ends the note of a diameter that no shape tells.

@@ -13,8 +13,7 @@ from testbench.arm.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate
-from testbench.identify.estimate import make_estimate
-from testbench.identify.evaluate import deflections
+from testbench.identify.estimate import deflections, make_estimate
 from testbench.identify.fold import reduce
 from testbench.identify.prior import Prior
 from testbench.model.structure import Structure, all153

@@ -16,7 +16,7 @@ from testbench.design.absolute import JointUnknowns
 from testbench.design.baselines import error_after, observability
 from testbench.design.criteria import criterion_of
 from testbench.design.exchange import greedy
-from testbench.design.forecast import Forecast, inflate_intervals, unbounded_rows, without_bound
+from testbench.design.forecast import Forecast, forecast_on, inflate_intervals, unbounded_rows, without_bound
 from testbench.design.planning import (
     ChosenPoses,
     Plan,
@@ -28,11 +28,9 @@ from testbench.design.planning import (
 from testbench.design.planning import choose_poses as search_best
 from testbench.design.refine import Feasibility, Search
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, loads_of, task_rows, workspace_rows
-from testbench.design.whole_arm import forecast_on
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array, check_type
-from testbench.identify.absolute.posterior import model_of
-from testbench.identify.absolute.pull import pull_of
+from testbench.identify.absolute.posterior import model_of, pull_of
 from testbench.identify.absolute.state import Mount, nominal_state
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.arm_model import ArmModel
@@ -40,9 +38,8 @@ from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
-from testbench.model.load import Load, weight
+from testbench.model.load import Load, read_weights, weight
 from testbench.model.vjm import Vjm
-from testbench.model.weights import read_weights
 from testbench.plant.site import build_site, contacts
 from testbench.plant.tracker import Station, trial_rng
 from testbench.workflows.absolute import Calibrated

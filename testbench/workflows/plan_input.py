@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.decimal import is_decimal, read_decimals
+from testbench.arm.document import is_decimal, read_decimals
 from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY

@@ -23,10 +23,9 @@ from testbench.design.baselines import (
 )
 from testbench.design.criteria import LinearCriterion, mean_square
 from testbench.design.exchange import greedy
-from testbench.design.forecast import Forecast, inflate_intervals
+from testbench.design.forecast import Forecast, error_on, forecast_on, inflate_intervals
 from testbench.design.planning import Plan, forecast_errors
 from testbench.design.rows import deflection_rows, loads_of, task_rows
-from testbench.design.whole_arm import error_on, forecast_on
 from testbench.errors import Array, Ids
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import all153
@@ -34,7 +33,6 @@ from testbench.model.vjm import chain, tool_pose
 from testbench.plant.site import has_surroundings
 from testbench.plant.tracker import trial_rng
 from testbench.runs.rows import Row, finite
-from testbench.workflows.open_laws import open_laws
 from testbench.workflows.plan import AbsolutePlanned, Planned, undetermined_by
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.predicted_error import (
@@ -44,6 +42,7 @@ from testbench.workflows.predicted_error import (
     half_widths,
     joints_alone,
     linear_fit_after,
+    open_laws,
     prior_uncertainty,
     unloaded_joints,
     unobservable_joints,

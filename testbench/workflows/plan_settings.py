@@ -7,7 +7,7 @@ from numbers import Real
 
 from testbench.design.criteria import check_criterion
 from testbench.errors import BenchError
-from testbench.files.scatter import SIGMA_RANGE
+from testbench.files.readings import SIGMA_RANGE
 from testbench.identify.prior import UNCERTAINTY_RANGE
 from testbench.model.poses import WorkArea
 from testbench.model.structure import Structure

@@ -8,7 +8,7 @@ import numpy as np
 
 from testbench.arm.folder import ArmJoint
 from testbench.errors import Array
-from testbench.files.formula import as_cell
+from testbench.files.table import as_cell
 from testbench.identify.posterior import CONFIDENCE
 from testbench.runs.rows import Row, finite
 from testbench.workflows.program import Predicted, direction_words, extrapolation_warnings

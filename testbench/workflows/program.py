@@ -8,14 +8,12 @@ from typing import TypeVar
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.correct.beyond import Extent, extent
 from testbench.correct.compensated import Compensated, Refusal, compensate
 from testbench.correct.inverse import joints_along
 from testbench.correct.newton import Aim, Hold
 from testbench.correct.newton import Asked as Meant
-from testbench.correct.predicted import Prediction, predict
-from testbench.correct.process import process_wrench
-from testbench.correct.stiffness import Stiffness, compliance_half_widths, stiffness
+from testbench.correct.predicted import Extent, Prediction, extent, predict
+from testbench.correct.stiffness import Stiffness, compliance_half_widths, process_wrench, stiffness
 from testbench.data.dataset import in_order
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
 from testbench.files.motion import CSV, WRITERS, format_of, write_moves

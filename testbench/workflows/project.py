@@ -13,9 +13,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 from pydantic_core import PydanticCustomError
 from typer.core import TyperCommand
 
-from testbench.arm.document import Strict, parse_toml
+from testbench.arm.document import Strict, parse_toml, toml_place
 from testbench.arm.folder import find_arm
-from testbench.arm.lines import toml_place
 from testbench.errors import BenchError, InputError, read_text, sheet_of
 from testbench.runs import provenance as files
 from testbench.runs.session import EMPTY_SESSION, Session

@@ -8,7 +8,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
-from testbench.identify.evaluate import DeflectionErrors
+from testbench.identify.estimate import DeflectionErrors
 from testbench.runs.spread import Number, Share, Spread
 from testbench.workflows.advice import advice
 

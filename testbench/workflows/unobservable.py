@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.pull import FURTHER_ROWS, AddedInformation, Structural, structural
+from testbench.identify.absolute.posterior import FURTHER_ROWS, AddedInformation, Structural, structural
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.observability import HiddenQuantity, ObservedQuantity, hidden_quantities
 from testbench.model.structure import TEMPLATE

@@ -8,8 +8,7 @@ from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, slidin
 
 from testbench.arm.folder import load_arm
 from testbench.files.robot.chain import read_chain
-from testbench.files.robot.weigh import DENSITY
-from testbench.files.robot.write import drawn_mesh
+from testbench.files.robot.write import DENSITY, drawn_mesh
 from testbench.workflows.cell import build_cell
 from testbench.workflows.new_arm import sentence, write_arm
 from testbench.workflows.propose import UserInputs

@@ -17,9 +17,9 @@ from markdown_it import MarkdownIt
 from spoil import swap
 
 from testbench.errors import BenchError, InputError, printable, shell_word
-from testbench.files.formula import as_cell, from_cell
 from testbench.files.program import read_program
 from testbench.files.read_pairs import read_csv
+from testbench.files.table import as_cell, from_cell
 from testbench.files.write import write_program
 from testbench.report.figure import page, save
 from testbench.report.markdown import as_markdown, as_plain, lines

@@ -15,7 +15,6 @@ from testbench.identify.absolute.align import align_all
 from testbench.identify.absolute.evidence import ErrorScales
 from testbench.identify.absolute.fit import LEAST_OF_ONE, ON_THE_WAY, CalibrationOptions, calibrate, subsample
 from testbench.identify.absolute.inner import moved_frame, moved_mount, solve_step
-from testbench.identify.absolute.noise import Noise, combine_rows, inverse_noise_roots, repeated_rows
 from testbench.identify.absolute.pattern import Pattern, basis, find_pattern, shift_waves, wave_columns
 from testbench.identify.absolute.posterior import (
     deviations_root,
@@ -24,7 +23,15 @@ from testbench.identify.absolute.posterior import (
     predict,
     with_known_frame,
 )
-from testbench.identify.absolute.scatter import expected_of, scatter, single_reading_noise
+from testbench.identify.absolute.scatter import (
+    Noise,
+    combine_rows,
+    expected_of,
+    inverse_noise_roots,
+    repeated_rows,
+    scatter,
+    single_reading_noise,
+)
 from testbench.identify.absolute.state import Mount, joint_equilibrium, nominal_state, series_equilibrium
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.arm_model import ArmModel, ModelOrigin
@@ -37,10 +44,9 @@ from testbench.identify.robust_loss import READINGS, SQUARE
 from testbench.identify.rows import series_rows
 from testbench.model.joint_errors import BACKLASH_SMOOTHING, BANDS, JointErrors
 from testbench.model.joint_errors import basis as errors_of
-from testbench.model.load import Load
+from testbench.model.load import Load, read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
-from testbench.model.weights import read_weights
 from testbench.workflows.absolute import DRIFT, with_drift
 from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.named_parameters import functionals

@@ -14,12 +14,11 @@ from testbench.identify.absolute.evidence import LOOSE_STRENGTH, ErrorScales, so
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.state import nominal_state, series_equilibrium
 from testbench.model.joint_errors import JointErrors
+from testbench.model.load import read_weights
 from testbench.model.vjm import chain
-from testbench.model.weights import read_weights
 from testbench.plant.build import build_plant
-from testbench.plant.disturbance import Disturbances, GeometryErrors
+from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
 from testbench.plant.equilibrium import solve_equilibrium
-from testbench.plant.gear import GearErrors
 from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import Cell
 

@@ -15,8 +15,8 @@ from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.align import align_all
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import nominal_state
+from testbench.model.load import read_weights
 from testbench.model.structure import mgco147
-from testbench.model.weights import read_weights
 from testbench.plant.disturbance import NOMINAL, TYPICAL
 from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded

@@ -9,9 +9,8 @@ from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_e
 
 from testbench import Load, compensate, predict
 from testbench.arm.mjcf import GRAVITY
-from testbench.correct.beyond import extent
-from testbench.correct.newton import MIN_SINGULAR_VALUE, Aim, Target, target_of
-from testbench.correct.rest import equilibrium
+from testbench.correct.newton import MIN_SINGULAR_VALUE, Aim, Target, equilibrium, target_of
+from testbench.correct.predicted import extent
 from testbench.correct.stiffness import compliance_half_widths, stiffness
 from testbench.correct.uncertainty import (
     LoadedPoses,
@@ -21,13 +20,12 @@ from testbench.correct.uncertainty import (
     rows_between,
 )
 from testbench.errors import BenchError, NoEquilibrium
-from testbench.identify.absolute.noise import Noise
+from testbench.identify.absolute.scatter import Noise
 from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
 from testbench.identify.posterior import CURVATURE_COUNT, Posterior
-from testbench.model.load import resultant
+from testbench.model.load import no_weights, read_weights, resultant
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
-from testbench.model.weights import no_weights, read_weights
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.site import collisions
 from testbench.workflows.program import extrapolation_warnings

@@ -17,14 +17,14 @@ from testbench.identify import (
 )
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import sensitivity_units
-from testbench.identify.evaluate import all_deflections, deflections
+from testbench.identify.estimate import all_deflections, deflections
 from testbench.identify.least_squares import NO_CONSERVATIVE_FIT, complete_conservatively
 from testbench.identify.prior import cad_prior
 from testbench.identify.regression import f_m
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
 from testbench.plant.tracker import trial_rng
-from testbench.studies.campaign import compared as fits
+from testbench.studies.campaign import report as fits
 from testbench.studies.campaign.grids import CellGrid, Clean, expected
 from testbench.studies.campaign.trial import reread
 from testbench.studies.estimators.shrunk import RIDGES, clipped, ridge

@@ -25,8 +25,8 @@ from testbench.identify.arm_model import elastic_state
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
 from testbench.model.laws import with_joint_laws
+from testbench.model.load import read_weights
 from testbench.model.vjm import chain, generalised_load, plain_load
-from testbench.model.weights import read_weights
 from testbench.workflows.cell import build_cell
 
 SHIFT, TURN, SLIDE = 0.5e-3, 1e-3, 0.5e-3  #: Planted errors [m], [rad], of a slide's offset [m].

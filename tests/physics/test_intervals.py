@@ -15,8 +15,7 @@ from scipy.stats import t as student
 from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 
 from testbench import BenchError, compensate, gco, intervals, least_squares, predict, reduce, with_prior
-from testbench.correct.newton import target_of
-from testbench.correct.rest import equilibrium
+from testbench.correct.newton import equilibrium, target_of
 from testbench.data.dataset import in_order
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import posterior_of
@@ -26,7 +25,7 @@ from testbench.identify.prior import Prior, Strength, aggregate, cad_prior
 from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, marker_points, observation
-from testbench.plant.gear import GearErrors
+from testbench.plant.disturbance import GearErrors
 from testbench.plant.tracker import trial_rng
 from testbench.studies.absolute.beside import true_state
 from testbench.studies.absolute.simulated import check

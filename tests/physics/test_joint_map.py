@@ -25,10 +25,10 @@ from testbench.files.program import read_poses
 from testbench.files.robot.chain import read_chain
 from testbench.files.write import write_program, write_series
 from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
+from testbench.model.load import read_weights
 from testbench.model.structure import all153
 from testbench.model.tool_motion import turn_between
 from testbench.model.vjm import tool_pose
-from testbench.model.weights import read_weights
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.shapes import rigid_frames
 from testbench.plant.tracker import trial_rng

@@ -11,7 +11,7 @@ from run_here import here
 
 from testbench import Load, deflections, load_model, predict, read_csv, score, stiffness, write_csv
 from testbench.cli.program import program
-from testbench.correct.rest import assign_rows
+from testbench.correct.newton import assign_rows
 from testbench.data.dataset import in_order
 from testbench.identify import gco, intervals, least_squares, robust, with_prior
 from testbench.identify.arm_model import model_of_estimate
@@ -21,9 +21,9 @@ from testbench.identify.hierarchy import LAW_PRIOR, evidence_model
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior, cad_prior
 from testbench.model import laws
+from testbench.model.load import read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import chain, plain_load
-from testbench.model.weights import read_weights
 from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded

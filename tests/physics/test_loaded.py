@@ -14,9 +14,9 @@ from testbench.errors import BenchError, InputError, NoEquilibrium
 from testbench.identify.absolute.torques import CENTRE, LIMIT, MASS, fit_weights
 from testbench.identify.regression import non_redundant, rank
 from testbench.model import loaded
+from testbench.model.load import own_weight, read_weights
 from testbench.model.structure import template56
 from testbench.model.vjm import chain, observation
-from testbench.model.weights import own_weight, read_weights
 from testbench.plant.build import weightless
 from testbench.plant.equilibrium import Batch, solve_equilibrium
 from testbench.plant.equilibrium import tangent as plant_tangent

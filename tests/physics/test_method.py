@@ -31,7 +31,7 @@ from testbench.identify.solve import solve, solve_with_prior
 from testbench.identify.weighed import single_readings
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import tool_pose
-from testbench.studies.campaign.instruments import spoil
+from testbench.studies.campaign.noise import spoil
 from testbench.workflows.advice import advice
 from testbench.workflows.evaluation import fit_model, identify
 from testbench.workflows.fits import MeasuredRuns, fit_models

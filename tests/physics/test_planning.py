@@ -15,7 +15,7 @@ from testbench.design import rows as plans
 from testbench.design.baselines import error_after
 from testbench.design.criteria import CRITERIA, criterion_of
 from testbench.design.exchange import exchange, greedy
-from testbench.design.forecast import forecast
+from testbench.design.forecast import fit_of, forecast, forecast_on
 from testbench.design.planning import (
     DETOUR,
     _order,
@@ -25,11 +25,9 @@ from testbench.design.planning import (
     make_plan,
 )
 from testbench.design.refine import Feasibility, Search
-from testbench.design.whole_arm import fit_of, forecast_on
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.absolute.posterior import model_of
-from testbench.identify.absolute.pull import information as told_by
-from testbench.identify.absolute.pull import pull_of
+from testbench.identify.absolute.posterior import information as told_by
+from testbench.identify.absolute.posterior import model_of, pull_of
 from testbench.identify.absolute.state import series_equilibrium
 from testbench.identify.metric import precision_root, scale_by_prior, weighted_rows
 from testbench.identify.observability import hidden_quantities
@@ -42,9 +40,9 @@ from testbench.workflows import predicted_error
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.workflows.candidates import PoseConditions, build_checks, find
 from testbench.workflows.cell import Scenario, measure_markers, poses_with_weight
-from testbench.workflows.open_laws import open_laws
 from testbench.workflows.plan import undetermined_by, union_after, union_of
 from testbench.workflows.plan_numbers import joint_coverage
+from testbench.workflows.predicted_error import open_laws
 from testbench.workflows.unobservable import quantities, unobservable
 
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))

@@ -13,10 +13,16 @@ from loads import hung, random_q
 from testbench.arm.folder import Compensator, load_arm
 from testbench.errors import BenchError, InputError, NoEquilibrium
 from testbench.files.elastic_mjcf import write_elastic
-from testbench.plant.beyond import Beyond, Follows
 from testbench.plant.build import build_plant, plant_of
 from testbench.plant.compensator import correct_for_strut, hinged_bodies, strut, strut_force
-from testbench.plant.disturbance import FOUNDATION, KR500_COMPENSATOR, TYPICAL, Disturbances, GeometryErrors
+from testbench.plant.disturbance import (
+    FOUNDATION,
+    KR500_COMPENSATOR,
+    TYPICAL,
+    Disturbances,
+    GearErrors,
+    GeometryErrors,
+)
 from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import (
     fixed_configurations,
@@ -24,8 +30,7 @@ from testbench.plant.equilibrium import (
     solve_linear_equilibrium,
     solve_unloaded_and_loaded,
 )
-from testbench.plant.gear import GearErrors
-from testbench.plant.joint_law import JointLaw, joint_rotation, tangent_compliance
+from testbench.plant.joint_law import Beyond, Follows, JointLaw, joint_rotation, tangent_compliance
 from testbench.plant.state import evaluate, open_row
 
 

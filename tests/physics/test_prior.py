@@ -23,8 +23,7 @@ from testbench import (
 from testbench.data.dataset import select
 from testbench.identify import average, hierarchy
 from testbench.identify import posterior as posteriors
-from testbench.identify.average import average_models, average_two_priors
-from testbench.identify.crossval import FOLDS, Candidate, divide_poses, unless_beaten
+from testbench.identify.average import average_models, average_two_priors, stiffness_scatter, with_scatter
 from testbench.identify.estimate import ModelAverage, make_estimate
 from testbench.identify.evidence import evidence_hessian, evidence_posterior, maximise_evidence
 from testbench.identify.metric import (
@@ -44,7 +43,7 @@ from testbench.identify.posterior import (
 from testbench.identify.prior import Prior, Strength, cad_prior, with_weaker_coupling
 from testbench.identify.regression import f_m, parameter_places, restrict_to, scatter_to
 from testbench.identify.solve import solve, solve_with_prior
-from testbench.identify.wander import stiffness_scatter, with_scatter
+from testbench.identify.trace import FOLDS, Candidate, divide_poses, unless_beaten
 from testbench.model.laws import with_laws, with_ties
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56

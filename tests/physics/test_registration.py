@@ -15,7 +15,7 @@ from testbench.identify.registered import unloaded_series as series_of_stations
 from testbench.identify.registration import Frame
 from testbench.identify.registration import register as register_series
 from testbench.model.vjm import tool_points
-from testbench.workflows.registration_notes import registration_notes
+from testbench.workflows.read_runs import registration_notes
 
 FINE = 1e-7  #: Noise said of exact readings [m]: nominal positions then pull by less than 1e-11 m.
 

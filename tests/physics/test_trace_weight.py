@@ -7,9 +7,8 @@ import pytest
 
 from testbench import BenchError, Scenario, deflections, score, simulate
 from testbench.identify import batch, certify, gco, least_squares, paper_gco, reduce, trace
-from testbench.identify.crossval import divide_poses
 from testbench.identify.fold import reduce_parts
-from testbench.identify.trace import _strongest, learn_trace_weight, trace_penalty
+from testbench.identify.trace import _strongest, divide_poses, learn_trace_weight, trace_penalty
 from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
 from testbench.workflows.cell import true_cell
 

@@ -10,8 +10,16 @@ from testbench import MODELS, BenchError, cad_prior, deflections
 from testbench.arm import stiffness
 from testbench.model.structure import TEMPLATE
 from testbench.plant import true_arms
-from testbench.plant.cast import CAST_IRON, BeamSegments, Casting, as_compliant, beam_compliance, draw_casting
-from testbench.plant.section import Sections, rib_thickness
+from testbench.plant.cast import (
+    CAST_IRON,
+    BeamSegments,
+    Casting,
+    Sections,
+    as_compliant,
+    beam_compliance,
+    draw_casting,
+    rib_thickness,
+)
 from testbench.plant.tracker import trial_rng
 from testbench.workflows.cell import Scenario, simulate, true_cell
 from testbench.workflows.perturbed_prior import PRIORS, WRONG_FACTOR, WRONG_ROTATION, prior_of, wrong_prior

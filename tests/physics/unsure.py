@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from testbench import Aim, Load
-from testbench.identify.absolute.noise import Noise
+from testbench.identify.absolute.scatter import Noise
 from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
 from testbench.identify.posterior import Posterior
 from testbench.model.joint_errors import JointErrors
+from testbench.model.load import read_weights
 from testbench.model.structure import all153
-from testbench.model.weights import read_weights
 
 TIP = np.array([0.2, 0.0, 0.1])
 AIM = Aim(point=tuple(TIP))

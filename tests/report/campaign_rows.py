@@ -8,7 +8,7 @@ from made_up import of_one_trial
 from reports import AT, campaign_row, fit_row
 
 from testbench.plant.true_arms import HELD_OUT, true_arm_of_seed
-from testbench.studies.campaign import calibration, disturbances, disturbed, family, grids, noise, priors
+from testbench.studies.campaign import coverage, disturbed, family, grids, noise, priors
 from testbench.studies.campaign.coverage import Covered
 from testbench.studies.campaign.trial import CampaignFitRow, Cover
 from testbench.workflows.cell import Scenario
@@ -28,7 +28,7 @@ MODELS = {
 """Structure, constraint and whether there is a prior."""
 DEFAULT = "ALL153 + prior"
 SIGMAS = (0.0, 25.0, 50.0, 200.0)
-CASES = list(disturbances.disturbances(1.0))
+CASES = list(disturbed.disturbances(1.0))
 
 
 def fit(kind, rng, name, **own):
@@ -59,7 +59,7 @@ def of_disturbances(seed):
         yield row(case, sigma, name, disturbed.IN_FAMILY, own, 1.0)
     for arm, size in [(own, 0.5), (own, 2.0), *((arm, 1.0) for arm in HELD_OUT)]:
         for name in disturbed.BESIDE:
-            yield row(disturbances.ALL, 40.0, name, disturbed.BESIDE_IT, arm, size)
+            yield row(disturbed.ALL, 40.0, name, disturbed.BESIDE_IT, arm, size)
 
 
 LINKS = ("link_1", "link_2")
@@ -148,10 +148,10 @@ def of_calibration(seed):
 ARM = "kr500_l480"
 TRIALS = {
     "noise_sensitivity": (noise.NoiseSettings(1, sigmas=tuple(x / 1e6 for x in SIGMAS)), of_noise),
-    "model_error": (disturbances.DisturbanceSettings(ARM, 1, sigma=40e-6), of_disturbances),
+    "model_error": (disturbed.DisturbanceSettings(ARM, 1, sigma=40e-6), of_disturbances),
     "which_model": (family.FamilySettings(ARM, 1), of_family),
     "regimes": (GRIDS, of_grids),
     "identifiability": (priors.PriorSettings(ARM, Scenario(arm=ARM), 1, 9, 9, 9, 9), of_priors),
-    "gravity_calibration": (calibration.CalibrationSettings(ARM, Scenario(arm=ARM), 50.0), of_calibration),
+    "gravity_calibration": (coverage.CalibrationSettings(ARM, Scenario(arm=ARM), 50.0), of_calibration),
 }
 """Settings and what makes the rows of a seed, by the name of the preset."""

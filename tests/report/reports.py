@@ -19,9 +19,9 @@ from testbench.report.figure import SOFT
 from testbench.report.page import page as html
 from testbench.report.report import read
 from testbench.report.table import Trials
-from testbench.runs.parquet import arrow_table, write_trials
 from testbench.runs.rows import columns, tabled
 from testbench.runs.spread import Spread, ends, middle
+from testbench.runs.store import arrow_table, write_trials
 from testbench.workflows.evaluation import Measured
 from testbench.workflows.workspace_errors import WorkspacePoses
 

@@ -5,9 +5,9 @@ import pytest
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.studies.bench.entries import DEFAULT, JOINTS
 from testbench.studies.bench.scores import errors, overall, standings
 from testbench.studies.bench.study import figures, report
+from testbench.studies.bench.tasks import DEFAULT, JOINTS
 from testbench.studies.bench.trial import DONE, SKIPPED, BenchSettings, EntryRow, covariance, half_widths
 from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow
 

@@ -15,7 +15,7 @@ from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, IDENTIFIED, LINEAR, NOWHERE, REAL
 from testbench.studies.compensation.study import LOOKS, figures, report
 from testbench.studies.compensation.trial import JobsRow
-from testbench.studies.rivals import DEFAULT_WITHOUT_CONE
+from testbench.studies.study import DEFAULT_WITHOUT_CONE
 
 SETTINGS, SEEDS, POINTS = s.CompensationSettings("kr500_l480", 300), range(300, 306), 10
 LEFT = {s.PERFECT: 1e-8, DEFAULT: 0.02, "Joints": 0.08, s.NOMINAL: 0.3, s.PRIOR: 0.7}

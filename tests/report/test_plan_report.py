@@ -16,12 +16,11 @@ from testbench.model.vjm import chain, tool_points
 from testbench.report import terminal
 from testbench.report.planned_poses import OURS, WORK, seen
 from testbench.report.table import Row
-from testbench.workflows.open_laws import OpenLaw
 from testbench.workflows.plan import Planned, plan_for
 from testbench.workflows.plan_input import FORCE_COLUMNS, read_loads, read_tasks
 from testbench.workflows.plan_numbers import _listed, numbers, plan_columns, write_poses, write_tasks
 from testbench.workflows.plan_settings import PlanSettings
-from testbench.workflows.predicted_error import Expected, Unloaded, Unshown
+from testbench.workflows.predicted_error import Expected, OpenLaw, Unloaded, Unshown
 
 TASKS = Path(__file__).resolve().parents[2] / "docs" / "tasks.csv"
 POSES, PULL = 5, (-500.0, 3000.0, 0.0)

@@ -11,8 +11,8 @@ from reports import check, check_forest, place_of, table_of
 from testbench.data.series import Series
 from testbench.identify.absolute.state import Mount, nominal_state
 from testbench.identify.registration import Frame
+from testbench.model.load import read_weights
 from testbench.model.vjm import tool_pose
-from testbench.model.weights import read_weights
 from testbench.report import colours
 from testbench.report.markdown import as_markdown, grid
 from testbench.report.schema import show

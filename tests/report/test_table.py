@@ -14,10 +14,10 @@ from testbench.report.markdown import Markdown
 from testbench.report.report import Report, read, say
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, aligned, matched, merged, plain
-from testbench.runs.parquet import arrow_table, write_trials
 from testbench.runs.rows import columns as row_columns
 from testbench.runs.rows import tabled
 from testbench.runs.spread import Spread
+from testbench.runs.store import arrow_table, write_trials
 
 
 @dataclass(frozen=True)

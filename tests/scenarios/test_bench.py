@@ -10,8 +10,7 @@ from run_here import ROOT, check_files, do, fine, numbers_alone
 from test_own_estimator import BAD, EXAMPLE, PAGE, TIMEOUT, WHY
 
 import testbench as tb
-from testbench.studies.bench.entries import FLOORS, read_entries
-from testbench.studies.bench.tasks import TASKS, problem
+from testbench.studies.bench.tasks import FLOORS, TASKS, problem, read_entries
 from testbench.workflows.cell import build_cell
 from testbench.workflows.evaluation import without_compliances
 from testbench.workflows.own_process import Limits, call_estimator

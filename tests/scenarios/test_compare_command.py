@@ -17,9 +17,9 @@ from testbench.report.join import differ
 from testbench.report.schema import Table
 from testbench.report.table import Trials, merged
 from testbench.runs import provenance as files
-from testbench.runs.parquet import arrow_table, write_trials
 from testbench.runs.rows import columns, tabled
 from testbench.runs.spread import Spread
+from testbench.runs.store import arrow_table, write_trials
 
 NAMES = {"Joints": "none", "MLS56": "none", "MGCO56": "psd", "MGCO56 + prior": "psd", "ALL153 + prior": "psd"}
 SIZES = dict(zip(NAMES, (0.3, 1.4, 0.6, 0.2, 0.1), strict=True))

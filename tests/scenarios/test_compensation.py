@@ -11,12 +11,11 @@ import pytest
 from pyarrow import parquet
 from run_here import app_of_study, check_files, here
 
-from testbench.correct.process import tangents
+from testbench.correct.stiffness import tangents
 from testbench.files.read_pairs import read_csv
 from testbench.identify.arm_model import model_of_estimate
-from testbench.model.load import on_joints
+from testbench.model.load import on_joints, read_weights
 from testbench.model.vjm import chain, tool_pose
-from testbench.model.weights import read_weights
 from testbench.plant.disturbance import TYPICAL
 from testbench.plant.disturbed import disturb
 from testbench.plant.tracker import trial_rng

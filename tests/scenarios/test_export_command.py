@@ -12,14 +12,14 @@ from own_urdf import own_urdf
 from run_here import do, fine, held, refused
 
 from testbench.arm.folder import load_arm
-from testbench.files.controller_files import STAMP
-from testbench.identify.absolute.noise import Noise
+from testbench.files.export_controller import STAMP
+from testbench.identify.absolute.scatter import Noise
 from testbench.identify.absolute.state import nominal_state
 from testbench.identify.arm_model import ArmModel, ModelOrigin
 from testbench.identify.posterior import Posterior
 from testbench.model.kinematics import build_vjm
+from testbench.model.load import Weights
 from testbench.model.structure import joints_only
-from testbench.model.weights import Weights
 from testbench.runs import provenance as files
 from testbench.workflows.arm_models import read_model, write_files
 

@@ -14,8 +14,7 @@ from testbench.identify.registered import register_dataset
 from testbench.report.table import rows as as_rows
 from testbench.workflows.absolute_truth import by_trackers
 from testbench.workflows.cell import Scenario, simulate
-from testbench.workflows.read_runs import read_frames, registration_row, to_base
-from testbench.workflows.registration_notes import registration_notes
+from testbench.workflows.read_runs import read_frames, registration_notes, registration_row, to_base
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM, POSES = ROOT / "models" / "kr500_l480", ROOT / "docs" / "poses.csv"

@@ -7,7 +7,7 @@ from run_here import app_of_study, check_files, quick_study
 from testbench.arm.folder import load_arm
 from testbench.files.read_pairs import read_csv
 from testbench.identify import gco, with_prior
-from testbench.identify.evaluate import deflections
+from testbench.identify.estimate import deflections
 from testbench.model.structure import mgco68
 from testbench.workflows.cell import Scenario, simulate
 from testbench.workflows.perturbed_prior import wrong_prior

@@ -4,8 +4,7 @@ import pytest
 from run_here import app_of_study, check_files, quick_study
 
 from testbench.plant.disturbance import Disturbances
-from testbench.studies.campaign.disturbances import DisturbanceSettings, disturbances
-from testbench.studies.campaign.disturbed import trials
+from testbench.studies.campaign.disturbed import DisturbanceSettings, disturbances, trials
 
 APP = app_of_study("model_error")
 quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", 2)

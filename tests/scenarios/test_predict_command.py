@@ -16,8 +16,8 @@ import testbench as tb
 from testbench.arm.mjcf import GRAVITY
 from testbench.cli.predict import report
 from testbench.errors import InputError
+from testbench.model.load import Weights
 from testbench.model.vjm import tool_pose
-from testbench.model.weights import Weights
 from testbench.report.schema import show
 from testbench.workflows.arm_models import write_stiffness
 from testbench.workflows.cell import Scenario, settle_both, simulate

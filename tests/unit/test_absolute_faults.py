@@ -23,7 +23,7 @@ from testbench.identify.diagnosis.diagnose import unplaced_series
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.series_checks import check_order
 from testbench.identify.prior import cad_prior
-from testbench.model.weights import read_weights
+from testbench.model.load import read_weights
 from testbench.workflows.absolute import calibrate_with_masses, raise_explanation
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.workflows.calibration_numbers import numbers, remaining_errors

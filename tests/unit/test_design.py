@@ -19,8 +19,7 @@ from testbench.design.criteria import (
 )
 from testbench.design.exchange import exchange, greedy
 from testbench.design.forecast import forecast
-from testbench.design.order import joint_travel, round_trip, shortest_path
-from testbench.design.planning import CandidateSet, choose_greedily
+from testbench.design.planning import CandidateSet, choose_greedily, joint_travel, round_trip, shortest_path
 from testbench.design.refine import Feasibility, Search, ascend_poses, refine_plan
 from testbench.design.relaxation import relax
 from testbench.design.rows import DesignProblem, information

@@ -8,7 +8,7 @@ from testbench.report.columns import columns
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials
 from testbench.runs.spread import spread
-from testbench.studies.headline import FEW, NOTHING, headline, warnings
+from testbench.studies.run import FEW, NOTHING, headline, warnings
 
 ROWS = [
     Row(name="other", error_mm=0.3, rms_um=9.0),

@@ -18,8 +18,8 @@ from testbench.identify.absolute.state import Mount, nominal_state
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import Frame
+from testbench.model.load import read_weights
 from testbench.model.structure import all153
-from testbench.model.weights import read_weights
 from testbench.report.table import Row
 from testbench.workflows import calibration_numbers
 from testbench.workflows.absolute import calibrate_with_masses

@@ -15,8 +15,8 @@ from testbench.identify.absolute.inseparable import level_frame, undetermined_fr
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import nominal_state
+from testbench.model.load import read_weights
 from testbench.model.vjm import tool_pose
-from testbench.model.weights import read_weights
 from testbench.workflows.absolute import calibrate_with_masses, position_errors
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 

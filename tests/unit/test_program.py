@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tables import write_table
 
 from testbench.correct.inverse import joints_along
-from testbench.correct.process import process_wrench
+from testbench.correct.stiffness import process_wrench
 from testbench.errors import InputError
 from testbench.files.program import read_program, unread_columns
 from testbench.files.write import write_program

@@ -16,9 +16,8 @@ from testbench.files.robot.robot import (
     ImportedSite,
     pose_of,
 )
-from testbench.workflows.beam import outer_diameter, triangles
 from testbench.workflows.new_arm import SPREAD, elastic_toml
-from testbench.workflows.propose import UserInputs, joint_compliance, propose
+from testbench.workflows.propose import UserInputs, joint_compliance, outer_diameter, propose, triangles
 
 Z = np.array([0.0, 0.0, 1.0])
 KNOWN = [  # payload [kg], stretched reach [m], joints counted from 0 and their compliances [1e-6 rad/(N m)]

@@ -15,9 +15,8 @@ import pytest
 from testbench.errors import BenchError, InputError
 from testbench.runs.engine import do_chunk
 from testbench.runs.experiment import TrialPlan
-from testbench.runs.parquet import series
 from testbench.runs.spread import Number, Share
-from testbench.runs.store import PARTS, WHOLE, open_store, write_parquet
+from testbench.runs.store import PARTS, WHOLE, open_store, series, write_parquet
 
 TOY = TrialPlan("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 
@@ -111,7 +110,7 @@ def test_columns_have_the_types_of_the_fields_even_without_a_value(tmp_path):
 
 
 def test_parquet_does_not_depend_on_order_or_where_it_stopped(tmp_path, monkeypatch):
-    monkeypatch.setattr("testbench.runs.parquet.GROUP", 1000)
+    monkeypatch.setattr("testbench.runs.store.GROUP", 1000)
     found = {s: [X(1000 * s + k) for k in range(900)] for s in TOY.seeds}
     written = []
     for name, order in (("a", [7, 8, 9, 10, 11]), ("b", [10, 7, 11, 9, 8])):

@@ -14,6 +14,7 @@ import numpy as np
 from testbench.errors import Array, InputError, shorten
 from testbench.files.robot.couple import Rows, chain_map, map_of
 from testbench.files.robot.equalities import Coupling
+from testbench.files.robot.meshes import combined
 from testbench.files.robot.mjcf import read_mjcf
 from testbench.files.robot.robot import (
     Body,
@@ -24,11 +25,10 @@ from testbench.files.robot.robot import (
     Robot,
     transform_points,
 )
-from testbench.files.robot.solids import combined
 from testbench.files.robot.source import read_xml
 from testbench.files.robot.tip import Tip, named_tips, path_to, usual_tip
 from testbench.files.robot.urdf import read_urdf
-from testbench.files.robot.weigh import weigh
+from testbench.files.robot.write import weigh
 
 MIN_JOINTS, MAX_JOINTS = 3, 9
 """Fewest and most moving joints of an arm."""

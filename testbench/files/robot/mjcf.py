@@ -19,7 +19,17 @@ import numpy as np
 from testbench.arm.document import inside
 from testbench.errors import Array, InputError
 from testbench.files.robot.equalities import couplings_of
-from testbench.files.robot.meshes import MAX_ALL_FACES, MeshError, Meshes, check_size, decimated, stl_bytes
+from testbench.files.robot.meshes import (
+    MAX_ALL_FACES,
+    MeshError,
+    Meshes,
+    check_size,
+    decimated,
+    hull_of,
+    outermost,
+    primitive,
+    stl_bytes,
+)
 from testbench.files.robot.robot import (
     Body,
     ImportedJoint,
@@ -31,7 +41,6 @@ from testbench.files.robot.robot import (
     pose_of,
     substitute_limits,
 )
-from testbench.files.robot.solids import hull_of, outermost, primitive
 from testbench.files.robot.source import MAX_ELEMENTS, read_xml
 from testbench.plant.build import HULL_CORNERS, REFUSED
 from testbench.plant.collide import VISUAL_GROUPS, body_name

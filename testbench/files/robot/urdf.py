@@ -23,7 +23,15 @@ from testbench.arm.document import inside, place_of, unique
 from testbench.arm.mjcf import numbers
 from testbench.errors import Array, InputError
 from testbench.files.robot.equalities import Coupling
-from testbench.files.robot.meshes import MAX_MESH_SIZE, MeshError, Meshes, check_size
+from testbench.files.robot.meshes import (
+    MAX_MESH_SIZE,
+    VISIBLE,
+    MeshError,
+    Meshes,
+    check_size,
+    plausible,
+    primitive,
+)
 from testbench.files.robot.robot import (
     Body,
     ImportedJoint,
@@ -34,7 +42,6 @@ from testbench.files.robot.robot import (
     pose_of,
     substitute_limits,
 )
-from testbench.files.robot.solids import VISIBLE, plausible, primitive
 from testbench.files.robot.source import UP, packages
 from testbench.files.robot.tip import ARM_JOINTS
 from testbench.plant.shapes import Kind

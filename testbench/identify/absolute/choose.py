@@ -24,11 +24,11 @@ from testbench.identify.absolute.evidence import (
 )
 from testbench.identify.absolute.pattern import find_pattern, wave_columns
 from testbench.identify.absolute.unknowns import Unknowns
-from testbench.identify.crossval import paired
 from testbench.identify.estimate import Constraint
 from testbench.identify.fold import ReducedReadings, SeriesBlock, sum_gram
 from testbench.identify.metric import PriorScaling, WeightedPrior
 from testbench.identify.prior import Strength
+from testbench.identify.trace import paired
 from testbench.progress import stepwise
 
 GEOMETRY = frozenset({"geometry shift", "geometry turn"})

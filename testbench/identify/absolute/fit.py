@@ -34,8 +34,8 @@ from testbench.identify.absolute.evidence import (
     learn_scales,
 )
 from testbench.identify.absolute.inner import apply_step, solve_step
-from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.scatter import (
+    Noise,
     distance,
     expected_of,
     pulls_of,
@@ -53,9 +53,9 @@ from testbench.identify.fold import Linearisation, ReducedReadings, reduce_serie
 from testbench.identify.metric import PriorScaling, scale_by_prior
 from testbench.identify.prior import Prior, Strength
 from testbench.model.joint_errors import ERROR_KINDS, JointErrors
+from testbench.model.load import Weights, read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm
-from testbench.model.weights import Weights, read_weights
 
 MAX_ORDER = 80
 """Highest order of periodic joint errors that is tried, per turn."""

@@ -17,9 +17,8 @@ from testbench.display import Displayed
 from testbench.errors import Array, BenchError, NoEquilibrium
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors, basis
-from testbench.model.load import Load, on_joints
+from testbench.model.load import Load, Weights, on_joints, own_weight
 from testbench.model.vjm import Chain, Vjm, chain
-from testbench.model.weights import Weights, own_weight
 
 ROWS_AT_ONCE = 500
 """Rows whose Jacobian is in memory at a time."""

@@ -14,8 +14,8 @@ import numpy as np
 
 from testbench.data.series import Series
 from testbench.errors import Array
+from testbench.model.load import Weights, weight_columns
 from testbench.model.vjm import Vjm, chain, generalised_load
-from testbench.model.weights import Weights, weight_columns
 
 MASS = 0.3  #: Prior standard deviation of a mass, relative to rigid.xml's [1].
 CENTRE = 0.1  #: Of a first moment, over the mass: how far a centre may be off [m].

@@ -12,7 +12,7 @@ import numpy as np
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError, Ids
 from testbench.identify.absolute.align import read_only
-from testbench.identify.absolute.noise import Noise
+from testbench.identify.absolute.scatter import Noise
 from testbench.identify.absolute.state import ArmState
 from testbench.identify.diagnosis.hypothesis import Issue, undo_one_by_one
 from testbench.identify.diagnosis.steps import best, nuisance_model, with_shift

@@ -31,10 +31,10 @@ from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.kinematics import FreeParameters, Observations, fit
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior
+from testbench.model.load import own_weight, read_weights
 from testbench.model.loaded import displacement
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain
-from testbench.model.weights import own_weight, read_weights
 
 ROWS = 150  #: Rows of a series, evenly out of more, that are fitted.
 STUCK = (

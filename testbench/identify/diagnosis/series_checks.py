@@ -8,7 +8,7 @@ import numpy as np
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.align import Misfit
-from testbench.identify.absolute.noise import Noise
+from testbench.identify.absolute.scatter import Noise
 from testbench.identify.absolute.state import ArmState
 from testbench.identify.diagnosis.kinematics import ROWS, of_series
 from testbench.identify.diagnosis.screens import slip

@@ -24,7 +24,7 @@ from testbench.identify.absolute.evidence import (
     active_prior,
     default_scales,
 )
-from testbench.identify.absolute.noise import Noise, weights
+from testbench.identify.absolute.scatter import Noise, weights
 from testbench.identify.absolute.state import ArmState
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.diagnosis.hypothesis import Issue, Score, score_test

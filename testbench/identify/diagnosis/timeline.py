@@ -22,9 +22,9 @@ from testbench.identify.diagnosis.moves import places
 from testbench.identify.diagnosis.steps import chance, most_significant_step, nuisance_model, with_shift
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior
+from testbench.model.load import Weights, read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_points
-from testbench.model.weights import Weights, read_weights
 
 CHANCE = 0.05
 """Chance of a step as clear anywhere in readings without one, from which it is no doubt."""

@@ -17,9 +17,8 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup
 
 from testbench.errors import Array
-from testbench.files.robot.meshes import decimated
+from testbench.files.robot.meshes import decimated, hull_of
 from testbench.files.robot.robot import Surface
-from testbench.files.robot.solids import hull_of
 from testbench.plant.shapes import BodyFrames, Shape, corners, quaternions, visual_shapes
 from testbench.report.colours import SCALE, Look, hexadecimal
 from testbench.report.markdown import ReportWords, as_plain

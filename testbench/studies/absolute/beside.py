@@ -9,8 +9,8 @@ from testbench.errors import Array, Ids
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import ErrorScales, activate, gram_of_active, solve_active
 from testbench.identify.absolute.fit import Calibration, LinearisedReadings
-from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.posterior import RegisteredSeries, posterior_of
+from testbench.identify.absolute.scatter import Noise
 from testbench.identify.absolute.state import ArmState
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.fold import Linearisation, reduce_series

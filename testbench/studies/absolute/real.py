@@ -40,7 +40,7 @@ from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged
 from testbench.studies.absolute.joint_effects import approach, drift, effect_rows, joint_rows
 from testbench.studies.calibration_scene import amid_errors
-from testbench.studies.headline import READ, headline
+from testbench.studies.run import READ, headline
 from testbench.studies.study import Run, Study
 from testbench.workflows.absolute import (
     FRAME_POSES,

@@ -18,7 +18,7 @@ from testbench.identify.absolute.fit import Calibration, linearise_readings, sel
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
 from testbench.identify.absolute.posterior import inside_ellipsoid, model_of, posterior_of, predict
 from testbench.plant.build import build_plant
-from testbench.plant.gear import GearErrors
+from testbench.plant.disturbance import GearErrors
 from testbench.plant.tracker import Tracker, read_positions, trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.report import colours
@@ -34,7 +34,7 @@ from testbench.report.table import Row, Trials, number
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, span, spread
 from testbench.studies.absolute.beside import Held, optimum_mm, registered, score_intervals, true_state
 from testbench.studies.calibration_scene import amid_errors
-from testbench.studies.headline import FEW, READ, headline
+from testbench.studies.run import FEW, READ, headline
 from testbench.studies.study import Run, Study
 from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
 from testbench.workflows.cell import Cell, build_cell, clear_poses, true_cell

@@ -8,7 +8,7 @@ from scipy.stats import rankdata
 from testbench.errors import Array
 from testbench.report.table import Row, Trials, number
 from testbench.runs.spread import TAIL, spread
-from testbench.studies.bench.entries import DEFAULT, JOINTS
+from testbench.studies.bench.tasks import DEFAULT, JOINTS
 from testbench.studies.bench.trial import DONE, SKIPPED
 from testbench.workflows.rows import FAILED
 

@@ -15,11 +15,10 @@ from testbench.report.schema import Table
 from testbench.report.table import Row, Trials
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.studies.bench import scores, trial
-from testbench.studies.bench.entries import DEFAULT, JOINTS
-from testbench.studies.bench.tasks import REAL, TASKS
+from testbench.studies.bench.tasks import DEFAULT, JOINTS, REAL, TASKS
 from testbench.studies.bench.trial import BenchSettings, EntryRow
 from testbench.studies.campaign.report import dataset
-from testbench.studies.headline import READ, headline
+from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
 from testbench.workflows.rows import FAILED
 

@@ -2,13 +2,17 @@
 
 A task never changes under its version. Poses, loads, the true arm, what disturbs it, the noise and the errors
 of the prior come of the seed.
+
+Entries of the bench: files with a function `estimate`, among them those that stand in every table.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
+from testbench.arm.folder import PACKAGE
 from testbench.data.dataset import Dataset
 from testbench.data.series import select_rows
 from testbench.errors import Array
@@ -24,15 +28,41 @@ from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.disturbance import Disturbances
 from testbench.plant.tracker import trial_rng
 from testbench.studies.absolute.real import LINKS, SPRINGS, read
-from testbench.studies.campaign.disturbances import ALL, disturbances
-from testbench.studies.campaign.disturbed import disturbed
+from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
 from testbench.studies.campaign.trial import reread
 from testbench.workflows.absolute import FRAME_POSES, evenly_spaced_rows
 from testbench.workflows.absolute_truth import by_trackers
 from testbench.workflows.cell import Cell, Scenario, draw_poses, simulate_at, true_cell
+from testbench.workflows.own_estimator import read_estimators
+from testbench.workflows.own_process import SUFFIX, EstimatorSource, Limits
 from testbench.workflows.perturbed_prior import prior_of
 from testbench.workflows.plan_input import Place
 from testbench.workflows.pose_campaign import FullPose, simulate
+
+DEFAULT = "default"  #: What identify does by default, with the class's prior.
+JOINTS = "joints"
+FLOORS = (JOINTS, "least-squares", "ridge", "prior")
+"""Files of `entries/` that stand in every table: to be worse is to be of no use."""
+FOLDERS = (PACKAGE / "entries", PACKAGE.parent / "entries")
+"""Where ours are: a wheel brings them inside the package."""
+
+
+def read_entries(asked: Sequence[str], limits: Limits) -> tuple[EstimatorSource, ...]:
+    """The floors, then the others asked for, FILE.py or as `--estimator`; raises as `read_estimators`."""
+    folder = next((folder for folder in FOLDERS if folder.is_dir()), FOLDERS[-1])
+    floors = [folder / f"{name}{SUFFIX}" for name in FLOORS]
+    others = [text for text in asked if Path(text).resolve() not in floors]
+    return read_estimators(
+        [*map(_full, map(str, floors)), *map(_full, others)], limits, (DEFAULT,), "ENTRY.py"
+    )
+
+
+def _full(text: str) -> str:
+    """An entry as `--estimator` has it: a file alone is called by its stem, or as it is named."""
+    if not text.endswith(SUFFIX):
+        return text
+    return f"{text}:estimate" if "=" in text else f"{Path(text).stem}={text}:estimate"
+
 
 HEAVY, SIX_AXES, REAL = "kr500_l480", "arm_6r", "ur10"
 JUDGED = 100  #: Poses of a weight's deflections that judge, never measured.

@@ -13,13 +13,11 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.files.write import csv_text
-from testbench.identify.estimate import Constraint, is_conservative
-from testbench.identify.evaluate import deflections, score
+from testbench.identify.estimate import Constraint, deflections, is_conservative, score
 from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.identify.prior import Prior
 from testbench.runs.spread import Number, Share
-from testbench.studies.bench.entries import DEFAULT, read_entries
-from testbench.studies.bench.tasks import TASKS, BenchProblem, observation_of, problem
+from testbench.studies.bench.tasks import DEFAULT, TASKS, BenchProblem, observation_of, problem, read_entries
 from testbench.studies.campaign.trial import LEARNS, Cover, cover, covers
 from testbench.workflows.cell import build_cell
 from testbench.workflows.evaluation import without_compliances

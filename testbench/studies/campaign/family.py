@@ -15,7 +15,7 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset, select
 from testbench.identify import Estimate, least_squares
-from testbench.identify.evaluate import all_deflections
+from testbench.identify.estimate import all_deflections
 from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_parts
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior
@@ -32,7 +32,7 @@ from testbench.studies.campaign.trial import (
     reread,
     score_cases,
 )
-from testbench.studies.rivals import plain_models, without_cone
+from testbench.studies.study import plain_models, without_cone
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
 from testbench.workflows.model_selection import choose_model, with_priors

@@ -15,7 +15,7 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify import reduce
-from testbench.identify.evaluate import all_deflections
+from testbench.identify.estimate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import RANK_TOLERANCE, Regression
 from testbench.identify.solve import solve
@@ -23,7 +23,7 @@ from testbench.model.structure import all153, joints_only, mgco47, mgco68, templ
 from testbench.model.vjm import Vjm
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import TRUTHS
-from testbench.studies.campaign.compared import Compared, with_prior, without_prior
+from testbench.studies.campaign.report import Compared, with_prior, without_prior
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Fits,

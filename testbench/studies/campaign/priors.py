@@ -29,7 +29,7 @@ from testbench.studies.estimators.stein import (
     gco_stein,
     stein_parameters,
 )
-from testbench.studies.rivals import plain_models
+from testbench.studies.study import plain_models
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import (
     Campaign,

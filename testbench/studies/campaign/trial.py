@@ -18,11 +18,11 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify import Constraint, Estimate, intervals
-from testbench.identify.evaluate import DeflectionErrors, all_deflections, score
+from testbench.identify.estimate import DeflectionErrors, all_deflections, score
 from testbench.identify.posterior import CONFIDENCE
 from testbench.plant.tracker import Tracker, read_orientations, read_positions
 from testbench.runs.spread import Share
-from testbench.studies.rivals import plain_models, without_cone
+from testbench.studies.study import plain_models, without_cone
 from testbench.workflows.cell import Cell, Truth
 from testbench.workflows.evaluation import fit_or_rigid, has_failed
 from testbench.workflows.model_selection import with_priors

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.folder import find_arm
 from testbench.correct.inverse import joints_along
-from testbench.correct.process import process_wrench
+from testbench.correct.stiffness import process_wrench
 from testbench.design.planning import make_plan
 from testbench.design.refine import Feasibility
 from testbench.design.rows import MeasurementSetup, Specification, Tasks

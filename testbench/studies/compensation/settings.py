@@ -11,7 +11,7 @@ from pydantic import Field
 from testbench.arm.folder import find_arm
 from testbench.errors import BenchError
 from testbench.model.poses import WorkArea
-from testbench.studies.rivals import DEFAULT_WITHOUT_CONE
+from testbench.studies.study import DEFAULT_WITHOUT_CONE
 from testbench.workflows.models import JOINTS
 
 NAME = "compensation"

@@ -24,9 +24,8 @@ from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.plans import FORCE_RANGE, jobs, prepare
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, NOWHERE, REAL, Way
 from testbench.studies.compensation.trial import JobsRow, tasks_of, trials
-from testbench.studies.headline import READ, headline, warnings
-from testbench.studies.rivals import DEFAULT_WITHOUT_CONE
-from testbench.studies.study import Run, Study
+from testbench.studies.run import READ, headline, warnings
+from testbench.studies.study import DEFAULT_WITHOUT_CONE, Run, Study
 from testbench.workflows.cell import build_cell, true_cell
 from testbench.workflows.models import JOINTS, WITHOUT_CONE
 from testbench.workflows.rows import MM, UM

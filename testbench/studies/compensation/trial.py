@@ -27,8 +27,8 @@ from testbench.identify.arm_model import (
 )
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior
+from testbench.model.load import read_weights
 from testbench.model.structure import all153
-from testbench.model.weights import read_weights
 from testbench.plant.disturbance import TYPICAL
 from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import ArmEquilibrium, solve_unloaded_and_loaded
@@ -37,7 +37,7 @@ from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.plans import TIP, drawn, jobs, loads, tasks
 from testbench.studies.compensation.settings import CompensationSettings, Way
-from testbench.studies.rivals import without_cone
+from testbench.studies.study import without_cone
 from testbench.workflows.cell import (
     Cell,
     LoadedPoses,

@@ -17,7 +17,6 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.conic import EXACT_FIT, norms_below, solve_gco
-from testbench.identify.crossval import Fold, divide_poses, folds
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.fold import reduce_parts
 from testbench.identify.interior import BlockProgram, interior
@@ -25,6 +24,7 @@ from testbench.identify.metric import Case, PriorScaling, WeightedPrior, weighte
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression, f_m
 from testbench.identify.solve import solve_with_prior
+from testbench.identify.trace import Fold, divide_poses, folds
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 

@@ -10,10 +10,10 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm, load_arm
-from testbench.correct.rest import equilibrium
+from testbench.correct.newton import equilibrium
 from testbench.errors import Array
 from testbench.identify.arm_model import elastic_state
-from testbench.model.load import Load
+from testbench.model.load import Load, no_weights
 from testbench.model.loaded import (
     displacement,
     geometric_stiffness,
@@ -23,7 +23,6 @@ from testbench.model.loaded import (
 from testbench.model.poses import WorkArea
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
-from testbench.model.weights import no_weights
 from testbench.plant.build import Plant, weightless
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.tracker import trial_rng
@@ -35,8 +34,8 @@ from testbench.report.figure import Figure, sweeps
 from testbench.report.report import Report, say
 from testbench.report.schema import Table, pivot
 from testbench.report.table import Row, Trials
-from testbench.studies.headline import READ, headline
 from testbench.studies.paper.verdicts import comparison, verdict_table
+from testbench.studies.run import READ, headline
 from testbench.studies.study import Run, Study
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Cell, build_cell, clear_poses

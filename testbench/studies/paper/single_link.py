@@ -31,10 +31,9 @@ from testbench.report.report import Report, say
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, aligned, merged, nested
 from testbench.runs.spread import wins
-from testbench.studies.headline import READ, headline, warnings
 from testbench.studies.paper.factorised import every_order, order_range
-from testbench.studies.paper.published import EQ_22, EQ_23
-from testbench.studies.paper.verdicts import comparison, statement_row, verdict_table
+from testbench.studies.paper.verdicts import EQ_22, EQ_23, comparison, statement_row, verdict_table
+from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import Study
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.cell import measure_markers as read

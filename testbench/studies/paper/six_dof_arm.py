@@ -22,12 +22,17 @@ from testbench.report.schema import Table, best_of
 from testbench.report.table import Row, Trials, aligned, merged
 from testbench.runs.spread import wins
 from testbench.studies.calibration_scene import calibration_scene, write_runs
-from testbench.studies.headline import READ, headline, warnings
 from testbench.studies.paper.factorised import every_order
-from testbench.studies.paper.published import SECTION_5_2
-from testbench.studies.paper.verdicts import comparison, nearly, number, statement_row, verdict_table
-from testbench.studies.rivals import plain_models
-from testbench.studies.study import Run, Study
+from testbench.studies.paper.verdicts import (
+    SECTION_5_2,
+    comparison,
+    nearly,
+    number,
+    statement_row,
+    verdict_table,
+)
+from testbench.studies.run import READ, headline, warnings
+from testbench.studies.study import Run, Study, plain_models
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Truth, build_cell
 from testbench.workflows.evaluation import CampaignRow, campaign_rows, identify, score_estimate

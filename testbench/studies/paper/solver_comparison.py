@@ -29,7 +29,6 @@ from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import most
 from testbench.studies.estimators.modelled import cvxpy, modelled
-from testbench.studies.headline import READ, headline
 from testbench.studies.paper.factorised import (
     CLOSE,
     MAX_ORDER,
@@ -45,6 +44,7 @@ from testbench.studies.paper.factorised import (
 from testbench.studies.paper.search import Budget, explore
 from testbench.studies.paper.six_dof_arm import TUBES
 from testbench.studies.paper.verdicts import statement_row, verdict_table
+from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
 from testbench.workflows.cell import Campaign, Cell, build_cell
 from testbench.workflows.evaluation import CampaignRow, campaign_rows, score_estimate

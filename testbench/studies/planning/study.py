@@ -20,7 +20,6 @@ from testbench.report.scene import ModelLine, PageContent, PlaceMap, Scene
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import ends, independent, middle, span, wins
-from testbench.studies.headline import READ, headline, warnings
 from testbench.studies.planning import settings as s
 from testbench.studies.planning import trial
 from testbench.studies.planning.plans import prepare
@@ -33,6 +32,7 @@ from testbench.studies.planning.settings import (
     WHOLE,
     PlanningSettings,
 )
+from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import Run, Study
 from testbench.workflows.cell import build_cell
 from testbench.workflows.perturbed_prior import SCALE, SHAPE, UNCERTAINTY

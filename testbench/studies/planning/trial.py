@@ -11,13 +11,12 @@ import numpy as np
 
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
-from testbench.design.forecast import inflate_intervals
+from testbench.design.forecast import forecast_on, inflate_intervals
 from testbench.design.rows import MeasurementSetup, Specification, Tasks
-from testbench.design.whole_arm import forecast_on
 from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify import Estimate
-from testbench.identify.evaluate import all_deflections
+from testbench.identify.estimate import all_deflections
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior, Strength
 from testbench.model.laws import without_laws

@@ -15,12 +15,11 @@ from testbench.report.scene import PageContent
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged
 from testbench.studies.calibration_scene import calibration_scene, write_runs
-from testbench.studies.campaign import calibration
-from testbench.studies.campaign.calibration import CalibrationSettings, Options
+from testbench.studies.campaign import coverage
+from testbench.studies.campaign.coverage import CalibrationSettings, Options
 from testbench.studies.campaign.report import PAIRS, Preset, TrialTable, Where
 from testbench.studies.paper import SECTION_6
-from testbench.studies.rivals import IN_PAPER
-from testbench.studies.study import Run
+from testbench.studies.study import IN_PAPER, Run
 from testbench.workflows.cell import build_cell, true_cell
 from testbench.workflows.evaluation import CampaignRow
 from testbench.workflows.model_selection import DEFAULT
@@ -137,10 +136,10 @@ PRESET = Preset(
     question="Which stiffness model predicts best how an arm sags under a hung weight?",
     how="Runs in 11 poses, three markers; 8 poses identify, 3 check; judged over the workspace.",
     options=Options,
-    settings=calibration.settings,
+    settings=coverage.settings,
     seeds=(1, 10_000),
     row=CampaignRow,
-    trials=calibration.trials,
+    trials=coverage.trials,
     tables=tables,
     printed="short",
     cells=cells,

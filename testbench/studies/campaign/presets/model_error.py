@@ -11,16 +11,18 @@ from testbench.report.figure import Figure, ranges
 from testbench.report.report import Report
 from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged, number
 from testbench.runs.spread import middle, wins
-from testbench.studies.campaign import disturbances, disturbed
-from testbench.studies.campaign.disturbances import (
+from testbench.studies.campaign import disturbed
+from testbench.studies.campaign.disturbed import (
     ALL,
+    BESIDE_IT,
+    IN_FAMILY,
     NONE,
     PLAIN_COMPENSATOR,
     STIFF,
     DisturbanceOptions,
     DisturbanceSettings,
+    DisturbedRow,
 )
-from testbench.studies.campaign.disturbed import BESIDE_IT, IN_FAMILY, DisturbedRow
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, lines
 from testbench.workflows.model_selection import DEFAULT, FILLED
 from testbench.workflows.models import JOINTS
@@ -146,7 +148,7 @@ PRESET = Preset(
     how="An arm in the poses and under the weight of section 6, judged in poses never measured, without "
     "noise and with it.",
     options=DisturbanceOptions,
-    settings=disturbances.settings,
+    settings=disturbed.settings,
     seeds=(100, 2),
     row=DisturbedRow,
     trials=disturbed.trials,

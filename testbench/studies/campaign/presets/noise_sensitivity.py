@@ -10,11 +10,18 @@ from testbench.report.figure import Figure, sweeps
 from testbench.report.report import Report
 from testbench.report.table import TRIAL, Row, Trials, matched
 from testbench.studies.campaign import noise
-from testbench.studies.campaign.instruments import UNWEIGHTED, WEIGHTED
-from testbench.studies.campaign.noise import HEAVY, INSTRUMENT, LIGHT, NoiseOptions, NoiseSettings
+from testbench.studies.campaign.noise import (
+    HEAVY,
+    INSTRUMENT,
+    LIGHT,
+    UNWEIGHTED,
+    WEIGHTED,
+    NoiseOptions,
+    NoiseSettings,
+)
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, duels, lines
 from testbench.studies.campaign.trial import CampaignFitRow
-from testbench.studies.rivals import DEFAULT_WITHOUT_CONE
+from testbench.studies.study import DEFAULT_WITHOUT_CONE
 from testbench.workflows.model_selection import DEFAULT
 from testbench.workflows.models import EQUAL_FIT, JOINTS
 
