@@ -53,7 +53,8 @@ def grid(table: Table) -> RichTable:
     table = with_fewer_columns(table)
     found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
     for k, column in enumerate(table.columns):
-        found.add_column(_head(column), justify="right" if k else "left", no_wrap=True)
+        words = all(isinstance(column.value(row), str) for row in table.rows)
+        found.add_column(_head(column), justify="left" if words or not k else "right", no_wrap=True)
     for row in table.rows:
         first, *others = (_end(column, row) for column in table.columns)
         marked = table.marks(row)

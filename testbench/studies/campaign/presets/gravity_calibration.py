@@ -19,7 +19,7 @@ from testbench.studies.campaign import coverage
 from testbench.studies.campaign.coverage import CalibrationSettings, Options
 from testbench.studies.campaign.report import PAIRS, Preset, TrialTable, Where
 from testbench.studies.paper import SECTION_6
-from testbench.studies.study import IN_PAPER, Run
+from testbench.studies.study import DEFAULT_WITHOUT_CONE, IN_PAPER, Run
 from testbench.workflows.cell import build_cell, true_cell
 from testbench.workflows.evaluation import CampaignRow
 from testbench.workflows.model_selection import DEFAULT
@@ -34,7 +34,16 @@ PANES = {
     "check.rms_mm": "check poses, against readings",
 }
 """Columns that are drawn, where it matters first."""
-SHORT = f"name parameters rank conservative check.rms_mm {TRUE}"
+SHORT = f"name meaning conservative {TRUE}"
+MEANINGS = {
+    DEFAULT: "GCO of all, learnt prior: default",
+    DEFAULT_WITHOUT_CONE: "the default without its cone",
+    JOINTS: "rigid links: the usual model",
+    "MGCO56": "GCO of beams, learnt weight",
+    f"MGCO56{IN_PAPER}": "GCO of beams, as in the paper",
+    "MLS56": "least squares of beams",
+}
+"""The models that are printed, in this order, and what they are."""
 MODELS = (
     "name parameters rank conservative status f_m f_m_floor identification.rms_mm check.rms_mm "
     f"check_true.rms_mm check.max_mm check.max_relative_percent {TRUE}"
@@ -46,7 +55,7 @@ def tables(asked: CalibrationSettings) -> Mapping[str, TrialTable]:
     """Every model, those that differ in short, and by true arm."""
     whole = _models(PAPER if asked.scenario.arm == PAPERS_ARM else {})
     return {
-        "short": TrialTable("", columns=SHORT, rows=lambda trials: distinct(_models({})(trials))),
+        "short": TrialTable("", columns=SHORT, rows=_printed),
         "models": TrialTable("", columns=MODELS, rows=whole),
         "by_arm": TrialTable(
             "RMS error over the workspace by true arm, mm",
@@ -55,6 +64,14 @@ def tables(asked: CalibrationSettings) -> Mapping[str, TrialTable]:
             rows=lambda trials: campaigns.by_arm(trials, TRUE),
         ),
     }
+
+
+def _printed(trials: Trials) -> Sequence[Row]:
+    """Select the rows that tell the story, and those of the user; all of an arm that names others."""
+    models = {m.name: m for m in distinct(_models({})(trials))}
+    listed = [name for name in (*MEANINGS, *campaigns.user_estimators([*models.values()])) if name in models]
+    names = listed if len(listed) > 2 else models
+    return [Row(models[name], meaning=MEANINGS.get(name, "")) for name in names]
 
 
 def _models(paper: Mapping[str, Mapping[str, float]]) -> Callable[[Trials], Sequence[Row]]:
