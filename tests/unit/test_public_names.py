@@ -13,7 +13,7 @@ import pytest
 import testbench as tb
 from testbench.identify import Method
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "api.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).resolve().parents[2]
 HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "numpy"}
 
 
@@ -91,11 +91,13 @@ def test_what_is_public_shows_itself_in_a_line_and_in_a_small_table(cell):
     assert "<th>unknowns</th><td>56</td>" in estimate._repr_html_()
 
 
-def test_the_loop_of_the_page_runs_and_prints_what_the_page_says(tmp_path, monkeypatch, capsys):
-    """From readings to a corrected program: every step takes what the one before returns."""
+@pytest.mark.parametrize("page", ["README.md", "docs/api.md"])
+def test_the_python_of_a_page_runs_and_prints_what_the_page_says(page, tmp_path, monkeypatch, capsys):
+    """From readings to an estimate, and on to a corrected program."""
     monkeypatch.chdir(tmp_path)
-    exec(compile(re.search(r"```python\n(.*?)```", PAGE, re.DOTALL)[1], "api.md", "exec"), {})
-    said, told = capsys.readouterr().out, re.search(r"```text\n(.*?)```", PAGE, re.DOTALL)[1]
+    text = (ROOT / page).read_text(encoding="utf-8")
+    exec(compile(re.search(r"```python\n(.*?)```", text, re.DOTALL)[1], page, "exec"), {})
+    said, told = capsys.readouterr().out, re.search(r"```text\n(.*?)```", text, re.DOTALL)[1]
     number = re.compile(r"-?\d+\.\d+")
     assert number.sub("", said) == number.sub("", told)
     shown, found = ([float(x) for x in number.findall(text)] for text in (told, said))
