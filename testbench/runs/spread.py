@@ -230,17 +230,6 @@ def span(trials: int) -> str:
     return "5 % to 95 %" if trials >= MIN_PERCENTILE_TRIALS else "range"
 
 
-def most_trials(trials: int) -> str:
-    """In how many of so many trials something holds that holds at an end of their spread."""
-    return (
-        f"95 % of {trials} trials"
-        if trials >= MIN_PERCENTILE_TRIALS
-        else "the trial"
-        if trials == 1
-        else f"all {trials} trials"
-    )
-
-
 def twins_once(texts: Sequence[Sequence[str]]) -> tuple[str, ...]:
     """Sentences of several trials, each once; of those that differ in numbers alone one with their ranges."""
     kinds: dict[str, list[tuple[str, int]]] = {}
