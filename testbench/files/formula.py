@@ -1,4 +1,4 @@
-"""What a spreadsheet would compute begins with an apostrophe in our files, which is taken away again."""
+"""Apostrophe before text that a spreadsheet would compute: written to our files, removed on reading."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What every report of a study says first, in the same words: the numbers behind its badge, and warnings."""
+"""Headline of every study's report, in the same words: the numbers behind its badge, and warnings."""
 
 from collections import Counter
 

@@ -1,4 +1,4 @@
-"""What stands beside the default in every study: what it is without the cone, and LS that is held down."""
+"""Rivals of the default in every study: the default without its cone, and restrained least squares."""
 
 from collections.abc import Sequence
 from dataclasses import replace

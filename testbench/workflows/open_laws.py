@@ -1,4 +1,4 @@
-"""Which laws of joints a plan's readings leave open, and which further readings would tell them."""
+"""Laws of joints that a plan's readings do not determine, and further readings that would."""
 
 from dataclasses import dataclass, replace
 

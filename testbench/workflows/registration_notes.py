@@ -1,4 +1,4 @@
-"""What was found out about frames and targets of measured runs, in words."""
+"""Notes on the frames and targets of measured runs, in sentences."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What is tried: which disturbances, how large, on which true arms."""
+"""Settings of the study of disturbances: which ones, how large, on which true arms."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What the model does not know: each disturbance of the true arm alone and all together, beside the noise.
+"""Trials with disturbances that the model does not know: each alone and all together, beside the noise.
 
 The KR 500 under its payload, the poses of section 6; the links weigh only where a case says so. The arm is
 identified while it is disturbed; it is judged all over the workspace by deflections of the same disturbed arm

@@ -1,4 +1,4 @@
-"""What the paper says, to stand beside ours: its numbers of sections 5.1, 5.2 and 6."""
+"""The paper's numbers of sections 5.1, 5.2 and 6, to compare with ours."""
 
 SECTION_6: dict[str, dict[str, float]] = {
     "MLS32": {"identification_rms_mm": 0.107},
