@@ -362,8 +362,8 @@ def _split(rows: list[Array], back: Array, belief: WeightedPrior, L: Array) -> t
 
     With M the rows A of the readings above those B of the prior, the covariance is (M^T M)^-1 (A^T A + B^T B)
     (M^T M)^-1: the effect of noise on the estimate, and that of an error of the prior. Learnt sizes of these
-    errors are uncertain: by the law of total variance their mean squares count, rows of B times `unsure`. The
-    changes of the estimate with the sizes are further rows.
+    errors are uncertain: by the law of total variance their mean squares count, rows of B times
+    `size_uncertainty`. The changes of the estimate with the sizes are further rows.
     """
     assert belief.hyperparameter_effect is not None
     assert belief.size_uncertainty is not None
