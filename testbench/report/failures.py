@@ -1,4 +1,4 @@
-"""Estimators of one's own that failed in some trials of a study: counted, and out of its other numbers."""
+"""User estimators that failed in some trials of a study: counted, and left out of its other numbers."""
 
 from collections import Counter
 from collections.abc import Mapping
