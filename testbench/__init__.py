@@ -2,7 +2,7 @@
 
     import testbench as tb
 
-Every name below is imported from its room when it is first asked for.
+Every name below is imported from its module when it is first used.
 """
 
 from importlib import import_module

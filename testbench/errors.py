@@ -1,4 +1,4 @@
-"""Exceptions and checks that all rooms share: few exception types; arrays checked for shape and finiteness.
+"""Exceptions and checks of all packages: few exception types; arrays checked for shape and finiteness.
 
 Readers of user files open them here, so that devices, pipes and oversized files are refused in one place.
 """

@@ -76,7 +76,7 @@ def _counted(chunks: Chunks) -> Iterator[int]:
 
 
 Kinds = Mapping[str, Mapping[str, str]]
-"""What every column of every table holds, see `trials.tables.kinds`."""
+"""What every column of every table holds, see `runs.tables.kinds`."""
 HERE = Path(__file__).with_name("public_dataset")
 TYPES = {"int64": "sc:Integer", "double": "cr:Float64", "string": "sc:Text"}
 MEDIA = {".parquet": "application/x-parquet", ".md": "text/markdown", ".json": "application/json"}

@@ -1,4 +1,4 @@
-"""testbench compare RUN_A RUN_B: what two runs were given otherwise, and which of them errs less."""
+"""testbench compare RUN_A RUN_B: which inputs of two runs differ, and which run errs less."""
 
 import json
 from collections.abc import Sequence

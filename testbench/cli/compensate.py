@@ -1,4 +1,4 @@
-"""testbench compensate MODEL PROGRAM.csv --out CORRECTED.csv: joints that put the loaded tool right."""
+"""testbench compensate MODEL PROGRAM.csv --out CORRECTED.csv: joints that bring the tool to its target."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

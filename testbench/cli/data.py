@@ -1,4 +1,4 @@
-"""testbench data check ARM FILE: what is in a file of measured runs, and how it was understood."""
+"""testbench data check and data map: contents of a file of readings, and the map that reads it."""
 
 import re
 from collections.abc import Iterator, Sequence

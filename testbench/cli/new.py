@@ -1,4 +1,4 @@
-"""testbench new ARM_NAME --from FILE: a robot's URDF or MJCF as an arm's folder."""
+"""testbench new NAME --from FILE: a robot's URDF or MJCF as an arm's folder."""
 
 import json
 import re
@@ -101,7 +101,7 @@ def read_user_inputs(
     Args:
         payload_kg: Rated payload [kg].
         tool: x,y,z of the tool from the tip in m; or with rx,ry,rz in degrees, turns about the tip's x, y, z.
-        markers: ARM_NAME=x,y,z in the tool's frame in m, each.
+        markers: NAME=x,y,z in the tool's frame in m, each.
         load: x,y,z of the load point in the tool's frame in m.
 
     Raises:

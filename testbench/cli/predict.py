@@ -1,4 +1,4 @@
-"""testbench predict MODEL POSES.csv --out DIR: where loads bring the tool, how sure, how stiff it is."""
+"""testbench predict MODEL POSES.csv --out DIR: deflections under loads, intervals, stiffness."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What the command line consists of, each command imported when it is asked for."""
+"""The commands of the command line, each imported when it is called."""
 
 import os
 from collections.abc import Sequence

@@ -21,7 +21,7 @@ rotation is reported. Where joints are redundant, d is the shortest.
 
 Static equilibrium of the loaded arm in any number of poses, computed in batches that are joined.
 
-All predictions and corrections of this room start from `equilibrium`.
+All predictions and corrections of this package start from `equilibrium`.
 """
 
 from collections.abc import Iterator, Sequence

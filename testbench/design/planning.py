@@ -1,6 +1,6 @@
 """A measurement plan: from candidate poses to those that pay, with certificate, forecast and order.
 
-`make_plan` joins the parts of this room: relaxation, exchange, local refinement, order of measuring. The
+`make_plan` joins the parts of this package: relaxation, exchange, local refinement, order of measuring. The
 relaxed bound certifies how far the plan is from the best one over all poses examined.
 
 The order of measuring: the shortest way through all poses, as an integer program.

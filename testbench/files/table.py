@@ -1,6 +1,6 @@
 """Cells of a text file or workbook as their author sees them; errors name line and column.
 
-What a spreadsheet would compute begins with an apostrophe in our files, which is taken away again.
+Apostrophe before text that a spreadsheet would compute: written to our files, removed on reading.
 """
 
 import re

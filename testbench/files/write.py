@@ -306,7 +306,7 @@ def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
 
 
 def _torques(arm: Arm, s: Series) -> Array | None:
-    """Convert torques to file joints, (rows, m) [N m, N], the inverse of `compared_label.read_torques`."""
+    """Convert torques to file joints, (rows, m) [N m, N], the inverse of `beside.read_torques`."""
     if s.torque is None or arm.joint_map is None:
         return s.torque
     return arm.joint_map.torque_to_file(s.torque)

@@ -298,7 +298,7 @@ class SeriesBlock:
 class ReducedReadings:
     """Hold all equations of absolute readings, reduced."""
 
-    kinds: tuple[int, ...]  #: Kinds of equations that there are, as places of `KINDS`.
+    kinds: tuple[int, ...]  #: Kinds of equations that there are, as places in `EQUATION_KINDS`.
     parts: tuple[SeriesBlock, ...]  #: In blocks.
     factors: Mapping[int, Array]  #: Triangular factor of [A | y] of every kind, (size + 1, size + 1).
 

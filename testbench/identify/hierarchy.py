@@ -5,8 +5,8 @@ about their expectation: by u those of a straight beam, by c the couplings that 
 of links, and those of joints, scatter about one factor of each kind by a Student distribution: most are
 similar, a few differ much. Entries of a whole link scatter w times as much as the others, by its shape. The
 hyperparameters h = (log s, factors, log w, log u, log c, log kappa), with kappa the noise over its stated
-value, maximise the `evidence_model`. So a CAD model whose joints, or one of whose links, are wrong by a
-factor of ten costs little if the readings show it.
+value, maximise the evidence of `evidence_model`. So a CAD model whose joints, or one of whose links, are
+wrong by a factor of ten costs little if the readings show it.
 """
 
 import math

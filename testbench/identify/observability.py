@@ -1,4 +1,4 @@
-"""What the readings determine: unobservable directions, and unknowns that cannot be separated.
+"""Observability by the readings: unobservable directions, and unknowns that cannot be separated.
 
 A null space has no axes of its own. It is searched from small sets of unknowns to large ones: one link or
 joint, then neighbours along the chain. Elimination with pivots chosen by size gives a basis of circuits: each

@@ -41,7 +41,7 @@ PRIOR_STUDENT_DOF = 4.0
 """Degrees of freedom of the Student distribution of the prior's part in prediction errors.
 
 Priors are wrong in more ways than a normal distribution covers; readings are not. Over fourteen kinds of true
-arms (`campaign.true_arms`, seeds 740001 to 740017, 8 poses, wrong priors) 90, 95 and 98 % of errors are
+arms (`plant.true_arms`, seeds 740001 to 740017, 8 poses, wrong priors) 90, 95 and 98 % of errors are
 within 1.6, 2.0 and 2.3 standard deviations of noise plus 1.8, 2.4 and 3.2 of the prior's part; cast links
 take 2.5, 3.2 and 4.0. Student's distribution with 4 degrees of freedom has 2.1, 2.8 and 3.7.
 """
@@ -362,8 +362,8 @@ def _split(rows: list[Array], back: Array, belief: WeightedPrior, L: Array) -> t
 
     With M the rows A of the readings above those B of the prior, the covariance is (M^T M)^-1 (A^T A + B^T B)
     (M^T M)^-1: the effect of noise on the estimate, and that of an error of the prior. Learnt sizes of these
-    errors are uncertain: by the law of total variance their mean squares count, rows of B times `unsure`. The
-    changes of the estimate with the sizes are further rows.
+    errors are uncertain: by the law of total variance their mean squares count, rows of B times
+    `size_uncertainty`. The changes of the estimate with the sizes are further rows.
     """
     assert belief.hyperparameter_effect is not None
     assert belief.size_uncertainty is not None

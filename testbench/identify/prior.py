@@ -48,7 +48,7 @@ class Prior(Displayed):
 
 @dataclass(frozen=True)
 class Strength:
-    """Hold the relative uncertainty of a prior; `scale_by_prior.precision_root` turns it into weights."""
+    """Hold the relative uncertainty of a prior; `metric.precision_root` turns it into weights."""
 
     uncertainty: float  #: Relative standard deviation u of an entry of x around its expectation [1].
     #: Relative standard deviation of the factor common to all compliances [1]; infinite leaves the factor to

@@ -29,7 +29,8 @@ MAX_BASE_ROTATION, MAX_BASE_SHIFT = math.radians(0.5), 0.01
 """A frame nearer to the base than this is the base [rad, share of the arm's reach].
 
 Readings in the base's frame seem turned by up to 0.35 deg and moved by 15 mm at 2.5 m, those of a heavy arm
-with `plant.TYPICAL` errors; without errors, by 0.13 deg and 4 mm by its own weight (30 campaigns, KR 500).
+with `plant.disturbance.TYPICAL` errors; without errors, by 0.13 deg and 4 mm by its own weight (30 campaigns,
+KR 500).
 """
 MAX_TARGET_SHIFT = 0.005
 """Distance from its nominal position beyond which a target of readings in the base's frame is fitted [m]. Own

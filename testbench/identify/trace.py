@@ -245,8 +245,8 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
 
     Args:
         vjm: The model.
-        parts: The readings in parts, `crossval.divided`. Of a regression, or of a single pose, nothing can
-            be held out: there generalised cross-validation chooses (Golub, Heath, Wahba 1979).
+        parts: The readings in the parts of `crossval.divide_poses`. A regression, or a single pose, has
+            nothing to hold out: then generalised cross-validation chooses (Golub, Heath, Wahba 1979).
 
     Returns:
         The trace term; None where the readings show nothing, or a block of the structure lacks entries.

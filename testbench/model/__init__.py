@@ -1,6 +1,6 @@
 """The virtual joint method (VJM): kinematics, model structures, loaded stiffness, joint laws, poses.
 
-This room turns an arm into the linear model dX = A(q, w) pi of Eq. (11) and (12), and into the loaded
+This package turns an arm into the linear model dX = A(q, w) pi of Eq. (11) and (12), and into the loaded
 equilibrium behind Eq. (7). `identify`, `design` and `correct` build on it; it shares no code with the
 simulated truth.
 

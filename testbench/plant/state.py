@@ -24,7 +24,7 @@ class BodyState:
 
 @dataclass(frozen=True)
 class ArmsInRow:
-    """Hold the copies of the arm in one MuJoCo state for computation; every call of `settle` has its own."""
+    """Hold the copies of the arm in one MuJoCo state; every call of `solve_equilibrium` has its own."""
 
     model: mujoco.MjModel
     data: mujoco.MjData

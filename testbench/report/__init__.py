@@ -1,1 +1,1 @@
-"""What a run found, declared once: the trials' table, quantities, sentences; every view is made of them."""
+"""Reports of runs: numbers, tables and sentences, each declared once; all views are made from them."""

@@ -1,4 +1,4 @@
-"""One badge a run: who wins beside the strongest rival of its class, by how much, and whether that holds."""
+"""Badge of a run: who wins beside the strongest rival of its class, by how much, and whether that holds."""
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence

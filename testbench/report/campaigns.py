@@ -1,4 +1,4 @@
-"""What studies that judge models by campaigns share: the best of a method, pairs, the map, the recording."""
+"""Shared parts of studies of campaigns: the best model of a method, pairs by arm, maps of errors."""
 
 from collections.abc import Sequence
 

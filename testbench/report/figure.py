@@ -1,4 +1,4 @@
-"""What figures share: one width, a title that answers, dots with their spread, lines, quiet axes."""
+"""Shared parts of figures: one width, a title that answers, dots with their spread, lines, quiet axes."""
 
 import math
 import textwrap

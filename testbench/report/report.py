@@ -1,6 +1,6 @@
 """A report: numbers, sentences and tables, each said once; every view is made of it.
 
-Estimators of one's own that failed in some trials of a study: counted, and out of its other numbers.
+User estimators that failed in some trials of a study: counted, and left out of its other numbers.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""What is drawn of a run: arms in poses, layers, charts, maps; picture, page and recording draw the same."""
+"""Contents of pictures, pages and recordings of a run: arms in poses, layers, charts, maps."""
 
 import math
 from collections.abc import Sequence

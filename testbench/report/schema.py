@@ -1,4 +1,4 @@
-"""What a table shows: columns declared once, for terminal, report.md, figures and recording alike."""
+"""Columns of tables, declared once for terminal, report.md, figures and recording alike."""
 
 import math
 import re

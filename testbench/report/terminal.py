@@ -48,7 +48,7 @@ def grid(table: Table) -> RichTable:
     """A table without its title: medians; percentiles of several trials or their range, the paper's numbers.
 
     Of a quantity over two factors only the medians: report.md and the page have its spread, and columns
-    beyond `SHOWN`.
+    beyond `MAX_COLUMNS`.
     """
     table = with_fewer_columns(table)
     found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)

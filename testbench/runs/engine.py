@@ -20,8 +20,8 @@ Work = Callable[[Sequence[int]], Sequence[Found]]
 It is a function of a module, or a partial of one, and what it is given are names, numbers and settings: arms
 and arrays it builds itself, once a chunk. An array that was sent to a worker may lie otherwise in memory,
 which changes the last digits that BLAS gives, and results would depend on where they were computed.
-Randomness comes from `campaign.stream` and the seed. Clocks in
-the rows are `solve_seconds` and `cpu_seconds`, of a fit.
+Randomness comes from `trial_rng` and the seed. Clocks in the rows are `solve_seconds` and `cpu_seconds`, of a
+fit.
 """
 
 

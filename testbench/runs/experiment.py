@@ -1,4 +1,4 @@
-"""What is tried, and whether stored trials are of the same: scenario, settings, root seed, versions."""
+"""Plan of a study's trials, and the check that stored ones have the same settings, seeds and versions."""
 
 import hashlib
 import json

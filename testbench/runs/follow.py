@@ -1,4 +1,4 @@
-"""How far a command is: bars with the time left on a terminal, and run.log beside the manifest."""
+"""Progress of a command: bars with the time left on a terminal, and run.log beside the manifest."""
 
 import sys
 import time

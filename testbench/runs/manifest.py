@@ -1,4 +1,4 @@
-"""What the folder of a finished run tells of it, perhaps a stranger's: manifest.json, and plain JSON data."""
+"""Readers of a finished run's manifest.json and report.json, which may be untrusted: plain JSON data."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""What comes after a run: the last lines of a command."""
+"""Next steps after a run: the last lines that a command prints."""
 
 import os
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Where an output may go, asked before anything is computed: a file, or the folder of one run."""
+"""Checks of an output's place before anything is computed: a file, or the folder of one run."""
 
 import contextlib
 import os

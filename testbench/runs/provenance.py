@@ -1,4 +1,4 @@
-"""What it takes to run again: the manifest of a run."""
+"""Writer of the manifest of a run: all that is needed to run it again."""
 
 import hashlib
 import json

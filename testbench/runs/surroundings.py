@@ -1,4 +1,4 @@
-"""What else steers the libraries of a program: settings in the environment and in its working folder.
+"""Protection from settings in the environment and the working folder that would steer libraries.
 
 Matplotlib reads `matplotlibrc` of the working folder, which may be a stranger's: it says how large a picture
 is, and which programs set its letters.

@@ -1,4 +1,4 @@
-"""Arms drawn amid the errors of models, of the rows of a first seed: nobody simulates it again."""
+"""Arms in poses with the errors of models, from the rows of the first seed, without a new simulation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,6 +1,6 @@
 """The command of a study: trials on the engine, then its report and every view of it, all or nothing.
 
-What every report of a study says first, in the same words: the numbers behind its badge, and warnings.
+Headline of every study's report, in the same words: the numbers behind its badge, and warnings.
 """
 
 import json

@@ -1,6 +1,6 @@
 """A study: trials return rows, a report is made of their table, views show the report.
 
-What stands beside the default in every study: what it is without the cone, and LS that is held down.
+Rivals of the default in every study: the default without its cone, and restrained least squares.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -56,12 +56,12 @@ class Study(Generic[O, S, W]):
 
     name: str  #: Of the scenario.
     about: str  #: What it asks, one line for --help.
-    options: type[O]  #: Dataclass of its own flags; see `shell.options.takes`.
+    options: type[O]  #: Dataclass of its own flags; see `workflows.options.takes`.
     #: What is tried, from its flags, `--quick` and the seeds; raises BenchError for a wrong flag.
     settings: Callable[[O, bool, range], S]
     seeds: tuple[int, int]  #: How many trials by default, and with `--quick` at most.
     row: type[W]  #: Type of a trial's rows.
-    #: Rows of some seeds, one sequence a seed; a function of a module (see `trials.engine.Work`).
+    #: Rows of some seeds, one sequence a seed; a function of a module (see `runs.engine.Work`).
     trials: Callable[..., Sequence[Sequence[W]]]
     report: Callable[[S, range, Trials], Report]  #: What all trials say.
     printed: tuple[str, ...]  #: Names of the tables that the terminal shows.

@@ -1,1 +1,1 @@
-"""What commands and studies share: a cell, simulated campaigns, fits and their choice, plans, corrections."""
+"""Workflows of commands and studies: cells, simulated campaigns, choice among fits, plans, corrections."""

@@ -1,4 +1,4 @@
-"""What an estimate cannot say by numbers alone: what filled free directions, doubts of the fit, outliers."""
+"""Advice on an estimate, in sentences: what filled free directions, doubts of the fit, outliers."""
 
 from dataclasses import replace
 

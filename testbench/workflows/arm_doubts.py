@@ -1,4 +1,4 @@
-"""How far a payload moves the tool of an arm, and what may be wrong with an arm that can be read."""
+"""Plausibility of an arm that can be read: the tool's sag under the payload, and likely mistakes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What is in a file of measured runs: columns by quantity, loads, lost targets, how far targets move."""
+"""Contents of a file of measured runs: columns by quantity, loads, lost targets, how far targets move."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What runs can tell of a structure and what they cannot, before any fit, and what else to measure.
+"""Identifiability of a structure from runs, before any fit, and what else to measure.
 
 Of n unknowns the data see as many directions as their rank. The others are lost to the structure (no
 experiment on this arm sees them), to the loads and readings (no pose under these loads shows them), or to too

@@ -1,4 +1,4 @@
-"""Which model to take: a default that has to be beaten on what is held out, by more than chance.
+"""Choice of the model to take: a default, unless another predicts held-out poses better by more than chance.
 
 Over the family of true arms and wrong priors (study `which_model`) one model predicts the workspace best with
 8, 12 and 20 poses: GCO of all links and joints with a prior that is learnt from the readings. So it is the
@@ -152,7 +152,7 @@ class ReducedRuns:
 
     data: Dataset  #: Those that are held, for estimators of one's own.
     poses: int  #: All are in.
-    part: Ids  #: Of every run, `crossval.divided`.
+    part: Ids  #: Of every run, `crossval.divide_poses`.
     parts: Mapping[str, PartitionedRegression]  #: By the name of the structure.
 
 

@@ -1,4 +1,4 @@
-"""The folder of a stranger's robot, rigid.xml, elastic.toml and meshes; what was understood, in words."""
+"""Folder of an arm from a robot's file: rigid.xml, elastic.toml, meshes, and notes on what was read."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Estimators of one's own beside ours: their flags, their models, and what is asked of their answers."""
+"""User estimators beside ours: their flags, their models, and the checks of their answers."""
 
 import re
 from collections.abc import Callable, Sequence

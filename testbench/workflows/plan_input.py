@@ -1,4 +1,4 @@
-"""What hangs or pulls, and where: tasks, plans and flags read, and what an arm is made for."""
+"""Inputs of a plan: loads, tasks and work areas, read from files and flags; the arm's payload."""
 
 import math
 import re

@@ -1,6 +1,6 @@
 """The errors that a plan promises: on arms of which every link and joint gives, whatever is identified.
 
-Which laws of joints a plan's readings leave open, and which further readings would tell them.
+Laws of joints that a plan's readings do not determine, and further readings that would.
 """
 
 import math

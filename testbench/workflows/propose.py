@@ -1,4 +1,4 @@
-"""What the robot's file does not say, proposed: tubes, joint compliances, payload, tool, markers, load point.
+"""Proposals for what a robot's file lacks: tubes, joint compliances, payload, tool, markers, load point.
 
 Every rule is plain: docs/robot_files.md has them all, `testbench.workflows.new_arm` their words. The law of
 the joints is fitted to the 13 joint compliances that we know from public data: a KR 500 by modal test, a

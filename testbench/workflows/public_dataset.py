@@ -45,7 +45,7 @@ def split_of(first: int) -> str:
 
 
 def write_rounds(root: int, folder: str, rounds: Sequence[int]) -> list[list[object]]:
-    """Simulate some rounds, each into tables of a folder of its own; see `trials.engine.Work`."""
+    """Simulate some rounds, each into tables of a folder of its own; see `runs.engine.Work`."""
     cell = build_cell(ARM)
     for k in rounds:
         arms = range(GRID * k, GRID * (k + 1), len(PRIORS))

@@ -1,6 +1,6 @@
 """Measured runs for a fit: read, brought into the base's frame, poses that are held back set apart.
 
-What was found out about frames and targets of measured runs, in words.
+Notes on the frames and targets of measured runs, in sentences.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""What a fit leaves in a table: rows with units in their names, for Parquet, report.json and views."""
+"""Rows of tables about datasets and fits, units in their names, for Parquet, report.json and views."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What readings leave open of a calibration, and what hides behind what, in words."""
+"""Quantities of a calibration that readings do not determine, and what they hide behind, in sentences."""
 
 from collections.abc import Iterator, Sequence
 

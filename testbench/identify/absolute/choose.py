@@ -85,7 +85,7 @@ class SelectedModel:
 class ErrorCandidate:
     """Describe one kind of error that may be added."""
 
-    name: str  #: Name in reports, and in `Options.without`.
+    name: str  #: Name in reports, and in `CalibrationOptions.without`.
     kinds: frozenset[str] = frozenset()  #: Groups of columns that it adds.
     elastic: PriorScaling | None = None  #: Compliances that it selects, in place of the earlier ones.
     always_kept: bool = False  #: Whether it is kept whatever the trial shows: every arm has it.

@@ -46,7 +46,7 @@ from testbench.model.vjm import Vjm, marker_points
 PLAY, STIFFER = 6e-5, 200.0
 """Half width of a joint's backlash or friction [rad, m], and its relative stiffening per radian [1/rad].
 
-Both are a little larger than in `plant.TYPICAL`."""
+Both are a little larger than in `plant.disturbance.TYPICAL`."""
 LEAST, ONE_OF_MANY = 7.0, 12.0
 """Log-likelihood that a mistake has to gain to be an issue, and that of a single run or level [nats]."""
 CLEAR = 20.0  #: The same for mistakes that change all loads, such as other axes or levels [nats].

@@ -1,4 +1,4 @@
-"""Ask what may be wrong with runs: first what is plain, then where the arm is, then what moves it.
+"""Diagnosis of runs and series: plain mistakes first, then the place of the arm, then what moves it.
 
 Plain mistakes need no fit: equal or repeated readings, absurd sizes. Pairs do not show that the tracker, or
 the targets on the tool, moved, unless that falls between the two of a run; the order in time does.

@@ -1,4 +1,4 @@
-"""What moved in the middle of a series: the targets on the tool, or the tracker against the base.
+"""Moves in the middle of a series: of the targets on the tool, or of the tracker against the base.
 
 A step in the residuals that nothing else explains (`steps`). `identify` doubts it; `calibrate` takes the rows
 behind it as a series with a mount or a frame of its own, fits again and looks again.

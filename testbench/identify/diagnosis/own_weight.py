@@ -1,4 +1,4 @@
-"""Which way an arm's own weight pulls, by absolute readings: a base that stands otherwise than its folder.
+"""Direction of an arm's own weight, by absolute readings: a base that stands otherwise than in its folder.
 
 Under gravity from the wrong side joint springs that fit would have to be negative; held at zero they explain
 none of the sag. Turned the right way they do, and the readings scatter less about the arm. A few directions

@@ -1,4 +1,4 @@
 """Studies as Rerun recordings: views of report.json, never an input. The only importer of rerun.
 
-One layout a kind of study, one module a layout; `pen`, `stream`, `style` and the rest are what they share.
+`run` draws the recording of any run in the space of `world`, `stream` writes it, and `viewer` opens it.
 """

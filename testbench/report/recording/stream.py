@@ -1,4 +1,4 @@
-"""One file a run: strict, closed in any case, written only when it is whole; and what draws in it."""
+"""One file per run: strict, closed in any case, written only when it is whole; and what draws in it."""
 
 import contextlib
 import hashlib

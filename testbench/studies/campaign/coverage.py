@@ -1,4 +1,4 @@
-"""How often intervals hold the truth: datasets whose noise is drawn anew, what a stated confidence is worth.
+"""Coverage of intervals: how often they hold the truth, over datasets whose noise is drawn anew.
 
 One reduced dataset gives poses, loads and sigmas; only the noise is drawn, in the coordinates of its
 triangular factor. Dataset k is the same whatever the root of the other parts is.

@@ -1,4 +1,4 @@
-"""What the model does not know: each disturbance of the true arm alone and all together, beside the noise.
+"""Trials with disturbances that the model does not know: each alone and all together, beside the noise.
 
 The KR 500 under its payload, the poses of section 6; the links weigh only where a case says so. The arm is
 identified while it is disturbed; it is judged all over the workspace by deflections of the same disturbed arm
@@ -6,7 +6,7 @@ under exactly the recorded loads: a payload that was weighed wrongly spoils the 
 trial disturbs a true arm of the family, the next one in turn; the model and the prior stay the folder's.
 Beside it stand arms of kinds held out of the family, and the same arm disturbed in other sizes.
 
-What is tried: which disturbances, how large, on which true arms.
+Settings of the study of disturbances: which ones, how large, on which true arms.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

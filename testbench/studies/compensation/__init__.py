@@ -1,1 +1,1 @@
-"""What a corrected robot removes: identified, compensated, executed on the true elastic arm, measured."""
+"""Study of corrections: arms identified, programs compensated, executed on the true elastic arm, measured."""

@@ -1,4 +1,4 @@
-"""What the study of compensation tries: campaigns and models, and plans among poses."""
+"""Settings of the study of corrections: campaigns and models, and plans among poses."""
 
 from dataclasses import dataclass
 from itertools import product

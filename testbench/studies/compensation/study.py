@@ -1,4 +1,4 @@
-"""What a corrected robot removes: identified, compensated, executed on the true elastic arm, measured."""
+"""Report of the study of corrections: the error that they remove on the true elastic arm."""
 
 from dataclasses import replace
 

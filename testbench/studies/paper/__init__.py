@@ -1,4 +1,4 @@
-"""The paper's sections, a case each: single link, 6R arm, solvers, loaded stiffness; its numbers."""
+"""The paper's sections, one case each: single link, 6R arm, solvers, loaded stiffness; its numbers."""
 
 from testbench.studies.paper.verdicts import EQ_22 as EQ_22
 from testbench.studies.paper.verdicts import EQ_23 as EQ_23

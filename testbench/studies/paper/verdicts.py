@@ -6,7 +6,7 @@ of a wide interval. That one error is smaller than another is confirmed, or cont
 the same data, without ties; the best model has to beat the best of the others. That two errors are nearly the
 same must hold in `MIN_EQUAL_SHARE` of the seeds, any other statement in all of them.
 
-What the paper says, to stand beside ours: its numbers of sections 5.1, 5.2 and 6.
+The paper's numbers of sections 5.1, 5.2 and 6, to compare with ours.
 """
 
 import numpy as np

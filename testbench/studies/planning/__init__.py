@@ -1,1 +1,1 @@
-"""Which poses to measure, and what they pay: plans by every criterion against random poses, simulated."""
+"""Study of pose selection: plans by every criterion against random poses, verified by simulation."""

@@ -1,4 +1,4 @@
-"""What the study of pose selection tries: sizes, where the robot works, how runs are identified."""
+"""Settings of the study of pose selection: sizes, where the robot works, how runs are identified."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Which poses to measure, and what they pay: plans by every criterion against random poses, simulated."""
+"""Report of the study of pose selection: plans by every criterion against random poses, simulated."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What the data cannot see, what a prior is worth, and how often intervals hold."""
+"""Preset `identifiability`: what the data cannot see, what a prior is worth, how often intervals hold."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

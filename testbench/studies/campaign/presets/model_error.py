@@ -1,4 +1,4 @@
-"""What disturbances cost a model that does not know them, beside the noise, and who bears them best."""
+"""Preset `model_error`: what unknown disturbances cost beside the noise, and which model bears them best."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

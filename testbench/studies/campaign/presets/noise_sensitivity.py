@@ -1,4 +1,4 @@
-"""What noise costs, by method and structure, and what better instruments are worth."""
+"""Preset `noise_sensitivity`: the cost of noise by method and structure, the gain by better instruments."""
 
 from collections.abc import Mapping
 from dataclasses import replace

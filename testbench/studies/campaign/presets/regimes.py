@@ -1,4 +1,4 @@
-"""Where the cone pays by itself: GCO beside least squares of the same structure, and what the cone adds."""
+"""Preset `regimes`: where the cone pays by itself, GCO beside least squares of the same structure."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Which method an engineer should use by default, whatever the true arm and the prior are."""
+"""Preset `which_model`: the method to use by default, whatever the true arm and the prior are."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
