@@ -42,7 +42,9 @@ TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string(
 About = Mapping[str, Any]  #: Metadata of a file by key, each as JSON.
 
 
-def arrow_table(columns: Mapping[str, ColumnType], trials: Iterable[tuple[int, Table]], **about: Any) -> pa.Table:
+def arrow_table(
+    columns: Mapping[str, ColumnType], trials: Iterable[tuple[int, Table]], **about: Any
+) -> pa.Table:
     """Collect the rows of trials in one table: None becomes null, NaN stays NaN.
 
     Args:
@@ -178,7 +180,11 @@ def series(path: Path, keys: Sequence[str]) -> list[NumberBySeed]:
         if file.metadata.num_rows > MAX_READ:
             raise ValueError(f"expected at most {MAX_READ} rows, got {file.metadata.num_rows}")
         schema = file.schema_arrow
-        heads = [n.removesuffix(MODEL_COLUMN) for n in schema.names if n == MODEL_COLUMN or n.endswith(f".{MODEL_COLUMN}")]
+        heads = [
+            n.removesuffix(MODEL_COLUMN)
+            for n in schema.names
+            if n == MODEL_COLUMN or n.endswith(f".{MODEL_COLUMN}")
+        ]
         under = next((head for head in heads if any(head + key in schema.names for key in keys)), "")
         wanted = [key for key in keys if heads and under + key in schema.names]
         texts = [field.name for field in schema if pa.types.is_string(field.type)]
@@ -293,9 +299,7 @@ def write_parquet(store: TrialStore[R], folder: Path) -> Path:
 
 
 @contextlib.contextmanager
-def open_store(
-    folder: Path, experiment: TrialPlan, *, row: type[R], resume: bool
-) -> Iterator[TrialStore[R]]:
+def open_store(folder: Path, experiment: TrialPlan, *, row: type[R], resume: bool) -> Iterator[TrialStore[R]]:
     """Open the trial store of a run's folder; once the block has ended well `trials.parquet` takes its place.
 
     To resume is to go on with the stored trials; without any it starts afresh.

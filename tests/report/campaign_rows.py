@@ -152,6 +152,6 @@ TRIALS = {
     "which_model": (family.FamilySettings(ARM, 1), of_family),
     "regimes": (GRIDS, of_grids),
     "identifiability": (priors.PriorSettings(ARM, Scenario(arm=ARM), 1, 9, 9, 9, 9), of_priors),
-    "gravity_calibration": (coverage.CalibrationSettings(ARM, Scenario(arm=ARM), 50.0), of_calibration),
+    "gravity_calibration": (coverage.CalibrationSettings(ARM, Scenario(arm=ARM)), of_calibration),
 }
 """Settings and what makes the rows of a seed, by the name of the preset."""

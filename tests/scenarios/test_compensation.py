@@ -42,7 +42,7 @@ def undisputed(cell, data, prior):
 LESS = {
     "settings.QUICK_CANDIDATES": 14,
     "plans.make_plan": first_poses,
-    "trial.choose": undisputed,
+    "trial.choose_model": undisputed,
     "plans.HOLES": (3, 2),
     "plans.STEPS": 16,
 }

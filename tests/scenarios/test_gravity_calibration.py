@@ -121,7 +121,7 @@ def test_the_dataset_is_that_of_section_6_and_of_the_seed_alone_byte_for_byte(qu
     data = read_csv(quick[0] / "dataset.csv", cell.arm)
     assert (len(np.unique(data.pose)), data.sigma) == (11, 50e-6)
     assert (data.wrench[:, 2] == -460.3 * 9.81).all()
-    asked = CalibrationSettings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1), 50.0)
+    asked = CalibrationSettings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1))
     write_csv(calibrate(cell, asked, 3)[1].measured, cell.arm, tmp_path / "dataset.csv")
     assert (tmp_path / "dataset.csv").read_bytes() == (quick[0] / "dataset.csv").read_bytes()
 
@@ -140,7 +140,7 @@ def test_the_demo_measures_cast_links_that_no_template_holds(tmp_path):
 
 
 def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():
-    asked = CalibrationSettings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1), 50.0)
+    asked = CalibrationSettings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1))
     true, campaign = calibrate(build_cell("kr500_l480"), asked, 4)
     filled = [r.estimate.weighted_prior for r in results(true, campaign) if r.model.name.endswith("prior")]
     assert len(filled) == len(WITH_PRIOR) + 1  # what the default is without its cone
