@@ -1,1 +1,1 @@
-"""Runs: the folder that a run leaves, its manifest, its stops and progress, its trials on cores or a cluster."""
+"""Runs: the folder of a run, its manifest, its stops and progress, its trials on cores or a cluster."""

@@ -1,4 +1,4 @@
-"""The shell of every command: one line and an exit code for what the user can mend, one BLAS thread."""
+"""Frame of every command: one line and an exit code for what the user can mend, one BLAS thread."""
 
 import contextlib
 import io
@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 from typer.exceptions import TyperException
 
-from testbench.errors import MAX_MESSAGE, BenchError, Interrupted, shorten, printable
+from testbench.errors import MAX_MESSAGE, BenchError, Interrupted, printable, shorten
 from testbench.runs import interrupt
 from testbench.runs.interrupt import INTERRUPTED
 

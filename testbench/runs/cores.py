@@ -10,8 +10,8 @@ from threading import Thread
 from joblib import Parallel, cpu_count, delayed, parallel_config
 
 from testbench.errors import BenchError
-from testbench.runs.session import STOPS
 from testbench.runs.engine import Chunks, Work, WorkersLost, do_chunk, here
+from testbench.runs.session import STOPS
 
 MOST_A_CORE = 8  #: Most processes of a core: each takes the memory of a program.
 LOOK = 0.2  #: Time between two looks of a worker for the process that started it [s].

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from testbench.runs import provenance as files
 from testbench.errors import BenchError, InputError
+from testbench.runs import provenance as files
 from testbench.runs.rows import MAX_INTEGER, SEED
 
 FORMAT = "testbench trials 5"

@@ -11,7 +11,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 from pydantic_core import from_json
 
-from testbench.errors import InputError, read_bytes, read_text, printable
+from testbench.errors import InputError, printable, read_bytes, read_text
 
 NAME = "manifest.json"
 MAX_BYTES = 16 * 2**20  #: Largest one that is read [byte].

@@ -6,29 +6,26 @@ back in the order of their seeds, however they came.
 Trials in Parquet files: typed rows by seed, and whose they are in the file's metadata.
 """
 
+import contextlib
 import json
 import math
 import os
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
+
 import pyarrow as pa
-from pyarrow import parquet
-from testbench.errors import BenchError, InputError, open_file
-from testbench.runs.whole import writing
-from testbench.runs.rows import SEED, ColumnType, Table, count
-import contextlib
-import shutil
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Generic, TypeVar
 import pyarrow.compute as pc
 from filelock import FileLock, Timeout
-from testbench.errors import InputError
-from testbench.runs.whole import folder_for, writing
+from pyarrow import parquet
+
+from testbench.errors import BenchError, InputError, open_file
 from testbench.runs.experiment import TrialPlan, check_header
-from testbench.runs.rows import SEED, Table, columns, restored
+from testbench.runs.rows import SEED, ColumnType, Table, columns, count, restored
+from testbench.runs.whole import folder_for, writing
 
 GROUP = 2**15  #: Rows of a row group.
 MAX_BYTES = 10**10  #: Of a file.
