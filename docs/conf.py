@@ -108,7 +108,7 @@ def write_equation(writer: Any, node: nodes.math_block) -> None:
     body = writer.body  # the theme wraps it in a box that has the anchor
     body.append('<div class="math" style="display: flex; align-items: center; padding: 0.5em 0">')
     body.append(f'<div style="flex: 1; overflow-x: auto">{mathml(node.astext(), "block")}</div>')
-    if node["label"]:
+    if node.get("label"):
         body.append(f'<span class="eqno">({node["label"]})')
         writer.add_permalink_ref(node, "Link to this equation")
         body.append("</span>")
@@ -119,7 +119,7 @@ def write_equation(writer: Any, node: nodes.math_block) -> None:
 def cite_by_label(app: Any, doctree: nodes.document) -> None:
     """Let references to equations show their labels, not numbers."""
     for node in doctree.findall(nodes.math_block):
-        if node["label"]:
+        if node.get("label"):
             app.env.domaindata["math"]["objects"][node["label"]] = (app.env.docname, node["label"])
 
 

@@ -51,9 +51,9 @@ def test_the_page_shows_the_numbers_of_the_report_turns_the_arm_and_sorts(quick,
     heads = page.locator('table[data-table="0"] th').all_inner_texts()
     errs = heads.index("RMS workspace, true, mm")
     told = {row[0]: row for row in page.eval_on_selector_all(ROWS, CELLS)}
-    for model in report["models"]:
-        if model["constraint"] != "free":
-            assert told[model["name"]][errs] == f"{model['workspace']['rms_mm']:.3f}"
+    models = {model["name"]: f"{model['workspace']['rms_mm']:.3f}" for model in report["models"]}
+    assert {name: row[errs] for name, row in told.items()} == {name: models[name] for name in told}
+    assert len(told) == 6
     for name in report["map"]["compared"]:
         [pane] = [text for text in page.locator(".pane").all_inner_texts() if text.split("\n")[0] == name]
         assert f"worst: {report['map']['worst'][name]['error_mm']:.3g} mm" in pane
