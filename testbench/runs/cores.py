@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+import warnings
 from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
 from threading import Thread
@@ -34,6 +35,8 @@ def on_cores(work: Work, chunks: Sequence[Sequence[int]], *, workers: int | None
     if count <= 1:
         yield from here(work, chunks)
         return
+    # A stop cancels tasks, which the user has asked for: no warning.
+    warnings.filterwarnings("ignore", r"\d+ tasks which were still being processed", UserWarning)
     # One BLAS thread, and arrays as they are: where they lie in memory changes the last digits of results.
     options = {"inner_max_num_threads": 1, "initializer": _begin, "initargs": (os.getpid(),)}
     try:
