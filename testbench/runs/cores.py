@@ -36,7 +36,7 @@ def on_cores(work: Work, chunks: Sequence[Sequence[int]], *, workers: int | None
         yield from here(work, chunks)
         return
     # A stop cancels tasks, which the user has asked for: no warning.
-    warnings.filterwarnings("ignore", r"\d+ tasks which were still being processed", UserWarning)
+    warnings.filterwarnings("ignore", r"\d+ tasks (have been|which were still)", UserWarning)
     # One BLAS thread, and arrays as they are: where they lie in memory changes the last digits of results.
     options = {"inner_max_num_threads": 1, "initializer": _begin, "initargs": (os.getpid(),)}
     try:
