@@ -354,7 +354,7 @@ def test_more_readings_than_are_weighed_together_raise_no_doubt(kr500, monkeypat
     assert told(*plate(kr500, runs=8, targets=40)) == []
 
 
-@pytest.mark.parametrize("frame", ["base", "tracker"])
+@pytest.mark.parametrize("frame", [pytest.param("base", marks=pytest.mark.study), "tracker"])
 def test_of_many_targets_two_that_have_each_others_names_are_named(kr500, frame):
     vjm, data = plate(kr500, runs=8, targets=40)
     order = np.arange(40)

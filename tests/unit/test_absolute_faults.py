@@ -191,11 +191,10 @@ MISTAKES = {
 }
 
 
-FIRST = (
-    "x and y, degrees, sign of joint 2, two exchanged, joint 3 counts joint 2, extrinsic angles, five poses, "
-    "joint 1 alone, all lost"
-).split(", ")
-"""One mistake of each kind; `make studies` plants the others."""
+FIRST = ("x and y, sign of joint 2, joint 3 counts joint 2, extrinsic angles, five poses, all lost").split(
+    ", "
+)
+"""One mistake of each way to find it; `make studies` plants the others."""
 
 
 @pytest.mark.parametrize(
@@ -379,7 +378,10 @@ def late(one, k, shift):
     return select_rows(replace(one, q=q), np.arange(one.rows - 1))
 
 
-@pytest.mark.parametrize(("turned", "k", "shift"), [(True, 15, -1), (True, 80, 1), (False, 15, 1)])
+@pytest.mark.parametrize(
+    ("turned", "k", "shift"),
+    [(True, 15, -1), pytest.param(True, 80, 1, marks=pytest.mark.study), (False, 15, 1)],
+)
 def test_rows_that_slipped_are_named_with_the_first_one(ur10, hundred, turned, k, shift):
     one = late(hundred if turned else position_only(hundred), k, shift)
     words = "pose before" if shift < 0 else "pose after"
