@@ -24,7 +24,7 @@ from testbench.errors import Array
 from testbench.identify.registered import RegisteredDataset, with_markers
 from testbench.model.vjm import Vjm
 
-MOST = 5  #: Most rounds of undoing mistakes one after the other.
+MAX_ROUNDS = 5  #: Most rounds of undoing mistakes one after the other.
 Case = TypeVar("Case")
 Data = TypeVar("Data")
 Model = TypeVar("Model")
@@ -173,7 +173,7 @@ def undo_one_by_one(
     model: Model,
     undo: Callable[[Data, Model], tuple[Sequence[Issue], Data, Model] | None],
 ) -> tuple[list[Issue], Data, Model]:
-    """Find the worst mistake, undo it, fit again and look for the next, up to MOST times.
+    """Find the worst mistake, undo it, fit again and look for the next, up to MAX_ROUNDS times.
 
     Args:
         data: The readings.
@@ -185,7 +185,7 @@ def undo_one_by_one(
         The mistakes in the order in which they were found, the data without them and the last model.
     """
     found: list[Issue] = []
-    for _ in range(MOST):
+    for _ in range(MAX_ROUNDS):
         step = undo(data, model)
         if step is None:
             break

@@ -25,8 +25,8 @@ PENALTY = 4.0  #: Log-likelihood that a free number has to gain [nats].
 ROUNDS = 8  #: Most rounds of reweighting and fitting.
 SETTLED = 1e-6  #: Change of the loss below which the rounds end [nats].
 ROWS = 300  #: Most rows that are compared, selected evenly.
-HALF, MOST = 0.5, 0.95
-"""Quantiles of the reported distance [1]: MOST where half of the readings fit in spite of a mistake."""
+HALF, NEARLY_ALL = 0.5, 0.95
+"""Quantiles of the reported distance [1]: NEARLY_ALL where half of the readings fit in spite of a mistake."""
 BETTER, LEAST = 0.3, 20.0
 """Log-likelihood that a mistake has to gain to be an issue, per reading and in total [nats]."""
 SHARE = 0.9  #: Share of the largest gain that a mistake has to reach to be an issue [1].
@@ -239,7 +239,7 @@ def best_hypothesis(
     now = found.typical(undone)
     if now > LOST * observations.scale:
         return unfit, as_read
-    share = HALF if now < HALF * typical else MOST
+    share = HALF if now < HALF * typical else NEARLY_ALL
     numbers = {"was": start.typical(few, share), "now": found.typical(undone, share), "share": share}
     where = change.where
     if change.undone.free.targets and not observations.free.targets:

@@ -42,7 +42,7 @@ STUCK = (
 )
 CARRIES = 0.05  #: Typical torque of a joint over the largest from which it carries weight.
 FAR = 5e-3  #: Scatter, over the reach, above which more than the mounting is wrong [1].
-SURE, MOST = 8.0, 0.8
+SURE, FITTING_SHARE = 8.0, 0.8
 """Log-likelihood from which an arm hangs [nats]; share of the readings, the nearest, that count [1]."""
 PROBE = np.deg2rad(15.0)  #: Tilt at which the scatter is probed for where it is least [rad].
 CLEAR, LEVELLED = 20.0, 7.0
@@ -128,7 +128,7 @@ def hangs(before: Observations, after: Observations, C_theta: Array) -> bool:
     """Tell whether the unloaded readings sag as those of a hanging arm, not as those of an upright one.
 
     Call it when targets move against stated weights. Three mistakes do that: the arm hangs, readings before
-    and after are exchanged, or the force has the other sign. With RMS distances s of the nearest MOST of the
+    and after are exchanged, or the force has the other sign. With RMS distances s of the nearest FITTING_SHARE of the
     readings in n poses, hanging gains 3 n log(s_upright / s_hanging) nats; s_upright is the smaller one of
     both readings.
 
@@ -155,7 +155,7 @@ def hangs(before: Observations, after: Observations, C_theta: Array) -> bool:
             observations, read=observations.read - sag, free=FreeParameters(frame=True, targets=True)
         )
         off = np.sort(fit(bare).away(observations))
-        left.append(float(np.sqrt(np.square(off[: int(np.ceil(MOST * len(off)))]).mean())))
+        left.append(float(np.sqrt(np.square(off[: int(np.ceil(FITTING_SHARE * len(off)))]).mean())))
     hung, *upright = left
     poses = len(np.unique(before.q, axis=0))  # all that is read in one shares its errors of geometry
     return 3 * poses * float(np.log(min(upright) / max(hung, 1e-12))) > SURE
