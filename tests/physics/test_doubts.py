@@ -22,7 +22,7 @@ from testbench.identify.diagnosis import diagnose as diagnosis
 from testbench.identify.diagnosis.deflections import PLAY, STIFFER, residual_model, sound_joint_columns
 from testbench.identify.diagnosis.diagnose import AT_A_TIME, diagnose
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, describe
-from testbench.identify.diagnosis.hypothesis import MOST, Issue, Submission, score_test, undo_one_by_one
+from testbench.identify.diagnosis.hypothesis import MAX_ROUNDS, Issue, Submission, score_test, undo_one_by_one
 from testbench.identify.diagnosis.kinematics import Observations, best_hypothesis
 from testbench.identify.diagnosis.steps import chance
 from testbench.identify.metric import scale_by_prior
@@ -185,7 +185,7 @@ def test_mistakes_are_undone_one_after_the_other():
     for data, kinds in (((5, 4), ["5", "4"]), ((5, 3, 1), ["5", "3"]), (tuple(range(10, 20)), "")):
         seen.clear()
         found, rest, model = undo_one_by_one(data, 0, undo)
-        assert [one.name for one in found] == kinds or len(found) == MOST
+        assert [one.name for one in found] == kinds or len(found) == MAX_ROUNDS
         assert model == len(found)
         assert seen[-1][1] == len(seen) - 1
         assert not set(rest) & {int(one.name) for one in found if one.name != "3"}
