@@ -129,8 +129,8 @@ def hangs(before: Observations, after: Observations, C_theta: Array) -> bool:
 
     Call it when targets move against stated weights. Three mistakes do that: the arm hangs, readings before
     and after are exchanged, or the force has the other sign. With RMS distances s of the
-    nearest FITTING_SHARE of the readings in n poses, hanging gains 3 n log(s_upright / s_hanging) nats; s_upright is the smaller one of
-    both readings.
+    nearest FITTING_SHARE of the readings in n poses, hanging gains 3 n log(s_upright / s_hanging) nats;
+    s_upright is the smaller one of both readings.
 
     Args:
         before: Unloaded readings, as in the file.
