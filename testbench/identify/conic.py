@@ -130,7 +130,7 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
 
 
 def _judged(regression: Regression, program: ConicProgram, pi: Array, dual: Dual) -> tuple[Certificate, bool]:
-    """What a dual proves of parameters, and whether they are so near the optimum that they are solved."""
+    """Certify parameters by a dual, and tell whether they are so near the optimum that they are solved."""
     certificate, left = (
         lower_bound_certificate(regression, pi, dual, penalty=program.penalty),
         f_m(regression, pi),

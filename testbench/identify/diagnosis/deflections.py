@@ -424,7 +424,7 @@ def _wild(data: Dataset, factor: float) -> Issue:
 
 
 def _scale(loads: Loads, factor: float) -> list[Issue]:
-    """Whether the factor between prior and readings is absurd."""
+    """List an issue if the factor between prior and readings is absurd."""
     size = abs(math.log(max(abs(factor), 1e-12)))
     payload, force = loads.vjm.arm.payload, loads.largest
     light = payload is not None and LIGHT * payload < force < LIGHT * payload * GRAVITY

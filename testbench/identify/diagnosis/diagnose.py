@@ -155,7 +155,7 @@ def unplaced_series(vjm: Vjm, series: Series, hypotheses: Hypotheses = HYPOTHESE
 
 
 def _hung(loads: Loads, observations: Observations) -> list[Issue]:
-    """How the base stands, where that makes targets move against stated weights."""
+    """Name the mounting of the base if it makes targets move against stated weights."""
     vjm, data = loads.vjm, loads.data
     pull = suspected_pull(vjm, loads.metric, data, loads.level)
     if pull is None:

@@ -259,7 +259,7 @@ def _farthest(observations: Observations, found: Fit) -> int:
 
 
 def _size(observations: Observations, change: Change[Observations], found: Fit) -> Array:
-    """How large a mistake is, SI: turn and shift of a frame, way of a target or link, else one number."""
+    """Size a mistake, SI: turn and shift of a frame, way of a target or link, else one number."""
     assert change.undone is not None
     free = change.undone.free
     if len(free.theta) == 3:

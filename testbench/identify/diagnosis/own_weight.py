@@ -85,7 +85,7 @@ def by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
 
 
 def _stuck(state: ArmState) -> bool:
-    """Whether springs of joints that carry weight are held at zero."""
+    """Tell whether springs of joints that carry weight are held at zero."""
     own, joints = np.diag(state.C_theta)[state.vjm.joint_slice], state.vjm.arm.joints
     folder = np.array([joint.compliance for joint in joints])
     carries = state.torque_scale > CARRIES * state.torque_scale.max(initial=0)
@@ -98,7 +98,7 @@ def _thin(series: Series) -> Series:
 
 
 def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) -> float:
-    """How far readings scatter about the arm with gravity along g, (3,) [m]; infinite if they do not fit."""
+    """Measure the scatter of readings about the arm with gravity along g, (3,) [m]; infinite without a fit."""
     vjm, every = mounted(state.vjm, g), tuple(series)
     bare = nominal_state(vjm, state.weights, torque_scale(vjm, state.weights, every))
     try:

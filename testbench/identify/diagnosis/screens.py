@@ -137,7 +137,7 @@ def slip(observations: Observations) -> Slip | None:
 
 
 def _tried(observations: Observations, head: Fit) -> Iterator[tuple[float, float, int, int, Fit]]:
-    """What all readings cost if they slipped one way from the row that is best, and what that gains [nats].
+    """Yield the cost of all readings if they slipped one way from the best row, and the gain [nats].
 
     With them the row, the way and the fit: of the first half, all sound, or of the second, all slipped.
     """
@@ -163,7 +163,7 @@ def _half(observations: Observations, half: slice) -> Fit | None:
 
 
 def _misfits(observations: Observations, found: Fit, rows: Ids) -> int:
-    """How many of some rows do not fit."""
+    """Count the rows, of some, that do not fit."""
     one = observations.rows(rows)
     off = np.linalg.norm(residuals(one, chain(one.vjm, one.q), found), axis=2)
     return int((off > LOST * observations.scale).any(axis=1).sum())

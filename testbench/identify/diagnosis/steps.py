@@ -157,7 +157,7 @@ class _Sums:
 
 @dataclass(frozen=True)
 class _Rest:
-    """What nothing else explains, 1 - P."""
+    """Project on what nothing else explains, 1 - P."""
 
     L: Array  #: Root of the precision of what may be lacking, of unit diagonal, (c, c).
     size: Array  #: Roots of its diagonal, (c,).
