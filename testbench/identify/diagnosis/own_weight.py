@@ -98,7 +98,7 @@ def _thin(series: Series) -> Series:
 
 
 def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) -> float:
-    """Measure the scatter of readings about the arm with gravity along g, (3,) [m]; infinite without a fit."""
+    """Measure the scatter of readings about the arm with gravity along g, (3,) [m]; infinite if none fits."""
     vjm, every = mounted(state.vjm, g), tuple(series)
     bare = nominal_state(vjm, state.weights, torque_scale(vjm, state.weights, every))
     try:
