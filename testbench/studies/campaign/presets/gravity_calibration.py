@@ -44,6 +44,13 @@ MEANINGS = {
     "MLS56": "least squares of beams",
 }
 """The models that are printed, in this order, and what they are."""
+METHODS = {
+    "psd": "GCO",
+    "none": "least squares",
+    "free": "least squares with GCO's prior",
+    "own": "an estimator of your own",
+}
+"""What a model is whose name is none of these, by its constraint."""
 MODELS = (
     "name parameters rank conservative status f_m f_m_floor identification.rms_mm check.rms_mm "
     f"check_true.rms_mm check.max_mm check.max_relative_percent {TRUE}"
@@ -71,7 +78,15 @@ def _printed(trials: Trials) -> Sequence[Row]:
     models = {m.name: m for m in distinct(_models({})(trials))}
     listed = [name for name in (*MEANINGS, *campaigns.user_estimators([*models.values()])) if name in models]
     names = listed if len(listed) > 2 else models
-    return [Row(models[name], meaning=MEANINGS.get(name, "")) for name in names]
+    return [Row(models[name], meaning=_meaning(models[name])) for name in names]
+
+
+def _meaning(model: Row) -> str:
+    """Say what a model is: its method and, where its name says nothing, its unknowns."""
+    if model.name in MEANINGS:
+        return MEANINGS[model.name]
+    method = METHODS[model.constraint]
+    return method if model.constraint == "own" else f"{method} of {model.parameters} unknowns"
 
 
 def _models(paper: Mapping[str, Mapping[str, float]]) -> Callable[[Trials], Sequence[Row]]:
