@@ -114,7 +114,9 @@ class Rejected:
 class ModelAverage:
     """Hold the models that an estimate averages: with links, joints only, joint laws, coupled joints."""
 
-    weight: float  #: Weight of joints only against links and joints: its probability given the readings [1].
+    #: Weight of joints only against links and joints: its probability given the readings, or 1 where links
+    #: do not predict poses better that were left out [1].
+    weight: float
     all_parts: "Estimate"  #: The model of links and joints.
     joints_probability: float = 0.0  #: Probability of joints only that intervals use [1].
     joints_only: "Estimate | None" = None  #: The model of joints only; None where its weight is zero.

@@ -319,7 +319,7 @@ LOG_TENFOLD, REFUSING_LOSS = math.log(10), 2.0
 def contradicted_scales(belief: WeightedPrior) -> tuple[LearntScale, ...]:
     """List the scales of a learnt prior that the readings contradict.
 
-    Mathematics: `prior-14`.
+    Mathematics: `prior-15`.
     """
 
     def wrong(scale: LearntScale) -> bool:
@@ -340,7 +340,7 @@ class UndeterminedParts:
 def undetermined_parts(regression: Regression, metric: PriorScaling) -> UndeterminedParts:
     """Find the links and joints whose prior scale the readings leave undetermined.
 
-    Mathematics: `prior-15`.
+    Mathematics: `prior-16`.
 
     Args:
         regression: The reduced dataset.

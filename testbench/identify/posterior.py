@@ -308,15 +308,18 @@ def conditional_covariance(K: Array, own: Ids, known: Ids) -> Array:
 def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
     """Mix the posteriors of averaged models by probability, each widened by its distance from the mean."""
     if average.parts:
-        return _mixture(estimate.pi, [(p, linearise(own)) for p, own in average.parts])
-    if average.with_ties is not None:
+        parts = [(p, linearise(own)) for p, own in average.parts]
+    elif average.with_ties is not None:
+        p = average.ties_weight
         tied = _among(linearise(average.with_ties), average.with_ties.structure, estimate.structure)
-        if average.ties_weight == 1:
-            return tied
-        others = [((1 - average.ties_weight) * p, posterior) for p, posterior in _untied(average)]
-        return _mixture(estimate.pi, [(average.ties_weight, tied), *others])
-    every = _untied(average)
-    return every[0][1] if average.laws_probability == 1 else _mixture(estimate.pi, every)
+        others = [] if p == 1 else [((1 - p) * q, posterior) for q, posterior in _untied(average)]
+        parts = [(p, tied), *others]
+    else:
+        parts = _untied(average)
+    alone = parts[0][1]
+    if len(parts) == 1 and np.array_equal(alone.x, estimate.pi):
+        return alone
+    return _mixture(estimate.pi, parts)
 
 
 def _untied(average: ModelAverage) -> list[tuple[float, Posterior]]:

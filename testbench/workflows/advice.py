@@ -93,6 +93,8 @@ def of_average(average: ModelAverage | None) -> list[str]:
     """How much joints alone count, or laws of the joints; nothing where neither does."""
     if average is None or not (average.laws_weight or average.weight or average.ties_weight):
         return []
+    if average.weight == 1:
+        return ["link compliances hardly improve the model: joint stiffness only is used"]
     if average.ties_weight == 1:
         return ["the evidence favours coupled joints"]
     if average.ties_weight:
