@@ -14,6 +14,7 @@ from testbench.errors import Array, BenchError
 from testbench.files.model_folder import DOCUMENT, FITS
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
+from testbench.model.joint_laws import joint_laws
 from testbench.report import terminal
 from testbench.report.badge import MIN_PAIRS, Badge, badge_against_all, incumbents
 from testbench.report.columns import columns
@@ -164,7 +165,11 @@ def report(f: Row) -> Report:
     sure = (taken.intervals or Row()).get("half_width_mm") is not None
     half = ". 95 % interval of deflections: +- {intervals.half_width_mm:.3f} mm (median)" if sure else ""
     runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:LISTED_RUNS]
-    laws = tuple(c for c in LAWS if any(c.value(row) is not None for row in f.laws))
+    own_laws = (
+        TableColumn(name, name.replace("_", " "), law.unit_words.replace("1", ""), form=".3g")
+        for name, law in joint_laws.added.items()
+    )
+    laws = tuple(c for c in (*LAWS, *own_laws) if any(c.value(row) is not None for row in f.laws))
     told, rest = "part parameters told_percent decided_by_prior", f.get("identifiability")
     tables = {
         "models": table_of(f, MODELS),

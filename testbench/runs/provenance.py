@@ -8,12 +8,16 @@ from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from testbench import __version__
 from testbench.errors import open_file
+from testbench.model.joint_laws import joint_laws
+from testbench.plant.true_arms import true_arms
+from testbench.registry import Registry
 from testbench.runs.session import SESSION
 
+T = TypeVar("T")
 ROOT = Path(__file__).resolve().parents[1]  #: The checkout, where the package runs from one.
 #: Size up to which a file has a digest [byte]: readings that were read before are smaller.
 MAX_DIGEST_BYTES = 10**11
@@ -76,8 +80,17 @@ def inside(folder: Path) -> list[str]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the packages that numbers depend on."""
-    return {"testbench": __version__, **{name: _version(name) for name in PACKAGES}}
+    """Collect the versions of packages that numbers depend on, and digests of the parts that users add."""
+    packages = {name: _version(name) for name in PACKAGES}
+    return {"testbench": __version__, **packages, **_parts(joint_laws), **_parts(true_arms)}
+
+
+def _parts(known: Registry[T]) -> dict[str, str]:
+    """Collect the SHA-256 of the file of every part that is not ours."""
+    return {
+        f"{known.kind} {name}": "added by a script" if file is None else digest(file)
+        for name, file in known.origins().items()
+    }
 
 
 @cache

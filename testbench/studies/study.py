@@ -45,7 +45,7 @@ class Everywhere(Protocol):
         ...
 
 
-def _own_arm(settings: Any) -> list[Path]:
+def own_arm(settings: Any) -> list[Path]:
     """The arm that the settings name."""
     return [find_arm(settings.arm)]
 
@@ -76,7 +76,7 @@ class Study(Generic[O, S, W]):
     size: int = 1  #: Seeds of a chunk: 0.1 to 1 s of work.
     #: Adds to the settings what all trials share and what is too dear for each of them.
     prepare: Callable[[S, Everywhere], S] | None = None
-    arms: Callable[[S], Sequence[Path]] = _own_arm  #: Folders of the arms that it needs.
+    arms: Callable[[S], Sequence[Path]] = own_arm  #: Folders of the arms that it needs.
     own: Callable[[S], Sequence[EstimatorSource]] = lambda _: ()  #: Estimators that its settings name.
     #: Column that names the models where `trials` takes estimators of one's own; beside it is `status`.
     models: str = ""

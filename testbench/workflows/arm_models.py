@@ -30,6 +30,7 @@ from testbench.identify.metric import WeightedPrior
 from testbench.identify.posterior import Posterior
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
+from testbench.model.joint_laws import STRUT, joint_laws
 from testbench.model.kinematics import build_vjm
 from testbench.model.laws import model_for, with_laws
 from testbench.model.load import Load, Weights, resultant, weights_known
@@ -279,7 +280,12 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
 
 
 def _structure(said: StructurePart, arm: Arm) -> Structure:
-    lawful = with_laws(all153(arm), arm)
+    plain = labels_of(arm)
+    rows = [entry.row for entry in said.entries if entry.row not in plain]
+    kinds = [kind for kind in dict.fromkeys(row.rpartition(" ")[2] for row in rows) if kind != STRUT]
+    if unlike := [kind for kind in kinds if kind not in joint_laws]:
+        raise ValueError(f"structure.entries: no joint law {unlike[0]!r}; install the package that has it")
+    lawful = with_laws(all153(arm), arm, kinds)
     place = {label: k for k, label in enumerate(lawful.labels)}
     names = {name for entry in said.entries for name in (entry.row, entry.column)}
     if unknown := sorted(names - set(place)):

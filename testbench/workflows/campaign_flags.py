@@ -9,7 +9,7 @@ import typer
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import BenchError, shell_word
-from testbench.plant.true_arms import FAMILY, TrueArmName
+from testbench.plant.true_arms import FAMILY, true_arms
 from testbench.runs.session import SESSION
 from testbench.workflows.cell import Scenario, Truth, of_arm
 from testbench.workflows.plan_input import read_mass
@@ -26,6 +26,13 @@ def mass(text: str) -> float:
 def mass_or_none(text: str) -> float:
     """The same; 0 where nothing hangs."""
     return 0.0 if is_decimal(text) and float(text) == 0 else mass(text)
+
+
+def true_arm_name(text: str) -> str:
+    """Check the name of a kind of true arm; BadParameter if there is none."""
+    if text == FAMILY or text in true_arms:
+        return text
+    raise typer.BadParameter(f"expected one of {', '.join([FAMILY, *true_arms])}, got {text!r}")
 
 
 ArmName = Annotated[str, typer.Argument(help="Folder of an arm, or one of ours.")]
@@ -52,7 +59,9 @@ Payload = Annotated[
     ),
 ]
 ArmFlag = Annotated[str, typer.Option(metavar="ARM", help="Folder of an arm, or one of ours.")]
-TrueArmFlag = Annotated[TrueArmName, typer.Option(metavar="NAME", help="True arm; 'family': one per seed.")]
+TrueArmFlag = Annotated[
+    str, typer.Option(parser=true_arm_name, metavar="NAME", help="True arm; 'family': one per seed.")
+]
 
 
 @dataclass(frozen=True)

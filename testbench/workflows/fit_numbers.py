@@ -9,7 +9,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, NoEquilibrium, PoseError
 from testbench.identify.estimate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
-from testbench.model.laws import STRUT
+from testbench.model.joint_laws import STRUT, joint_laws
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
 from testbench.plant.tracker import trial_rng
@@ -118,6 +118,7 @@ def _laws(identified: IdentifyResult) -> list[Row]:
             backlash_urad=UM * own["backlash"],
             friction_urad=UM * own["friction"],
             strut_percent=100 * own[STRUT] if STRUT in own else None,
+            **{kind: own.get(kind) for kind in joint_laws.added},
         )
         for name, own in taken.laws.items()
     ]

@@ -13,7 +13,7 @@ from testbench.identify.fold import BLOCK_RUNS, PartitionedRegression, with_pose
 from testbench.identify.hierarchy import UndeterminedParts, contradicted_scales, undetermined_parts
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.regression import ZERO_COLUMN, Regression
-from testbench.model.laws import UNIT_SIZES, model_for, sizes_of
+from testbench.model.laws import law_unit, model_for, sizes_of
 from testbench.model.vjm import chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
@@ -259,7 +259,7 @@ def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
     if estimate.average is None or not estimate.average.laws_weight:
         return {}
     found = sizes_of(model_for(cell.vjm, estimate.structure), estimate.C_theta)
-    return {joint: {kind: UNIT_SIZES[kind] * own[kind] for kind in own} for joint, own in found.items()}
+    return {joint: {kind: law_unit(kind) * own[kind] for kind in own} for joint, own in found.items()}
 
 
 def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> Row:

@@ -22,7 +22,7 @@ from testbench.plant.disturbance import STIFF_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.tracker import trial_rng
-from testbench.plant.true_arms import FAMILY, HELD_OUT, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY, HELD_OUT, true_arm_of_seed, true_arms
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Cover,
@@ -104,8 +104,8 @@ def settings(options: DisturbanceOptions, quick: bool, seeds: range) -> Disturba
     disturbances(options.scale, options.only or ())
     arms, sizes = tuple(options.arms or HELD_OUT), tuple(options.sizes or SIZES)
     for name in arms:
-        if name not in HELD_OUT:
-            raise BenchError(f"--arms: expected some of {', '.join(HELD_OUT)}, got {name!r}")
+        if name not in kinds_held_out():
+            raise BenchError(f"--arms: expected some of {', '.join(kinds_held_out())}, got {name!r}")
     workspace = QUICK_WORKSPACE if quick else DisturbanceSettings.workspace
     only, sigma = tuple(options.only or ()), options.sigma_um / 1e6
     alone = options.true_arm != FAMILY and options.arms is None
@@ -120,6 +120,11 @@ def settings(options: DisturbanceOptions, quick: bool, seeds: range) -> Disturba
         () if alone else tuple(dict.fromkeys(arms)),
         tuple(dict.fromkeys(size for size in sizes if size != 1)),
     )
+
+
+def kinds_held_out() -> list[str]:
+    """Name the kinds of true arms that are not of the family: ours, and those that users add."""
+    return [*HELD_OUT, *true_arms.added]
 
 
 def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:

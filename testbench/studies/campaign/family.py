@@ -5,7 +5,7 @@ in the same poses, and fewer poses are the first of them. Over as many trials as
 meets every prior once: a Latin square.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -21,6 +21,7 @@ from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import TRUTHS
+from testbench.report.table import Cells, Trials
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Cover,
@@ -47,6 +48,7 @@ RUNS = 2  #: In every pose.
 QUICK_WORKSPACE = 40
 CHOSEN = "default"  #: What `workflows.model_selection` chooses from the readings.
 MODELS_WITHOUT_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+SAID = ("doubted", "told", "unchecked", "otherwise", "either")  #: Columns of what is said of a prior.
 SHOWN = "cast"  #: The true arm whose readings are left as a dataset.
 COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
 """Whose intervals are judged; those of joints alone show what noise alone would promise."""
@@ -211,3 +213,30 @@ def _doubted(cell: Cell, link: int | None, estimate: Estimate, prior: Prior) -> 
         for k in range(0, 6 * len(cell.arm.links), 6)
     ]
     return Doubted(heard, left.stiffer if traces[link] > np.median(traces) else left.softer)
+
+
+def said_of_prior(rows: Trials) -> Mapping[str, Cells]:
+    """Judge in every case what is said of its prior, 0 or 1; NaN where nothing can be.
+
+    The columns are `SAID`: something is doubted, the wrong link is named, it is listed as unchecked, it is
+    listed where another one is wrong, and either of the second and third.
+    """
+    wrong, heard, left = (rows[key] for key in ("wrong", "doubted.contradicted", "doubted.unchecked"))
+    named = [(link, open_) for link, open_ in zip(wrong, left, strict=True) if open_ is not None and link]
+    others = {  # how often a link is named where another one is wrong
+        link: float(np.mean(own))
+        for link in dict(named)
+        if (own := [link in open_ for other, open_ in named if other != link])
+    }
+    asked, listed, known = (np.array([own is not None for own in each]) for each in (heard, left, wrong))
+    doubted, told, unchecked, otherwise = (
+        np.where(counts, np.array(each, dtype=float), np.nan)
+        for counts, each in (
+            (asked, [len(own or ()) > 0 for own in heard]),
+            (asked & known, [link in (own or ()) for link, own in zip(wrong, heard, strict=True)]),
+            (listed, [link in (own or ()) for link, own in zip(wrong, left, strict=True)]),
+            (listed & known, [others.get(link, np.nan) for link in wrong]),
+        )
+    )
+    either = np.where(np.isnan(unchecked), np.nan, np.fmax(told, unchecked))
+    return dict(zip(SAID, (doubted, told, unchecked, otherwise, either), strict=True))

@@ -22,7 +22,7 @@ from testbench.identify.solve import solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
 from testbench.plant.tracker import trial_rng
-from testbench.plant.true_arms import TRUTHS
+from testbench.plant.true_arms import true_arms
 from testbench.studies.campaign.report import Compared, with_prior, without_prior
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
@@ -121,8 +121,8 @@ def settings(options: GridOptions, quick: bool, seeds: range) -> GridSettings:
     """
     truths = tuple(options.truth or FAMILY)
     for name in truths:
-        if name not in TRUTHS or truths.count(name) > 1:
-            raise BenchError(f"--truth: expected different ones of {', '.join(TRUTHS)}, got {name!r}")
+        if name not in true_arms or truths.count(name) > 1:
+            raise BenchError(f"--truth: expected different ones of {', '.join(true_arms)}, got {name!r}")
     found = GridSettings(seeds[0], truths)
     if not quick:
         return found

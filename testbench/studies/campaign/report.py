@@ -12,6 +12,7 @@ directions that no reading sees: `equal` fills them so that least squares is con
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -32,7 +33,7 @@ from testbench.report.report import Report, say
 from testbench.report.schema import Table, best_of, pivot
 from testbench.report.table import SHARED, TRIAL, Row, Trials, aligned, merged, number, shared
 from testbench.runs.spread import Number, Spread, middle, span, wins
-from testbench.studies.study import DEFAULT_WITHOUT_CONE, Study
+from testbench.studies.study import DEFAULT_WITHOUT_CONE, Study, own_arm
 from testbench.workflows.model_selection import DEFAULT
 from testbench.workflows.models import JOINTS
 
@@ -128,6 +129,9 @@ class Preset(Generic[O, S, W]):
     also: str = ""  #: Other columns of report.json's models, blanks between.
     page: str = ""  #: Where it is written what its tables and columns mean.
     value: str = ERROR  #: Column of the error by which models are judged.
+    size: int = 1  #: Of these three see `Study`.
+    models: str = "name"
+    arms: Callable[[S], Sequence[Path]] = own_arm
 
     def study(self) -> Study[O, S, W]:
         """Make the study."""
@@ -142,7 +146,9 @@ class Preset(Generic[O, S, W]):
             report=self.report,
             printed=(self.printed,),
             figures=self.figures,
-            models="name",
+            models=self.models,
+            size=self.size,
+            arms=self.arms,
         )
 
     def report(self, asked: S, seeds: range, trials: Trials) -> Report:

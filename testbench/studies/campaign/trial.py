@@ -8,6 +8,7 @@ their random numbers, so that differences between cases and models are theirs al
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
+from math import ceil
 from time import perf_counter
 from typing import TypeVar
 
@@ -190,6 +191,11 @@ def covers(centre: Array, half: Array, true: Array) -> Cover:
         half_mm=MM * float(np.median(half)),
         ideal_mm=MM * float(np.quantile(error, CONFIDENCE)),
     )
+
+
+def worst_tenth(covered: Array) -> float:
+    """Return the mean coverage of the tenth of arms whose intervals cover worst, from (arms,) [%]."""
+    return float(np.sort(covered)[: ceil(len(covered) / 10)].mean())
 
 
 def _left(cell: Cell, data: Dataset) -> dict[str, object]:

@@ -131,10 +131,8 @@ PRESET = Preset(
     ),
     derived=derived,
     figures=figures,
-)
-STUDY = replace(
-    PRESET.study(),
     size=2,
     models="fit.name",
     arms=lambda settings: [find_arm(settings.arm), find_arm(SIX_DOF)],
 )
+STUDY = PRESET.study()

@@ -120,5 +120,6 @@ PRESET = Preset(
     check=SIX_DOF,
     derived=derived,
     figures=figures,
+    arms=lambda _: [find_arm(LIGHT), find_arm(HEAVY)],
 )
-STUDY = replace(PRESET.study(), arms=lambda _: [find_arm(LIGHT), find_arm(HEAVY)])
+STUDY = PRESET.study()

@@ -14,15 +14,7 @@ from testbench.report.schema import Table
 from testbench.report.table import SHARED, TRIAL, Row, Trials, matched, number
 from testbench.runs.spread import SAME_ERROR, Number, ends, middle
 from testbench.studies.campaign import grids
-from testbench.studies.campaign.grids import (
-    GCO,
-    JOINTS,
-    LENT,
-    SQUARES,
-    GridMethodRow,
-    GridOptions,
-    GridSettings,
-)
+from testbench.studies.campaign.grids import GCO, JOINTS, LENT, SQUARES, GridSettings
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, by_case
 from testbench.workflows.rows import UM
 
@@ -135,10 +127,10 @@ PRESET = Preset(
     question="Where does the cone pay by itself?",
     how="GCO beside least squares of the same structure on the same readings, without a prior, judged over "
     "the workspace. Two kinds of true arm in every trial.",
-    options=GridOptions,
+    options=grids.GridOptions,
     settings=grids.settings,
     seeds=(100, 2),
-    row=GridMethodRow,
+    row=grids.GridMethodRow,
     trials=grids.trials,
     tables=tables,
     printed="gravity",
@@ -148,7 +140,6 @@ PRESET = Preset(
     pairs=((GCO, LENT), (GCO, grids.EQUAL), (GCO, JOINTS)),
     derived=derived,
     figures=figures,
+    arms=lambda settings: [find_arm(grid.arm) for grid in settings.grids.values()],
 )
-STUDY = replace(
-    PRESET.study(), arms=lambda settings: [find_arm(grid.arm) for grid in settings.grids.values()]
-)
+STUDY = PRESET.study()
