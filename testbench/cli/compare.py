@@ -42,7 +42,7 @@ VIEWS = (".md", ".html", ".png", ".rrd", "manifest.json", "report.json", "run.lo
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """Flags of the command."""
+    """Hold the flags of the command."""
 
     a: Annotated[Path, typer.Argument(metavar="RUN_A", help="Folder of the first run.")]
     b: Annotated[Path, typer.Argument(metavar="RUN_B", help="Folder of the second run.")]
@@ -89,6 +89,13 @@ def _printed(table: Table) -> Table:
 
 def report(a: Finished, b: Finished) -> Report:
     """Report two runs: inputs that differ, errors of the models of both.
+
+    Args:
+        a: A finished run.
+        b: Another one.
+
+    Returns:
+        The report.
 
     Raises:
         BenchError: When they have neither models nor numbers of the same names.
@@ -170,7 +177,15 @@ def seeds(run: Finished) -> str:
 
 
 def inputs_differ(a: Finished, b: Finished) -> list[Row]:
-    """List the entries of two manifests that differ: settings, arms, data, seeds, versions, commit."""
+    """List the entries of two manifests that differ: settings, arms, data, seeds, versions, commit.
+
+    Args:
+        a: A finished run.
+        b: Another one.
+
+    Returns:
+        A row per entry.
+    """
     ours, theirs = _inputs(a), _inputs(b)
     keys = [key for key in dict.fromkeys([*ours, *theirs]) if ours.get(key) != theirs.get(key)]
     return [Row(what=key, a=ours.get(key, "none"), b=theirs.get(key, "none")) for key in keys]

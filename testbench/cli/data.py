@@ -60,7 +60,7 @@ group = typer.Typer(no_args_is_help=True)
 
 @dataclass(frozen=True)
 class DataOptions:
-    """Flags of `data check`."""
+    """Hold the flags of `data check`."""
 
     log: LogFile = None
     layout: LayoutName = None
@@ -71,7 +71,12 @@ class DataOptions:
 @group.command("check", cls=ProjectCommand)
 @takes(ReadingOptions, DataOptions)
 def check(runs: ReadingOptions, asked: DataOptions) -> None:
-    """Say which column is which quantity, what was assumed, and show the runs on the arm."""
+    """Say which column is which quantity, what was assumed, and show the runs on the arm.
+
+    Args:
+        runs: The file, and how it is read.
+        asked: Flags of the command.
+    """
     given = [find_arm(runs.arm), *files_read(runs), *([asked.log] if asked.log else [])]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         filed, console = build_cell(runs.arm), plain_console()
@@ -124,7 +129,7 @@ def _pairs(dataset: Path, cell: Cell, mapping: Map) -> bool:
 
 @dataclass(frozen=True)
 class MapOptions:
-    """Flags of `data map`."""
+    """Hold the flags of `data map`."""
 
     arm: ArmName
     dataset: Annotated[Path, typer.Argument(help="Export of an instrument: text table or FILE.xlsx#SHEET.")]
@@ -230,6 +235,9 @@ def report(found: Row, registered: RegisteredDataset) -> Report:
     Args:
         found: What is in it, with its `dataset`, `doubts` and `scale`.
         registered: The runs in the base's frame.
+
+    Returns:
+        The report.
     """
     f = Row(found, arm=registered.vjm.arm.name, frame=registered.frame, away=farthest_off(registered))
     others = [Row(what=what, value=value) for what, value in _others(f)]
@@ -254,7 +262,15 @@ def report(found: Row, registered: RegisteredDataset) -> Report:
 
 
 def seen(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
-    """Draw the arm run by run, its targets as read and as they should be."""
+    """Draw the arm run by run, its targets as read and as they should be.
+
+    Args:
+        cell: The arm with its model and its truth.
+        registered: The runs in the base's frame.
+
+    Returns:
+        The content.
+    """
     data = registered.data
     hidden = np.where(data.seen, 0.0, np.nan)
     moved = MM * np.linalg.norm(data.deflection, axis=2) + hidden

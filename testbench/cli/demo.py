@@ -14,7 +14,7 @@ from testbench.workflows.own_estimator import EstimatorOptions
 
 @dataclass(frozen=True)
 class Demo(Options):
-    """Flags of the study, the true links cast."""
+    """Hold the flags of the study, the true links cast."""
 
     true_arm: TrueArmFlag = "cast"
 

@@ -67,7 +67,7 @@ MEANS = Markdown("What tables, columns and warnings mean: docs/identify.md, *The
 
 @dataclass(frozen=True)
 class IdentifyOptions:
-    """Flags of the command."""
+    """Hold the flags of the command."""
 
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")] = Path("runs/identify")
     model: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Model to fit; repeatable.")] = None
@@ -143,7 +143,15 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
 
 
 def badge(found: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
-    """Compare the model to take with its strongest rival, by what was held out; None without a rival."""
+    """Compare the recommended model with its strongest rival, by what was held out.
+
+    Args:
+        found: The fits.
+        left: Residuals by model.
+
+    Returns:
+        The badge; None without a rival.
+    """
     rms, each = held_out(found, left, MIN_PAIRS)
     taken, fits = found.fits.recommended, found.fits
     rivals = [name for name in incumbents(fits.models, taken) if name in rms]
@@ -198,7 +206,15 @@ def report(f: Row) -> Report:
 
 
 def table_of(f: Row, keys: list[str]) -> Table:
-    """List every model; a column that no model fills is left out, the first error is the headline."""
+    """List every model; a column that no model fills is left out, the first error is the headline.
+
+    Args:
+        f: Numbers of the fits.
+        keys: Keys of the columns.
+
+    Returns:
+        The table.
+    """
     every = columns(" ".join(keys), paper=False)
     known = tuple(c for c in every if any(c.value(m) is not None for m in f.models))
     headline = next(c.key for c in known if c.key in (*MODELS[4:7],))

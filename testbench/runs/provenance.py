@@ -28,7 +28,12 @@ PACKAGES = ("mujoco", "pin", "numpy", "scipy", "clarabel", "rerun-sdk")
 
 
 def write_json(value: Any, file: Path) -> None:
-    """Write JSON for people and programs: indented, keys in order, no NaN, lists of numbers in a line."""
+    """Write JSON for people and programs: indented, keys in order, no NaN, lists of numbers in a line.
+
+    Args:
+        value: Plain data.
+        file: The file.
+    """
     text = json.dumps(value, indent=2, allow_nan=False)
     one = NUMBERS.sub(lambda found: f"[{' '.join(found[1].split())}]", text)
     file.write_text(one + "\n", encoding="utf-8")
@@ -75,7 +80,7 @@ def write_log(folder: Path) -> None:
 
 
 def inside(folder: Path) -> list[str]:
-    """All files of a folder by their paths in it, those of folders in it too."""
+    """List all files of a folder and of folders in it, by their paths in it."""
     return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
 
 
@@ -99,7 +104,7 @@ def _version(package: str) -> str:
 
 
 def sources() -> str:
-    """SHA-256 of this package's sources: its version number stays while they change."""
+    """Compute the SHA-256 of this package's sources: its version number stays while they change."""
     package = Path(__file__).parent
     whole = hashlib.sha256()
     for file in sorted(package.rglob("*.py")):
@@ -108,7 +113,15 @@ def sources() -> str:
 
 
 def digest(file: Path, max_bytes: int = MAX_DIGEST_BYTES) -> str:
-    """SHA-256 of a file; InputError where it is no plain file, or too large."""
+    """Compute the SHA-256 of a file; InputError where it is no plain file, or too large.
+
+    Args:
+        file: The file.
+        max_bytes: Largest size [byte].
+
+    Returns:
+        The digest in hexadecimal.
+    """
     with open_file(file, max_bytes) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

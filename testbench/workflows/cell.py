@@ -502,6 +502,9 @@ def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:
         seed: Seed of the true arm's random numbers.
         stiffer: How many times stiffer its links are [1].
 
+    Returns:
+        The cell with that truth.
+
     Raises:
         BenchError: When there is no such kind.
     """

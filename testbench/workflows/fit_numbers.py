@@ -54,6 +54,9 @@ def numbers(
         identified: Its fits.
         left: Residuals by model, `residuals_by_model`.
         widths: Whether intervals are wanted.
+
+    Returns:
+        The numbers.
     """
     fits, note, places = identified.fits, "", None
     if widths:
@@ -174,7 +177,15 @@ def _there(name: str, places: Row) -> Row | None:
 
 
 def residuals_by_model(cell: Cell, identified: IdentifyResult) -> dict[str, Array]:
-    """Subtract models from readings, (runs, m, 3) [m] by model; 0 where a target was lost."""
+    """Subtract models from readings, (runs, m, 3) [m] by model; 0 where a target was lost.
+
+    Args:
+        cell: The arm with its model and its truth.
+        identified: The fits.
+
+    Returns:
+        Residuals by model, (runs, m, 3) [m].
+    """
     data, names = identified.runs.every, list(identified.estimates)
     moved = all_deflections(cell.vjm, [identified.estimates[name] for name in names], data)
     return dict(zip(names, np.where(data.seen[..., None], data.deflection - moved, 0.0), strict=True))
@@ -228,7 +239,15 @@ def _seen(cell: Cell, identified: IdentifyResult) -> Row:
 
 
 def compared_models(models: Sequence[Row], taken: str) -> list[str]:
-    """Name one's own, least squares, GCO without prior, joints alone, if fitted; last the model to take."""
+    """Name one's own, least squares, GCO without prior, joints alone, if fitted; last the model to take.
+
+    Args:
+        models: The models.
+        taken: The recommended model.
+
+    Returns:
+        Names of the models.
+    """
     others = [m for m in models if not m.prior and m.name != taken]
     links = [m for m in others if m.structure != JOINTS]
     kinds = ([m for m in links if m.constraint == kind] for kind in ("none", "psd"))
@@ -239,6 +258,13 @@ def compared_models(models: Sequence[Row], taken: str) -> list[str]:
 
 def workspace_half_widths(cell: Cell, identified: IdentifyResult) -> Row:
     """Predict the half widths of the tool's deflection over the workspace, under the largest fitted load.
+
+    Args:
+        cell: The arm with its model and its truth.
+        identified: The fits.
+
+    Returns:
+        Half widths of the 95 % intervals by model.
 
     Raises:
         PoseError: When no poses can be drawn.

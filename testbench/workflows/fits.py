@@ -38,7 +38,7 @@ UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, 
 
 @dataclass(frozen=True)
 class IdentifyResult:
-    """Models fitted to a user's runs, and what there is to say of them."""
+    """Hold models fitted to a user's runs, and what there is to say of them."""
 
     fits: Row  #: Numbers and words, as `fit_models` has them.
     runs: MeasuredRuns
@@ -47,13 +47,13 @@ class IdentifyResult:
 
     @property
     def taken(self) -> Estimate:
-        """Of the model to take."""
+        """Return the estimate of the recommended model."""
         return self.estimates[self.fits.recommended]
 
 
 @dataclass(frozen=True)
 class FittedModels:
-    """Models fitted to runs; one entry a model."""
+    """Hold models fitted to runs; one entry per model."""
 
     runs: MeasuredRuns
     models: Sequence[Model]
@@ -72,6 +72,16 @@ def fit_models(
     What is found is models.json: of every model a `FitRow` with its errors, intervals, compliances and laws,
     the model to take and its F_M on what was held out, doubts, the likeliest first, and what no reading
     checks of the prior.
+
+    Args:
+        cell: The arm with its model and its truth.
+        models: The models.
+        runs: The measured runs.
+        clock: Returns the time [s].
+        widths: Whether intervals of predicted deflections are computed.
+
+    Returns:
+        The fits.
 
     Raises:
         BenchError: When a method cannot fit a structure to the runs.

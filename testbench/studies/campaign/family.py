@@ -56,7 +56,7 @@ COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
 
 @dataclass(frozen=True)
 class FamilyOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     arm: ArmFlag = "kr500_l480"
     stiffer: Annotated[
@@ -66,7 +66,7 @@ class FamilyOptions:
 
 @dataclass(frozen=True)
 class FamilySettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     arm: str  #: Folder or name of the arm.
     first: int  #: The first seed.
@@ -77,7 +77,7 @@ class FamilySettings:
 
 @dataclass(frozen=True)
 class Doubted:
-    """What the readings are said to tell of the prior."""
+    """Hold what the readings are said to tell of the prior."""
 
     contradicted: tuple[str, ...]  #: Links and joints, or "joints", whose scales they contradict.
     #: Links and joints that may be off as the wrong link is; None where no link of the prior is wrong.
@@ -86,7 +86,7 @@ class Doubted:
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyMethodRow(CampaignFitRow):
-    """One method in one case."""
+    """Hold one method in one case."""
 
     wrong: str | None  #: What is ten times off in the prior: a link's name, or "joints"; None for nothing.
     #: Of a wrong link: RMS of the true deflection over the workspace that is its own, over the whole [1].
@@ -97,14 +97,32 @@ class FamilyMethodRow(CampaignFitRow):
 
 
 def settings(options: FamilyOptions, quick: bool, seeds: range) -> FamilySettings:
-    """What the flags ask for."""
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
     workspace = QUICK_WORKSPACE if quick else FamilySettings.workspace
     return FamilySettings(options.arm, seeds[0], workspace=workspace, stiffer=options.stiffer)
 
 
 @each_seed
 def trials(asked: FamilySettings, seed: int, own: Models) -> Iterator[FamilyMethodRow]:
-    """Rows of a seed, one a truth, method and number of poses."""
+    """Make the rows of a seed, one per truth, method and number of poses.
+
+    Args:
+        asked: Settings of the study.
+        seed: Seed of the trial.
+        own: Estimators of the user.
+
+    Yields:
+        The rows.
+    """
     cell = build_cell(find_arm(asked.arm))
     plain, bare = plain_models(cell, MODELS_WITHOUT_PRIOR), to_fill(cell)
     poses = draw_poses(cell, scenario(asked), seed)
@@ -127,20 +145,20 @@ def trials(asked: FamilySettings, seed: int, own: Models) -> Iterator[FamilyMeth
 
 
 def to_fill(cell: Cell) -> list[Model]:
-    """Methods that are fitted with a prior, learnt from the readings."""
+    """List methods that are fitted with a prior, learnt from the readings."""
     joints, mgco56, mgco68, all153 = (MODELS[name](cell) for name in (JOINTS, "MGCO56", "MGCO68", "ALL153"))
     beams = replace(mgco56, name="MLS56", estimator=least_squares)
     return [joints, beams, without_cone(cell), mgco56, mgco68, all153]
 
 
 def pairs(seed: int) -> list[tuple[str, str]]:
-    """The truths of a trial, each with its prior: a row of a Latin square."""
+    """Pair the truths of a trial, each with its prior: a row of a Latin square."""
     priors = list(PRIORS)
     return [(truth, priors[(k + seed) % len(priors)]) for k, truth in enumerate(TRUTHS)]
 
 
 def scenario(asked: FamilySettings) -> Scenario:
-    """What is measured, without noise."""
+    """Describe what is measured, without noise."""
     return Scenario(
         arm=find_arm(asked.arm).name,
         noise=False,
@@ -154,7 +172,7 @@ def scenario(asked: FamilySettings) -> Scenario:
 
 
 def read(campaign: Campaign) -> list[Dataset]:
-    """The runs in few and in many poses, with noise."""
+    """Read the runs in few and in many poses, with noise."""
     every = reread(campaign.identification, campaign.scenario.sigma, trial_rng(campaign.seed, 1))
     return [select(every, every.pose <= poses) for poses in POSES]
 

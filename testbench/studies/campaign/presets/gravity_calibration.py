@@ -44,7 +44,7 @@ WORST = "name place_error_mm x_m y_m z_m joints"
 
 
 def tables(asked: CalibrationSettings) -> Mapping[str, TrialTable]:
-    """Every model, those that differ in short, and by true arm."""
+    """Tabulate every model, those that differ in short, and by true arm."""
     whole = _models(PAPER if asked.scenario.arm == PAPERS_ARM else {})
     return {
         "short": TrialTable("", columns=SHORT, rows=lambda trials: told(_models({})(trials))),
@@ -68,7 +68,7 @@ def _models(paper: Mapping[str, Mapping[str, float]]) -> Callable[[Trials], Sequ
     return rows
 
 
-def report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
+def _report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
     """Report as every campaign does; beside it what was measured, and where models are worst."""
     found, scenario = PRESET.report(asked, seeds, trials), asked.scenario
     models = distinct(found.numbers["models"])
@@ -145,4 +145,4 @@ PRESET = Preset(
     figures=figures,
     size=4,
 )
-STUDY = replace(PRESET.study(), report=report, write=write)
+STUDY = replace(PRESET.study(), report=_report, write=write)

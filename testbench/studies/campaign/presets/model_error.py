@@ -11,7 +11,7 @@ from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged,
 from testbench.runs.spread import middle, wins
 from testbench.studies.campaign import disturbed
 from testbench.studies.campaign.disturbed import ALL, IN_FAMILY, NONE, STIFF, DisturbanceSettings
-from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, lines
+from testbench.studies.campaign.report import ERROR, Preset, TrialTable, lines
 from testbench.studies.campaign.trial import worst_tenth
 from testbench.workflows.model_selection import DEFAULT, FILLED
 from testbench.workflows.models import JOINTS
@@ -27,7 +27,7 @@ CLAIM = "case name true_change_percent true_within read_change_percent read_with
 
 
 def tables(asked: DisturbanceSettings) -> Mapping[str, TrialTable]:
-    """The default by kind of arm; errors by disturbance and model; what each adds; the paper's claim."""
+    """Tabulate the default by kind of arm, errors by disturbance, what each adds, and the paper's claim."""
     noise, family = UM * asked.sigma, {"part": IN_FAMILY}
     shown = ("noisy", noise, f"with noise of {noise:g} um"), ("calm", 0.0, "without noise")
     errors = {
@@ -59,7 +59,7 @@ def tables(asked: DisturbanceSettings) -> Mapping[str, TrialTable]:
     }
 
 
-def derived(_: DisturbanceSettings, trials: Trials) -> Trials:
+def _derived(_: DisturbanceSettings, trials: Trials) -> Trials:
     """Add what a case adds to the error of the same trial without disturbance, and by how much it changes it.
 
     Against readings the noise of two readings of three axes stands in quadrature in both errors.
@@ -86,7 +86,7 @@ def ranking(alone: Trials) -> Sequence[Row]:
 
 
 def kinds(noisy: Trials) -> list[Row]:
-    """Rows of the whole family, each kind held out, other sizes, each kind of the family, and other cases."""
+    """Summarise the family, each kind held out, other sizes, each kind of the family, and other cases."""
     family = noisy.where(part=IN_FAMILY, case=ALL)
     beside, own = noisy.where(part=disturbed.BESIDE_IT), family.values("true_arm")
     parts = {"the family": family}
@@ -115,11 +115,6 @@ def _of_kind(kind: str, part: Trials) -> Row:
     )
 
 
-def cells(asked: DisturbanceSettings, _: Trials) -> Mapping[str, Where]:
-    """All disturbances together, then none, with noise."""
-    return {case: {"part": IN_FAMILY, "case": case, "sigma_um": UM * asked.sigma} for case in (ALL, NONE)}
-
-
 def figures(found: Report) -> Mapping[str, Figure]:
     """Draw errors of every model by disturbance, without noise and with it."""
     panes = {
@@ -143,8 +138,10 @@ PRESET = Preset(
     trials=disturbed.trials,
     tables=tables,
     printed="noisy",
-    cells=cells,
-    derived=derived,
+    cells=lambda asked, _: {
+        case: {"part": IN_FAMILY, "case": case, "sigma_um": UM * asked.sigma} for case in (ALL, NONE)
+    },
+    derived=_derived,
     figures=figures,
     size=2,
 )

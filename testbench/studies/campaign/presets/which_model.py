@@ -31,7 +31,7 @@ PROMISES = f"where cases covered_percent half_mm over_ideal {' '.join(SAID)}"
 
 
 def tables(_: FamilySettings) -> Mapping[str, TrialTable]:
-    """Methods by poses; the default over joints alone by true arm and prior; what it promises."""
+    """Tabulate methods by poses, the default over joints alone by true arm and prior, and its promises."""
     few = {"name": CHOSEN, "poses": POSES[0]}
     return {
         "short": TrialTable("RMS error over the workspace, um", across="poses"),
@@ -53,7 +53,7 @@ def tables(_: FamilySettings) -> Mapping[str, TrialTable]:
     }
 
 
-def derived(_: FamilySettings, trials: Trials) -> Trials:
+def _derived(_: FamilySettings, trials: Trials) -> Trials:
     """Sort cases as readers expect them; add errors over those of joints alone in the same case."""
     places = [
         [list(known).index(word) for word in trials[name]]
@@ -96,8 +96,8 @@ def _share(cells: Cells) -> float | None:
     return float(known.mean()) if len(known) else None
 
 
-def cells(_: FamilySettings, trials: Trials) -> Mapping[str, Where]:
-    """The cases with fewest poses."""
+def _cells(_: FamilySettings, trials: Trials) -> Mapping[str, Where]:
+    """Choose the cases with fewest poses."""
     return {"": {"poses": min(trials.values("poses"))}}
 
 
@@ -127,10 +127,10 @@ PRESET = Preset(
     trials=family.trials,
     tables=tables,
     printed="short",
-    cells=cells,
+    cells=_cells,
     ours=CHOSEN,
     pairs=((CHOSEN, JOINTS), ("MGCO56", "MLS56")),
-    derived=derived,
+    derived=_derived,
     figures=figures,
 )
 STUDY = PRESET.study()
