@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from testbench.workflows.cell import Scenario as Scenario
     from testbench.workflows.cell import build_cell as build_cell
     from testbench.workflows.cell import simulate as simulate
+    from testbench.workflows.cell import true_cell as true_cell
     from testbench.workflows.load_dataset import PublicCampaign as PublicCampaign
     from testbench.workflows.load_dataset import load_dataset as load_dataset
     from testbench.workflows.models import MODELS as MODELS
@@ -125,6 +126,7 @@ HOMES = {
     "plan": "workflows.plan",
     "joint_laws": "model.joint_laws",
     "true_arms": "plant.true_arms",
+    "true_cell": "workflows.cell",
     "member_of_family": "plant.true_arms",
     "BenchError": "errors",
     "Arm": "arm.folder",

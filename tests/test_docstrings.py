@@ -13,7 +13,7 @@ DRAWN = re.compile(r"report/(recording/.*|scene|colours|figure.*|run_figure)\.py
 """Modules that draw, whose docstrings are still to be read."""
 NO_VERBS = set(
     "a an the all as at by each how its no of one that this those what where whether which whose why rows "
-    "flags numbers errors poses models every rms columns parameters sentences root readings everything".split()
+    "flags numbers errors poses models every rms columns parameters sentences root readings".split()
 )
 ARGS = re.compile(r"^Args:\n((?:(?:    .*)?\n?)*)", re.MULTILINE)
 NAME = re.compile(r"^    \*{0,2}(\w+):", re.MULTILINE)

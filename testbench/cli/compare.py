@@ -114,34 +114,9 @@ def report(a: Finished, b: Finished) -> Report:
     answer = say("{far} of {all} numbers differ by more than 2 %.", far=far, all=len(values))
     if lead is not None:
         answer = say("{name} {where}: {a:.3f} mm in A, {b:.3f} mm in B.", lead, where=KINDS[lead.kind])
-    rest = [row for row in models if row not in led]
     names = [{row.name for row in models_of(run).values()} for run in (a, b)]
     only = sorted(names[0] ^ names[1])
-    looks = {row.name: look(row.structure, row.constraint, bool(row.prior)) for row in led if row.constraint}
-    ratio = TableColumn("ratio", "B / A", form=".2f", short="B / A")
-    sides = TableColumn("a", "A", "mm"), TableColumn("b", "B", "mm")
-    columns = TableColumn("verdict", "B is"), TableColumn("by", "judged by")
-    kind = TableColumn("kind", "where", called=KINDS)
-    plain = (
-        TableColumn("what", "number"),
-        *(TableColumn(k, k.upper(), form=",.5g", exact=True) for k in "ab"),
-        ratio,
-    )
-    texts = TableColumn("what", "input"), TableColumn("a", "A"), TableColumn("b", "B")
-    where = f"RMS error {KINDS[lead.kind]}" if lead else ""
-    tables = {
-        "models": Table(
-            (TableColumn("name", "model"), *sides, ratio, *columns),
-            led,
-            where,
-            bold=lead.name if lead else "",
-            headline="ratio",
-            looks=looks,
-        ),
-        "others": Table((TableColumn("name", "model"), kind, *sides, ratio, *columns), rest, "Other errors"),
-        "numbers": Table(plain, [] if led else apart[:MAX_NUMBERS], "Numbers that differ"),
-        "inputs": Table(texts, inputs, DIFFER),
-    }
+    tables = _tables(lead, models, [] if led else apart, inputs)
     tables = {name: table for name, table in tables.items() if table.rows}
     return Report(
         scenario="compare",
@@ -174,6 +149,39 @@ def seeds(run: Finished) -> str:
     """Name the seeds of a run."""
     first, count = run.manifest.seed, run.manifest.seeds
     return "none" if not count else str(first) if count == 1 else f"{first} to {first + count - 1}"
+
+
+def _tables(
+    lead: Row | None, models: Sequence[Row], numbers: Sequence[Row], inputs: Sequence[Row]
+) -> dict[str, Table]:
+    """Tabulate the models by the error that leads, their other errors, numbers and inputs that differ."""
+    led = [row for row in models if lead is not None and row.kind == lead.kind]
+    rest = [row for row in models if row not in led]
+    looks = {row.name: look(row.structure, row.constraint, bool(row.prior)) for row in led if row.constraint}
+    ratio = TableColumn("ratio", "B / A", form=".2f", short="B / A")
+    sides = TableColumn("a", "A", "mm"), TableColumn("b", "B", "mm")
+    columns = TableColumn("verdict", "B is"), TableColumn("by", "judged by")
+    kind = TableColumn("kind", "where", called=KINDS)
+    plain = (
+        TableColumn("what", "number"),
+        *(TableColumn(k, k.upper(), form=",.5g", exact=True) for k in "ab"),
+        ratio,
+    )
+    texts = TableColumn("what", "input"), TableColumn("a", "A"), TableColumn("b", "B")
+    where = f"RMS error {KINDS[lead.kind]}" if lead else ""
+    return {
+        "models": Table(
+            (TableColumn("name", "model"), *sides, ratio, *columns),
+            led,
+            where,
+            bold=lead.name if lead else "",
+            headline="ratio",
+            looks=looks,
+        ),
+        "others": Table((TableColumn("name", "model"), kind, *sides, ratio, *columns), rest, "Other errors"),
+        "numbers": Table(plain, numbers[:MAX_NUMBERS], "Numbers that differ"),
+        "inputs": Table(texts, inputs, DIFFER),
+    }
 
 
 def inputs_differ(a: Finished, b: Finished) -> list[Row]:

@@ -280,9 +280,9 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
 
 
 def _structure(said: StructurePart, arm: Arm) -> Structure:
-    plain = labels_of(arm)
-    rows = [entry.row for entry in said.entries if entry.row not in plain]
-    kinds = [kind for kind in dict.fromkeys(row.rpartition(" ")[2] for row in rows) if kind != STRUT]
+    plain, joints = labels_of(arm), [joint.name for joint in arm.joints]
+    rows = [entry.row.rpartition(" ") for entry in said.entries if entry.row not in plain]
+    kinds = [*dict.fromkeys(kind for joint, _, kind in rows if joint in joints and kind != STRUT)]
     if unlike := [kind for kind in kinds if kind not in joint_laws]:
         raise ValueError(f"structure.entries: no joint law {unlike[0]!r}; install the package that has it")
     lawful = with_laws(all153(arm), arm, kinds)
@@ -355,11 +355,18 @@ def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, o
         name: Name of the model, such as ALL153 + prior.
         fit: More about the fit for people, as plain data; nothing is computed from it.
     """
+    document = {"format": FORMAT, "name": name, **_document(model), "fit": fit}
+    copy_arm(model.arm, folder)
+    files.write_json(Document.model_validate(document).model_dump(), folder / DOCUMENT)
+    arrays = {key: getattr(model.posterior, key) for key in ARRAYS}
+    np.savez_compressed(folder / POSTERIOR, **arrays)
+
+
+def _document(model: ArmModel) -> dict[str, object]:
+    """Collect what model.json says of a model, as plain data."""
     state, structure, posterior, about = model.state, model.structure, model.posterior, model.about
     values, noise = structure.entries(state.C_theta).tolist(), model.noise
-    document = {
-        "format": FORMAT,
-        "name": name,
+    return {
         "arm": model.arm.name,
         "about": {
             "method": about.method,
@@ -411,11 +418,7 @@ def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, o
             "pull": posterior.cone_distance,
             "on_boundary": posterior.on_boundary,
         },
-        "fit": fit,
     }
-    copy_arm(model.arm, folder)
-    files.write_json(Document.model_validate(document).model_dump(), folder / DOCUMENT)
-    np.savez_compressed(folder / POSTERIOR, **{key: getattr(posterior, key) for key in ARRAYS})
 
 
 def write_stiffness(
