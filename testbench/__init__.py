@@ -55,10 +55,17 @@ if TYPE_CHECKING:
     from testbench.identify.prior import cad_prior as cad_prior
     from testbench.identify.registered import register_dataset as register_dataset
     from testbench.identify.regression import Regression as Regression
+    from testbench.model.joint_laws import JointLaw as JointLaw
+    from testbench.model.joint_laws import JointTurns as JointTurns
+    from testbench.model.joint_laws import joint_laws as joint_laws
     from testbench.model.load import Load as Load
     from testbench.model.load import weight as weight
     from testbench.model.structure import Structure as Structure
     from testbench.model.vjm import Vjm as Vjm
+    from testbench.plant.joint_law import Beyond as Beyond
+    from testbench.plant.true_arms import TrueArm as TrueArm
+    from testbench.plant.true_arms import member_of_family as member_of_family
+    from testbench.plant.true_arms import true_arms as true_arms
     from testbench.workflows.arm_models import load_model as load_model
     from testbench.workflows.arm_models import save_model as save_model
     from testbench.workflows.cell import Campaign as Campaign
@@ -66,6 +73,7 @@ if TYPE_CHECKING:
     from testbench.workflows.cell import Scenario as Scenario
     from testbench.workflows.cell import build_cell as build_cell
     from testbench.workflows.cell import simulate as simulate
+    from testbench.workflows.cell import true_cell as true_cell
     from testbench.workflows.load_dataset import PublicCampaign as PublicCampaign
     from testbench.workflows.load_dataset import load_dataset as load_dataset
     from testbench.workflows.models import MODELS as MODELS
@@ -116,6 +124,10 @@ HOMES = {
     "save_model": "workflows.arm_models",
     "PlanSettings": "workflows.plan_settings",
     "plan": "workflows.plan",
+    "joint_laws": "model.joint_laws",
+    "true_arms": "plant.true_arms",
+    "true_cell": "workflows.cell",
+    "member_of_family": "plant.true_arms",
     "BenchError": "errors",
     "Arm": "arm.folder",
     "Calibration": "identify.absolute.fit",
@@ -137,6 +149,10 @@ HOMES = {
     "Stiffness": "correct.stiffness",
     "Strength": "identify.prior",
     "Vjm": "model.vjm",
+    "JointLaw": "model.joint_laws",
+    "JointTurns": "model.joint_laws",
+    "TrueArm": "plant.true_arms",
+    "Beyond": "plant.joint_law",
 }
 """The module of every public name."""
 

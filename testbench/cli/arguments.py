@@ -15,12 +15,15 @@ if TYPE_CHECKING:
 
 
 def plain(*asked: object, read: str, without: Sequence[str] = ()) -> dict[str, object]:
-    """Flags as plain data but for places of results; of files their names and digests.
+    """Collect flags as plain data but for places of results; of files their names and digests.
 
     Args:
-        asked: The flags, dataclasses.
         read: Field that is a file or several, beside `mapping`.
         without: Other fields that are left out.
+        asked: The flags, dataclasses.
+
+    Returns:
+        The flags by name.
     """
     left = {"out", "report", "force", *without}
     flags = {name: value for own in asked for name, value in vars(own).items() if name not in left}

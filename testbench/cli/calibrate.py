@@ -67,7 +67,7 @@ LOOKS = {"as drawn": Look(NOMINAL, 1, prior=True), "calibrated": Look(GCO, 0, pr
 
 @dataclass(frozen=True)
 class CalibrateOptions:
-    """Flags of the command."""
+    """Hold the flags of the command."""
 
     arm: ArmName
     readings: Annotated[list[Path], typer.Argument(help="Absolute readings: table or FILE.xlsx#SHEET.")]
@@ -166,7 +166,16 @@ def _score(asked: CalibrateOptions, files: Sequence[File]) -> None:
 def report(
     found: Calibrated, left: counted.RemainingErrors, more: tuple[float, float] | None = None
 ) -> Report:
-    """Report a calibration; see `numbers` for the arguments."""
+    """Report a calibration; see `numbers` for the arguments.
+
+    Args:
+        found: The calibration.
+        left: Errors that remain.
+        more: Errors now and after further poses [m]; None if not asked for.
+
+    Returns:
+        The report.
+    """
     f, chosen = counted.numbers(found, left, more), found.calibration.chosen
     plain_mm, own_mm = (MM * np.sqrt(3) * x for x in chosen.held_out)
     rival = (chosen.plain or "as drawn", plain_mm)
@@ -233,7 +242,16 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
 
 
 def seen(cell: Cell, found: Calibrated, left: counted.RemainingErrors) -> draw.PageContent:
-    """Draw the readings on the arm: from where the arm should have its targets to where they were read."""
+    """Draw the readings on the arm: from where the arm should have its targets to where they were read.
+
+    Args:
+        cell: The arm with its model and its truth.
+        found: The calibration.
+        left: Errors that remain.
+
+    Returns:
+        The content.
+    """
     known = np.flatnonzero((size := counted.largest_remaining_error(found, left)) >= 0)
     rows, reach = counted.rows_of(found, left, draw.largest_and_even(size, known)), cell.vjm.reach
     sizes = [MM * np.nanmax(np.linalg.norm(x, axis=2), axis=1) for x in (rows.before, rows.after)]

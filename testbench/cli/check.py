@@ -39,7 +39,7 @@ SPOKES = 4  #: Lines along a tube.
 
 @dataclass(frozen=True)
 class CheckOptions:
-    """Flags of the command."""
+    """Hold the flags of the command."""
 
     arm: ArmName
     out: ShownFolder = None
@@ -133,7 +133,7 @@ def report(checked: Checked) -> Report:
 
 
 def contents(checked: Checked) -> list[str]:
-    """Payload, links, joints and frames, each with its unit and origin."""
+    """List payload, links, joints and frames, each with its unit and origin."""
     arm, elastic, vjm = checked.cell.arm, checked.elastic, checked.cell.vjm
     lines = [f"{arm.name}: {arm.title}"]
     if elastic.payload is None:
@@ -186,7 +186,7 @@ def _place(point: Array) -> str:
 
 
 def seen(checked: Checked) -> PageContent:
-    """What the page of an arm draws."""
+    """Draw the arm: its links, and where they sag."""
     cell, q = checked.cell, checked.poses
     theta = _sag(checked)
     straight = rigid_frames(cell.room, q)

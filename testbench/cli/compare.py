@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from testbench.errors import BenchError
-from testbench.plant.true_arms import CALLED, TRUTHS, true_arm_of_seed
+from testbench.plant.true_arms import TRUTHS, called, true_arm_of_seed
 from testbench.report import terminal
 from testbench.report.colours import look
 from testbench.report.join import (
@@ -42,7 +42,7 @@ VIEWS = (".md", ".html", ".png", ".rrd", "manifest.json", "report.json", "run.lo
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """Flags of the command."""
+    """Hold the flags of the command."""
 
     a: Annotated[Path, typer.Argument(metavar="RUN_A", help="Folder of the first run.")]
     b: Annotated[Path, typer.Argument(metavar="RUN_B", help="Folder of the second run.")]
@@ -90,6 +90,13 @@ def _printed(table: Table) -> Table:
 def report(a: Finished, b: Finished) -> Report:
     """Report two runs: inputs that differ, errors of the models of both.
 
+    Args:
+        a: A finished run.
+        b: Another one.
+
+    Returns:
+        The report.
+
     Raises:
         BenchError: When they have neither models nor numbers of the same names.
         InputError: When an error in a report, or the trials of a run, are damaged.
@@ -107,34 +114,9 @@ def report(a: Finished, b: Finished) -> Report:
     answer = say("{far} of {all} numbers differ by more than 2 %.", far=far, all=len(values))
     if lead is not None:
         answer = say("{name} {where}: {a:.3f} mm in A, {b:.3f} mm in B.", lead, where=KINDS[lead.kind])
-    rest = [row for row in models if row not in led]
     names = [{row.name for row in models_of(run).values()} for run in (a, b)]
     only = sorted(names[0] ^ names[1])
-    looks = {row.name: look(row.structure, row.constraint, bool(row.prior)) for row in led if row.constraint}
-    ratio = TableColumn("ratio", "B / A", form=".2f", short="B / A")
-    sides = TableColumn("a", "A", "mm"), TableColumn("b", "B", "mm")
-    columns = TableColumn("verdict", "B is"), TableColumn("by", "judged by")
-    kind = TableColumn("kind", "where", called=KINDS)
-    plain = (
-        TableColumn("what", "number"),
-        *(TableColumn(k, k.upper(), form=",.5g", exact=True) for k in "ab"),
-        ratio,
-    )
-    texts = TableColumn("what", "input"), TableColumn("a", "A"), TableColumn("b", "B")
-    where = f"RMS error {KINDS[lead.kind]}" if lead else ""
-    tables = {
-        "models": Table(
-            (TableColumn("name", "model"), *sides, ratio, *columns),
-            led,
-            where,
-            bold=lead.name if lead else "",
-            headline="ratio",
-            looks=looks,
-        ),
-        "others": Table((TableColumn("name", "model"), kind, *sides, ratio, *columns), rest, "Other errors"),
-        "numbers": Table(plain, [] if led else apart[:MAX_NUMBERS], "Numbers that differ"),
-        "inputs": Table(texts, inputs, DIFFER),
-    }
+    tables = _tables(lead, models, [] if led else apart, inputs)
     tables = {name: table for name, table in tables.items() if table.rows}
     return Report(
         scenario="compare",
@@ -169,8 +151,49 @@ def seeds(run: Finished) -> str:
     return "none" if not count else str(first) if count == 1 else f"{first} to {first + count - 1}"
 
 
+def _tables(
+    lead: Row | None, models: Sequence[Row], numbers: Sequence[Row], inputs: Sequence[Row]
+) -> dict[str, Table]:
+    """Tabulate the models by the error that leads, their other errors, numbers and inputs that differ."""
+    led = [row for row in models if lead is not None and row.kind == lead.kind]
+    rest = [row for row in models if row not in led]
+    looks = {row.name: look(row.structure, row.constraint, bool(row.prior)) for row in led if row.constraint}
+    ratio = TableColumn("ratio", "B / A", form=".2f", short="B / A")
+    sides = TableColumn("a", "A", "mm"), TableColumn("b", "B", "mm")
+    columns = TableColumn("verdict", "B is"), TableColumn("by", "judged by")
+    kind = TableColumn("kind", "where", called=KINDS)
+    plain = (
+        TableColumn("what", "number"),
+        *(TableColumn(k, k.upper(), form=",.5g", exact=True) for k in "ab"),
+        ratio,
+    )
+    texts = TableColumn("what", "input"), TableColumn("a", "A"), TableColumn("b", "B")
+    where = f"RMS error {KINDS[lead.kind]}" if lead else ""
+    return {
+        "models": Table(
+            (TableColumn("name", "model"), *sides, ratio, *columns),
+            led,
+            where,
+            bold=lead.name if lead else "",
+            headline="ratio",
+            looks=looks,
+        ),
+        "others": Table((TableColumn("name", "model"), kind, *sides, ratio, *columns), rest, "Other errors"),
+        "numbers": Table(plain, numbers[:MAX_NUMBERS], "Numbers that differ"),
+        "inputs": Table(texts, inputs, DIFFER),
+    }
+
+
 def inputs_differ(a: Finished, b: Finished) -> list[Row]:
-    """List the entries of two manifests that differ: settings, arms, data, seeds, versions, commit."""
+    """List the entries of two manifests that differ: settings, arms, data, seeds, versions, commit.
+
+    Args:
+        a: A finished run.
+        b: Another one.
+
+    Returns:
+        A row per entry.
+    """
     ours, theirs = _inputs(a), _inputs(b)
     keys = [key for key in dict.fromkeys([*ours, *theirs]) if ours.get(key) != theirs.get(key)]
     return [Row(what=key, a=ours.get(key, "none"), b=theirs.get(key, "none")) for key in keys]
@@ -216,4 +239,4 @@ def _true_arms(run: Finished) -> frozenset[str]:
     if len(named) != 1 or not isinstance(family := named.pop(), str) or not manifest.seeds:
         return frozenset()
     own = range(manifest.seed, manifest.seed + min(manifest.seeds, len(TRUTHS)))
-    return frozenset(CALLED.get(name, name) for name in (true_arm_of_seed(family, seed) for seed in own))
+    return frozenset(called(name) for name in (true_arm_of_seed(family, seed) for seed in own))

@@ -51,7 +51,7 @@ ERROR_LENGTH, MIN_ERROR_LENGTH, FORCE_LENGTH = 0.15, 0.3, 0.25
 
 @dataclass(frozen=True)
 class CompensateOptions:
-    """Flags of the command."""
+    """Hold the flags of the command."""
 
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
     program: Annotated[Path, typer.Argument(help="Set-points and loads: table or FILE.xlsx#SHEET.")]
@@ -118,7 +118,15 @@ def command(asked: CompensateOptions) -> None:
 
 
 def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report:
-    """Report a corrected program; of a tolerance [mm] which points keep it."""
+    """Report a corrected program.
+
+    Args:
+        found: The corrected program.
+        tolerance_mm: Largest error that passes [mm]; None without a tolerance.
+
+    Returns:
+        The report.
+    """
     f = counted.numbers(found, tolerance_mm)
     answer = "No point has a load: the program is unchanged."
     if f.loaded:
@@ -205,7 +213,16 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
 
 
 def seen(cell: Cell, found: CorrectedProgram, said: Report) -> draw.PageContent:
-    """Draw the path, where loads draw the tool off it, and the arm that does so."""
+    """Draw the path, where loads draw the tool off it, and the arm that does so.
+
+    Args:
+        cell: The arm with its model and its truth.
+        found: The corrected program.
+        said: Its report.
+
+    Returns:
+        The content.
+    """
     points, tolerance = said.numbers["rows"], said.numbers["tolerance"]
     some = draw.largest_and_even(np.linalg.norm(found.found.before, axis=1), np.arange(len(points)), far=1)
     rows = [points[k] for k in some]

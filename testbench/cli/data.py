@@ -1,7 +1,5 @@
 """testbench data check and data map: contents of a file of readings, and the map that reads it."""
 
-import re
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -22,11 +20,8 @@ from testbench.identify.registered import RegisteredDataset
 from testbench.plant.shapes import rigid_frames
 from testbench.report import scene as draw
 from testbench.report.colours import LOAD, MEASURED, NOMINAL, SERIES, Look
-from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
-from testbench.report.markdown import Markdown, capital, ended
-from testbench.report.report import Report, bullets, say
-from testbench.report.schema import NUMBER, Table, plain, show, written_out
+from testbench.report.readings import column_lines, file_lines, report, written
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import Kind, check_file, claim_folder
@@ -34,7 +29,7 @@ from testbench.runs.whole import whole_file
 from testbench.workflows.absolute import kinematic_misfit
 from testbench.workflows.campaign_flags import ArmName, ReadingOptions
 from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.file_contents import column_rows, contents, farthest_off, nominal_targets, shown_runs
+from testbench.workflows.file_contents import column_rows, contents, nominal_targets, shown_runs
 from testbench.workflows.options import Force, takes
 from testbench.workflows.project import ProjectCommand
 from testbench.workflows.read_runs import (
@@ -44,13 +39,11 @@ from testbench.workflows.read_runs import (
     register_export,
     registration_notes,
 )
-from testbench.workflows.rows import MM, UM
+from testbench.workflows.rows import MM
 
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
-MAX_LISTED = 6  #: Loads and names that are listed.
 SHARE, ARROW = 0.15, 0.2  #: Length of deflections and of the load's arrow over the reach [1].
-COLUMNS = columns("quantity file_columns unit values rows")
 LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's joints, if apart.")]
 LayoutName = Annotated[
     str | None, typer.Option(metavar="NAME", help="Layout of the file; default: the one that fits.")
@@ -60,7 +53,7 @@ group = typer.Typer(no_args_is_help=True)
 
 @dataclass(frozen=True)
 class DataOptions:
-    """Flags of `data check`."""
+    """Hold the flags of `data check`."""
 
     log: LogFile = None
     layout: LayoutName = None
@@ -71,7 +64,12 @@ class DataOptions:
 @group.command("check", cls=ProjectCommand)
 @takes(ReadingOptions, DataOptions)
 def check(runs: ReadingOptions, asked: DataOptions) -> None:
-    """Say which column is which quantity, what was assumed, and show the runs on the arm."""
+    """Say which column is which quantity, what was assumed, and show the runs on the arm.
+
+    Args:
+        runs: The file, and how it is read.
+        asked: Flags of the command.
+    """
     given = [find_arm(runs.arm), *files_read(runs), *([asked.log] if asked.log else [])]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         filed, console = build_cell(runs.arm), plain_console()
@@ -81,16 +79,16 @@ def check(runs: ReadingOptions, asked: DataOptions) -> None:
             return
         export = read_export_file(filed, runs, mapping)
         found = contents(export)
-        found["columns"] = [Row(row, values=_written(row)) for row in found.columns]
+        found["columns"] = [Row(row, values=written(row)) for row in found.columns]
         try:
             cell, registered = register_export(filed, export, runs)
         except BenchError:
-            console.print("\n".join(_lines(found)), soft_wrap=True)  # it helps where no frame is found
+            console.print("\n".join(file_lines(found)), soft_wrap=True)  # it helps where no frame is found
             raise
         doubts, scale = diagnose_runs(filed, export, registered, runs)
         found.update(dataset=runs.dataset.name, scale=scale, doubts=[doubt.sentence for doubt in doubts])
         said = report(found, registered)
-        lines = _lines(Row(said.numbers), registration_notes(registered))
+        lines = file_lines(Row(said.numbers), registration_notes(registered))
         if asked.out is not None:
             name, flags = runs.dataset.name, {"data": runs.dataset.name, "flags": runs.words}
             run = RunRequest(COMMAND, name, flags, [cell.arm.rigid.parent], "data.png")
@@ -124,7 +122,7 @@ def _pairs(dataset: Path, cell: Cell, mapping: Map) -> bool:
 
 @dataclass(frozen=True)
 class MapOptions:
-    """Flags of `data map`."""
+    """Hold the flags of `data map`."""
 
     arm: ArmName
     dataset: Annotated[Path, typer.Argument(help="Export of an instrument: text table or FILE.xlsx#SHEET.")]
@@ -166,7 +164,7 @@ def _origin(proposal: Proposal) -> list[str]:
 def _show_series(console: Console, cell: Cell, dataset: Path, mapping: Path | Map) -> None:
     """Show what a map reads of a file, and how well that fits the arm."""
     export = read_series(dataset, cell.arm, mapping)
-    rows = [Row(row, values=_written(row)) for row in column_rows(export.columns)]
+    rows = [Row(row, values=written(row)) for row in column_rows(export.columns)]
     notes = [
         *(f"- {note}" for note in export.notes),
         f"{sum(series.rows for series in export.series)} readings",
@@ -176,85 +174,16 @@ def _show_series(console: Console, cell: Cell, dataset: Path, mapping: Path | Ma
     console.print(f"They fit the arm as drawn to {off:.3g} mm (median).")
 
 
-def _written(row: Row) -> str:
-    """Values of a column for people: lengths below 1 mm in um."""
-
-    def length(number: re.Match[str]) -> str:
-        metres = float(number[0])
-        return f"{UM * metres:g} um" if 0 < abs(metres) < 1e-3 else plain(number[0])
-
-    return NUMBER.sub(length, str(row["values"])) if row.unit == "m" else written_out(str(row["values"]))
-
-
-def column_lines(rows: Sequence[Row]) -> list[str]:
-    """Lay out columns of a file below one another, of any width."""
-    table = [
-        [column.heading for column in COLUMNS],
-        *([row[column.key] for column in COLUMNS] for row in rows),
-    ]
-    widths = [2 + max(map(len, cells)) for cells in zip(*table, strict=True)]
-    return ["".join(map(str.ljust, cells, widths)).rstrip() for cells in table]
-
-
-def _lines(f: Row, more: Sequence[str] = ()) -> list[str]:
-    """Columns, numbers and notes of the file, for a terminal."""
-    notes = [f"- {note}" for note in (*f.notes, *more)]
-    return ["", *column_lines(f.columns), "", *(f"{what}: {value}" for what, value in _others(f)), *notes]
-
-
-def _others(f: Row) -> Iterator[tuple[str, str]]:
-    """Numbers of the file and its runs, with their units."""
-
-    def few(names: Sequence[str], mark: str = ", ") -> str:
-        more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
-        return (mark.join(names[:MAX_LISTED]) or "none") + more
-
-    yield "rows, runs, poses, stations", f"{f.rows}, {f.runs}, {f.poses}, {f.stations}"
-    yield "markers", f"{len(f.markers)}: {few(f.markers)}"
-    yield "lost targets", f"{len(f.lost)} of {f.runs * len(f.markers)}: {few(f.lost)}"
-    yield "loads", few(f.loads, "; ")
-    yield "sigma of a reading, um", show(f.sigma_um, "g")
-    yield "columns not read", few(f.ignored)
-    if f.farthest:
-        yield "largest deflection, mm", f"{f.deflection_mm.most:.3f}, {f.farthest}"
-    if f.get("away"):
-        away = f"{f.away.distance_mm:.3f}, {f.away.target}"
-        yield "largest distance of an unloaded reading from the undeflected arm, mm", away
-    if f.get("scale") is not None:
-        yield "measured deflections over those predicted by the arm's folder", f"{f.scale:.2f}"
-
-
-def report(found: Row, registered: RegisteredDataset) -> Report:
-    """Report a file of measured runs.
+def seen(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
+    """Draw the arm run by run, its targets as read and as they should be.
 
     Args:
-        found: What is in it, with its `dataset`, `doubts` and `scale`.
+        cell: The arm with its model and its truth.
         registered: The runs in the base's frame.
+
+    Returns:
+        The content.
     """
-    f = Row(found, arm=registered.vjm.arm.name, frame=registered.frame, away=farthest_off(registered))
-    others = [Row(what=what, value=value) for what, value in _others(f)]
-    tables = {"columns": Table(COLUMNS, f.columns, "Which column is which quantity")}
-    tables["numbers"] = Table(columns("what value"), others, "The runs")
-    notes = [ended(capital(note)) for note in (*f.notes, *registration_notes(registered))]
-    return Report(
-        scenario="data_check",
-        question=say("What was understood of {dataset}?", f),
-        title=say("{dataset} as runs of {arm}", f),
-        answer=say(
-            "{runs:counted run} in {poses:counted pose}: targets move {deflection_mm.least:.3f} to "
-            "{deflection_mm.most:.3f} mm, median {deflection_mm.median:.3f} mm. Doubts: {count}.",
-            f,
-            count=len(f.doubts),
-        ),
-        claims=[say("**Doubt**: {text}", text=ended(text)) for text in f.doubts],
-        numbers=f,
-        tables=tables,
-        body=[*tables, Markdown("## How the runs were read"), bullets(notes)],
-    )
-
-
-def seen(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
-    """Draw the arm run by run, its targets as read and as they should be."""
     data = registered.data
     hidden = np.where(data.seen, 0.0, np.nan)
     moved = MM * np.linalg.norm(data.deflection, axis=2) + hidden

@@ -2,24 +2,21 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from testbench.plant.true_arms import TrueArmName
 from testbench.report.terminal import plain_console
 from testbench.studies.campaign.coverage import Options
 from testbench.studies.campaign.presets.gravity_calibration import STUDY
 from testbench.studies.run import run
+from testbench.workflows.campaign_flags import TrueArmFlag
 from testbench.workflows.options import Common, takes
 from testbench.workflows.own_estimator import EstimatorOptions
 
 
 @dataclass(frozen=True)
 class Demo(Options):
-    """Flags of the study, the true links cast."""
+    """Hold the flags of the study, the true links cast."""
 
-    true_arm: Annotated[TrueArmName, typer.Option(metavar="NAME", help="True arm.")] = "cast"
+    true_arm: TrueArmFlag = "cast"
 
 
 @takes(Common, Demo, EstimatorOptions)

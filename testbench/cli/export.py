@@ -34,7 +34,7 @@ CONTROLLER = Kind("such a file that testbench export wrote", rb"(?s).*?" + STAMP
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Flags of the command."""
+    """Hold the flags of the command."""
 
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
     urdf: Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's URDF, or a new file.")] = None

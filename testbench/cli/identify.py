@@ -14,6 +14,7 @@ from testbench.errors import Array, BenchError
 from testbench.files.model_folder import DOCUMENT, FITS
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
+from testbench.model.joint_laws import joint_laws
 from testbench.report import terminal
 from testbench.report.badge import MIN_PAIRS, Badge, badge_against_all, incumbents
 from testbench.report.columns import columns
@@ -66,7 +67,7 @@ MEANS = Markdown("What tables, columns and warnings mean: docs/identify.md, *The
 
 @dataclass(frozen=True)
 class IdentifyOptions:
-    """Flags of the command."""
+    """Hold the flags of the command."""
 
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")] = Path("runs/identify")
     model: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Model to fit; repeatable.")] = None
@@ -142,7 +143,15 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
 
 
 def badge(found: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
-    """Compare the model to take with its strongest rival, by what was held out; None without a rival."""
+    """Compare the recommended model with its strongest rival, by what was held out.
+
+    Args:
+        found: The fits.
+        left: Residuals by model.
+
+    Returns:
+        The badge; None without a rival.
+    """
     rms, each = held_out(found, left, MIN_PAIRS)
     taken, fits = found.fits.recommended, found.fits
     rivals = [name for name in incumbents(fits.models, taken) if name in rms]
@@ -164,7 +173,11 @@ def report(f: Row) -> Report:
     sure = (taken.intervals or Row()).get("half_width_mm") is not None
     half = ". 95 % interval of deflections: +- {intervals.half_width_mm:.3f} mm (median)" if sure else ""
     runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:LISTED_RUNS]
-    laws = tuple(c for c in LAWS if any(c.value(row) is not None for row in f.laws))
+    own_laws = (
+        TableColumn(name, name.replace("_", " "), law.unit_words.replace("1", ""), form=".3g")
+        for name, law in joint_laws.added.items()
+    )
+    laws = tuple(c for c in (*LAWS, *own_laws) if any(c.value(row) is not None for row in f.laws))
     told, rest = "part parameters told_percent decided_by_prior", f.get("identifiability")
     tables = {
         "models": table_of(f, MODELS),
@@ -193,7 +206,15 @@ def report(f: Row) -> Report:
 
 
 def table_of(f: Row, keys: list[str]) -> Table:
-    """List every model; a column that no model fills is left out, the first error is the headline."""
+    """List every model; a column that no model fills is left out, the first error is the headline.
+
+    Args:
+        f: Numbers of the fits.
+        keys: Keys of the columns.
+
+    Returns:
+        The table.
+    """
     every = columns(" ".join(keys), paper=False)
     known = tuple(c for c in every if any(c.value(m) is not None for m in f.models))
     headline = next(c.key for c in known if c.key in (*MODELS[4:7],))

@@ -96,13 +96,16 @@ ARM_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
 def read_user_inputs(
     payload_kg: float | None, tool: str | None, markers: Sequence[str], load: str | None
 ) -> UserInputs:
-    """The flags as numbers.
+    """Read the flags as numbers.
 
     Args:
         payload_kg: Rated payload [kg].
         tool: x,y,z of the tool from the tip in m; or with rx,ry,rz in degrees, turns about the tip's x, y, z.
         markers: NAME=x,y,z in the tool's frame in m, each.
         load: x,y,z of the load point in the tool's frame in m.
+
+    Returns:
+        The numbers.
 
     Raises:
         BenchError: Names the flag and what was expected.

@@ -56,7 +56,7 @@ HIDDEN = 0.5  #: Share of the expected error that no load reduces, above which a
 
 @dataclass(frozen=True)
 class PlanOutputs:
-    """Where the plan goes."""
+    """Say where the plan goes."""
 
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the plan.")] = Path("runs/plan")
     force: Force = False

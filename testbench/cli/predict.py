@@ -51,7 +51,7 @@ TOOL = Look(GCO, 0, prior=True)
 
 @dataclass(frozen=True)
 class PredictOptions:
-    """Flags of the command."""
+    """Hold the flags of the command."""
 
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
     poses: Annotated[Path, typer.Argument(help="Poses and loads: a program, tasks or a plan.")]

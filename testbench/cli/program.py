@@ -32,7 +32,7 @@ TYPED = ("COMP_WORDS", "_TYPER_COMPLETE_ARGS")  #: Where a shell that completes 
 
 
 def program(arguments: Sequence[str]) -> typer.Typer:
-    """The command with what the arguments ask for; of all else the line of help alone.
+    """Make the command with what the arguments ask for; of all others the line of help alone.
 
     So that `testbench --help` imports neither MuJoCo nor Pinocchio nor Rerun.
 

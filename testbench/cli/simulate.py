@@ -44,7 +44,7 @@ MAX_RUNS = 50_000  #: Equilibria that are sought at most, poses times loads time
 
 @dataclass(frozen=True)
 class SimulateOptions:
-    """Flags of the command."""
+    """Hold the flags of the command."""
 
     arm: ArmName
     out: Annotated[Path, typer.Option(metavar="FILE", help="Dataset to write, CSV.")]
@@ -77,7 +77,7 @@ class SimulateOptions:
 
 @dataclass(frozen=True)
 class AbsoluteReadingOptions:
-    """Flags of absolute readings: where targets are, not how far a load moved them."""
+    """Hold the flags of absolute readings: where targets are, not how far a load moved them."""
 
     absolute: Annotated[bool, typer.Option("--absolute", help="Write positions, not deflections.")] = False
     series: Annotated[

@@ -16,7 +16,7 @@ PAGE = "report.html"
 
 @dataclass(frozen=True)
 class ViewOptions:
-    """Flags of the command."""
+    """Hold the flags of the command."""
 
     folder: RunFolder
     web: Annotated[bool, typer.Option("--web", help="Open it in a browser; print its address.")] = False

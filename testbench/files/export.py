@@ -28,15 +28,9 @@ from testbench.files.export_geometry import (
 from testbench.files.export_left import GEOMETRY, displacements
 from testbench.files.export_own import place_frames, read_robot_chain, robot_origins
 from testbench.identify.absolute.state import ArmState
+from testbench.model.joint_laws import joint_laws
 from testbench.model.kinematics import body_pose, urdf_poses
-from testbench.model.laws import (
-    UNIT_BACKLASH_RAD,
-    UNIT_COMPENSATOR,
-    UNIT_FRICTION_RAD,
-    UNIT_ROTATION,
-    UNIT_STIFFENING,
-    sizes_of,
-)
+from testbench.model.laws import UNIT_COMPENSATOR, sizes_of
 from testbench.runs import provenance as files
 from testbench.runs.rows import Row
 from testbench.runs.whole import whole_files
@@ -56,12 +50,8 @@ WORDS = {
     "+ play tanh(10 t) + stiffening t |t|, t its torque over torque_scale; [rad, m], of a slide without sine "
     "and cosine",
     "laws": "sizes s of a joint; beside its compliance, with x the torque times that of elastic.toml, "
-    "x_0 of own weight and compensator and x_1 under the load too, it turns by "
-    f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {UNIT_STIFFENING / UNIT_ROTATION**2:g} f^3 = x (stiffening), "
-    f"s {UNIT_BACKLASH_RAD:g} (tanh(x_1 / {UNIT_BACKLASH_RAD:g}) - tanh(x_0 / {UNIT_BACKLASH_RAD:g})) "
-    f"(backlash), and "
-    f"-s {UNIT_FRICTION_RAD:g} clip((x_1 - x_0) / {UNIT_FRICTION_RAD:g}, -1, 1) (friction) [rad, m], "
-    f"and with the lever r of "
+    "x_0 of own weight and compensator and x_1 under the load too, it turns by the sum of {formulas} "
+    "[rad, m], and with the lever r of "
     f"elastic.toml's compensator over its longest, -s (x_1 - x_0) {UNIT_COMPENSATOR:g} r^2 / (1 + "
     f"{UNIT_COMPENSATOR:g} r^2)",
     "weights": "masses [kg] and centres [m] in the frame of urdf_link that the model bends under",
@@ -210,6 +200,7 @@ def compared_label(state: ArmState, frames: UrdfFrames, urdf: Path, done: Row) -
         The document.
     """
     arm = state.vjm.arm
+    formulas = ", ".join(f"{law.formula} ({kind})" for kind, law in joint_laws.items())
     return {
         "format": 1,
         "kind": KIND,
@@ -218,7 +209,7 @@ def compared_label(state: ArmState, frames: UrdfFrames, urdf: Path, done: Row) -
         "urdf_sha256": files.digest(urdf),
         "read_back": done.read_back,
         "left_out": {what: {"rms_mm": rms, "max_mm": most} for what, (rms, most) in done.left.items()},
-        "words": WORDS,
+        "words": WORDS | {"laws": WORDS["laws"].format(formulas=formulas)},
         "root": _pose(frames.root),
         "tool": _pose(frames.tip),
         "links": _links(state, frames),

@@ -36,7 +36,7 @@ from testbench.identify.metric import (
 )
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression
-from testbench.model.laws import LAW_KINDS
+from testbench.model.laws import law_kinds, size_prior
 
 JOINT_LINK_GAP = 1.5
 """Standard deviation of the log factor of the joints over the links [1]."""
@@ -58,16 +58,14 @@ OWN_SCALE_DEVIATION = 0.5
 TIE_PRIOR = 0.2, 0.7
 """Median of the couplings of joints over the root of what both turn, and standard deviation of its logarithm
 [1]; they are looked for in a model of its own, which counts as its evidence says (`identify.average`)."""
-LAW_PRIOR = 0.5, 0.8
-"""Median of the sizes of a law of the joints, and standard deviation of its logarithm [1]."""
-COMPENSATOR_LAW_PRIOR = 0.05, 1.5
-"""The same of a compensator's: from no stiffness as the arm deflects to half of that of joint 2."""
 ALL_JOINTS = "joints"
 """Name of the common scale of all joints, as opposed to the links."""
 MAX_LOG_SCALE, MAX_MISFIT = 6.0, 30.0
 """Largest logarithm of a scale, a factor of 400, and of kappa, since misfits have no bound."""
 MAX_HYPER_DEVIATION = 1.5
 """Largest standard deviation of a hyperparameter that intervals use: beyond it the model is not linear."""
+Sizes = tuple[tuple[float, float], ...]
+"""Median of the sizes of a kind of joint law, and deviation of its logarithm [1], by kind."""
 MAX_SIGNAL_TO_NOISE = 1e6
 """Readings over their noise beyond which their squares have no digits left for the noise [1]."""
 
@@ -150,13 +148,13 @@ def evidence_model(regression: Regression, metric: PriorScaling, *, alike: bool 
         drawn=scale + drawn,
         expected=metric.expected,
         scale=scale,
-        priors=_priors(kind, m, tied),
+        priors=_priors(kind, m, tied, _law_sizes(metric)),
         bounds=bounds,
     )
     return LearntPriorModel(metric, problem, shares, kind, whole, tied, start)
 
 
-def _priors(kind: Ids, m: int, tied: bool) -> tuple[Hyperprior, ...]:
+def _priors(kind: Ids, m: int, tied: bool, laws: Sizes) -> tuple[Hyperprior, ...]:
     """Make the prior densities of the hyperparameters."""
     K, one = len(kind), np.eye(m)
     of_tie = one[m - 4 : m - 3] if tied else one[:0]
@@ -164,8 +162,7 @@ def _priors(kind: Ids, m: int, tied: bool) -> tuple[Hyperprior, ...]:
     rows, medians = one[-3:] / widths[:, None], np.log([SHAPE_PRIOR[0], COUPLING_PRIOR[0], 1.0]) / widths
     if kind.any():
         rows, medians = np.vstack([rows, (one[K + 1] - one[K]) / JOINT_LINK_GAP]), np.r_[medians, 0]
-    for k in range(2, kind.max() + 1):
-        median, width = _size(k)
+    for k, (median, width) in enumerate(laws, start=2):
         rows, medians = np.vstack([rows, one[K + k] / width]), np.r_[medians, math.log(median) / width]
     own, tie = one[K + kind.max() + 1 : m - 3 - tied] / OWN_SCALE_DEVIATION, of_tie / TIE_PRIOR[1]
     rows = np.vstack([rows, own, tie])
@@ -174,9 +171,9 @@ def _priors(kind: Ids, m: int, tied: bool) -> tuple[Hyperprior, ...]:
     return Hyperprior(rows, medians, normal_density), Hyperprior(scales, np.zeros(K), student_density)
 
 
-def _size(kind: int) -> tuple[float, float]:
-    """Return the median size of the laws of a kind, from 2 on, and the deviation of its logarithm [1]."""
-    return LAW_PRIOR if kind < 2 + len(LAW_KINDS) else COMPENSATOR_LAW_PRIOR
+def _law_sizes(metric: PriorScaling) -> Sizes:
+    """Return the priors of the sizes of every kind of joint law, the kinds of `metric.kinds` from 2 on."""
+    return tuple(size_prior(kind) for kind in law_kinds(metric.structure))
 
 
 def gram_matrix(regression: Regression, metric: PriorScaling) -> Array:
@@ -254,7 +251,7 @@ def _log_evidence(model: LearntPriorModel, loss: float, values: Array) -> float:
         model.link_scales
     ) * math.log(OWN_SCALE_DEVIATION)
     prior -= model.has_ties * math.log(TIE_PRIOR[1])
-    prior -= sum(math.log(_size(k)[1]) for k in range(2, model.kind.max() + 1))
+    prior -= sum(math.log(width) for _, width in _law_sizes(model.scaling))
     return prior - loss - float(np.log(values).sum()) / 2
 
 

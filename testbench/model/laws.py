@@ -1,29 +1,20 @@
-"""Joint laws: what actuated joints do beyond a linear spring. They stiffen, have backlash, and stick.
+"""Joint laws of an arm: what its actuated joints do beyond a linear spring.
 
 Each law is one more virtual joint in series with the joint's own spring. How it turns with the torque before
-and under the load has a known shape. Its size, at least zero, is an unknown like a compliance. So the model
-stays linear in all unknowns, and every block of C_theta stays positive semi-definite. `identify` learns the
-sizes, `correct` uses them.
+and under the load has a known shape (`testbench.model.joint_laws`). Its size, at least zero, is an unknown
+like a compliance. So the model stays linear in all unknowns, and every block of C_theta stays positive
+semi-definite. `identify` learns the sizes, `correct` uses them.
 
-With x = c tau, c the nominal compliance of the joint, the shapes are:
-
-- stiffening: f(x_1) - x_1 - (f(x_0) - x_0), where f + beta f^3 / phi^2 = x is the turn of a spring whose
-  stiffness at the turn phi is (1 + beta) times that at zero;
-- backlash: b (tanh(x_1 / b) - tanh(x_0 / b)), the half width b of the gap, taken to the side that the sign of
-  the torque gives;
-- friction: -h clip((x_1 - x_0) / h, -1, 1), the half width h of the hysteresis loop against the turn, and no
-  more than the turn itself. For a load that was put on in the pose and then taken off the full width counts,
-  because the joint was held back both times;
-- compensator, on joint 2 alone: -(x_1 - x_0) K s^2 / (1 + K s^2), the part of the turn that a strut prevents
-  as the arm deflects. K is its stiffness over that of the joint at its longest lever, s its lever over the
-  longest.
-
+With x = c tau, c the nominal compliance of the joint, x_0 is the turn before and x_1 the turn under the load.
 tau_0 is the torque of the arm's own weight, less what a compensator carries; tau_1 adds the torque of the
-load. Backlash and friction of a gear: Ruderman et al., Modeling and identification of elastic robot joints
-with hysteresis and backlash, IEEE Trans. Ind. Electron. 56 (2009). Stiffening: catalogues of strain wave
-gears.
+load.
+
+A compensator adds a law on joint 2 alone: -(x_1 - x_0) K s^2 / (1 + K s^2), the part of the turn that a strut
+prevents as the arm deflects. K is its stiffness over that of the joint at its longest lever, s its lever over
+the longest.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -31,61 +22,51 @@ import numpy as np
 
 from testbench.arm.folder import Arm, Compensator
 from testbench.errors import Array, Ids, InputError, Mask
+from testbench.model.joint_laws import STRUT, JointLaw, JointTurns, joint_laws
 from testbench.model.load import Weights, own_weight, read_weights
 from testbench.model.structure import Structure
 from testbench.model.vjm import Chain, Vjm, cross
 
-LAW_KINDS = ("stiffening", "backlash", "friction")
-STRUT = "compensator"  #: Kind of law of joint 2 alone, where the arm has a compensator.
-UNIT_ROTATION, UNIT_STIFFENING = 1e-3, 0.1
-"""Turn phi [rad, m] and beta [1] of stiffening of size one: at phi the spring is 1 + beta times as stiff.
-
-These and the sizes below are units of the unknowns: a prior expects sizes of order one.
-"""
-#: Half-widths b of backlash and h of the friction loop of size one [rad, m].
-UNIT_BACKLASH_RAD, UNIT_FRICTION_RAD = 5e-5, 3e-5
 UNIT_COMPENSATOR = 0.3  #: Stiffness K of a compensator of size one over the stiffness of joint 2 [1].
-UNIT_SIZES = {
-    **dict(zip(LAW_KINDS, (UNIT_STIFFENING, UNIT_BACKLASH_RAD, UNIT_FRICTION_RAD), strict=True)),
-    STRUT: UNIT_COMPENSATOR / (1 + UNIT_COMPENSATOR),
-}
-"""Meaning of a size of one, by kind [1, rad, rad, 1; m for a slide].
-
-For a compensator it is the largest share of a turn that it prevents, K / (1 + K).
-"""
+COMPENSATOR_UNIT = UNIT_COMPENSATOR / (1 + UNIT_COMPENSATOR)
+"""Largest share of a turn that a compensator of size one prevents, K / (1 + K) [1]."""
+COMPENSATOR_LAW_PRIOR = 0.05, 1.5
+"""Median of a compensator's size, and standard deviation of its logarithm [1]: from no stiffness as the arm
+deflects to half of that of joint 2."""
 TIED_SUFFIX = " + joints coupled"  #: End of the name of a structure with couplings between joints.
 VJMS = STRUCTURES = 32  #: Number of models with laws, and of structures, that are remembered.
 
 
 @dataclass(frozen=True)
 class JointLaws:
-    """Hold the shapes of the laws of an arm's joints: three per joint, and one of a compensator.
+    """Hold the laws of an arm's joints: each shape for every joint, and one of a compensator.
 
-    The laws are ordered by kind: stiffening of all joints, backlash of all, friction of all. Their number is
-    3 n, or 3 n + 1 with a compensator.
+    The laws are ordered by kind: stiffening of all joints, backlash of all, and so on. Their number is the
+    number of shapes times n, and one more with a compensator.
     """
 
     compliance: Array  #: Nominal compliance c of every joint, (n,) [rad/(N m), m/N].
     weights: Weights | None  #: Masses of the arm; None where they are unknown.
     compensator: Compensator | None  #: Spring from link 1 to link 2; None where there is none.
+    shapes: Mapping[str, JointLaw]  #: Shapes of the laws by kind.
     widths: Array | float = 1.0  #: Width of friction's loop in half widths, one for all or (runs,) [1].
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Name the kind of every law, (laws,), each one of `LAW_KINDS` or `STRUT`."""
-        every = tuple(np.repeat(LAW_KINDS, len(self.compliance)).tolist())
+        """Name the kind of every law, (laws,): a name of `joint_laws`, or `STRUT`."""
+        every = tuple(np.repeat(list(self.shapes), len(self.compliance)).tolist())
         return every if self.compensator is None else (*every, STRUT)
 
     @property
     def joints(self) -> Ids:
         """Return the index of the actuated joint that each law turns with, (laws,)."""
-        every = np.tile(np.arange(len(self.compliance)), len(LAW_KINDS))
+        every = np.tile(np.arange(len(self.compliance)), len(self.shapes))
         return every if self.compensator is None else np.append(every, 1)
 
     def load(self, chain: Chain, u: Array) -> Array:
-        """Compute the turn of every law per unit of its size, by the shapes of the module.
+        """Compute the turn of every law per unit of its size.
 
-        Mathematics: `law-1`, `law-3`, `law-4`, `law-5`, `law-6`.
+        Mathematics: `law-1`, `law-6`.
 
         Args:
             chain: The arm in its poses, with origins and axes of its bodies.
@@ -94,13 +75,28 @@ class JointLaws:
         Returns:
             Turn per unit of size, (laws, runs) [rad, m].
         """
+        at, c = self._turns(chain, u), self.compliance[:, None]
+        turns = [law.turn(at) for law in self.shapes.values()]
+        return np.concatenate([*turns, self._beside(chain) * (c * u)[1:2]])
+
+    def slope(self, chain: Chain, u: Array) -> Array:
+        """Compute the derivative of the laws' turns with respect to the torque of their joint.
+
+        Args:
+            chain: The arm in its poses.
+            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
+
+        Returns:
+            Turn per unit of size and torque, (laws, runs) [rad/(N m), m/N].
+        """
+        at, c = self._turns(chain, u), self.compliance[:, None]
+        slopes = [c * law.slope(at) for law in self.shapes.values()]
+        return np.concatenate([*slopes, c[1:2] * self._beside(chain)])
+
+    def _turns(self, chain: Chain, u: Array) -> JointTurns:
+        """Compute the nominal turns before and under the load."""
         c, before = self.compliance[:, None], self.before(chain)
-        x, end = c * before, c * (before + u)  # nominal turns x_0 before and x_1 under the load
-        stiffened = (_spring(end) - end) - (_spring(x) - x)
-        taken = UNIT_BACKLASH_RAD * (np.tanh(end / UNIT_BACKLASH_RAD) - np.tanh(x / UNIT_BACKLASH_RAD))
-        width = self.widths * UNIT_FRICTION_RAD
-        held = -width * np.clip((end - x) / width, -1, 1)
-        return np.concatenate([stiffened, taken, held, self._beside(chain) * (c * u)[1]])
+        return JointTurns(c * before, c * (before + u), self.widths)
 
     def before(self, chain: Chain) -> Array:
         """Compute the torques at the joints before the load: own weight, less what a compensator carries.
@@ -123,23 +119,6 @@ class JointLaws:
             found[1] += self.compensator.rate * (length - self.compensator.rest_length) * lever
         return found
 
-    def slope(self, chain: Chain, u: Array) -> Array:
-        """Compute the derivative of the laws' turns with respect to the torque of their joint.
-
-        Args:
-            chain: The arm in its poses.
-            u: Torques of the load at the actuated joints, (n, runs) [N m, N].
-
-        Returns:
-            Turn per unit of size and torque, (laws, runs) [rad/(N m), m/N].
-        """
-        c, before = self.compliance[:, None], self.before(chain)
-        x, end = c * before, c * (before + u)  # nominal turns x_0 before and x_1 under the load
-        stiffened = 1 / (1 + 3 * UNIT_STIFFENING * (_spring(end) / UNIT_ROTATION) ** 2) - 1  # f' - 1 at x_1
-        taken = 1 - np.tanh(end / UNIT_BACKLASH_RAD) ** 2
-        held = -1.0 * (np.abs(end - x) < self.widths * UNIT_FRICTION_RAD)
-        return np.concatenate([c * stiffened, c * taken, c * held, c[1] * self._beside(chain)])
-
     def _beside(self, chain: Chain) -> Array:
         """Compute a compensator's share of joint 2's turn, -K s^2 / (1 + K s^2), (1 or 0, runs) [1]."""
         if self.compensator is None:
@@ -159,30 +138,31 @@ def _levers(spring: Compensator, chain: Chain) -> tuple[Array, Array, Array]:
     return lever, np.linalg.norm(cross(axis, arm), axis=0), length
 
 
-def _spring(x: Array) -> Array:
-    """Solve f + beta f^3 / phi^2 = x for its real root f, by the hyperbolic form of Cardano's formula."""
-    a = np.sqrt(3 * UNIT_STIFFENING) / UNIT_ROTATION
-    return np.asarray(2 / a * np.sinh(np.arcsinh(1.5 * a * x) / 3))
-
-
-@lru_cache(maxsize=VJMS)
-def with_joint_laws(vjm: Vjm) -> Vjm:
+def with_joint_laws(vjm: Vjm, kinds: Sequence[str] | None = None) -> Vjm:
     """Add the laws of its joints to a model; their virtual joints come after all others.
 
     Args:
         vjm: Kinematics, with or without laws.
+        kinds: Kinds of the laws; None for all of `joint_laws`.
 
     Returns:
         The kinematics with laws, n_theta = 7 n + 6 + number of laws; remembered for the next call.
     """
-    return replace(vjm, laws=laws_of(vjm.arm))
+    names = joint_laws if kinds is None else kinds
+    return _with_shapes(vjm, tuple((name, joint_laws[name]) for name in names))
 
 
-def laws_of(arm: Arm) -> JointLaws:
+@lru_cache(maxsize=VJMS)
+def _with_shapes(vjm: Vjm, shapes: tuple[tuple[str, JointLaw], ...]) -> Vjm:
+    return replace(vjm, laws=laws_of(vjm.arm, dict(shapes)))
+
+
+def laws_of(arm: Arm, shapes: Mapping[str, JointLaw] = joint_laws) -> JointLaws:
     """Build the joint laws of an arm from its folder: compliances, weights and compensator.
 
     Args:
         arm: Description of the arm.
+        shapes: Shapes of the laws by kind.
 
     Returns:
         The laws. Weights are None where masses cannot be read from the MJCF.
@@ -191,7 +171,39 @@ def laws_of(arm: Arm) -> JointLaws:
         weights = read_weights(arm)
     except InputError:  # only MuJoCo can weigh its shapes: as if it weighed nothing
         weights = None
-    return JointLaws(np.array([joint.compliance for joint in arm.joints]), weights, arm.compensator)
+    compliance = np.array([joint.compliance for joint in arm.joints])
+    return JointLaws(compliance, weights, arm.compensator, dict(shapes))
+
+
+def law_kinds(structure: Structure) -> tuple[str, ...]:
+    """Name the kinds of joint laws whose sizes a structure has as unknowns, in their order.
+
+    Args:
+        structure: Any structure.
+
+    Returns:
+        The kinds, `STRUT` included; empty without laws.
+    """
+    labels = structure.labels[structure.n_compliance_rows :] if structure.laws else ()
+    return tuple(dict.fromkeys(label.rpartition(" ")[2] for label in labels))
+
+
+def size_prior(kind: str) -> tuple[float, float]:
+    """Return the median of a law's size before any reading, and the deviation of its logarithm [1].
+
+    Args:
+        kind: Kind of the law.
+    """
+    return COMPENSATOR_LAW_PRIOR if kind == STRUT else joint_laws[kind].size_prior
+
+
+def law_unit(kind: str) -> float:
+    """Return the meaning of a size of one in SI units [1, rad; m for a slide].
+
+    Args:
+        kind: Kind of the law.
+    """
+    return COMPENSATOR_UNIT if kind == STRUT else joint_laws[kind].unit
 
 
 def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
@@ -202,7 +214,7 @@ def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
         C_theta: Compliances and, after them, sizes of laws, (n_theta, n_theta) [m/N, rad/(N m), 1].
 
     Returns:
-        Size by joint's name and kind of law [1], in units of `UNIT_SIZES`; empty for a model without laws.
+        Size by joint's name and kind of law [1], in units of `law_unit`; empty for a model without laws.
     """
     if vjm.laws is None:
         return {}
@@ -240,7 +252,8 @@ def model_for(vjm: Vjm, structure: Structure) -> Vjm:
     Returns:
         The kinematics, with laws or as given.
     """
-    return with_joint_laws(vjm) if structure.laws else vjm
+    kinds = [kind for kind in law_kinds(structure) if kind != STRUT]
+    return with_joint_laws(vjm, kinds) if kinds else vjm
 
 
 def tangent(vjm: Vjm, C_theta: Array, chain: Chain, u: Array) -> Array:
@@ -270,12 +283,13 @@ def tangent(vjm: Vjm, C_theta: Array, chain: Chain, u: Array) -> Array:
     return C
 
 
-def with_laws(structure: Structure, arm: Arm) -> Structure:
-    """Add the sizes of all joint laws to a structure's unknowns.
+def with_laws(structure: Structure, arm: Arm, kinds: Sequence[str] | None = None) -> Structure:
+    """Add the sizes of joint laws to a structure's unknowns.
 
     Args:
         structure: Structure of the compliances.
         arm: Description of the arm.
+        kinds: Kinds of the laws; None for all of `joint_laws`.
 
     Returns:
         The structure with the laws as its last parameters; unchanged if it has them, or the arm has no
@@ -283,7 +297,7 @@ def with_laws(structure: Structure, arm: Arm) -> Structure:
     """
     if structure.laws or not arm.joints:
         return structure
-    laws = laws_of(arm)
+    laws = laws_of(arm, {name: joint_laws[name] for name in (joint_laws if kinds is None else kinds)})
     more = structure.n_theta + np.arange(len(laws.joints))
     names = [arm.joints[k].name for k in laws.joints]
     return replace(

@@ -24,7 +24,7 @@ from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
 from testbench.plant.compensator import Strut, correct_for_strut, hinged_bodies, strut, strut_force
 from testbench.plant.disturbance import gear_error
-from testbench.plant.joint_law import JointLaw, joint_rotation, tangent_compliance
+from testbench.plant.joint_law import Beyond, JointLaw, joint_rotation, tangent_compliance
 from testbench.plant.state import (
     ArmsInRow,
     BodyState,
@@ -136,8 +136,9 @@ def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> JointLaw | N
     """Make the joint laws of all runs; None for MuJoCo's linear springs."""
     if before is not None:
         check_array(before.theta, (runs, plant.arm.n_theta), "theta before [m, rad]")
-    changes, slip = plant.disturbances, None if plant.beyond is None else plant.beyond.slip
-    if not (changes.stiffening or changes.backlash or changes.hysteresis or slip is not None):
+    changes, beyond = plant.disturbances, plant.beyond or Beyond()
+    sizes = changes.stiffening, changes.backlash, changes.hysteresis
+    if not any(sizes) and beyond.slip is None and beyond.law is None:
         return None
     return JointLaw(
         compliance=np.array([joint.compliance for joint in plant.arm.joints]),
@@ -145,7 +146,8 @@ def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> JointLaw | N
         backlash=changes.backlash,
         hysteresis=changes.hysteresis,
         before=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
-        slip=slip,
+        slip=beyond.slip,
+        added=beyond.law,
     )
 
 

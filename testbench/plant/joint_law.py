@@ -24,6 +24,7 @@ Elasticity of true arms that constant matrices cannot describe: pose dependence,
 """
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -31,6 +32,30 @@ from testbench.errors import Array, Ids
 
 STIFFENING_ANGLE = 1e-3
 """Turn phi_ref at which a joint's stiffness has grown by the share beta [rad]."""
+
+
+class TrueLaw(Protocol):
+    """Define an elastic effect of the joints that a user adds to a true arm, beside the linear spring."""
+
+    def turn(self, x: Array) -> Array:
+        """Compute the turn beside the linear one.
+
+        Args:
+            x: Turn of the linear springs under the whole torque, own weight included, (..., n) [rad, m].
+
+        Returns:
+            Turn, (..., n) [rad, m].
+        """
+
+    def slope(self, x: Array) -> Array:
+        """Compute the derivative of `turn` with respect to x.
+
+        Args:
+            x: Turn of the linear springs, (..., n) [rad, m].
+
+        Returns:
+            Slope, (..., n) [1].
+        """
 
 
 @dataclass(frozen=True)
@@ -45,6 +70,7 @@ class JointLaw:
     before: Array | None = None
     #: Largest half-width H of friction that slips gradually, (n,) [rad]; None for none.
     slip: Array | None = None
+    added: TrueLaw | None = None  #: Effect that a user adds; None for none.
 
     def of(self, some: Ids | slice) -> "JointLaw":
         """Select the law of some runs."""
@@ -83,10 +109,12 @@ def tangent_compliance(law: JointLaw, torque: Array) -> Array:
     x = law.compliance * torque
     phi = _spring_turn(law, x)
     rate = 1 / (1 + 3 * law.stiffening * (phi / STIFFENING_ANGLE) ** 2)
+    if law.added is not None:
+        rate = rate + law.added.slope(x)
     if law.backlash:
         rate += 1 - np.tanh(x / law.backlash) ** 2
     if law.before is not None:
-        away = phi + _play(law, x) - law.before
+        away = _target(law, torque) - law.before
         rate[np.abs(away) < law.hysteresis] = 0
         if law.slip is not None:
             rate *= slipping_share(np.maximum(np.abs(away) - law.hysteresis, 0), law.slip)
@@ -96,7 +124,8 @@ def tangent_compliance(law: JointLaw, torque: Array) -> Array:
 def _target(law: JointLaw, torque: Array) -> Array:
     """Compute the turn without friction, (..., n) [rad]."""
     x = law.compliance * torque
-    return _spring_turn(law, x) + _play(law, x)
+    target = _spring_turn(law, x) + _play(law, x)
+    return target if law.added is None else target + law.added.turn(x)
 
 
 def _spring_turn(law: JointLaw, x: Array) -> Array:
@@ -140,6 +169,7 @@ class Beyond:
     #: Compliance that couples joints, symmetric with a zero diagonal, (n, n) [rad/(N m)].
     between: Array | None = None
     slip: Array | None = None  #: Largest half width H of the friction of every joint, (n,) [rad, m].
+    law: TrueLaw | None = None  #: Turn of the joints beside their linear springs.
 
 
 def friction_following(d: Array, slip: Array) -> Array:

@@ -1,12 +1,15 @@
 """True arms outside the model's templates: one model, and families of truths to judge it by.
 
 The model and the prior from CAD remain those of the arm's folder; only the simulated arm differs.
+
+`true_arms` holds the kinds by name. Add one by `true_arms["name"] = TrueArm(...)`, or by an entry point of
+the group `testbench.true_arms`.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,14 +18,24 @@ from testbench.arm.stiffness import check_compliance, rotated_compliance
 from testbench.errors import Array, BenchError
 from testbench.plant.cast import cast_link
 from testbench.plant.tracker import trial_rng
+from testbench.registry import Registry
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.plant.build import Plant
     from testbench.plant.joint_law import Beyond
 
-TrueArm = Callable[[Arm, np.random.Generator], Arm]
 Springs = Callable[[Arm, np.random.Generator], "Beyond"]
 """Function that draws the elasticity of an arm beyond constant matrices."""
+
+
+@dataclass(frozen=True)
+class TrueArm:
+    """Describe a kind of true arm: how an arm of it is drawn."""
+
+    #: Returns another arm of the same kinematics, given the arm as its folder describes it.
+    draw: Callable[[Arm, np.random.Generator], Arm]
+    springs: Springs | None = None  #: Draws what constant compliances cannot describe, given the drawn arm.
+
 
 UNEQUAL = 0.5  #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
 JOINT_FACTOR_RANGE = 0.3, 3.0
@@ -45,26 +58,7 @@ TIED = 0.2, 0.5
 """Range of the compliance between neighbouring joints over the geometric mean of theirs [1]."""
 SLIP = 5e-5, 4e-4
 """Range of the largest half width of friction that slips gradually [rad]; hysteresis has one of 3e-5."""
-FamilyName = Literal["family", "tubes", "off_10", "off_20", "off_40", "cast", "joints"]
-HeldOutName = Literal[
-    "stiffer_3",
-    "stiffer_10",
-    "stiffer_30",
-    "stiffer_100",
-    "stiffer_300",
-    "soft_link",
-    "coupled",
-    "far_joints",
-    "bearings",
-    "following_20",
-    "following_50",
-    "following_all",
-    "tied_joints",
-    "tied_all",
-    "slipping",
-]
-TrueArmName = Literal[FamilyName, HeldOutName]
-FAMILY: TrueArmName = "family"
+FAMILY = "family"
 """All of TRUTHS, one per seed in turn."""
 HALVINGS = 24
 """Bisections for the size of a link's deformation."""
@@ -155,28 +149,36 @@ def _unequal_joints(arm: Arm, rng: np.random.Generator) -> Arm:
 
 
 TRUTHS: Mapping[str, TrueArm] = {
-    "tubes": lambda arm, _: arm,
-    "off_10": partial(_off_tubes, 0.1),
-    "off_20": partial(_off_tubes, 0.2),
-    "off_40": partial(_off_tubes, 0.4),
-    "cast": _cast,
-    "joints": _unequal_joints,
+    "tubes": TrueArm(lambda arm, _: arm),
+    "off_10": TrueArm(partial(_off_tubes, 0.1)),
+    "off_20": TrueArm(partial(_off_tubes, 0.2)),
+    "off_40": TrueArm(partial(_off_tubes, 0.4)),
+    "cast": TrueArm(_cast),
+    "joints": TrueArm(_unequal_joints),
 }
 """True arms by name: the folder's tubes; links 10, 20, 40 % off any tube; cast links; unequal joints."""
 
 
-def _of_family(arm: Arm, rng: np.random.Generator) -> Arm:
-    """Draw one kind of TRUTHS."""
-    return TRUTHS[str(rng.choice(list(TRUTHS)))](arm, rng)
+def member_of_family(arm: Arm, rng: np.random.Generator) -> Arm:
+    """Draw an arm of one kind of TRUTHS, each as often as the others.
+
+    Args:
+        arm: The arm as its folder describes it.
+        rng: Source of randomness.
+
+    Returns:
+        The drawn arm.
+    """
+    return TRUTHS[str(rng.choice(list(TRUTHS)))].draw(arm, rng)
 
 
 def _stiffer(times: float, arm: Arm, rng: np.random.Generator) -> Arm:
-    own = _of_family(arm, rng)
+    own = member_of_family(arm, rng)
     return _scaled_links(own, np.full(len(own.links), 1 / times))
 
 
 def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
-    own, factors = _of_family(arm, rng), np.ones(len(arm.links))
+    own, factors = member_of_family(arm, rng), np.ones(len(arm.links))
     factors[rng.integers(len(factors))] = SOFTER
     return _scaled_links(own, factors)
 
@@ -210,7 +212,7 @@ def _coupled(arm: Arm, rng: np.random.Generator) -> Arm:
 
 def _soft_bearings(arm: Arm, rng: np.random.Generator) -> Arm:
     """Add a bearing, equal in all directions, to the end of every link before a hinge."""
-    own, unit = _of_family(arm, rng), np.diag([RADIUS**2] * 3 + [1.0] * 3)
+    own, unit = member_of_family(arm, rng), np.diag([RADIUS**2] * 3 + [1.0] * 3)
     shares = np.exp(rng.uniform(np.log(TILTS[0]), np.log(TILTS[1]), arm.n_joints))
     tilts = [0.0 if j.prismatic else s * j.compliance for j, s in zip(arm.joints, shares, strict=True)]
     links = zip(own.links, [*tilts, 0.0], strict=True)
@@ -275,21 +277,20 @@ def _slipping(arm: Arm, rng: np.random.Generator) -> "Beyond":
     return Beyond(slip=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))
 
 
-SPRINGS: Mapping[str, Springs] = {
+_SPRINGS: Mapping[str, Springs] = {
     **{f"following_{percent}": partial(_following, percent) for percent in FOLLOWING},
     "following_all": _following_all,
     "tied_joints": _tied_joints,
     "tied_all": _tied_all,
     "slipping": _slipping,
 }
-"""Elasticity beyond constant matrices by name of the true arm; the arm itself is any of the family."""
 HELD_OUT: Mapping[str, TrueArm] = {
-    **{f"stiffer_{n}": partial(_stiffer, n) for n in STIFFER},
-    "soft_link": _soft_link,
-    "coupled": _coupled,
-    "far_joints": _far_joints,
-    "bearings": _soft_bearings,
-    **dict.fromkeys(SPRINGS, _of_family),
+    **{f"stiffer_{n}": TrueArm(partial(_stiffer, n)) for n in STIFFER},
+    "soft_link": TrueArm(_soft_link),
+    "coupled": TrueArm(_coupled),
+    "far_joints": TrueArm(_far_joints),
+    "bearings": TrueArm(_soft_bearings),
+    **{name: TrueArm(member_of_family, springs) for name, springs in _SPRINGS.items()},
 }
 """True arms of further kinds, for judging only: nothing was developed on them, and the family excludes
 them."""
@@ -309,7 +310,7 @@ CALLED = {
     "tied_all": "all joints coupled",
     "slipping": "friction slips bit by bit",
 }
-"""Names of the true arms in reports."""
+"""Names of our true arms in reports; one that is added bears its own."""
 TRUTH_WORDS = {
     "tubes": "the folder's: every link a straight tube, which the template contains",
     **{
@@ -322,6 +323,21 @@ TRUTH_WORDS = {
     "joints": f"joints other than the folder's, standard deviation of the logarithm {UNEQUAL:g}",
 }
 """Descriptions of TRUTHS."""
+
+
+def _check(name: str, kind: TrueArm) -> None:
+    """Refuse what is no TrueArm, and the name of the family."""
+    if name == FAMILY or not isinstance(kind, TrueArm):
+        raise BenchError(f"true arm {name!r}: expected a TrueArm of another name, got {kind!r}")
+
+
+true_arms: Registry[TrueArm] = Registry("true arm", "testbench.true_arms", {**TRUTHS, **HELD_OUT}, _check)
+"""Kinds of true arms by name: TRUTHS, HELD_OUT, and those that users add."""
+
+
+def called(name: str) -> str:
+    """Return what reports call a kind of true arm; one that a user added bears its own name."""
+    return CALLED.get(name, name)
 
 
 def true_arm_of_seed(family: str, seed: int) -> str:
@@ -342,7 +358,7 @@ def true_plant(arm: Arm, name: str, seed: int, stiffer: float = 1.0) -> "Plant":
 
     Args:
         arm: The arm as its folder describes it.
-        name: Kind of truth, one of TRUTHS or HELD_OUT.
+        name: Kind of truth, a name of `true_arms`.
         seed: Seed of its random numbers.
         stiffer: Factor by which its links are stiffer [1].
 
@@ -350,15 +366,10 @@ def true_plant(arm: Arm, name: str, seed: int, stiffer: float = 1.0) -> "Plant":
         The plant of the true arm.
 
     Raises:
-        BenchError: If the name is none of TRUTHS and HELD_OUT.
+        BenchError: If there is no such kind.
     """
     from testbench.plant.build import build_plant
 
-    known = {**TRUTHS, **HELD_OUT}
-    if name not in known:
-        raise BenchError(f"no truth {name!r}; truths are {', '.join(known)}")
-    rng = trial_rng(seed, 8)
-    plant = build_plant(known[name](_scaled_links(arm, np.full(len(arm.links), 1 / stiffer)), rng))
-    if name in SPRINGS:
-        plant = replace(plant, beyond=SPRINGS[name](plant.arm, rng))
-    return plant
+    kind, rng = true_arms[name], trial_rng(seed, 8)
+    plant = build_plant(kind.draw(_scaled_links(arm, np.full(len(arm.links), 1 / stiffer)), rng))
+    return plant if kind.springs is None else replace(plant, beyond=kind.springs(plant.arm, rng))

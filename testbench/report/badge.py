@@ -28,7 +28,7 @@ Verdict = Literal["holds", "likely", "tie", "too few", "do not use"]
 
 @dataclass(frozen=True)
 class Badge:
-    """The answer in one line; `words` are the same wherever they are read."""
+    """Hold the answer in one line; `words` are the same wherever they are read."""
 
     winner: str  #: What is drawn foremost in every picture.
     rival: str  #: The strongest of those that ask for no more than the winner.
@@ -46,7 +46,7 @@ class Badge:
 
     @property
     def words(self) -> Markdown:
-        """The verdict, who wins, by how much, over how many."""
+        """State the verdict: who wins, by how much, over how many."""
         winner, rival = as_markdown(self.winner), as_markdown(self.rival)
         if self.why:
             return Markdown(f"Do not use {winner}: {as_markdown(self.why)}.")
@@ -86,7 +86,7 @@ class Badge:
         return "" if self.why or self.verdict in ("tie", "too few") else self.winner
 
     def json(self) -> dict[str, object]:
-        """For report.json, where scripts read it."""
+        """Convert it to JSON data for report.json."""
         return {**asdict(self), "words": self.words}
 
 
@@ -97,7 +97,7 @@ def decide(
     why: str = "",
     trials: Cells | None = None,
 ) -> Badge:
-    """Two in the same trials, by name and errors, both (n,).
+    """Compare two in the same trials, by name and errors, both (n,).
 
     Of trials the factor is the median of their ratios, its interval that of the sign test, or by trial where
     several cases share one. Of poses, runs or points of one trial it is the ratio of the RMS errors that
@@ -109,6 +109,9 @@ def decide(
         each: What a pair is; "trial" or "case" of several, all else is of one.
         why: What speaks against ours, whatever the errors are.
         trials: Labels of the trials, (n,), where several cases share one.
+
+    Returns:
+        The badge.
     """
     a, b = (np.asarray(errors, dtype=float) for _, errors in (ours, theirs))
     known = np.isfinite(a) & np.isfinite(b)
@@ -143,13 +146,16 @@ Pair = tuple[Array, Array, Cells | None]
 def badge_against_all(
     ours: str, pairs: Mapping[str, Pair], each: str = "trial", why: str = ""
 ) -> Badge | None:
-    """One beside the strongest of its rivals, with the names of all that tie with it; None without any.
+    """Compare one with the strongest of its rivals, and name all that tie with it.
 
     Args:
         ours: Its name.
         pairs: Errors by the name of the rival.
         each: See `decide`.
-        why: The same.
+        why: What speaks against ours, whatever the errors are.
+
+    Returns:
+        The badge; None without rivals.
     """
 
     def size(name: str) -> float:
@@ -186,7 +192,15 @@ def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:
 
 
 def incumbents(models: Iterable[Row], ours: str) -> list[str]:
-    """Rivals of a model's class: least squares and joint stiffness, with a prior only where it has one."""
+    """Rivals of a model's class: least squares and joint stiffness, with a prior only where it has one.
+
+    Args:
+        models: The models.
+        ours: Name of the model.
+
+    Returns:
+        Names of its rivals.
+    """
     known = {m.name: m for m in models}
     prior = bool(known[ours].prior)
     return [
@@ -201,7 +215,7 @@ def incumbents(models: Iterable[Row], ours: str) -> list[str]:
 def of_models(
     trials: Trials, models: Sequence[Row], ours: str, value: str, each: str = "trial"
 ) -> Badge | None:
-    """A model beside the strongest incumbent of its class; None without one.
+    """Compare a model with the strongest incumbent of its class.
 
     Args:
         trials: A row a model and trial.
@@ -209,6 +223,9 @@ def of_models(
         ours: Which of them is asked about.
         value: Column of the error.
         each: What a trial is.
+
+    Returns:
+        The badge; None without an incumbent.
     """
     there = set(trials.values(MODEL))
     rivals = [name for name in incumbents(models, ours) if name in there]
@@ -218,7 +235,18 @@ def of_models(
 def of_rivals(
     trials: Trials, ours: str, rivals: Sequence[str], value: str, each: str = "trial"
 ) -> Badge | None:
-    """The same beside the strongest of some rivals, that of least median error; of one trial pose by pose."""
+    """Compare a model with the strongest of some rivals, that of least median error.
+
+    Args:
+        trials: Rows of the trials.
+        ours: Name of the model.
+        rivals: Names of the rivals.
+        value: Column of the error.
+        each: What a trial is.
+
+    Returns:
+        The badge; None without a rival.
+    """
     pairs: dict[str, Pair] = {}
     for name in rivals:
         a, b = aligned(trials, (ours, name), value).T
@@ -231,10 +259,18 @@ def of_rivals(
 
 
 def drawn(badge: Badge | None, known: Collection[str], *others: str) -> list[str]:
-    """Models of every picture, that are there, in the order in which they are drawn.
+    """List the models of every picture that are there, in the order in which they are drawn.
 
     Others first, then the rival and joint stiffness alone, the winner last: on top, and by it poses are
     ordered. Table, chart, map and arm of a run show these.
+
+    Args:
+        badge: The badge; None for none.
+        known: Names of the models that are there.
+        others: Names of other models to draw.
+
+    Returns:
+        The names.
     """
     names = [*others, *([badge.rival, JOINTS, badge.winner] if badge else [JOINTS])]
     last = {name: None for name in reversed(names) if name in known}

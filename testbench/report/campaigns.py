@@ -15,17 +15,25 @@ NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm
 
 
 def seeds_of(seeds: range) -> int | list[int]:
-    """What report.json says of the seeds."""
+    """Return what report.json says of the seeds: one number, or a list."""
     return seeds[0] if len(seeds) == 1 else list(seeds)
 
 
 def seeds_label(seed: int | Sequence[int]) -> str:
-    """Of which trials a report's numbers are, for its title."""
+    """Say of which trials a report's numbers are, for its title."""
     return f"seed {seed}" if isinstance(seed, int) else f"{len(seed)} seeds: median ({span(len(seed))})"
 
 
 def dataset(trials: Trials, fitted: int | None = None) -> Row:
-    """What was measured in every trial; counts are of so many poses that are fitted, of all for None."""
+    """Summarise what was measured in every trial.
+
+    Args:
+        trials: Rows of the trials.
+        fitted: Number of poses that are counted; None for all.
+
+    Returns:
+        The numbers.
+    """
     [row] = merged(trials.where(name=trials["name"][0]).inside("measured"))
     if fitted is None:
         return row
@@ -33,9 +41,17 @@ def dataset(trials: Trials, fitted: int | None = None) -> Row:
 
 
 def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
-    """The best of one method over the workspace, empty for none; joint stiffness alone is no method.
+    """Name the best model of one method over the workspace; joint stiffness alone is no method.
 
     Of those alike the one of most unknowns: MLS32 is MLS56 without what no reading tells, to the digits.
+
+    Args:
+        models: Rows of models.
+        constraint: Constraint of the method.
+        prior: Whether it has a prior.
+
+    Returns:
+        The name; empty for none.
     """
     own = {
         m.name: m for m in models if (m.constraint, m.prior) == (constraint, prior) and m.structure != JOINTS
@@ -45,13 +61,30 @@ def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
 
 
 def by_arm(trials: Trials, value: str, of: str = "name") -> list[Row]:
-    """A quantity of every model, or of what another column names, by true arm; nothing of one arm."""
+    """Merge a quantity of every model, or of what another column names, by true arm.
+
+    Args:
+        trials: Rows of the trials.
+        value: Column of the quantity.
+        of: Column of the name.
+
+    Returns:
+        Rows; none where there is one true arm.
+    """
     several = len(trials.values("true_arm")) > 1
     return merged(trials.keep(of, "true_arm", value), of, "true_arm") if several else []
 
 
 def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
-    """Errors of the first seed pose by pose, ordered by those models that are compared."""
+    """Map errors of the first seed pose by pose, ordered by those models that are compared.
+
+    Args:
+        trials: Rows of the trials.
+        compared: Names of the models.
+
+    Returns:
+        The errors by place.
+    """
     drawn = trials.where(seed=trials["seed"][0])
     workspace_poses = WorkspacePoses(
         **nested({name: cells[0] for name, cells in drawn.keep("places.").columns.items()}).places
@@ -61,10 +94,10 @@ def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
 
 
 def distinct(models: Sequence[Row]) -> list[Row]:
-    """The models without a completion that exists in no seed: that is least squares once more."""
+    """Drop completions that exist in no seed: they are least squares once more."""
     return [m for m in models if m.constraint != "free" or m.conservative is not False]
 
 
 def user_estimators(models: Sequence[Row]) -> list[str]:
-    """Estimators of one's own that worked in a trial, by name."""
+    """Name the user's estimators that worked in a trial."""
     return [m.name for m in models if m.constraint == "own"]

@@ -28,6 +28,14 @@ ROUNDING_UM = KNOWN["rms_um"].rounding  #: Errors below are rounding.
 
 
 def columns(keys: str, *, paper: bool = True) -> tuple[TableColumn, ...]:
-    """Columns by their keys, blanks between; with the paper's numbers where they have such."""
+    """Look up columns by their keys, blanks between.
+
+    Args:
+        keys: The keys.
+        paper: Whether they show the paper's numbers where it has such.
+
+    Returns:
+        The columns.
+    """
     found = tuple(KNOWN[key] for key in keys.split())
     return found if paper else tuple(replace(column, paper="") for column in found)

@@ -44,6 +44,9 @@ def seen(cell: Cell, identified: IdentifyResult, f: Row, left: Mapping[str, Arra
         identified: The fits.
         f: Their numbers, `fit_numbers.numbers`, with the badge of the report.
         left: Residuals by model, (runs, m, 3) [m].
+
+    Returns:
+        The content.
     """
     data = identified.runs.every
     names = compared_models(f.models, f.recommended)

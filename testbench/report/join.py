@@ -75,6 +75,13 @@ def _model(run: Finished, own: Mapping[str, Any]) -> Row:
 def models_compared(a: Finished, b: Finished) -> list[Row]:
     """Join every error of every model that both runs have, by kind, what matters most first.
 
+    Args:
+        a: A finished run.
+        b: Another one.
+
+    Returns:
+        A row per model and kind of error.
+
     Raises:
         InputError: When the trials of a run are damaged.
     """
@@ -93,7 +100,15 @@ def models_compared(a: Finished, b: Finished) -> list[Row]:
 
 
 def leading(models: Sequence[Row], runs: Sequence[Finished]) -> Row | None:
-    """Choose the model to judge the runs by: what all recommend, else that of least error in all."""
+    """Choose the model to judge the runs by: what all recommend, else that of least error in all.
+
+    Args:
+        models: Rows of `models_compared`.
+        runs: The runs.
+
+    Returns:
+        The row of the model; None for none.
+    """
     pairs = [m for m in models if m.kind == models[0].kind]
     recommended = {str(run.report.get("recommended")) for run in runs}
     agreed = [p for p in pairs if {p.name} == recommended]
@@ -107,6 +122,15 @@ def differ(a: Number, b: Number, ours: BySeed = ALONE, theirs: BySeed = ALONE) -
 
     By "pairs" tell ratios seed by seed, where both runs have it above 0 in the same two seeds or more; by
     "spreads" whether these overlap; by "one" nothing, as a side has one number.
+
+    Args:
+        a: Number of the first run.
+        b: Number of the second run.
+        ours: The first run's by seed.
+        theirs: The second run's by seed.
+
+    Returns:
+        The row.
     """
     first, second = middle(a), middle(b)
     difference = finite(second - first)
@@ -143,7 +167,15 @@ def _verdict(a: Number, b: Number) -> Verdict:
 
 
 def size(a: Number, b: Number) -> float:
-    """Measure how far two numbers are from equal, the same both ways: |log(b / a)|, inf if signs differ."""
+    """Measure how far two numbers are from equal, the same both ways: |log(b / a)|, inf if signs differ.
+
+    Args:
+        a: A number.
+        b: Another one.
+
+    Returns:
+        The distance [1].
+    """
     first, second = middle(a), middle(b)
     if first == second:
         return 0.0
@@ -151,7 +183,16 @@ def size(a: Number, b: Number) -> float:
 
 
 def badge_of(lead: Row, a: Finished, b: Finished) -> Badge:
-    """Judge the second run beside the first by the model that matters, by seed if both have the same."""
+    """Judge the second run beside the first by the model that matters, by seed if both have the same.
+
+    Args:
+        lead: Row of the model.
+        a: The first run.
+        b: The second run.
+
+    Returns:
+        The badge.
+    """
     x, y = (
         _seeds(_trials(run).get((lead.name, lead.kind), ()), reported)
         for run, reported in ((a, lead.a), (b, lead.b))
@@ -185,7 +226,15 @@ def _seeds(conditions: Sequence[BySeed], reported: Number) -> BySeed:
 
 
 def numbers_compared(a: Finished, b: Finished) -> list[Row]:
-    """Compare every single number of two reports that has the same keys; models and lists have their own."""
+    """Compare every single number of two reports that has the same keys; models and lists have their own.
+
+    Args:
+        a: The first run.
+        b: The second run.
+
+    Returns:
+        A row per number.
+    """
     ours, theirs = (dict(leaves({k: x for k, x in run.report.items() if k not in OWN})) for run in (a, b))
     rows = []
     for key in (key for key in ours if key in theirs and not key.endswith(CLOCK)):
@@ -196,7 +245,15 @@ def numbers_compared(a: Finished, b: Finished) -> list[Row]:
 
 
 def leaves(value: object, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Walk nested tables to their leaves, with their keys joined by dots; lists are leaves."""
+    """Walk nested tables to their leaves, with their keys joined by dots; lists are leaves.
+
+    Args:
+        value: The table.
+        key: Key before every other.
+
+    Yields:
+        Key and value of a leaf.
+    """
     if not isinstance(value, dict):
         yield key, value
         return

@@ -22,7 +22,7 @@ MAP = "error_map.png"  #: The maps of a command that has some.
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What was asked of a command, of what, and what it leaves."""
+    """Describe what was asked of a command, of what, and what it leaves."""
 
     command: str  #: As manifest.json names it, such as "testbench check".
     name: str  #: Of what the run is about: arm, file or program.
@@ -36,7 +36,14 @@ class RunRequest:
 
 
 def write_run(out: Path, run_request: RunRequest, report: Report, page: PageContent) -> None:
-    """Write a run; InputError when its folder cannot be written."""
+    """Write a run; InputError when its folder cannot be written.
+
+    Args:
+        out: Folder of the results.
+        run_request: What was asked.
+        report: The report.
+        page: What the page draws.
+    """
     import testbench.report.figure_docs  # noqa: F401 - before any figure
     from testbench.report.figure import save  # here: matplotlib and rerun take half a second, and not
     from testbench.report.page.page import write_page  # every command leaves a folder

@@ -23,7 +23,7 @@ ESCAPED = re.compile(r"\\([!-/:-@\[-`{-~])")
 
 
 class Markdown(str):
-    """Text that is Markdown: no template escapes it once more."""
+    """Mark a text as Markdown: no template escapes it once more."""
 
     def __html__(self) -> str:
         """Itself, for jinja."""
@@ -31,18 +31,18 @@ class Markdown(str):
 
 
 def as_markdown(text: object) -> Markdown:
-    """A stranger's text, or anything that is no Markdown, as Markdown that shows it and nothing else."""
+    """Escape a stranger's text, or anything that is no Markdown, so that it shows and does nothing else."""
     escaped = LIVE.sub(r"\\\g<0>", printable(str(text)))
     return Markdown(NUMBERED.sub(r"\1\\\2", escaped))
 
 
 def as_plain(markdown: str) -> str:
-    """A line of Markdown without stress or links as a text."""
+    """Strip a line of Markdown of stress and links."""
     return ESCAPED.sub(r"\1", markdown)
 
 
 def grid(table: Table) -> Markdown:
-    """A table in Markdown: medians with their spread, the paper's numbers in square brackets."""
+    """Write a table in Markdown: medians with their spread, the paper's numbers in square brackets."""
     rows = []
     for row in table.rows:
         texts = [as_markdown(column.cell(row)) for column in table.columns]
@@ -54,47 +54,72 @@ def grid(table: Table) -> Markdown:
 
 
 def lines(head: Sequence[str], rows: Sequence[Sequence[str]], words: Sequence[bool] = ()) -> Markdown:
-    """Cells of Markdown under headings; numbers stand on the right, the first column and `words` left."""
+    """Cells of Markdown under headings; numbers stand on the right, the first column and `words` left.
+
+    Args:
+        head: Headings.
+        rows: Cells.
+        words: Whether a column has words; empty for none.
+
+    Returns:
+        The table.
+    """
     left = words or [False] * len(head)
     rule = ["---" if k == 0 or left[k] else "---:" for k in range(len(head))]
     return Markdown("\n".join("| " + " | ".join(line) + " |" for line in [head, rule, *rows]))
 
 
 class ReportWords(Protocol):
-    """The words of a report, whatever makes them."""
+    """Define the words of a report, whatever makes them."""
 
     def block(self, name: str) -> Markdown:
-        """A part, empty where it has none: badge, question, title, answer, worst, statements, more, body."""
+        """Return a part, empty if none: badge, question, title, answer, worst, statements, more, body."""
         ...
 
 
 def ended(sentence: str) -> str:
-    """A sentence with one mark at its end, a full stop where it has none."""
+    """End a sentence with one mark, a full stop where it has none."""
     return sentence if sentence.endswith((".", "?", "!")) else f"{sentence}."
 
 
 def capital(sentence: str) -> str:
-    """A sentence that begins with a capital."""
+    """Begin a sentence with a capital."""
     return sentence[:1].upper() + sentence[1:]
 
 
 def titled(name: str) -> str:
-    """A name of a study or picture, such as real_ur10, for people."""
+    """Write a name of a study or picture, such as real_ur10, for people."""
     words = capital(name.removesuffix(".png").replace("_", " "))
     return words.replace("ur10", "UR10").replace("dof", "DOF")
 
 
 def listed(names: list[str], word: str = "and") -> str:
-    """Names as in a sentence: a, b and c, or with another word before the last."""
+    """List names as in a sentence: a, b and c, or with another word before the last.
+
+    Args:
+        names: The names.
+        word: The word before the last.
+
+    Returns:
+        The words.
+    """
     return f" {word} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def place(metres: Sequence[float]) -> str:
-    """Where in the world: x 1.20, y -0.35, z 2.10 m."""
+    """Write a place in the world: x 1.20, y -0.35, z 2.10 m."""
     x, y, z = (show(float(value), ".2f") for value in metres)
     return f"x {x}, y {y}, z {z} m"
 
 
 def counted(number: int, noun: str) -> str:
-    """Such as 1 pose, 5,132 poses."""
+    """Write a number with its noun, such as 1 pose, 5,132 poses.
+
+    Args:
+        number: The number.
+        noun: The noun in the singular.
+
+    Returns:
+        The words.
+    """
     return f"{number:,} {noun}{'' if number == 1 else 's'}"

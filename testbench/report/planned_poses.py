@@ -39,7 +39,7 @@ NOWHERE = "no bound"
 
 @dataclass(frozen=True)
 class World:
-    """What stands around the arm in every pose."""
+    """Hold what stands around the arm in every pose."""
 
     cell: Cell  #: The arm.
     station: Sequence[float] | None  #: Where the tracker stands [m].
@@ -50,13 +50,32 @@ class World:
     def poses(
         self, name: str, named: Mapping[str, str], q: Array, layers: Sequence[Layer], first: int = 0
     ) -> PoseGroup:
-        """The arm in poses (poses, n) [rad, m], with what is said of each by its name."""
+        """Draw the arm in poses, with what is said of each by its name.
+
+        Args:
+            name: Name of the group.
+            named: What is said of each pose, by its name.
+            q: Poses, (poses, n) [rad, m].
+            layers: What is drawn beside the arm.
+            first: Pose that is shown first.
+
+        Returns:
+            The group.
+        """
         every = [*layers, *self._still()]
         frames = rigid_frames(self.cell.room, q)
         return PoseGroup(name, list(named), list(named.values()), frames, None, every, first)
 
     def measured(self, q: Array, force: Array) -> list[Layer]:
-        """Markers, lines of sight and loads (poses, 3) [N] of poses that are measured."""
+        """Draw markers, lines of sight and loads of poses that are measured.
+
+        Args:
+            q: Poses, (poses, n) [rad, m].
+            force: Loads, (poses, 3) [N].
+
+        Returns:
+            The layers.
+        """
         markers = tool_points(self.cell.vjm, q, self.cell.vjm.markers)
         layers = [Layer("markers", MEASURED, "dots", markers)]
         if self.station is not None:
@@ -65,7 +84,15 @@ class World:
         return [*layers, *self.pulled(q, force)]
 
     def pulled(self, q: Array, force: Array) -> list[Layer]:
-        """What hangs or pulls, all arrows of one length."""
+        """Draw what hangs or pulls, all arrows of one length.
+
+        Args:
+            q: Poses, (poses, n) [rad, m].
+            force: Loads, (poses, 3) [N].
+
+        Returns:
+            The layers.
+        """
         if not force.any():
             return []
         hook = tool_points(self.cell.vjm, q, self.cell.vjm.load[None])
@@ -74,7 +101,16 @@ class World:
         return [Layer("load", LOAD, "arrows", hook, hook + FORCE * self.cell.vjm.reach * way[:, None])]
 
     def all_over(self, q: Array, words: Sequence[str], first: int = 0) -> PoseGroup:
-        """The arm all over the workspace."""
+        """Draw the arm all over the workspace.
+
+        Args:
+            q: Poses, (poses, n) [rad, m].
+            words: What is said of each pose.
+            first: Pose that is shown first.
+
+        Returns:
+            The group.
+        """
         tool = Layer("tool", MEASURED, "dots", chain(self.cell.vjm, q).position[:, None])
         return workspace(self.cell, q, words, [tool, *self._still()], first)
 
@@ -99,6 +135,9 @@ def seen(made: Planned, f: Row) -> PageContent:
     Args:
         made: The plan.
         f: Its numbers.
+
+    Returns:
+        The content.
     """
     cell, tasks = made.cell, f.get("tasks", [])
     plan, work = (np.array([row.tool_m for row in rows]).reshape(-1, 3) for rows in (f.plan, tasks))

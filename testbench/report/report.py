@@ -57,30 +57,33 @@ class _Sentence(Formatter):
 
 
 def say(sentence: str, numbers: Mapping[str, Any] = {}, /, **more: Any) -> Markdown:
-    """A sentence with its numbers.
+    """Write a sentence with its numbers.
 
     Args:
         sentence: Of ours, Markdown; in braces names of numbers, with their form (see `FORMS`): {rms_mm:.3f}.
         numbers: By name; those of others are `{check.rms_mm:.3f}`.
         more: The same.
+
+    Returns:
+        The sentence.
     """
     return Markdown(written_out(_Sentence().vformat(" ".join(sentence.split()), (), {**numbers, **more})))
 
 
 def lines(sentences: Iterable[str]) -> Markdown:
-    """Sentences one after another on one line."""
+    """Join sentences on one line."""
     return Markdown(" ".join(filter(None, sentences)))
 
 
 def bullets(texts: Iterable[str]) -> Markdown:
-    """A list of sentences; what is no Markdown is a stranger's."""
+    """List sentences; what is no Markdown is a stranger's."""
     markdowns = [text if isinstance(text, Markdown) else say("{text}", text=ended(text)) for text in texts]
     return Markdown("\n".join(f"- {text}" for text in markdowns))
 
 
 @dataclass(frozen=True)
 class Report:
-    """What was found."""
+    """Hold what was found: numbers, tables, one headline with the verdict, and warnings."""
 
     scenario: str
     question: Markdown
@@ -115,7 +118,7 @@ class Report:
         return self.badge.marked if self.badge else ""
 
     def block(self, name: str) -> Markdown:
-        """A part in Markdown: badge, `PARTS` or `LISTS`; statements are the first claims, more the others."""
+        """Return a part in Markdown: badge, `PARTS` or `LISTS`; statements are the first claims."""
         if name == "badge":
             return self.badge.words if self.badge else Markdown()
         if name in PARTS:
@@ -160,11 +163,14 @@ class Report:
 
 
 def read_report(file: Path, found: JsonValue = None) -> Report:
-    """A report that holds its words and tables; numbers as rows.
+    """Read a report that holds its words and tables; numbers as rows.
 
     Args:
         file: report.json, perhaps a stranger's.
         found: What is in it, if it was read.
+
+    Returns:
+        The report.
 
     Raises:
         InputError: When it is none, or not one of this version.
@@ -178,7 +184,7 @@ def read_report(file: Path, found: JsonValue = None) -> Report:
 
 
 def read(found: Mapping[str, Any]) -> Report:
-    """A report of what is in report.json; KeyError, TypeError or ValueError where that is none."""
+    """Read a report from what is in report.json; KeyError, TypeError or ValueError where that is none."""
     said = found["said"]
     return Report(
         scenario=str(found["scenario"]),
@@ -265,7 +271,7 @@ def _column(k: int, found: Mapping[str, Any]) -> TableColumn:
 
 
 def number(cell: Any) -> Any:
-    """A median with its percentiles as such."""
+    """Restore a median with its percentiles."""
     if not (isinstance(cell, Mapping) and SPREAD <= cell.keys() <= {*SPREAD, *DRAWN}):
         return cell
     return Spread(**{**cell, **{key: tuple(cell[key]) for key in DRAWN if cell.get(key)}})
@@ -277,7 +283,15 @@ Failures = Mapping[tuple[str, int], str]
 
 
 def failures(trials: Trials, model: str) -> Failures:
-    """What the rows of trials say, of which a column names the models."""
+    """Find the user's estimators that failed in a trial.
+
+    Args:
+        trials: Rows of the trials.
+        model: Column of the model.
+
+    Returns:
+        Reason by model and seed.
+    """
     found: dict[tuple[str, int], str] = {}
     status = ".".join([*model.split(".")[:-1], "status"])
     for name, seed, why in zip(*(trials[own].tolist() for own in (model, TRIAL, status)), strict=True):
@@ -287,13 +301,31 @@ def failures(trials: Trials, model: str) -> Failures:
 
 
 def fitted(trials: Trials, model: str, lost: Failures) -> Trials:
-    """The other rows: who failed in one case of a trial has none of that trial, so that cases compare."""
+    """Select the other rows: who failed in one case of a trial has none of that trial, so that cases compare.
+
+    Args:
+        trials: Rows of the trials.
+        model: Column of the model.
+        lost: What failed.
+
+    Returns:
+        The rows.
+    """
     keys = zip(trials[model].tolist(), trials[TRIAL].tolist(), strict=True)
     return trials.pick(np.array([key not in lost for key in keys], dtype=bool))
 
 
 def with_failures(report: Report, lost: Failures, trials: int) -> Report:
-    """A report that says first who failed, how often, and why in the first of these trials."""
+    """Say first in a report who failed, how often, and why in the first of these trials.
+
+    Args:
+        report: The report.
+        lost: What failed.
+        trials: Number of trials.
+
+    Returns:
+        The report.
+    """
     rows = [Row(name=name, seed=seed, status=why) for (name, seed), why in lost.items()]
     count = Counter(row.name for row in rows)
     first = [Row(find(rows, name=name), failed=f"{n} of {trials}") for name, n in count.items()]

@@ -15,7 +15,7 @@ from testbench.runs.spread import Number, Share, Spread, median_interval, middle
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One quantity of a table."""
+    """Describe one quantity of a table."""
 
     key: str  #: Where it is in a row and in report.json, such as "check.rms_mm".
     heading: str  #: What it is, such as "RMS check".
@@ -37,12 +37,12 @@ class TableColumn:
         return f"{self.heading}, {self.unit}" if self.unit else self.heading
 
     def value(self, row: object) -> Any:
-        """The quantity in a row of dataclasses and mappings, in its unit; None where a part is None."""
+        """Return the quantity in a row of dataclasses and mappings, in its unit; None if a part is None."""
         found = _at(row, self.key)
         return found if self.scale == 1 else _times(self.scale, found)
 
     def text(self, value: object) -> str:
-        """A value of this quantity for people."""
+        """Write a value of this quantity for people."""
         if self.rounding and value is not None and abs(middle(value)) < self.rounding:  # type: ignore[arg-type]
             return "exact"
         if isinstance(value, str):
@@ -51,18 +51,18 @@ class TableColumn:
         return self.none if nothing else show(value, self.form)
 
     def cell(self, row: object) -> str:
-        """What is shown of a row: the median with its spread, or the word."""
+        """Write what is shown of a row: the median with its spread, or the word."""
         value = self.value(row)
         return self.text(_median(value) if self.exact else value)
 
     def known_value(self, row: object) -> Any:
-        """The paper's number for a row, in its unit; None where it gives none."""
+        """Return the paper's number for a row, in its unit; None where it gives none."""
         cells = _at(row, "paper") if self.paper and hasattr(row, "paper") else None
         value = None if cells is None else _at(cells, self.paper)
         return value if value is None or self.form == "yes" else _times(self.scale, value)
 
     def known(self, row: object) -> str:
-        """The same for people, empty where there is none."""
+        """Write the paper's number for a row, empty where there is none."""
         value = self.known_value(row)
         if value is None or self.form == "yes":
             return "" if value is None else show_truth(value)
@@ -89,7 +89,7 @@ def _times(scale: float, value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under columns."""
+    """Hold rows under columns."""
 
     columns: tuple[TableColumn, ...]  #: From left to right; the first one names the row.
     rows: Sequence[object]  #: Dataclasses or mappings.
@@ -113,7 +113,7 @@ class Table:
         return self.rows if len(at) != 1 else [self.rows[at[0]], *self.rows[: at[0]], *self.rows[at[0] + 1 :]]
 
     def marks(self, row: object) -> bool:
-        """Whether it is marked in every view."""
+        """Tell whether a row is marked in every view."""
         return bool(self.bold and self.columns) and self.columns[0].cell(row) == self.bold
 
 
@@ -121,7 +121,15 @@ MAX_COLUMNS = 6  #: Columns that a terminal or a study's page has room for.
 
 
 def with_fewer_columns(table: Table, most: int = MAX_COLUMNS) -> Table:
-    """A table of at most so many columns: the first ones, and that of which the answer speaks."""
+    """Drop columns but the first ones, and that of which the answer speaks.
+
+    Args:
+        table: The table.
+        most: Largest number of columns.
+
+    Returns:
+        The table.
+    """
     first, *others = table.columns
     answer = table.headline or table.columns[-1].key
     keep = [c for c in others if c.key == answer]
@@ -130,14 +138,14 @@ def with_fewer_columns(table: Table, most: int = MAX_COLUMNS) -> Table:
 
 
 def brackets(table: Table) -> str:
-    """What stands in brackets behind the medians of a table; empty where nothing does."""
+    """Say what stands in brackets behind the medians of a table; empty where nothing does."""
     return spans(column.value(row) for column in table.columns if not column.exact for row in table.rows)
 
 
 def pivot(
     table: Table, down: TableColumn, across: TableColumn, cell: TableColumn, *last: TableColumn
 ) -> Table:
-    """A table with a row for every value of one column and a column for every value of another.
+    """Make a table with a row for every value of one column and a column for every value of another.
 
     Args:
         table: Rows with all three; its title stays.
@@ -145,6 +153,9 @@ def pivot(
         across: Names the columns, its unit in their headings.
         cell: What stands there.
         last: Columns behind these, of quantities that do not vary with what heads a column.
+
+    Returns:
+        The table.
     """
     heads = list(dict.fromkeys(across.cell(row) for row in table.rows))
     unit = f" {across.unit}" if across.unit else ""
@@ -170,7 +181,15 @@ def pivot(
 
 
 def looks(rows: Sequence[object], name: TableColumn) -> dict[str, Look]:
-    """How the models of rows are drawn, by the text of a column; none where it names several models."""
+    """Collect how the models of rows are drawn, by the text of a column; none where it names several models.
+
+    Args:
+        rows: Rows of the table.
+        name: Column of the name.
+
+    Returns:
+        Looks by text.
+    """
     found: dict[str, set[Look]] = {}
     for row in rows:
         if isinstance(row, Modelled):
@@ -179,7 +198,15 @@ def looks(rows: Sequence[object], name: TableColumn) -> dict[str, Look]:
 
 
 def show(value: object, form: str = ".3f") -> str:
-    """A value for people: a number, its median with the ends of its spread, a word, a share of trials."""
+    """Write a value for people: a number, its median with the ends of its spread, a word, a share of trials.
+
+    Args:
+        value: The number.
+        form: Format of a number.
+
+    Returns:
+        The text.
+    """
     if value is None:
         return "-"
     if isinstance(value, str):
@@ -209,7 +236,7 @@ MIN_POWER, MAX_POWER = -3, 6  #: Powers of ten from which, and below which, a nu
 
 
 def plain(number: str) -> str:
-    """A number for people where it has a power of ten: 1230 for 1.23e+03, 1.2 x 10^-8 for 1.2e-08."""
+    """Write a number with a power of ten for people: 1230 for 1.23e+03, 1.2 x 10^-8 for 1.2e-08."""
     found = POWER.fullmatch(number)
     if found is None:
         return number
@@ -239,14 +266,14 @@ def _median(value: object) -> object:
 
 @dataclass(frozen=True)
 class Best:
-    """Which of several is best."""
+    """Say which of several is best."""
 
     names: tuple[str, ...]  #: The best; more than one where nothing tells them apart.
     value: float  #: Least value (median).
 
     @property
     def words(self) -> str:
-        """The name; of several that nothing tells them apart."""
+        """Return the name; of several say that nothing tells them apart."""
         if len(self.names) == 1:
             return self.names[0]
         return f"{', '.join(self.names[:-1])} and {self.names[-1]} (equal to {100 * ALIKE:.0f} %)"
@@ -258,9 +285,16 @@ RATIOS = ("ratio", "over", "relative_excess_bound")  #: Keys of columns without 
 
 
 def best_rows(table: Table, column: TableColumn) -> set[int]:
-    """Rows of least median in a column, and all that tie with it in the same trials.
+    """Find the rows of least median in a column, and all that tie with it in the same trials.
 
     Nothing where all of them tie, where trials are too few for a sign test, or where less is not better.
+
+    Args:
+        table: The table.
+        column: The column.
+
+    Returns:
+        Indices of the rows.
     """
     if column.unit not in LEAST_IS_BEST and column.key not in RATIOS:
         return set()
@@ -290,7 +324,15 @@ ALIKE = 0.02  #: Share of the least value within which others are as good as the
 
 
 def best_of(values: Mapping[str, Number], alike: float = ALIKE) -> Best:
-    """The names of least value (of medians), and all within a share of it; None and NaN take no part."""
+    """Find the names of least value (of medians), and all within a share of it; None and NaN take no part.
+
+    Args:
+        values: Values by name.
+        alike: Share within which values tie [1].
+
+    Returns:
+        The names.
+    """
     known = {name: middle(v) for name, v in values.items() if middle(v) == middle(v)}
     if not known:
         return Best((), float("nan"))

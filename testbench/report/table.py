@@ -27,7 +27,7 @@ MANY = 1_000_000  #: Rows beyond which columns stay in their file until they are
 
 @dataclass(frozen=True)
 class Trials:
-    """Rows of all trials by column, in the order of the seeds.
+    """Hold the rows of all trials by column, in the order of the seeds.
 
     Numbers that are missing are NaN, all else that is missing None; lists are cells as they are.
     """
@@ -37,17 +37,17 @@ class Trials:
 
     @classmethod
     def holding(cls, columns: Mapping[str, Any]) -> "Trials":
-        """Columns that are in memory."""
+        """Make a table of columns that are in memory."""
         return cls({name: partial(np.asarray, cells) for name, cells in columns.items()})
 
     @property
     def columns(self) -> dict[str, Cells]:
-        """All of them by name."""
+        """Return all columns by name."""
         return {name: make() for name, make in self.made.items()}
 
     @classmethod
     def read(cls, path: Path) -> "Trials":
-        """What a run wrote: trials.parquet, nested fields as dotted columns.
+        """Read what a run wrote: trials.parquet, nested fields as dotted columns.
 
         Raises:
             ValueError: When a number is one that no trial can have.
@@ -73,11 +73,11 @@ class Trials:
         return self.made[name]()
 
     def pick(self, rows: Cells) -> "Trials":
-        """Rows by a mask, or by their numbers."""
+        """Select rows by a mask, or by their numbers."""
         return Trials({name: partial(_picked, make, rows) for name, make in self.made.items()})
 
     def where(self, **alike: Any) -> "Trials":
-        """Rows that have these values; of a tuple or set one of them."""
+        """Select rows that have these values; of a tuple or set one of them."""
         found = np.ones(len(self), dtype=bool)
         for name, value in alike.items():
             cells = self[name]
@@ -91,33 +91,33 @@ class Trials:
         return Trials({name: make for name, make in self.made.items() if _named(name, names)})
 
     def held(self) -> "Trials":
-        """The same with all columns in memory: for some that are asked for often."""
+        """Load all columns into memory: for rows that are asked for often."""
         return Trials.holding(self.columns)
 
     def drop(self, *names: str) -> "Trials":
-        """All other columns."""
+        """Drop columns."""
         return Trials({name: make for name, make in self.made.items() if not _named(name, names)})
 
     def inside(self, name: str) -> "Trials":
-        """Columns whose names begin with this one and a dot, without both."""
+        """Select columns whose names begin with this one and a dot, without both."""
         start = f"{name}."
         return Trials({own.removeprefix(start): make for own, make in self.keep(start).made.items()})
 
     def add(self, **more: Any) -> "Trials":
-        """With more columns, or others of the same names."""
+        """Add columns, or replace those of the same names."""
         return Trials({**self.made, **Trials.holding(more).made})
 
     def values(self, name: str) -> list[Any]:
-        """What a column holds, each once, as it first appears."""
+        """List what a column holds, each once, as it first appears."""
         return list(dict.fromkeys(self[name].tolist()))
 
     def parts(self, *by: str) -> list[Cells]:
-        """Numbers of the rows that are alike in some columns, groups as they first appear."""
+        """Number the rows that are alike in some columns, groups as they first appear."""
         [codes] = numbered([[self[name]] for name in by], [len(self)])
         return np.split(np.argsort(codes, kind="stable"), np.cumsum(np.bincount(codes))[:-1])
 
     def groups(self, *by: str) -> Iterator[tuple[tuple[Any, ...], "Trials"]]:
-        """Rows that are alike in some columns, groups as they first appear; of none all rows."""
+        """Group rows that are alike in some columns, as they first appear; of none all rows."""
         parts = self.parts(*by) if len(self) else []
         keys = [self[name][[part[0] for part in parts]].tolist() for name in by]
         for k, part in enumerate(parts):
@@ -125,9 +125,16 @@ class Trials:
 
 
 def numbered(columns: Sequence[Sequence[Cells]], sizes: Sequence[int]) -> list[Cells]:
-    """Numbers of rows of several tables, of these sizes, that are the same where all columns are.
+    """Number the rows of several tables; numbers are equal where all columns are.
 
     They rise as rows first appear. Of each quantity there is the column of every table.
+
+    Args:
+        columns: Of each quantity the column of every table.
+        sizes: Numbers of rows.
+
+    Returns:
+        Numbers of the rows of every table.
     """
     codes = np.zeros(sum(sizes), dtype=np.int64)
     for own in columns:
@@ -140,7 +147,15 @@ def numbered(columns: Sequence[Sequence[Cells]], sizes: Sequence[int]) -> list[C
 
 
 def merged(trials: Trials, *by: str) -> list[Row]:
-    """A row for all trials that are alike in some columns: see `number`; without columns one row for all."""
+    """Merge all trials that are alike in some columns: see `number`; without columns all in one row.
+
+    Args:
+        trials: Rows of the trials.
+        by: Names of the columns.
+
+    Returns:
+        The rows.
+    """
     parts = trials.parts(*by) if len(trials) else []
     labels = trials[SHARED] if SHARED in trials.made else None
     columns = {}
@@ -151,11 +166,18 @@ def merged(trials: Trials, *by: str) -> list[Row]:
 
 
 def number(cells: Cells, trials: Cells | None = None) -> Any:
-    """One value for those of all trials, or of all cases, of which several share one of these trials.
+    """Merge the values of all trials, or of all cases, of which several share one of these trials.
 
     What is the same in all stays. Numbers become their median with 5th and 95th percentile, truth values
     the share that holds, lists of numbers lists of such; sentences stand each once, words one after another.
     None where one is missing.
+
+    Args:
+        cells: The values.
+        trials: Labels of their trials; None where each has its own.
+
+    Returns:
+        One value.
     """
     if cells.dtype.kind in "fi":
         return _middle(cells, trials)
@@ -180,12 +202,30 @@ def _middle(cells: Cells, trials: Cells | None) -> Any:
 
 
 def shared(trials: Trials, models: Sequence[str]) -> Cells | None:
-    """Labels of the trials of `aligned` where cases share them, (trials,); None where each has its own."""
+    """Labels of the trials of `aligned` where cases share them, (trials,); None where each has its own.
+
+    Args:
+        trials: Rows of the trials.
+        models: Names of the models.
+
+    Returns:
+        The labels.
+    """
     return aligned(trials, models, SHARED)[:, 0] if SHARED in trials else None
 
 
 def aligned(trials: Trials, models: Sequence[str], value: str, by: Sequence[str] = (TRIAL,)) -> Cells:
-    """One quantity of several models in the trials that all of them have, (trials, models)."""
+    """Collect one quantity of several models in the trials that all of them have.
+
+    Args:
+        trials: Rows of the trials.
+        models: Names of the models.
+        value: Column of the quantity.
+        by: Columns that name a trial.
+
+    Returns:
+        The quantity, (trials, models).
+    """
     found: list[dict[tuple[Any, ...], float]] = []
     for model in models:
         own = trials.where(**{MODEL: model})
@@ -196,7 +236,17 @@ def aligned(trials: Trials, models: Sequence[str], value: str, by: Sequence[str]
 
 
 def matched(rows: Trials, others: Trials, value: str, by: Sequence[str]) -> Cells:
-    """One quantity of the other row that is alike in some columns, row by row; KeyError without one."""
+    """Look up one quantity of the other row that is alike in some columns, row by row; KeyError without one.
+
+    Args:
+        rows: The rows.
+        others: The other rows.
+        value: Column of the quantity.
+        by: Columns that are alike.
+
+    Returns:
+        The quantity, (rows,).
+    """
     ours, theirs = numbered([[rows[name], others[name]] for name in by], [len(rows), len(others)])
     place = np.full(1 + max(ours.max(initial=0), theirs.max(initial=0)), -1)
     place[theirs] = np.arange(len(theirs))
@@ -206,7 +256,7 @@ def matched(rows: Trials, others: Trials, value: str, by: Sequence[str]) -> Cell
 
 
 def nested(flat: Mapping[str, Any]) -> Row:
-    """Columns with dots in their names as rows within the row; a row of nothing but None is None."""
+    """Nest columns with dots in their names as rows within the row; a row of nothing but None is None."""
     found = Row()
     for name, value in flat.items():
         *parts, last = name.split(".")
@@ -218,12 +268,20 @@ def nested(flat: Mapping[str, Any]) -> Row:
 
 
 def find(rows: Sequence[Row], **alike: Any) -> Row:
-    """The first of some rows that has these values; StopIteration where none has."""
+    """Find the first of some rows that has these values; StopIteration where none has.
+
+    Args:
+        rows: The rows.
+        alike: Values by column.
+
+    Returns:
+        The row.
+    """
     return next(row for row in rows if all(row[name] == value for name, value in alike.items()))
 
 
 def rows(value: Any) -> Any:
-    """JSON data with every table of keys as a row, and every spread as one."""
+    """Make rows of JSON data: every table of keys a row, every spread one."""
     if isinstance(value, Mapping):
         if {"median", "p05", "p95"} <= value.keys() <= {*SPREAD}:
             read: dict[str, Any] = {key: math.nan if own is None else own for key, own in value.items()}
@@ -233,7 +291,7 @@ def rows(value: Any) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """Numbers, words and what holds them as JSON data: what is not finite is null."""
+    """Convert numbers, words and what holds them to JSON data: what is not finite is null."""
     if isinstance(value, Mapping):
         return {key: plain(own) for key, own in value.items()}
     if isinstance(value, Spread):

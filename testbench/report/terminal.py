@@ -25,18 +25,26 @@ NARROW = 9  #: Letters of a heading's line, unless a word has more.
 
 
 class PlainConsole(Console):
-    """Where commands print: of users' names nothing is markup, a picture or what steers a terminal."""
+    """Print for commands: of users' names nothing is markup, a picture or what steers a terminal."""
 
     def __init__(self) -> None:
         super().__init__(highlight=False, markup=False, emoji=False)
 
     def render_str(self, text: str, **how: object) -> Text:
-        """Text on its way into a table or a line."""
+        """Make text on its way into a table or a line plain.
+
+        Args:
+            text: The text.
+            how: Passed on to rich.
+
+        Returns:
+            The text.
+        """
         return super().render_str(_lines(text), **how)  # type: ignore[arg-type]
 
 
 def plain_console() -> Console:
-    """One of standard output."""
+    """Make a console of standard output."""
     return PlainConsole()
 
 
@@ -45,7 +53,7 @@ def _lines(text: str) -> str:
 
 
 def grid(table: Table) -> RichTable:
-    """A table without its title: medians; percentiles of several trials or their range, the paper's numbers.
+    """Make a table without its title: medians with percentiles or range, and the paper's numbers.
 
     Of a quantity over two factors only the medians: report.md and the page have its spread, and columns
     beyond `MAX_COLUMNS`.
@@ -79,7 +87,12 @@ def _head(column: TableColumn) -> str:
 
 
 def print_table(console: Console, table: Table) -> None:
-    """A table below its title, which may be wider."""
+    """Print a table below its title, which may be wider.
+
+    Args:
+        console: Where to print.
+        table: The table.
+    """
     if table.title:
         console.print(table.title, style="italic")
     console.print(grid(table))
@@ -112,7 +125,7 @@ def print_words(
     lines: Sequence[str] = (),
     where: str = MORE,
 ) -> None:
-    """The answer, tables, what else is to be said, and lines below it.
+    """Print the answer, tables, what else is to be said, and lines below it.
 
     Args:
         console: A plain one.
@@ -131,7 +144,12 @@ def print_words(
 
 
 def print_headline(console: Console, words: ReportWords) -> None:
-    """The badge, the answer, and where it is worst."""
+    """Print the badge, the answer, and where it is worst.
+
+    Args:
+        console: Where to print.
+        words: Words of the report.
+    """
     if badge := as_plain(words.block("badge")):
         console.print(
             badge, style=next((own for k, own in BADGES.items() if badge.startswith(k)), "bold yellow")
@@ -143,7 +161,13 @@ def print_headline(console: Console, words: ReportWords) -> None:
 
 
 def print_statements(console: Console, words: ReportWords, where: str = MORE) -> None:
-    """What else is to be said, a list; there are more where it says."""
+    """Print what else is to be said, a list; there are more where it says.
+
+    Args:
+        console: Where to print.
+        words: Words of the report.
+        where: Where those stand that are not printed.
+    """
     if words.block("statements"):
         console.print(Markdown(words.block("statements")))
     if words.block("more"):
@@ -151,7 +175,16 @@ def print_statements(console: Console, words: ReportWords, where: str = MORE) ->
 
 
 def viewing_lines(out: Path, given: Sequence[Path] = (), **known: str | Path) -> list[str]:
-    """Where page and recording of a run are, how to open them, and what comes next (`next_lines`)."""
+    """Say where page and recording of a run are, how to open them, and what comes next.
+
+    Args:
+        out: Folder of the results.
+        given: Readings that a plan was made beside.
+        known: See `next_lines`.
+
+    Returns:
+        Lines.
+    """
     return [
         f"page       {out / 'report.html'}: opens in any browser",
         f"recording  {out / 'recording.rrd'}; open it with: testbench view {shell_word(out)}",
@@ -160,7 +193,14 @@ def viewing_lines(out: Path, given: Sequence[Path] = (), **known: str | Path) ->
 
 
 def print_places(console: Console, out: Path, *, figures: list[str], data: str = "dataset.csv") -> None:
-    """Where the results are, and how to open them."""
+    """Print where the results are, and how to open them.
+
+    Args:
+        console: Where to print.
+        out: Folder of the results.
+        figures: Names of the figures.
+        data: Name of the data file.
+    """
     lines = [
         f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / 'trials.parquet'}, {out / data}",
         f"figures    {', '.join(str(out / name) for name in figures)}",

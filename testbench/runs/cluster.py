@@ -35,6 +35,10 @@ TLS = (
 def check_address(address: str, *, insecure: bool = False) -> None:
     """Refuse a scheduler's address, such as "tls://host:8786", that is wrong or would let others in.
 
+    Args:
+        address: The scheduler's address.
+        insecure: Whether plain tcp:// to this machine is accepted.
+
     Raises:
         BenchError: When it is neither tls:// nor, unless insecure, plain tcp:// on this machine.
     """
@@ -81,10 +85,20 @@ def on_cluster(
     insecure: bool = False,
     patience: float = PATIENCE,
 ) -> Chunks:
-    """The backend of a Dask cluster. Trials of a worker that is lost are done by others.
+    """Do trials on a Dask cluster; trials of a lost worker are done by others.
 
     Certificates of tls:// are those of Dask's own settings. The module of the work has to be installed on the
     workers, which have `patience` seconds to answer, as the scheduler has.
+
+    Args:
+        work: Does the trials of some seeds.
+        chunks: Seeds of every chunk.
+        address: The scheduler's address.
+        insecure: Whether plain tcp:// to this machine is accepted.
+        patience: Time for workers and scheduler to answer [s].
+
+    Returns:
+        Chunks as they are done.
 
     Raises:
         BenchError: When the address is refused, nobody answers there, or a worker has other packages than we.

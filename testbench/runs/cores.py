@@ -23,6 +23,14 @@ def on_cores(work: Work, chunks: Sequence[Sequence[int]], *, workers: int | None
 
     No more than there are chunks; if it may be one only, that is this process.
 
+    Args:
+        work: Does the trials of some seeds.
+        chunks: Seeds of every chunk.
+        workers: Number of processes; None for one per core.
+
+    Returns:
+        Chunks as they are done.
+
     Raises:
         BenchError: When workers is below 1, or more than help.
         WorkersLost: When a process was killed.

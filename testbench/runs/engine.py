@@ -47,7 +47,15 @@ It raises WorkersLost where trials may be done again; closed, it stops.
 
 
 def do_chunk(work: Work, seeds: Sequence[int]) -> Chunk:
-    """Do trials with one BLAS thread; a problem comes back as words, since not every exception can travel."""
+    """Do trials with one BLAS thread; a problem comes back as words, since not every exception can travel.
+
+    Args:
+        work: Does the trials of some seeds.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The rows of the seeds, or the problem in words.
+    """
     try:
         with threadpool_limits(1):
             results = work(seeds)
@@ -66,20 +74,38 @@ def _tables(seeds: Sequence[int], results: Sequence[Found]) -> list[Table]:
 
 
 def here(work: Work, chunks: Sequence[Sequence[int]]) -> Chunks:
-    """The backend of this process."""
+    """Do the trials in this process.
+
+    Args:
+        work: Does the trials of some seeds.
+        chunks: Seeds of every chunk.
+
+    Returns:
+        Chunks as they are done.
+    """
     return (do_chunk(work, seeds) for seeds in chunks)
 
 
 def run_study(
     work: Work, store: TrialStore[Any], backend: Backend, *, size: int = 1, remote: bool = False
 ) -> Iterator[int]:
-    """Do all trials that are not stored yet; yields how many are, first those from before.
+    """Do all trials that are not stored yet.
 
     Results depend on the seeds alone: not on the backend, its workers, the order in which they finish, or on
     where a run was stopped and resumed. (Processors of another kind give other last digits.) See `Work`
     for what keeps them bit-equal. A chunk has `size` seeds, 0.1 to 1 s of work: a stop loses the chunks under
     way. A study that is one chunk is done by this process, but where the backend is `remote`, which somebody
     asked for; what is left of a larger one is not, as it may be what workers die of.
+
+    Args:
+        work: Does the trials of some seeds.
+        store: Where rows are stored.
+        backend: Does the chunks.
+        size: Seeds of a chunk.
+        remote: Whether the backend is on other machines.
+
+    Yields:
+        Number of finished trials, first of those from before.
 
     Raises:
         BenchError: When a trial cannot be done, the store cannot be written, or workers die again and again.

@@ -17,7 +17,7 @@ FORMAT = "testbench trials 5"
 
 @dataclass(frozen=True)
 class TrialPlan:
-    """What is tried."""
+    """Describe what is tried: a scenario and its seeds."""
 
     name: str  #: The scenario.
     scenario: Mapping[str, Any]  #: All that the results depend on beside the seed, as plain JSON data.
@@ -29,7 +29,7 @@ class TrialPlan:
 
     @property
     def header(self) -> dict[str, Any]:
-        """What its files say of it: plain finite JSON data, or BenchError.
+        """Return what the store's files say of the plan: plain finite JSON data, or BenchError.
 
         How many trials is not in it: a study may be resumed with more.
         """
@@ -55,7 +55,13 @@ def numeric_versions() -> dict[str, str]:
 
 
 def check_header(path: Path, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    """Refuse to go on with trials of something else: InputError names what differs in their header."""
+    """Refuse to go on with trials of something else: InputError names what differs in their header.
+
+    Args:
+        path: The file, for the message.
+        found: Header of the stored trials.
+        wanted: Header of this run.
+    """
     pairs = {
         "format": (found.get("format"), wanted["format"]),
         "scenario": (found.get("scenario"), wanted["scenario"]),

@@ -41,7 +41,13 @@ class Follower:
         )
 
     def follow(self, words: str, done: int, total: int) -> None:
-        """So many steps of a kind are done; bars stand while any is under way, so that words find none."""
+        """Show that some steps of a kind are done; bars stand while any is under way.
+
+        Args:
+            words: Kind of step.
+            done: Number of finished steps.
+            total: Number of all steps.
+        """
         now = time.monotonic() - self.began
         if words not in self.tasks:
             self.begun[words], self.tasks[words] = now, self.bars.add_task(words, total=total)
@@ -61,7 +67,15 @@ class Follower:
 
 @contextmanager
 def followed(own: Session, *, quiet: bool) -> Iterator[None]:
-    """The block is a command; quiet, it says nothing but errors."""
+    """Run the block as a command with its log; quiet, it prints nothing but errors.
+
+    Args:
+        own: The session.
+        quiet: Whether nothing is printed.
+
+    Yields:
+        Nothing.
+    """
     follower = Follower(quiet=quiet)
     with ExitStack() as held:
         held.callback(follower.bars.stop)

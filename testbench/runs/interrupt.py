@@ -26,10 +26,14 @@ def handle(handler: Callable[..., object]) -> dict[int, Callable[..., object] | 
 
 
 def leave_at_once(number: int, _: object) -> None:
-    """Handler that ends the program where it is.
+    """End the program where it is; a handler of signals.
 
     For imports, which have nothing to clean up and whose C code may make other errors of an exception, and
     for whoever presses Ctrl-C again while the program cleans up.
+
+    Args:
+        number: Number of the signal.
+        _: Not used.
     """
     if sys.stderr is not None:  # else a file of ours may have its number
         with contextlib.suppress(OSError):
@@ -39,7 +43,7 @@ def leave_at_once(number: int, _: object) -> None:
 
 @contextlib.contextmanager
 def raised() -> Iterator[Callable[[], int]]:
-    """A stop raises KeyboardInterrupt inside of the block, and the next one ends the program at once.
+    """Raise KeyboardInterrupt at a stop inside of the block; the next stop ends the program at once.
 
     Yields:
         The exit code of the stop that came, 0 if none did: an error of another kind is then one that C code

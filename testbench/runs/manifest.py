@@ -20,7 +20,7 @@ File = Annotated[str, Field(pattern=r"^[^\x00]*$")]
 
 
 class Manifest(BaseModel):
-    """What manifest.json must say of a run, and may say."""
+    """Describe what manifest.json must say of a run, and may say."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
 
@@ -39,7 +39,7 @@ EMPTY_MANIFEST = Manifest(command="", versions={})
 
 
 def read_manifest(folder: Path) -> Manifest:
-    """What a folder's manifest.json says; nothing where there is none, or it is not one of ours."""
+    """Read a folder's manifest.json; EMPTY_MANIFEST where there is none, or it is not one of ours."""
     try:
         found = Manifest.model_validate_json(read_bytes(folder / NAME, MAX_BYTES))
     except (InputError, ValidationError):
@@ -48,7 +48,7 @@ def read_manifest(folder: Path) -> Manifest:
 
 
 def is_run(folder: Path) -> bool:
-    """Whether a folder is that of a run, finished or under way."""
+    """Tell whether a folder is that of a run, finished or under way."""
     return bool(read_manifest(folder).command) or any(folder.glob("trials/*.parquet"))
 
 
@@ -59,7 +59,7 @@ BEYOND = 2**63  #: Integers lie below.
 
 @dataclass(frozen=True)
 class Finished:
-    """A run."""
+    """Hold a finished run: its folder, manifest and report."""
 
     folder: Path  #: As it was named.
     manifest: Manifest
@@ -69,12 +69,12 @@ class Finished:
 
     @property
     def several(self) -> bool:
-        """Whether numbers are over several seeds."""
+        """Tell whether numbers are over several seeds."""
         return self.manifest.seeds > 1
 
 
 def read_run(folder: Path) -> Finished:
-    """What the folder of a finished run says.
+    """Read the folder of a finished run.
 
     Raises:
         InputError: When manifest.json or report.json is missing or is none; names the file and the place.
@@ -94,7 +94,15 @@ def read_run(folder: Path) -> Finished:
 
 
 def input_error(file: Path, err: ValidationError) -> InputError:
-    """The first finding of pydantic in a file, in one line."""
+    """Make the first finding of pydantic in a file an error of one line.
+
+    Args:
+        file: The file.
+        err: What pydantic found.
+
+    Returns:
+        The error.
+    """
     first = err.errors(include_url=False, include_context=False)[0]
     place = ".".join(map(str, first["loc"]))
     if first["type"] == "missing":
@@ -103,7 +111,7 @@ def input_error(file: Path, err: ValidationError) -> InputError:
 
 
 def read_plain(path: Path) -> JsonValue:
-    """JSON data with finite numbers and texts of printable characters.
+    """Read JSON data with finite numbers and texts of printable characters.
 
     Raises:
         InputError: When the file cannot be read, is too large or too deep, is no JSON, or has a number that

@@ -48,7 +48,7 @@ LEFT_OUT = {
 
 
 def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> list[str]:
-    """What is missing after a run, and the next command, filled in as far as the run tells.
+    """Say what is missing after a run, and the next command, filled in as far as the run tells.
 
     Args:
         run: Its folder.

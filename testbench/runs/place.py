@@ -20,7 +20,7 @@ INSTEAD = "choose another name, or replace it by --force"
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file that a command writes."""
+    """Describe a kind of file that a command writes."""
 
     name: str  #: For people, such as "a dataset".
     begins: bytes  #: Regular expression of its beginning.
@@ -66,7 +66,7 @@ def _is(path: Path, kind: Kind) -> bool:
 
 
 def look(path: Path) -> os.stat_result | None:
-    """What stands at a path, links not followed; None if nothing does.
+    """Find what stands at a path, links not followed; None if nothing does.
 
     Raises:
         InputError: When nothing can stand there.
@@ -79,12 +79,28 @@ def look(path: Path) -> os.stat_result | None:
 
 
 def inside(path: Path, folder: Path) -> bool:
-    """Whether a path leads into a folder, or to it."""
+    """Tell whether a path leads into a folder, or to it.
+
+    Args:
+        path: Path of the file.
+        folder: The folder.
+
+    Returns:
+        True if it does.
+    """
     return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
 
 
 def same(path: Path, other: Path) -> bool:
-    """Whether two paths lead to one file."""
+    """Tell whether two paths lead to one file.
+
+    Args:
+        path: A path.
+        other: Another path.
+
+    Returns:
+        True if both exist and are one file.
+    """
     try:
         return path.samefile(other)
     except OSError:
@@ -93,6 +109,10 @@ def same(path: Path, other: Path) -> bool:
 
 def check_writable(folder: Path, path: Path) -> None:
     """Refuse a folder in which no file can be made, or which cannot be made.
+
+    Args:
+        folder: The folder.
+        path: Path for the message.
 
     Raises:
         InputError: Names `path`.
@@ -117,9 +137,19 @@ def claim_folder(
     inputs: Sequence[Path] = (),
     force: bool,
 ) -> Iterator[None]:
-    """The folder is this command's alone inside of the block, before anything is computed; None for none.
+    """Keep the folder for this command alone inside of the block, before anything is computed.
 
     Args and Raises: as of `check_folder`; InputError too when another run has it.
+
+    Args:
+        out: Folder of the results; None for no folder.
+        command: Name of the command.
+        own: Names of files that may be replaced.
+        inputs: Files that the command reads, which must not be there.
+        force: Whether files of another command are replaced.
+
+    Yields:
+        Nothing.
     """
     if out is None:
         yield

@@ -8,12 +8,16 @@ from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from testbench import __version__
 from testbench.errors import open_file
+from testbench.model.joint_laws import joint_laws
+from testbench.plant.true_arms import true_arms
+from testbench.registry import Registry
 from testbench.runs.session import SESSION
 
+T = TypeVar("T")
 ROOT = Path(__file__).resolve().parents[1]  #: The checkout, where the package runs from one.
 #: Size up to which a file has a digest [byte]: readings that were read before are smaller.
 MAX_DIGEST_BYTES = 10**11
@@ -24,7 +28,12 @@ PACKAGES = ("mujoco", "pin", "numpy", "scipy", "clarabel", "rerun-sdk")
 
 
 def write_json(value: Any, file: Path) -> None:
-    """Write JSON for people and programs: indented, keys in order, no NaN, lists of numbers in a line."""
+    """Write JSON for people and programs: indented, keys in order, no NaN, lists of numbers in a line.
+
+    Args:
+        value: Plain data.
+        file: The file.
+    """
     text = json.dumps(value, indent=2, allow_nan=False)
     one = NUMBERS.sub(lambda found: f"[{' '.join(found[1].split())}]", text)
     file.write_text(one + "\n", encoding="utf-8")
@@ -71,13 +80,22 @@ def write_log(folder: Path) -> None:
 
 
 def inside(folder: Path) -> list[str]:
-    """All files of a folder by their paths in it, those of folders in it too."""
+    """List all files of a folder and of folders in it, by their paths in it."""
     return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
 
 
 def versions() -> dict[str, str]:
-    """Versions of the packages that numbers depend on."""
-    return {"testbench": __version__, **{name: _version(name) for name in PACKAGES}}
+    """Collect the versions of packages that numbers depend on, and digests of the parts that users add."""
+    packages = {name: _version(name) for name in PACKAGES}
+    return {"testbench": __version__, **packages, **_parts(joint_laws), **_parts(true_arms)}
+
+
+def _parts(known: Registry[T]) -> dict[str, str]:
+    """Collect the SHA-256 of the file of every part that is not ours."""
+    return {
+        f"{known.kind} {name}": "added by a script" if file is None else digest(file)
+        for name, file in known.origins().items()
+    }
 
 
 @cache
@@ -86,7 +104,7 @@ def _version(package: str) -> str:
 
 
 def sources() -> str:
-    """SHA-256 of this package's sources: its version number stays while they change."""
+    """Compute the SHA-256 of this package's sources: its version number stays while they change."""
     package = Path(__file__).parent
     whole = hashlib.sha256()
     for file in sorted(package.rglob("*.py")):
@@ -95,7 +113,15 @@ def sources() -> str:
 
 
 def digest(file: Path, max_bytes: int = MAX_DIGEST_BYTES) -> str:
-    """SHA-256 of a file; InputError where it is no plain file, or too large."""
+    """Compute the SHA-256 of a file; InputError where it is no plain file, or too large.
+
+    Args:
+        file: The file.
+        max_bytes: Largest size [byte].
+
+    Returns:
+        The digest in hexadecimal.
+    """
     with open_file(file, max_bytes) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

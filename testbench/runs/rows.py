@@ -22,7 +22,7 @@ MAX_INTEGER = 2**63  #: Integers lie below it: Parquet's have 64 bits.
 
 
 class Row(dict[str, Any]):
-    """Numbers by name, as reports have them; `row.check.rms_mm` is the column `check.rms_mm` of a table."""
+    """Hold numbers by name, as reports have them; `row.check.rms_mm` is a table's column `check.rms_mm`."""
 
     def __getattr__(self, name: str) -> Any:
         if name in self:
@@ -31,7 +31,7 @@ class Row(dict[str, Any]):
 
 
 def finite(value: float | None) -> float | None:
-    """A number, None for infinity and none."""
+    """Return a number, None for infinity and none."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
@@ -44,10 +44,17 @@ class ColumnType:
 
 
 def columns(row: type, prefix: str = "") -> dict[str, ColumnType]:
-    """Columns of a dataclass of rows as `flatten` describes it, from the types of its fields.
+    """Describe the columns of a dataclass of rows, as `flatten` makes them, from the types of its fields.
 
     A dataclass beside plain types, as `Spread` in `Number`, is of summaries and no column; a share, which is
     a truth value or a float, is a truth value in the rows of a trial.
+
+    Args:
+        row: The dataclass.
+        prefix: Text before every name.
+
+    Returns:
+        Type of every column by its name.
 
     Raises:
         BenchError: When a field has another type, or the name of the seed's column.
@@ -97,10 +104,17 @@ def _column(name: str, kinds: set[Any]) -> ColumnType:
 
 
 def flatten(row: object, prefix: str = "") -> Flat:
-    """Columns of a row: `check.rms_mm` is the field rms_mm of the field check.
+    """Make the columns of a row: `check.rms_mm` is the field rms_mm of the field check.
 
     A row is a dataclass of numbers, words, truth values, None, tuples of those, and such dataclasses or None;
     anything else raises BenchError.
+
+    Args:
+        row: The row.
+        prefix: Text before every name.
+
+    Returns:
+        Value by column.
     """
     found: Flat = {}
     kind: type = type(row)
@@ -118,7 +132,7 @@ def flatten(row: object, prefix: str = "") -> Flat:
 
 
 def tabled(rows: Sequence[object]) -> Table:
-    """Rows of a trial by column; BenchError where they are not of one dataclass, see `flatten`."""
+    """Make columns of the rows of a trial; BenchError where they are not of one dataclass, see `flatten`."""
     flat = [flatten(row) for row in rows]
     for row in flat:
         if row.keys() != flat[0].keys():
@@ -128,7 +142,7 @@ def tabled(rows: Sequence[object]) -> Table:
 
 
 def count(table: Table) -> int:
-    """How many rows a trial has."""
+    """Count the rows of a trial."""
     return len(next(iter(table.values()))) if table else 0
 
 
@@ -142,7 +156,14 @@ def _plain(name: str, value: object) -> Plain:
 
 
 def restored(kind: type[R], table: Table) -> list[R]:
-    """Rows of the columns that they were taken apart to.
+    """Restore rows from their columns.
+
+    Args:
+        kind: Dataclass of a row.
+        table: Cells by column.
+
+    Returns:
+        The rows.
 
     Raises:
         BenchError: When a cell is none that the row may have.

@@ -11,7 +11,7 @@ STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Session(NamedTuple):
-    """A command under way."""
+    """Hold a command under way."""
 
     project: Mapping[str, object]  #: Name and SHA-256 of the project file, the values taken; empty for none.
     known: frozenset[str]  #: Keys that it has, taken or not.
@@ -30,7 +30,7 @@ SESSION: ContextVar[Session] = ContextVar("session", default=EMPTY_SESSION)  #: 
 
 @contextmanager
 def session(own: Session) -> Iterator[None]:
-    """A command runs in the block."""
+    """Make a command the one that runs in the block."""
     token = SESSION.set(own)
     try:
         yield

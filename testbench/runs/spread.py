@@ -27,7 +27,7 @@ NUMBER = re.compile(
 
 @dataclass(frozen=True)
 class Spread:
-    """A number over several trials, or with an interval of another kind (`trials` is 0)."""
+    """Hold a number over several trials, or with an interval of another kind (`trials` is 0)."""
 
     median: float  #: The middle of them.
     p05: float  #: 5th percentile.
@@ -41,18 +41,18 @@ class Spread:
 
     @property
     def too_few(self) -> bool:
-        """Whether there are too few trials for percentiles."""
+        """Tell whether there are too few trials for percentiles."""
         return 0 < self.trials < MIN_PERCENTILE_TRIALS
 
     @property
     def ends(self) -> tuple[float, float]:
-        """What is shown beside the median: 5th and 95th percentile, of few trials the least and the most."""
+        """Return what is shown beside the median: 5th and 95th percentile; of few trials the range."""
         if self.too_few and self.least is not None and self.most is not None:
             return self.least, self.most
         return self.p05, self.p95
 
     def scaled(self, factor: float) -> "Spread":
-        """So many times all of it."""
+        """Multiply median, ends and interval by a factor."""
         middle_, low, high = (factor * own for own in (self.median, self.p05, self.p95))
         least, most = (None if end is None else factor * end for end in (self.least, self.most))
         values = tuple(factor * own for own in self.values)
@@ -66,12 +66,15 @@ Share = bool | float  #: Whether something holds, or the share of trials in whic
 
 
 def spread(values: Sequence[float] | Array, trials: Cells | None = None) -> Spread:
-    """Median, 5th and 95th percentile and range of at least one number; NaN where one of them is.
+    """Compute median, 5th and 95th percentile and range of at least one number; NaN where one of them is.
 
     Args:
         values: Numbers, (n,).
         trials: Labels of their trials, (n,), where several cases share one: trials are then what is counted
             and drawn, each by the median of its cases, and the interval is by trial.
+
+    Returns:
+        The summary.
     """
     own = np.asarray(values, dtype=float)
     median, low, high = np.quantile(own, (0.5, 0.05, 0.95)).tolist()
@@ -88,7 +91,7 @@ def spread(values: Sequence[float] | Array, trials: Cells | None = None) -> Spre
 
 
 def median_interval(values: Array, trials: Cells | None = None) -> tuple[float, float] | None:
-    """95 % interval of the median of values, (n,), by order statistics: exact whatever their distribution is.
+    """Compute the 95 % interval of a median by order statistics, exact for any distribution.
 
     Args:
         values: Numbers, (n,).
@@ -163,19 +166,27 @@ def _by_trial(trials: Cells) -> list[Ids]:
 
 
 def wins(ours: Sequence[float] | Array, theirs: Sequence[float] | Array) -> int:
-    """In how many trials ours is the smaller by more than a solver's last digits."""
+    """Count the trials in which ours is smaller by more than a solver's last digits.
+
+    Args:
+        ours: Errors of ours, (n,).
+        theirs: Errors of the other, (n,).
+
+    Returns:
+        The number of trials.
+    """
     return int(np.count_nonzero(np.asarray(ours) < (1 - SAME_ERROR) * np.asarray(theirs)))
 
 
 def middle(value: Number) -> float:
-    """The number, or its median over trials; NaN where there is none."""
+    """Return a number, or its median over trials; NaN where there is none."""
     if isinstance(value, Spread):
         return value.median
     return math.nan if value is None else float(value)
 
 
 def most(value: Number) -> float:
-    """The number, or that of the trial in which it is largest."""
+    """Return a number, or that of the trial in which it is largest."""
     return value.most if isinstance(value, Spread) and value.most is not None else middle(value)
 
 
@@ -185,24 +196,24 @@ def ends(value: Number) -> tuple[float, float]:
 
 
 def inner(value: Number) -> tuple[float, float] | None:
-    """What is drawn as a line: the interval of the median; of few trials nothing but their dots."""
+    """Return what is drawn as a line: the interval of the median; of few trials nothing but their dots."""
     if isinstance(value, Spread) and value.values:
         return None if value.too_few else value.interval
     return ends(value)
 
 
 def range_of(value: Number) -> tuple[float, ...]:
-    """All that is drawn of a number: its trials, or the ends of its line."""
+    """Collect all that is drawn of a number: its trials, or the ends of its line."""
     return (*(value.values if isinstance(value, Spread) else ()), *(inner(value) or ()))
 
 
 def triple(value: Number) -> tuple[float, float, float]:
-    """Median and ends; three times the number where it has no spread."""
+    """Return median and ends; three times the number where it has no spread."""
     return (middle(value), *ends(value))
 
 
 def dotted(values: Iterable[object]) -> str:
-    """What dots and lines of spreads are in a picture; empty where nothing spreads."""
+    """Say what dots and lines of spreads are in a picture; empty where nothing spreads."""
     spreads = [value for value in values if isinstance(value, Spread) and value.ends[0] < value.ends[1]]
     if not all(value.values for value in spreads):
         return f"lines: {spans(spreads)}"
@@ -215,7 +226,15 @@ def dotted(values: Iterable[object]) -> str:
 
 
 def spans(values: Iterable[object], of: str = "trials") -> str:
-    """What the ends of spreads are, in words: percentiles, or of few trials the range; empty without any."""
+    """Say what the ends of spreads are: percentiles, or of few trials the range; empty without any.
+
+    Args:
+        values: Numbers, some of them spreads.
+        of: What is counted.
+
+    Returns:
+        The words.
+    """
     spreads = [own for own in values if isinstance(own, Spread) and own.ends[0] < own.ends[1]]
     counts, few = sorted({own.trials for own in spreads}), {own.too_few for own in spreads}
     if len(few) == 2:
@@ -226,12 +245,12 @@ def spans(values: Iterable[object], of: str = "trials") -> str:
 
 
 def span(trials: int) -> str:
-    """The same of so many trials, for a sentence that says how many they are."""
+    """Say what the ends of a spread over so many trials are."""
     return "5 % to 95 %" if trials >= MIN_PERCENTILE_TRIALS else "range"
 
 
 def twins_once(texts: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """Sentences of several trials, each once; of those that differ in numbers alone one with their ranges."""
+    """List sentences of several trials once; those that differ in numbers alone with their ranges."""
     kinds: dict[str, list[tuple[str, int]]] = {}
     for trial, sentences in enumerate(texts):
         for text in sentences:

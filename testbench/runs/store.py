@@ -49,6 +49,9 @@ def arrow_table(
         trials: Seed and rows of each, of which some may have none.
         about: Metadata, plain JSON data.
 
+    Returns:
+        The table.
+
     Raises:
         BenchError: When cells are not of their column's type.
     """
@@ -74,7 +77,15 @@ def arrow_table(
 
 
 def labelled(table: pa.Table, **about: Any) -> pa.Table:
-    """Replace the metadata of a table."""
+    """Replace the metadata of a table.
+
+    Args:
+        table: The table.
+        about: Metadata, plain JSON data.
+
+    Returns:
+        The table with the new metadata.
+    """
     return table.replace_schema_metadata(_metadata(about))
 
 
@@ -84,6 +95,10 @@ def _metadata(about: About) -> dict[str, str]:
 
 def write_trials(path: Path, table: pa.Table) -> None:
     """Write a table of trials; the same rows give the same bytes, and a kill leaves no half of them.
+
+    Args:
+        path: Path of the file.
+        table: Rows of the trials.
 
     Raises:
         InputError: When the file cannot be written; an earlier one then stands.
@@ -127,6 +142,13 @@ def _opened(path: Path) -> Iterator[parquet.ParquetFile]:
 def read_about(path: Path, *keys: str) -> list[Any]:
     """Read entries of a file's metadata.
 
+    Args:
+        path: Path of the file.
+        keys: Keys of the entries.
+
+    Returns:
+        Their values.
+
     Raises:
         InputError: When it is damaged, or no file of trials.
     """
@@ -142,6 +164,9 @@ def read_trials(path: Path, schema: pa.Schema) -> pa.Table:
         path: A file of `write_trials`.
         schema: Of the trials, from `arrow_table`.
 
+    Returns:
+        Rows of the trials.
+
     Raises:
         InputError: When it is damaged, or has other columns.
     """
@@ -155,7 +180,7 @@ def read_trials(path: Path, schema: pa.Schema) -> pa.Table:
 
 @dataclass(frozen=True)
 class NumberBySeed:
-    """One number of one model under one condition, by seed."""
+    """Hold one number of one model under one condition, by seed."""
 
     name: str  #: Of the model.
     key: str  #: Which number.
@@ -168,6 +193,9 @@ def series(path: Path, keys: Sequence[str]) -> list[NumberBySeed]:
     Args:
         path: trials.parquet; its rows have a column `name`, perhaps below another name.
         keys: Columns of numbers beside it, such as "workspace.rms_mm".
+
+    Returns:
+        The numbers.
 
     Raises:
         InputError: When the file is damaged or too large.
@@ -221,7 +249,7 @@ def part_seeds(part: Path) -> list[int]:
 
 
 class TrialStore(Generic[R]):
-    """The stored trials of an experiment. Open one with `open_store`."""
+    """Store the trials of an experiment. Open one with `open_store`."""
 
     def __init__(self, folder: Path, experiment: TrialPlan, row: type[R]) -> None:
         self.parts = folder / PARTS
@@ -244,11 +272,11 @@ class TrialStore(Generic[R]):
         return [seed for seed in self.experiment.seeds if seed not in self.done]
 
     def rows(self) -> list[R]:
-        """Stored rows as they were returned, in the order of the seeds."""
+        """Return stored rows as they were returned, in the order of the seeds."""
         return restored(self.row, self.table().drop_columns(SEED).to_pydict())
 
     def table(self) -> pa.Table:
-        """Stored rows of the experiment, in the order of the seeds."""
+        """Return stored rows of the experiment as a table, in the order of the seeds."""
         parts = [read_trials(path, self.schema) for path in self.parts.glob("*.parquet")]
         seeds, seed = self.experiment.seeds, pc.field(SEED)
         table = pa.concat_tables([self.schema.empty_table(), *parts])
@@ -256,6 +284,10 @@ class TrialStore(Generic[R]):
 
     def append(self, seeds: Sequence[int], found: Iterable[Table]) -> None:
         """Add finished trials' rows, from `engine.do_chunk`; they are on the disk when this returns.
+
+        Args:
+            seeds: Seeds of the trials.
+            found: Rows of every seed.
 
         Raises:
             BenchError: When rows are not of the store's type.
@@ -288,7 +320,15 @@ class TrialStore(Generic[R]):
 
 
 def write_parquet(store: TrialStore[R], folder: Path) -> Path:
-    """Write `trials.parquet`, the same bytes in whatever order the trials came."""
+    """Write `trials.parquet`, the same bytes in whatever order the trials came.
+
+    Args:
+        store: The stored trials.
+        folder: Folder of the file.
+
+    Returns:
+        Path of the file.
+    """
     about = {HEADER: store.header, "trials": store.count}
     write_trials(folder / WHOLE, labelled(store.table(), **about))
     store.finished = store.count == len(store.experiment.seeds)
@@ -300,6 +340,15 @@ def open_store(folder: Path, experiment: TrialPlan, *, row: type[R], resume: boo
     """Open the trial store of a run's folder; once the block has ended well `trials.parquet` takes its place.
 
     To resume is to go on with the stored trials; without any it starts afresh.
+
+    Args:
+        folder: Folder of the run.
+        experiment: Scenario and seeds.
+        row: Dataclass of a row.
+        resume: Whether stored trials are kept.
+
+    Yields:
+        The store.
 
     Raises:
         InputError: When another run writes it; when it cannot be written or is damaged; when it holds

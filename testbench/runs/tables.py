@@ -16,13 +16,23 @@ Cells = npt.NDArray[np.generic]
 
 
 def write_table(path: Path, columns: Mapping[str, Cells | Sequence[str]]) -> None:
-    """Write columns by name; of an array (rows, n) each cell is a list."""
+    """Write columns by name; of an array (rows, n) each cell is a list.
+
+    Args:
+        path: Path of the file.
+        columns: Columns by name, of equal length.
+    """
     cells = {name: list(own) if np.ndim(own) > 1 else own for name, own in columns.items()}
     _write(path, pa.table(cells))
 
 
 def join_tables(parts: Sequence[Path], path: Path) -> None:
-    """Write the rows of several tables one behind the other; the same rows give the same bytes."""
+    """Write the rows of several tables one behind the other; the same rows give the same bytes.
+
+    Args:
+        parts: Files of the tables.
+        path: File of the whole.
+    """
     _write(path, pa.concat_tables(parquet.read_table(part, memory_map=True) for part in parts))
 
 
@@ -31,12 +41,15 @@ def _write(path: Path, table: pa.Table) -> None:
 
 
 def read_table(path: Path, names: Sequence[str], **kept: str | None) -> dict[str, Cells]:
-    """Columns by name.
+    """Read columns of a table by name.
 
     Args:
         path: A file of `write_table`.
         names: The columns that are wanted; there may be more.
         kept: By column the word of the rows that are wanted; None for all rows.
+
+    Returns:
+        The columns.
 
     Raises:
         InputError: When it is no Parquet file, or lacks a column.
@@ -60,5 +73,5 @@ def _array(column: pa.ChunkedArray) -> Cells:
 
 
 def kinds(path: Path) -> dict[str, str]:
-    """What each column of a table holds, in Arrow's words: int64, double, string, list<element: double>."""
+    """Name what each column of a table holds, in Arrow's words: int64, string, list<element: double>."""
     return {field.name: str(field.type) for field in parquet.read_schema(path)}

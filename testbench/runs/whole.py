@@ -33,6 +33,9 @@ def locked(place: Path, *, wait: bool = True) -> Iterator[None]:
         place: A file or a folder, there or not; its own folder must exist.
         wait: For a process that writes there.
 
+    Yields:
+        Nothing.
+
     Raises:
         InputError: When one does, and we do not wait.
         OSError: When no lock can be made.
@@ -305,6 +308,10 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 def write_whole(text: str, path: Path) -> None:
     """Write a text file; an existing one is replaced only by a whole one.
+
+    Args:
+        text: Text of the file.
+        path: Path of the file.
 
     Raises:
         InputError: When the file cannot be written.

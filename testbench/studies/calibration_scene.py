@@ -38,7 +38,7 @@ LEFT = "What is left in each run, against its readings, RMS over the markers (mm
 def with_errors(
     poses: PoseGroup, at: Array, errors: Mapping[str, Array], looks: Mapping[str, Look], scale: float
 ) -> tuple[PoseGroup, list[ModelLine]]:
-    """Poses with the errors of models as arrows and in words; and the same as lines, RMS over the points.
+    """Add the errors of models to poses as arrows and in words; and make lines of them.
 
     Args:
         poses: All else that is drawn.
@@ -46,6 +46,9 @@ def with_errors(
         errors: Of models, where the last one errs most is shown first, (poses, m, 3) [m].
         looks: Of the models.
         scale: Magnification of the arrows.
+
+    Returns:
+        The poses, and the lines, RMS over the points.
     """
     lines = [
         ModelLine(name, looks[name], MM * np.sqrt((off**2).sum(axis=-1).mean(axis=-1)))
@@ -71,7 +74,7 @@ def with_errors(
 def amid_errors(
     cell: Cell, q: Array, names: Sequence[str], errors: Mapping[str, Array], looks: Mapping[str, Look]
 ) -> PageContent:
-    """The arm in poses, with arrows from where models have its targets to where they truly are, or were read.
+    """Draw the arm with arrows from where models have its targets to where they truly are, or were read.
 
     Args:
         cell: The arm.
@@ -79,6 +82,9 @@ def amid_errors(
         names: Of the poses, a few letters each.
         errors: Of models, on the first of the arm's markers, base axes, (poses, 3) [m].
         looks: Of the models.
+
+    Returns:
+        The content.
     """
     some = largest_and_even(np.linalg.norm([*errors.values()][-1], axis=-1), np.arange(len(q)))
     errors, names = {name: off[some, None] for name, off in errors.items()}, [names[k] for k in some]
@@ -93,31 +99,43 @@ def amid_errors(
 
 
 def runs_of(cell: Cell, first: Trials) -> tuple[Dataset, Dataset]:
-    """All measured runs of the first seed, and the true ones that models are judged by.
+    """Read all measured runs of the first seed, and the true ones that models are judged by.
 
     Args:
         cell: The arm.
         first: Rows of the seed, that of the first model first.
+
+    Returns:
+        Both datasets.
     """
     trials = first.inside("drawn")
     return from_text(trials["measured"][0], cell.arm), from_text(trials["over"][0], cell.arm)
 
 
 def write_runs(run: AnyRun, cell: Cell, poses: int | None = None) -> None:
-    """dataset.csv of the first seed; of the first so many poses alone, None for all."""
+    """Write dataset.csv of the first seed.
+
+    Args:
+        run: The finished study.
+        cell: The arm with its model and its truth.
+        poses: Number of poses; None for all.
+    """
     measured, _ = runs_of(cell, run.first)
     data = measured if poses is None else split(measured, np.arange(poses) + 1)[0]
     write_csv(data, cell.arm, run.folder / "dataset.csv")
 
 
 def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> PageContent:
-    """The arm in the poses that models are judged in and in all runs, with the errors of those compared.
+    """Draw the arm in the poses that judge and in all runs, with the errors of compared models.
 
     Args:
         run: Its report has models and a map, whose order of places is that of the page.
         cell: The true arm.
         setup: What was measured.
         fitted: How many poses, from 1, were fitted.
+
+    Returns:
+        The content.
     """
     f, first, size = Row(run.report.numbers), run.first, run.settings.magnification
     names = first["name"].tolist()

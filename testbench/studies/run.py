@@ -45,14 +45,14 @@ PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials
 
 
 def app(study: AnyStudy) -> typer.Typer:
-    """The study as a program with its flags."""
+    """Make a program of the study with its flags."""
     found = typer.Typer(add_completion=False)
     found.command(help=study.about)(as_command(study))
     return found
 
 
 def as_command(study: AnyStudy) -> Any:
-    """The study as a command with its flags."""
+    """Make a command of the study with its flags."""
 
     @takes(Common, study.options, *([EstimatorOptions] if study.models else []))
     def body(common: Common, options: Any, estimators: EstimatorOptions = NO_ESTIMATORS) -> None:
@@ -69,6 +69,13 @@ def run(
     estimators: EstimatorOptions = NO_ESTIMATORS,
 ) -> None:
     """Do the trials, write the folder, print the answer.
+
+    Args:
+        study: The study.
+        common: Flags that all studies have.
+        options: Flags of the command line.
+        console: Where to print.
+        estimators: Estimators of the user.
 
     Raises:
         BenchError: When a flag is wrong, a trial cannot be done or the folder cannot be written.
@@ -132,7 +139,15 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
 
 
 def headed_figures(study: AnyStudy, report: Report) -> dict[str, Figure]:
-    """Draw the figures of a report, each below the badge of its run, by their names."""
+    """Draw the figures of a report, each below the badge of its run, by their names.
+
+    Args:
+        study: The study.
+        report: The report.
+
+    Returns:
+        The figures.
+    """
     badge = terminal.as_plain(report.block("badge"))
     return {name: headed(figure, badge, report.winner) for name, figure in study.figures(report).items()}
 
@@ -207,6 +222,9 @@ def warnings(trials: Trials, name: str = "name", status: str = "status") -> list
         trials: Rows of models and trials.
         name: Column of the model.
         status: Column of what became of its fit.
+
+    Returns:
+        The warnings.
     """
     each = zip(trials[name].tolist(), trials[status].tolist(), strict=True)
     lost = Counter(own for own, word in each if word not in (None, "solved"))

@@ -45,14 +45,14 @@ class Everywhere(Protocol):
         ...
 
 
-def _own_arm(settings: Any) -> list[Path]:
-    """The arm that the settings name."""
+def own_arm(settings: Any) -> list[Path]:
+    """Find the folder of the arm that the settings name."""
     return [find_arm(settings.arm)]
 
 
 @dataclass(frozen=True)
 class Study(Generic[O, S, W]):
-    """A study: what is asked, tried, found and shown."""
+    """Describe a study: what is asked, tried, found and shown."""
 
     name: str  #: Of the scenario.
     about: str  #: What it asks, one line for --help.
@@ -76,7 +76,7 @@ class Study(Generic[O, S, W]):
     size: int = 1  #: Seeds of a chunk: 0.1 to 1 s of work.
     #: Adds to the settings what all trials share and what is too dear for each of them.
     prepare: Callable[[S, Everywhere], S] | None = None
-    arms: Callable[[S], Sequence[Path]] = _own_arm  #: Folders of the arms that it needs.
+    arms: Callable[[S], Sequence[Path]] = own_arm  #: Folders of the arms that it needs.
     own: Callable[[S], Sequence[EstimatorSource]] = lambda _: ()  #: Estimators that its settings name.
     #: Column that names the models where `trials` takes estimators of one's own; beside it is `status`.
     models: str = ""
@@ -87,7 +87,7 @@ AnyStudy = Study[Any, Any, Any]
 
 @dataclass(frozen=True)
 class Run(Generic[S]):
-    """A finished study, for what is still to be written."""
+    """Hold a finished study, for what is still to be written."""
 
     name: str  #: Of the study.
     settings: S  #: What was tried.
@@ -98,12 +98,12 @@ class Run(Generic[S]):
 
     @property
     def first(self) -> Trials:
-        """Rows of the first seed."""
+        """Read the rows of the first seed."""
         return Trials.read(self.folder / "trials.parquet").where(seed=self.seeds[0])
 
     @property
     def header(self) -> RecordingHeader:
-        """Of its recording."""
+        """Make the header of its recording."""
         return RecordingHeader(self.name, self.parameters, self.seeds[0])
 
 
@@ -117,7 +117,15 @@ DEFAULT_WITHOUT_CONE = f"{WITHOUT_CONE}{FILLED}"
 
 
 def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
-    """Models without a prior; behind MLS56 what holds it down: equal fits, shrinking, clipping afterwards."""
+    """List models without a prior; behind MLS56 what restrains it: equal fits, shrinking, clipping.
+
+    Args:
+        cell: The arm with its model and its truth.
+        names: Names of the models.
+
+    Returns:
+        The models.
+    """
     models, behind = named_models(cell, names), names.index(LEAST_SQUARES) + 1
     beams = template56(cell.arm, name=LEAST_SQUARES)
     held = [equal_fit(cell), Model("Ridge", beams, ridge), Model("Clipped LS", beams, clipped)]
@@ -125,11 +133,11 @@ def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
 
 
 def as_in_paper(models: Sequence[Model]) -> list[Model]:
-    """Those that GCO identifies without a prior, by the paper's GCO, which has no trace weight; named so."""
+    """Copy models that GCO identifies without a prior, by the paper's GCO, without a trace weight."""
     own = [m for m in models if m.estimator == gco]
     return [Model(f"{m.name}{IN_PAPER}", m.structure, paper_gco) for m in own]
 
 
 def without_cone(cell: Cell) -> Model:
-    """The unknowns of the default, to be given its prior."""
+    """Make the model of the default's unknowns by least squares, to be given its prior."""
     return Model(WITHOUT_CONE, replace(all153(cell.arm), name=WITHOUT_CONE), least_squares)

@@ -43,7 +43,7 @@ evidence of two of a UR10, four months apart, 166 nats above none. A single seri
 
 @dataclass(frozen=True)
 class Calibrated:
-    """A calibration and what it was made from."""
+    """Hold a calibration and what it was made from."""
 
     calibration: Calibration
     series: tuple[Series, ...]
@@ -53,7 +53,7 @@ class Calibrated:
 
 @dataclass(frozen=True)
 class PositionErrors:
-    """How far readings are from a model that never saw them; distances of positions."""
+    """Hold distances of positions from a model that never saw them."""
 
     n: int  #: Positions.
     mean_mm: float
@@ -65,7 +65,7 @@ class PositionErrors:
 
 @dataclass(frozen=True)
 class File:
-    """A file of absolute readings, and how it is read."""
+    """Describe a file of absolute readings, and how it is read."""
 
     path: Path
     mapping: Path | None = None  #: A map of its names; None where it uses ours.
@@ -87,6 +87,9 @@ def files_of(
         loads: Masses that hang in loaded rows without one, the same way [kg].
         sigma_um: Noise of a reading along an axis, where a file lacks it [um].
 
+    Returns:
+        The files.
+
     Raises:
         BenchError: When maps or loads are neither one nor as many as the files.
     """
@@ -102,7 +105,15 @@ def files_of(
 
 
 def read_all(given: Sequence[File], arm: Arm) -> tuple[tuple[Series, ...], tuple[str, ...]]:
-    """Absolute readings of several files, each once and of another name, and what was understood."""
+    """Read absolute readings of several files, each once and of another name.
+
+    Args:
+        given: The files.
+        arm: Description of the arm.
+
+    Returns:
+        The series, and notes on what was understood.
+    """
     series: list[Series] = []
     notes: list[str] = []
     for k, file in enumerate(given):
@@ -153,7 +164,15 @@ def _helps(issue: Issue) -> bool:
 
 
 def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
-    """Median distance of readings from the rigid arm as drawn, in its best frame [m]; BenchError for none."""
+    """Compute the median distance of readings from the rigid arm as drawn, in its best frame.
+
+    Args:
+        vjm: Kinematics of the arm.
+        series: Series of absolute readings.
+
+    Returns:
+        Distance [m]; BenchError if no frame fits.
+    """
     weights = read_weights(vjm.arm)
     with raise_explanation(vjm):
         check_order(vjm, series)
@@ -167,7 +186,17 @@ def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
 def calibrate_with_masses(
     vjm: Vjm, series: Sequence[Series], options: CalibrationOptions, notes: Sequence[str] = ()
 ) -> Calibrated:
-    """Calibrate an arm, its masses by joint torques where these were read."""
+    """Calibrate an arm, its masses by joint torques where these were read.
+
+    Args:
+        vjm: Kinematics of the arm.
+        series: Series of absolute readings.
+        options: What is fitted, and how.
+        notes: Notes on the readings.
+
+    Returns:
+        The calibration.
+    """
     weights, said = read_weights(vjm.arm), list(notes)
     if masses := fit_weights(vjm, weights, tuple(series)):
         weights = masses.weights
@@ -192,7 +221,7 @@ def calibrate_with_masses(
 
 
 def hidden_geometry(found: Calibrated) -> str:
-    """What geometry that no arm has may hide, such as a joint's zero, in a sentence."""
+    """Say what geometry that no arm has may hide, such as a joint's zero."""
     why = unplaced_series(found.calibration.state.vjm, found.series[0])
     if why is None or why.name == "kinematics":
         return "is a joint's zero off, or is it another arm?"
@@ -228,7 +257,7 @@ def of_held(calibration: Calibration) -> list[str]:
 
 
 def of_outliers(found: Outliers) -> str:
-    """How many positions are far off, in a sentence."""
+    """Say how many positions are far off."""
     worst = f"the worst is row {found.row} of {found.series}, by {1e3 * found.distance:.3g} mm"
     far = f"{READINGS.threshold / OUTLIER_WEIGHT:g} standard deviations"
     few = f"{found.count} of {found.of} positions"
@@ -236,7 +265,7 @@ def of_outliers(found: Outliers) -> str:
 
 
 def of_masses(mass_fit: MassFit) -> str:
-    """What masses by torques are from, in a sentence."""
+    """Say where masses from torques come from."""
     if not mass_fit.explained:
         return (
             f"masses are rigid.xml's: weight leaves {mass_fit.rest:.3g} of {mass_fit.spread:.3g} N m "
@@ -255,7 +284,15 @@ def of_masses(mass_fit: MassFit) -> str:
 
 
 def evenly_spaced_rows(series: Series, poses: int) -> Ids:
-    """Places of the rows of evenly spaced poses, of those that were read."""
+    """Select the rows of evenly spaced poses, of those that were read.
+
+    Args:
+        series: A series of absolute readings.
+        poses: Number of poses.
+
+    Returns:
+        Indices of the rows.
+    """
     seen = np.flatnonzero(series.seen.any(axis=1))
     pose = series.pose[seen]
     every = pose[np.sort(np.unique(pose, return_index=True)[1])]  # in the order in which they came
@@ -269,7 +306,7 @@ def evenly_spaced_rows(series: Series, poses: int) -> Ids:
 
 
 def with_drift(model: ArmModel) -> ArmModel:
-    """The model as sure as it is of the arm when another series is read."""
+    """Widen a model to how sure it is of the arm when another series is read."""
     posterior, geometry = model.posterior, np.flatnonzero(model.columns < model.unknowns.starts["errors"])
     moved = np.zeros((len(geometry), len(posterior.x)))
     moved[np.arange(len(geometry)), geometry] = DRIFT
@@ -277,10 +314,18 @@ def with_drift(model: ArmModel) -> ArmModel:
 
 
 def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int | None) -> PositionErrors:
-    """How far readings are from a calibrated arm.
+    """Compute how far readings are from a calibrated arm.
 
     So many poses of each series tell its frame and mount, and are not counted; if not said, those of the
     calibration count where it has them, else FRAME_POSES poses do; geometry may have moved by DRIFT then.
+
+    Args:
+        model: The model.
+        series: Series of absolute readings.
+        frame_poses: Poses that tell frame and mount; None as above.
+
+    Returns:
+        The distances.
     """
     (far, within), state = ([], []), model.state
     for one in series:
@@ -309,6 +354,6 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
 
 
 def distance_statistics(mm: Array) -> Row:
-    """Distances of positions, (n,) [mm], as every report has them."""
+    """Summarise distances of positions, (n,) [mm], as every report has them."""
     rms, p95 = float(np.sqrt((mm**2).mean())), float(np.percentile(mm, 95))
     return Row(n=len(mm), mean_mm=float(mm.mean()), rms_mm=rms, p95_mm=p95, max_mm=float(mm.max()))

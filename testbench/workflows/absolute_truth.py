@@ -44,7 +44,7 @@ TILT = 0.02  #: How far from upright it stands, about each horizontal axis, stan
 
 
 class AbsoluteCampaign(BaseModel):
-    """Series of absolute readings of one true arm; each has its own poses."""
+    """Describe series of absolute readings of one true arm; each has its own poses."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -78,7 +78,7 @@ class AbsoluteCampaign(BaseModel):
 
 @dataclass(frozen=True)
 class PlacedFrame:
-    """A frame in another: x there = rotation @ x here + position."""
+    """Place a frame in another: x there = rotation @ x here + position."""
 
     rotation: Array  #: (3, 3).
     position: Array  #: (3,) [m].
@@ -86,7 +86,7 @@ class PlacedFrame:
 
 @dataclass(frozen=True)
 class Truth:
-    """The true arm and how it was looked at."""
+    """Hold the true arm and how it was measured."""
 
     arm: Plant  #: The arm that was measured.
     stations: tuple[PlacedFrame, ...]  #: The world in the tracker's frame, of every series.
@@ -96,17 +96,17 @@ class Truth:
 
     @property
     def C_theta(self) -> Array:
-        """True aggregated joint compliance, (n_theta, n_theta), Eq. (17)."""
+        """Return the true aggregated joint compliance, (n_theta, n_theta), Eq. (17)."""
         return self.arm.arm.C_theta
 
     @property
     def gears(self) -> Gears | None:
-        """Joint errors that depend on the pose."""
+        """Return joint errors that depend on the pose."""
         return self.arm.gears
 
     @property
     def theta_0(self) -> Array:
-        """Constants of the virtual joints that make up the true geometry, (n_theta,) [m, rad].
+        """Compute constants of the virtual joints that make up the true geometry, (n_theta,) [m, rad].
 
         Exact without loads: slides and hinges of a link, one after the other, take the next frame to where it
         truly is; a joint's is its offset. Deflections add to them to first order. Stations, mounts and gears
@@ -144,6 +144,9 @@ def simulate_series(
         absolute_campaign: What to measure; None for 200 poses of one target under own weight alone.
         seed: Root of all randomness.
         q: Poses of every series, (poses, n) [rad, m]; None for random ones that the arm can take.
+
+    Returns:
+        The series, and the truth.
     """
     absolute_campaign = AbsoluteCampaign() if absolute_campaign is None else absolute_campaign
     _check(cell, absolute_campaign)
@@ -272,10 +275,19 @@ def _noisy(series: Series, rng: np.random.Generator) -> Series:
 
 
 def by_trackers(clean: Dataset, trackers: Sequence[Place], seed: int, sigma: float | None = None) -> Dataset:
-    """Readings without noise, in world axes, as trackers at places (3,) [m] in turn read them, a pose each.
+    """Read an arm by trackers at several places in turn, one pose each.
 
     Positions are in the frame of the tracker that read them, which has its origin there, an upright z axis
     and any direction, with the covariance of every deflection; stations from 1 where there are several.
+
+    Args:
+        clean: Readings without noise, in world axes.
+        trackers: Places of the trackers, (3,) each [m].
+        seed: Root of all randomness.
+        sigma: Standard deviation of a reading along an axis [m]; None for that of `clean`.
+
+    Returns:
+        Readings in the frames of the trackers.
     """
     pose = np.unique(clean.pose, return_inverse=True)[1].ravel()
     station = pose % len(trackers)

@@ -20,7 +20,7 @@ NEAREST = (
 
 
 def advice(estimate: Estimate) -> tuple[str, ...]:
-    """Sentences for a person."""
+    """Write notes on an estimate for a person."""
     return (
         *_of_rank(estimate),
         *_of_fit(estimate.average.all_parts if estimate.average else estimate),
@@ -75,7 +75,7 @@ def _of_method(estimate: Estimate) -> list[str]:
 
 
 def of_prior(belief: WeightedPrior) -> str:
-    """Which prior filled what the data cannot see."""
+    """Say which prior filled what the data cannot see."""
     strength, name = belief.strength, belief.scaling.prior
     if strength.coupling is not None:
         shape, coupling = (100 * belief.misfit * u for u in (strength.uncertainty, strength.coupling))
@@ -90,7 +90,7 @@ def of_prior(belief: WeightedPrior) -> str:
 
 
 def of_average(average: ModelAverage | None) -> list[str]:
-    """How much joints alone count, or laws of the joints; nothing where neither does."""
+    """Say how much joints alone count, or laws of the joints; nothing where neither does."""
     if average is None or not (average.laws_weight or average.weight or average.ties_weight):
         return []
     if average.weight == 1:

@@ -22,14 +22,14 @@ ASIDE, OF_ASIDE = 0.01, "effect of an offset of 10 mm"
 
 
 class Item(NamedTuple):
-    """A number, or the numbers of one tube, to be confirmed."""
+    """Hold a number, or the numbers of one tube, to be confirmed."""
 
     share: float  #: Of the sag that hangs on it [1].
     words: str  #: What it is, its value, where it comes from.
 
 
 def to_confirm(arm: ArmContext) -> list[Item]:
-    """Everything estimated or assumed, the largest effect on the tool's deflection first."""
+    """List everything estimated or assumed, the largest effect on the tool's deflection first."""
     return sorted([*_numbers(arm), *_points(arm)], key=lambda item: -item.share)
 
 
@@ -86,7 +86,7 @@ def _points(arm: ArmContext) -> Iterator[Item]:
 
 @dataclass(frozen=True, eq=False)
 class Checked(ArmContext):
-    """An arm and what was found."""
+    """Hold an arm and what was found of it."""
 
     apart: float  #: Largest distance between the two readings of it [m].
     items: list[Item]  #: To confirm, the largest effect first.
@@ -94,7 +94,7 @@ class Checked(ArmContext):
 
     @cached_property
     def poses(self) -> Array:
-        """To draw: zero, or as near to it as the limits let, and the pose of median sag, (2, n) [rad, m].
+        """Choose two poses to draw, (2, n) [rad, m]: zero, or as near as limits let, and that of median sag.
 
         A first joint about the vertical does not change the sag: both poses have it at the same angle.
         """
@@ -108,12 +108,12 @@ class Checked(ArmContext):
 
     @cached_property
     def worst(self) -> int:
-        """Which pose has the largest sag."""
+        """Return the pose of the largest sag."""
         return int(np.argmax(self.sag.size))
 
     @property
     def beams(self) -> Array:
-        """Where each link's beam begins and how it lies, in both poses, (2, n + 1, 4, 4) [m]."""
+        """Compute where each link's beam begins and how it lies, in both poses, (2, n + 1, 4, 4) [m]."""
         found = np.tile(np.eye(4), (2, len(self.cell.arm.links), 1, 1))
         bodies = body_poses(self.vjm, self.poses)
         for k, (link, (p, R)) in enumerate(zip(self.cell.arm.links, bodies, strict=False)):
@@ -122,7 +122,7 @@ class Checked(ArmContext):
 
     @property
     def sizes(self) -> Array:
-        """Length and outer diameter of each tube; of a link without one its way, (n + 1, 2) [m]."""
+        """Return length and outer diameter of each tube; of a link without one its way, (n + 1, 2) [m]."""
         tubes, ways = [link.tube for link in self.elastic.link], self.vjm.steps
         return np.array(
             [
@@ -132,7 +132,7 @@ class Checked(ArmContext):
         )
 
     def doubted(self, name: str) -> bool:
-        """Whether a doubt is about a link, joint or point of that name."""
+        """Tell whether a doubt is about a link, joint or point of that name."""
         said = [doubt.sentence for doubt in self.doubts]
         return any(s.startswith(f"{name} ") or name in s.partition(":")[0].split(", ") for s in said)
 

@@ -36,7 +36,7 @@ UPRIGHT = 2.0  #: Angle of the first turning joint against the vertical [deg].
 
 @dataclass(frozen=True)
 class ToolSag:
-    """Deflections of the tool under a hung weight, linear and without the arm's own weight."""
+    """Hold deflections of the tool under a hung weight, linear and without the arm's own weight."""
 
     q: Array  #: Poses, (poses, n) [rad, m].
     parts: Array  #: What each link, then each joint, moves the tool, (parts, poses, 3) [m/kg].
@@ -44,23 +44,23 @@ class ToolSag:
 
     @cached_property
     def whole(self) -> Array:
-        """Deflection, (poses, 3) [m/kg]."""
+        """Sum up the deflection, (poses, 3) [m/kg]."""
         return np.asarray(self.parts.sum(axis=0))
 
     @cached_property
     def size(self) -> Array:
-        """Length of the deflection, (poses,) [m/kg]."""
+        """Compute the length of the deflection, (poses,) [m/kg]."""
         return np.asarray(np.linalg.norm(self.whole, axis=1))
 
     @cached_property
     def shares(self) -> Array:
-        """Of each link, then each joint: its deflection along the whole, over all poses, (parts,) [1]."""
+        """Compute the share of each link, then each joint, along the deflection, all poses, (parts,) [1]."""
         along = np.einsum("kpx,px->k", self.parts, self.whole)
         return np.asarray(along / along.sum())
 
 
 def tool_sag(cell: Cell) -> ToolSag:
-    """The sag of an arm a kilogram of payload, at poses drawn evenly over its joint limits."""
+    """Compute the sag of an arm per kilogram of payload, at poses drawn evenly over its joint limits."""
     q = work_area(cell)
     where, n = chain(cell.vjm, q), len(q)
     wrench = np.tile([0, 0, -GRAVITY, 0, 0, 0], (n, 1))
@@ -76,7 +76,7 @@ def tool_sag(cell: Cell) -> ToolSag:
 
 
 def work_area(cell: Cell) -> Array:
-    """Poses over the joint limits, clear of collision where the shapes can tell, (poses, n) [rad, m]."""
+    """Draw poses over the joint limits, clear of collision where shapes can tell, (poses, n) [rad, m]."""
     from testbench.plant.site import collisions
 
     lower, upper = cell.arm.limits
@@ -90,7 +90,7 @@ def work_area(cell: Cell) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ArmContext:
-    """An arm and what its doubts are judged by."""
+    """Hold an arm and what its doubts are judged by."""
 
     cell: Cell  #: The arm.
     elastic: Elastic  #: Its elastic.toml, with the origin of every number.
@@ -98,12 +98,12 @@ class ArmContext:
 
     @property
     def vjm(self) -> Vjm:
-        """Its kinematics."""
+        """Return its kinematics."""
         return self.cell.vjm
 
 
 def arm_warnings(looked: ArmContext) -> list[Doubt]:
-    """Everything that looks wrong, the geometry first."""
+    """List everything that looks wrong, the geometry first."""
     looks = {
         "tube length": _tube_lengths,
         "beam axis": _beam_axes,
@@ -298,7 +298,7 @@ def _base(arm: ArmContext) -> Iterator[str]:
 
 
 def base_stance(cell: Cell) -> tuple[int | None, float, float]:
-    """The first joint that turns, its angle against the vertical [deg], how far the arm hangs then [m]."""
+    """Find the first hinge, its angle against the vertical [deg], and how far the arm hangs then [m]."""
     turning = next((k for k, joint in enumerate(cell.arm.joints) if not joint.prismatic), None)
     if turning is None:
         return None, 0.0, 0.0

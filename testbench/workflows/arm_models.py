@@ -30,6 +30,7 @@ from testbench.identify.metric import WeightedPrior
 from testbench.identify.posterior import Posterior
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
+from testbench.model.joint_laws import STRUT, joint_laws
 from testbench.model.kinematics import build_vjm
 from testbench.model.laws import model_for, with_laws
 from testbench.model.load import Load, Weights, resultant, weights_known
@@ -65,13 +66,13 @@ Texts = Annotated[list[str], Field(max_length=1000)]
 
 
 class ModelPart(Strict):
-    """A part of model.json, perhaps a stranger's: no text of it fills a page."""
+    """Describe a part of model.json, perhaps a stranger's: no text of it fills a page."""
 
     model_config = ConfigDict(str_max_length=MAX_TEXT)
 
 
 class AboutPart(ModelPart):
-    """Where a model comes from."""
+    """Say where a model comes from."""
 
     method: str
     #: SHA-256 of every file of readings, by its name.
@@ -83,7 +84,7 @@ class AboutPart(ModelPart):
 
 
 class ComplianceEntry(ModelPart):
-    """An entry of C_theta, and of its mirror where the structure is symmetric [m/N, rad/(N m), rad/N]."""
+    """Name an entry of C_theta, and of its mirror in a symmetric one [m/N, rad/(N m), rad/N]."""
 
     row: str  #: Link and axis, such as link_2.phi_x, or a joint.
     column: str
@@ -91,7 +92,7 @@ class ComplianceEntry(ModelPart):
 
 
 class StructurePart(ModelPart):
-    """Which compliances were unknown, and what they are."""
+    """List which compliances were unknown, and what they are."""
 
     name: str
     symmetric: bool
@@ -99,14 +100,14 @@ class StructurePart(ModelPart):
 
 
 class WeightsPart(ModelPart):
-    """Masses and centres of all bodies."""
+    """Hold masses and centres of all bodies."""
 
     mass_kg: list[Size]
     centre_m: Rows
 
 
 class ErrorsPart(ModelPart):
-    """Errors of the joints, a row of coefficients a joint."""
+    """Hold errors of the joints, one row of coefficients per joint."""
 
     orders: list[Count]
     ratio: bool
@@ -117,7 +118,7 @@ class ErrorsPart(ModelPart):
 
 
 class NoisePart(ModelPart):
-    """How far readings scatter; factors of every kind of equations."""
+    """Hold how far readings scatter; factors of every kind of equations."""
 
     open_position_m: Size
     open_rotation_rad: Size
@@ -125,14 +126,14 @@ class NoisePart(ModelPart):
 
 
 class FramePart(ModelPart):
-    """The base in a tracker's frame."""
+    """Place the base in a tracker's frame."""
 
     rotation: Rows
     translation_m: Numbers
 
 
 class MountPart(ModelPart):
-    """Targets on the tool, by name."""
+    """Place targets on the tool, by name."""
 
     markers: list[str]
     points_m: Rows
@@ -140,7 +141,7 @@ class MountPart(ModelPart):
 
 
 class SpreadPart(ModelPart):
-    """Of the distribution in posterior.npz."""
+    """Describe the distribution in posterior.npz."""
 
     #: Of Student's distribution; null for the normal one.
     degrees_of_freedom: Factor | None
@@ -169,7 +170,7 @@ class Document(ModelPart):
 
 
 class Head(BaseModel):
-    """What tells one format from another."""
+    """Hold what tells one format from another."""
 
     format: int
 
@@ -204,7 +205,7 @@ def load_model(folder: str | Path, arm: str | Path | None = None) -> ArmModel:
 
 
 def read_model(folder: Path) -> ArmModel:
-    """A calibrated arm from its folder; InputError where it holds none."""
+    """Read a calibrated arm from its folder; InputError where it holds none."""
     model = load_model(folder)
     if not model.absolute:
         problem = "expected a model of testbench calibrate, got one of testbench identify"
@@ -279,7 +280,12 @@ def _model(document: Document, arm: Arm, arrays: Mapping[str, Array]) -> ArmMode
 
 
 def _structure(said: StructurePart, arm: Arm) -> Structure:
-    lawful = with_laws(all153(arm), arm)
+    plain, joints = labels_of(arm), [joint.name for joint in arm.joints]
+    rows = [entry.row.rpartition(" ") for entry in said.entries if entry.row not in plain]
+    kinds = [*dict.fromkeys(kind for joint, _, kind in rows if joint in joints and kind != STRUT)]
+    if unlike := [kind for kind in kinds if kind not in joint_laws]:
+        raise ValueError(f"structure.entries: no joint law {unlike[0]!r}; install the package that has it")
+    lawful = with_laws(all153(arm), arm, kinds)
     place = {label: k for k, label in enumerate(lawful.labels)}
     names = {name for entry in said.entries for name in (entry.row, entry.column)}
     if unknown := sorted(names - set(place)):
@@ -349,11 +355,18 @@ def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, o
         name: Name of the model, such as ALL153 + prior.
         fit: More about the fit for people, as plain data; nothing is computed from it.
     """
+    document = {"format": FORMAT, "name": name, **_document(model), "fit": fit}
+    copy_arm(model.arm, folder)
+    files.write_json(Document.model_validate(document).model_dump(), folder / DOCUMENT)
+    arrays = {key: getattr(model.posterior, key) for key in ARRAYS}
+    np.savez_compressed(folder / POSTERIOR, **arrays)
+
+
+def _document(model: ArmModel) -> dict[str, object]:
+    """Collect what model.json says of a model, as plain data."""
     state, structure, posterior, about = model.state, model.structure, model.posterior, model.about
     values, noise = structure.entries(state.C_theta).tolist(), model.noise
-    document = {
-        "format": FORMAT,
-        "name": name,
+    return {
         "arm": model.arm.name,
         "about": {
             "method": about.method,
@@ -405,17 +418,21 @@ def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, o
             "pull": posterior.cone_distance,
             "on_boundary": posterior.on_boundary,
         },
-        "fit": fit,
     }
-    copy_arm(model.arm, folder)
-    files.write_json(Document.model_validate(document).model_dump(), folder / DOCUMENT)
-    np.savez_compressed(folder / POSTERIOR, **{key: getattr(posterior, key) for key in ARRAYS})
 
 
 def write_stiffness(
     cell: Cell, identified: "IdentifyResult", runs: "MeasuredRuns", data: Mapping[str, str], folder: Path
 ) -> None:
-    """Write the model to take into a folder that exists; `data` has the SHA-256 of every file of readings."""
+    """Write the recommended model into a folder that exists.
+
+    Args:
+        cell: The arm with its model and its truth.
+        identified: The fits.
+        runs: The measured runs.
+        data: SHA-256 of every file of readings, by name.
+        folder: The folder.
+    """
     fits, estimate, used = identified.fits, identified.taken, runs.used
     model, notes = cell.model(estimate), weights_known(cell.arm)[1]
     doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
@@ -466,7 +483,14 @@ def _finite(x: float) -> float | None:
 def write_model(
     calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str], folder: Path
 ) -> None:
-    """Write a calibrated arm into a folder that exists; `data` has the SHA-256 of every file of readings."""
+    """Write a calibrated arm into a folder that exists.
+
+    Args:
+        calibration: The calibration.
+        data: SHA-256 of every file of readings, by name.
+        doubts: Warnings that go with the model.
+        folder: The folder.
+    """
     vjm = calibration.active.unknowns.vjm
     kept = [step.name for step in calibration.chosen.steps if step.kept]
     method = f"absolute calibration: {', '.join(['geometry', *kept])}"

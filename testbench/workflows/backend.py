@@ -13,7 +13,7 @@ from testbench.workflows.options import Common
 
 
 def choose_backend(common: Common) -> Backend:
-    """The backend that a command line asks for.
+    """Choose the backend that a command line asks for.
 
     Raises:
         BenchError: When it asks for both, or the cluster's address or certificates are refused.
@@ -29,6 +29,12 @@ def choose_backend(common: Common) -> Backend:
 
 def show_progress(counts: Iterator[int], total: int, words: str, *, kept: bool = True) -> None:
     """Run a study; whoever follows is told how many trials are done.
+
+    Args:
+        counts: Yields the number of finished trials.
+        total: Number of all trials.
+        words: Kind of trial.
+        kept: Whether finished trials are stored.
 
     Raises:
         Interrupted: After Ctrl-C; says what is stored, where trials are `kept`.

@@ -449,7 +449,15 @@ def _rows_of_one(state: ArmState, series: Series, left: Sequence[Array], targets
 
 
 def largest_remaining_error(calibrated: Calibrated, left: RemainingErrors) -> Array:
-    """Find the largest error of the calibrated arm in every row, (rows,) [m]; -1 of unread rows."""
+    """Find the largest error of the calibrated arm in every row, (rows,) [m]; -1 of unread rows.
+
+    Args:
+        calibrated: The calibration.
+        left: Errors that remain.
+
+    Returns:
+        Error, (rows,) [m]; -1 of unread rows.
+    """
     sizes = [
         np.where(series.seen, np.linalg.norm(x, axis=2), -1.0).max(axis=1)
         for series, x in zip(calibrated.series, left[1], strict=True)

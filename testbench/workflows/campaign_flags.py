@@ -9,14 +9,14 @@ import typer
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import BenchError, shell_word
-from testbench.plant.true_arms import FAMILY, TrueArmName
+from testbench.plant.true_arms import FAMILY, true_arms
 from testbench.runs.session import SESSION
 from testbench.workflows.cell import Scenario, Truth, of_arm
 from testbench.workflows.plan_input import read_mass
 
 
 def mass(text: str) -> float:
-    """A hung mass, or its weight [kg]; BadParameter for anything else."""
+    """Read a hung mass, or its weight [kg]; BadParameter for anything else."""
     try:
         return read_mass(text)
     except BenchError as err:
@@ -24,8 +24,15 @@ def mass(text: str) -> float:
 
 
 def mass_or_none(text: str) -> float:
-    """The same; 0 where nothing hangs."""
+    """Read a hung mass [kg]; 0 where nothing hangs."""
     return 0.0 if is_decimal(text) and float(text) == 0 else mass(text)
+
+
+def true_arm_name(text: str) -> str:
+    """Check the name of a kind of true arm; BadParameter if there is none."""
+    if text == FAMILY or text in true_arms:
+        return text
+    raise typer.BadParameter(f"expected one of {', '.join([FAMILY, *true_arms])}, got {text!r}")
 
 
 ArmName = Annotated[str, typer.Argument(help="Folder of an arm, or one of ours.")]
@@ -52,12 +59,14 @@ Payload = Annotated[
     ),
 ]
 ArmFlag = Annotated[str, typer.Option(metavar="ARM", help="Folder of an arm, or one of ours.")]
-TrueArmFlag = Annotated[TrueArmName, typer.Option(metavar="NAME", help="True arm; 'family': one per seed.")]
+TrueArmFlag = Annotated[
+    str, typer.Option(parser=true_arm_name, metavar="NAME", help="True arm; 'family': one per seed.")
+]
 
 
 @dataclass(frozen=True)
 class CampaignOptions:
-    """What a campaign under gravity is made from; a study adds its own."""
+    """Describe what a campaign under gravity is made from; a study adds its own flags."""
 
     arm: ArmFlag = "kr500_l480"
     payload_kg: Annotated[
@@ -70,7 +79,7 @@ class CampaignOptions:
     true_arm: TrueArmFlag = FAMILY
 
     def scenario(self, workspace_poses: int) -> Scenario:
-        """The campaign that is asked for; InputError names an arm that there is not."""
+        """Make the campaign that is asked for; InputError names an arm that there is not."""
         scenario = Scenario(
             arm=find_arm(self.arm).resolve().name,
             payload=self.payload_kg,
@@ -83,7 +92,7 @@ class CampaignOptions:
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """Measured runs of an arm, and how they are read."""
+    """Name measured runs of an arm, and how they are read."""
 
     arm: ArmName
     dataset: Annotated[Path, typer.Argument(help="Measured runs: CSV, text, or FILE.xlsx#SHEET.")]
@@ -97,7 +106,7 @@ class ReadingOptions:
 
     @property
     def words(self) -> str:
-        """How they are read, as flags of another command; without what the project file says."""
+        """Write how runs are read as flags of another command, without what the project file says."""
         load, frame = None if self.load is None else f"{self.load:g}", self.frame
         own = {"map": self.mapping, "sigma_um": self.sigma_um, "load": load}
         own |= {"frame": None if frame == "auto" else frame}

@@ -49,7 +49,7 @@ REASONS = tuple(ADVICE)  #: Why a pose is refused, in the order in which it is a
 
 @dataclass(frozen=True)
 class PoseConditions:
-    """What a pose must satisfy beyond limits and collisions."""
+    """Describe what a pose must satisfy beyond limits and collisions."""
 
     area: WorkArea | None = None  #: Where the tool has to be; None for anywhere.
     station: Station | None = None  #: Where the tracker stands and what it sees; None where nobody looks.
@@ -58,7 +58,7 @@ class PoseConditions:
 
 @dataclass(frozen=True)
 class Checks:
-    """Conditions made ready to be asked of many poses."""
+    """Hold conditions made ready to be asked of many poses."""
 
     vjm: Vjm  #: The model, for its nominal kinematics.
     site: Site  #: Arm, payload and tracker as shapes.
@@ -67,7 +67,7 @@ class Checks:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Feasible poses and what it took to find them; drawn is their number and all those rejected."""
+    """Hold feasible poses and what it took to find them; `drawn` counts them and all those rejected."""
 
     q: Array  #: Actuated joints, (count, n) [rad, m].
     drawn: int  #: Poses drawn.
@@ -75,7 +75,15 @@ class Candidates:
 
 
 def build_checks(cell: Cell, conditions: PoseConditions) -> Checks:
-    """The checks of an arm; BenchError where the tracker stands inside something that does not move."""
+    """Make the checks of an arm; BenchError where the tracker is inside something that does not move.
+
+    Args:
+        cell: The arm with its model and its truth.
+        conditions: Conditions of a pose.
+
+    Returns:
+        The checks.
+    """
     station = conditions.station
     place = None if station is None else station.position
     site = build_site(cell.arm, conditions.payload, place, cell.floor)
@@ -83,7 +91,15 @@ def build_checks(cell: Cell, conditions: PoseConditions) -> Checks:
 
 
 def why_not(checks: Checks, q: Array) -> list[str | None]:
-    """The first of `REASONS` for which each pose (poses, n) is refused, None where it is feasible."""
+    """Find the first of `REASONS` for which each pose is refused.
+
+    Args:
+        checks: The checks.
+        q: Poses, (poses, n) [rad, m].
+
+    Returns:
+        Reason per pose, None where it is feasible.
+    """
     q = check_array(q, (None, checks.vjm.arm.n_joints), "q [rad, m]")
     reasons = np.full(len(q), None, dtype=object)
     left = np.arange(len(q))
@@ -97,7 +113,15 @@ def why_not(checks: Checks, q: Array) -> list[str | None]:
 
 
 def feasible(checks: Checks, q: Array) -> Mask:
-    """Which poses (poses, n) [rad, m] nothing refuses, (poses,)."""
+    """Tell which poses nothing refuses.
+
+    Args:
+        checks: The checks.
+        q: Poses, (poses, n) [rad, m].
+
+    Returns:
+        True for a feasible pose, (poses,).
+    """
     return np.array([reason is None for reason in why_not(checks, q)], dtype=bool)
 
 
@@ -144,10 +168,20 @@ def find(
     least: int | None = None,
     patience: int = PATIENCE,
 ) -> Candidates:
-    """So many feasible poses, drawn evenly over the joint limits; at least `least` where no more are found.
+    """Draw feasible poses evenly over the joint limits, as many as asked for.
 
     It gives up after `patience` draws, and DRAWS_A_POSE more for every pose found: PoseError says what
     refused them and what to change.
+
+    Args:
+        checks: The checks.
+        count: Number of poses.
+        rng: Source of randomness.
+        least: Number of poses that suffices where no more are found; None for `count`.
+        patience: Draws after which it gives up.
+
+    Returns:
+        The poses.
     """
     least = count if least is None else least
     if not 1 <= least <= count or patience < 1:

@@ -498,11 +498,14 @@ def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:
 
     Args:
         cell: The cell.
-        name: Kind of truth, one of TRUTHS or HELD_OUT.
+        name: Kind of truth, a name of `true_arms`.
         seed: Seed of the true arm's random numbers.
         stiffer: How many times stiffer its links are [1].
 
+    Returns:
+        The cell with that truth.
+
     Raises:
-        BenchError: When the name is none of TRUTHS and HELD_OUT.
+        BenchError: When there is no such kind.
     """
     return replace(cell, truth=true_plant(cell.arm, name, seed, stiffer))

@@ -30,6 +30,9 @@ def numbers(corrected_program: CorrectedProgram, tolerance_mm: float | None = No
     Args:
         corrected_program: The corrected program.
         tolerance_mm: Largest error that passes, the interval counted; None without a tolerance [mm].
+
+    Returns:
+        The numbers.
     """
     compensated, model, program = corrected_program.found, corrected_program.model, corrected_program.program
     points = _points(corrected_program, tolerance_mm)

@@ -19,7 +19,7 @@ QUIET, CHANCE = 0.6, 1e-6
 
 
 def of_scale(scale: LearntScale) -> Doubt:
-    """A scale of a learnt prior that the readings contradict."""
+    """Doubt a scale of a learnt prior that the readings contradict."""
     low, high = (scale.factor * math.exp(sign * 2 * scale.deviation) for sign in (-1, 1))
     beside = "the links" if scale.name == ALL_JOINTS else "the others of its kind"
     factor = f"{scale.factor:.2g} times ({low:.2g} to {high:.2g})"
@@ -28,7 +28,7 @@ def of_scale(scale: LearntScale) -> Doubt:
 
 
 def of_noise(estimates: Iterable[Estimate]) -> list[Doubt]:
-    """Whether a model leaves far less than the stated noise alone would: whatever it lacks adds to that."""
+    """Doubt the noise where a model leaves far less than the stated noise alone would."""
     quiet = [estimate for estimate in estimates if estimate.f_m < QUIET * estimate.f_m_floor]
     if not quiet:
         return []

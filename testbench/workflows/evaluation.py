@@ -29,7 +29,7 @@ from testbench.workflows.workspace_errors import WorkspacePoses, kept_mm, places
 
 @dataclass(frozen=True)
 class Result:
-    """One model, identified and judged."""
+    """Hold one model, identified and judged."""
 
     model: Model  #: What was asked for.
     estimate: Estimate  #: What was found.
@@ -43,12 +43,12 @@ class Result:
 
     @property
     def places(self) -> Array:
-        """Errors against the true deflections run by run, RMS over the markers, (runs,) [m]."""
+        """Compute errors against the true deflections run by run, RMS over the markers, (runs,) [m]."""
         return rms(self.error_vectors)
 
 
 class EstimatorFailed(BenchError):
-    """An estimator of one's own that failed, or whose answer is none."""
+    """Signal that a user's estimator failed, or that its answer is none."""
 
     def __init__(self, model: Model, why: str) -> None:
         super().__init__(f"{model.name}: its estimator failed: {why}")
@@ -58,7 +58,17 @@ class EstimatorFailed(BenchError):
 def identify(
     cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
 ) -> list[Result]:
-    """Identify every model from the campaign and judge it on all sets."""
+    """Identify every model from the campaign and judge it on all sets.
+
+    Args:
+        cell: The arm with its model and its truth.
+        campaign: The simulated campaign.
+        models: The models.
+        clock: Returns the time [s].
+
+    Returns:
+        A result per model.
+    """
     found = []
     for model in models:
         start = clock()
@@ -69,7 +79,18 @@ def identify(
 def score_estimate(
     cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float
 ) -> Result:
-    """Score an estimate on the runs that it was identified from, on the check runs and by the truth."""
+    """Score an estimate on the runs that it was identified from, on the check runs and by the truth.
+
+    Args:
+        cell: The arm with its model and its truth.
+        campaign: The simulated campaign.
+        model: The model.
+        estimate: The estimate.
+        seconds: Time of the fit [s].
+
+    Returns:
+        The result.
+    """
     return _judged(cell, campaign, [(model, estimate, seconds)])[0]
 
 
@@ -97,7 +118,16 @@ def _judged(cell: Cell, campaign: Campaign, found: Sequence[tuple[Model, Estimat
 
 
 def fit_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
-    """What a model makes of runs; an estimator of one's own does not see the folder's compliances."""
+    """Fit a model to runs; a user's estimator does not see the folder's compliances.
+
+    Args:
+        cell: The arm with its model and its truth.
+        model: The model.
+        data: Measured runs.
+
+    Returns:
+        The estimate.
+    """
     if isinstance(model.estimator, Method):
         return model.estimator(cell.vjm, model.structure, data)
     try:
@@ -116,7 +146,16 @@ def fit_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
 
 
 def fit_or_rigid(cell: Cell, model: Model, data: Dataset) -> Estimate:
-    """The same; of an estimator that fails a rigid arm, whose status says why: see `has_failed`."""
+    """Fit a model to runs; of an estimator that fails return a rigid arm, whose status says why.
+
+    Args:
+        cell: The arm with its model and its truth.
+        model: The model.
+        data: Measured runs.
+
+    Returns:
+        The estimate; see `has_failed`.
+    """
     try:
         return fit_model(cell, model, data)
     except EstimatorFailed as err:
@@ -126,12 +165,12 @@ def fit_or_rigid(cell: Cell, model: Model, data: Dataset) -> Estimate:
 
 
 def has_failed(estimate: Estimate) -> bool:
-    """Whether it is of an estimator of one's own that failed: its numbers say nothing."""
+    """Tell whether an estimate is of a user's estimator that failed: its numbers say nothing."""
     return estimate.status.startswith(FAILED)
 
 
 def without_compliances(vjm: Vjm) -> Vjm:
-    """An arm without compliances, NaN in their place: in simulations the folder's may be the true ones."""
+    """Replace an arm's compliances by NaN: in simulations the folder's may be the true ones."""
     links = tuple(replace(link, compliance=np.full((6, 6), np.nan)) for link in vjm.arm.links)
     joints = tuple(replace(joint, compliance=np.nan) for joint in vjm.arm.joints)
     return replace(vjm, arm=replace(vjm.arm, links=links, joints=joints))
@@ -139,7 +178,7 @@ def without_compliances(vjm: Vjm) -> Vjm:
 
 @dataclass(frozen=True)
 class DrawnErrors:
-    """What the pictures of the first seed are made of: nobody simulates it again."""
+    """Hold what the pictures of the first seed are made of: nobody simulates it again."""
 
     measured: str | None  #: All measured runs as CSV, in the row of the first model.
     over: str | None  #: The same of the true deflections that models are judged by.
@@ -149,7 +188,7 @@ class DrawnErrors:
 
 @dataclass(frozen=True)
 class Measured(DatasetRow):
-    """What was measured."""
+    """Hold what was measured."""
 
     poses: int
     identification_runs: int
@@ -161,7 +200,7 @@ class Measured(DatasetRow):
 
 @dataclass(frozen=True)
 class CampaignRow(FitRow):
-    """One model in one trial."""
+    """Hold one model in one trial."""
 
     identification: ErrorRow  #: At the poses that were fitted, against their readings.
     check: ErrorRow  #: At check poses, against their readings.
@@ -177,7 +216,18 @@ class CampaignRow(FitRow):
 def campaign_rows(
     cell: Cell, campaign: Campaign, results: Sequence[Result], true_arm: str, *, placed: bool
 ) -> list[CampaignRow]:
-    """A row a model; `placed` with its errors pose by pose, and what pictures need."""
+    """Make one row per model.
+
+    Args:
+        cell: The arm with its model and its truth.
+        campaign: The simulated campaign.
+        results: The models, judged.
+        true_arm: Kind of the true arm.
+        placed: Whether rows have errors pose by pose, and what pictures need.
+
+    Returns:
+        The rows.
+    """
     data, rows = measured_row(campaign), []
     for k, result in enumerate(results):
         lost = has_failed(result.estimate)
@@ -207,7 +257,7 @@ def _fit(result: Result) -> FitRow:
 
 
 def failed_row(err: EstimatorFailed) -> FitRow:
-    """What an estimator leaves that failed."""
+    """Make the row of an estimator that failed."""
     name, structure, status = err.model.name, err.model.structure, FAILED + err.why
     return FitRow(
         name=name, structure=structure.name, prior=err.model.filled, status=status, parameters=structure.n
@@ -224,7 +274,7 @@ def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> Dr
 
 
 def measured_row(campaign: Campaign) -> Measured:
-    """Counts and deflections of a campaign."""
+    """Count runs and deflections of a campaign."""
     every, fitted, check = campaign.measured, campaign.identification, campaign.check
     return Measured(
         **vars(dataset_row(every)),

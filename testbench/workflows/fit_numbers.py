@@ -9,7 +9,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, NoEquilibrium, PoseError
 from testbench.identify.estimate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
-from testbench.model.laws import STRUT
+from testbench.model.joint_laws import STRUT, joint_laws
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
 from testbench.plant.tracker import trial_rng
@@ -54,6 +54,9 @@ def numbers(
         identified: Its fits.
         left: Residuals by model, `residuals_by_model`.
         widths: Whether intervals are wanted.
+
+    Returns:
+        The numbers.
     """
     fits, note, places = identified.fits, "", None
     if widths:
@@ -118,6 +121,7 @@ def _laws(identified: IdentifyResult) -> list[Row]:
             backlash_urad=UM * own["backlash"],
             friction_urad=UM * own["friction"],
             strut_percent=100 * own[STRUT] if STRUT in own else None,
+            **{kind: own.get(kind) for kind in joint_laws.added},
         )
         for name, own in taken.laws.items()
     ]
@@ -173,7 +177,15 @@ def _there(name: str, places: Row) -> Row | None:
 
 
 def residuals_by_model(cell: Cell, identified: IdentifyResult) -> dict[str, Array]:
-    """Subtract models from readings, (runs, m, 3) [m] by model; 0 where a target was lost."""
+    """Subtract models from readings, (runs, m, 3) [m] by model; 0 where a target was lost.
+
+    Args:
+        cell: The arm with its model and its truth.
+        identified: The fits.
+
+    Returns:
+        Residuals by model, (runs, m, 3) [m].
+    """
     data, names = identified.runs.every, list(identified.estimates)
     moved = all_deflections(cell.vjm, [identified.estimates[name] for name in names], data)
     return dict(zip(names, np.where(data.seen[..., None], data.deflection - moved, 0.0), strict=True))
@@ -227,7 +239,15 @@ def _seen(cell: Cell, identified: IdentifyResult) -> Row:
 
 
 def compared_models(models: Sequence[Row], taken: str) -> list[str]:
-    """Name one's own, least squares, GCO without prior, joints alone, if fitted; last the model to take."""
+    """Name one's own, least squares, GCO without prior, joints alone, if fitted; last the model to take.
+
+    Args:
+        models: The models.
+        taken: The recommended model.
+
+    Returns:
+        Names of the models.
+    """
     others = [m for m in models if not m.prior and m.name != taken]
     links = [m for m in others if m.structure != JOINTS]
     kinds = ([m for m in links if m.constraint == kind] for kind in ("none", "psd"))
@@ -238,6 +258,13 @@ def compared_models(models: Sequence[Row], taken: str) -> list[str]:
 
 def workspace_half_widths(cell: Cell, identified: IdentifyResult) -> Row:
     """Predict the half widths of the tool's deflection over the workspace, under the largest fitted load.
+
+    Args:
+        cell: The arm with its model and its truth.
+        identified: The fits.
+
+    Returns:
+        Half widths of the 95 % intervals by model.
 
     Raises:
         PoseError: When no poses can be drawn.

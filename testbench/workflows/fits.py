@@ -13,7 +13,7 @@ from testbench.identify.fold import BLOCK_RUNS, PartitionedRegression, with_pose
 from testbench.identify.hierarchy import UndeterminedParts, contradicted_scales, undetermined_parts
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.regression import ZERO_COLUMN, Regression
-from testbench.model.laws import UNIT_SIZES, model_for, sizes_of
+from testbench.model.laws import law_unit, model_for, sizes_of
 from testbench.model.vjm import chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
@@ -38,7 +38,7 @@ UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, 
 
 @dataclass(frozen=True)
 class IdentifyResult:
-    """Models fitted to a user's runs, and what there is to say of them."""
+    """Hold models fitted to a user's runs, and what there is to say of them."""
 
     fits: Row  #: Numbers and words, as `fit_models` has them.
     runs: MeasuredRuns
@@ -47,13 +47,13 @@ class IdentifyResult:
 
     @property
     def taken(self) -> Estimate:
-        """Of the model to take."""
+        """Return the estimate of the recommended model."""
         return self.estimates[self.fits.recommended]
 
 
 @dataclass(frozen=True)
 class FittedModels:
-    """Models fitted to runs; one entry a model."""
+    """Hold models fitted to runs; one entry per model."""
 
     runs: MeasuredRuns
     models: Sequence[Model]
@@ -72,6 +72,16 @@ def fit_models(
     What is found is models.json: of every model a `FitRow` with its errors, intervals, compliances and laws,
     the model to take and its F_M on what was held out, doubts, the likeliest first, and what no reading
     checks of the prior.
+
+    Args:
+        cell: The arm with its model and its truth.
+        models: The models.
+        runs: The measured runs.
+        clock: Returns the time [s].
+        widths: Whether intervals of predicted deflections are computed.
+
+    Returns:
+        The fits.
 
     Raises:
         BenchError: When a method cannot fit a structure to the runs.
@@ -259,7 +269,7 @@ def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
     if estimate.average is None or not estimate.average.laws_weight:
         return {}
     found = sizes_of(model_for(cell.vjm, estimate.structure), estimate.C_theta)
-    return {joint: {kind: UNIT_SIZES[kind] * own[kind] for kind in own} for joint, own in found.items()}
+    return {joint: {kind: law_unit(kind) * own[kind] for kind in own} for joint, own in found.items()}
 
 
 def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> Row:

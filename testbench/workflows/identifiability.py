@@ -48,7 +48,7 @@ AXES = ("stretch", "deflection y", "deflection z", "torsion", "rotation y", "rot
 
 @dataclass(frozen=True)
 class MeasurementProposal:
-    """One more way to measure, and what it would bring."""
+    """Describe one more way to measure, and what it would bring."""
 
     words: str  #: What to do.
     rank: int  #: Directions that all data then see.
@@ -60,7 +60,7 @@ class MeasurementProposal:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What the data see of a structure, and who decides the rest."""
+    """Hold what the data see of a structure, and who decides the rest."""
 
     structure: Structure  #: The unknowns, n of them.
     component: tuple[str, ...]  #: Link or joint of every parameter, n names.
@@ -86,14 +86,24 @@ class Identifiability:
 
     @property
     def lost_to_poses(self) -> int:
-        """Directions lost to too few poses."""
+        """Count the directions lost to too few poses."""
         return self.rank_of_loads - self.rank
 
 
 def describe(
     vjm: Vjm, structure: Structure, data: Dataset, prior: Prior, strength: Strength
 ) -> Identifiability:
-    """What a dataset, of which only poses, loads and sigmas count, can tell of a structure, before any solve.
+    """Describe what a dataset can tell of a structure before any solve; only poses, loads and sigmas count.
+
+    Args:
+        vjm: Kinematics of the arm.
+        structure: The unknowns.
+        data: Measured runs.
+        prior: The prior.
+        strength: Strength of the prior.
+
+    Returns:
+        The description.
 
     Raises:
         BenchError: When the dataset is empty or of another arm, the prior has another size or is not positive
@@ -105,7 +115,18 @@ def describe(
 def of_regression(
     vjm: Vjm, regression: Regression, data: Dataset, prior: Prior, strength: Strength
 ) -> Identifiability:
-    """The same of a regression; the dataset may be some of its runs, evenly out of all."""
+    """Describe what a reduced dataset can tell of its structure.
+
+    Args:
+        vjm: Kinematics of the arm.
+        regression: The reduced dataset.
+        data: Its runs, or some of them, evenly out of all.
+        prior: The prior.
+        strength: Strength of the prior.
+
+    Returns:
+        The description.
+    """
     structure, scaled = regression.structure, any_metric(prior, vjm, regression.structure)
     everywhere = reduce(vjm, structure, more_poses(vjm, data, RANDOM_POSES, seed=0))
     own = _rows(regression)
@@ -189,7 +210,17 @@ def _name(identifiability: Identifiability, parameter: int) -> str:
 def explained_variance(
     vjm: Vjm, regression: Regression, prior: Prior, strength: Strength
 ) -> tuple[tuple[str, ...], Array]:
-    """Link or joint of every parameter, and what the data take off its prior's variance, (n,)."""
+    """Compute what the data take off the prior's variance of every parameter.
+
+    Args:
+        vjm: Kinematics of the arm.
+        regression: The reduced dataset.
+        prior: The prior.
+        strength: Strength of the prior.
+
+    Returns:
+        Link or joint of every parameter, and the share of its variance, (n,) [1].
+    """
     scaled = any_metric(prior, vjm, regression.structure)
     return _places(vjm, regression.structure)[0], _share(
         _known(scaled, strength, regression), scaled, strength
@@ -197,14 +228,31 @@ def explained_variance(
 
 
 def sampled_tasks(vjm: Vjm, data: Dataset, structure: Structure) -> Array:
-    """Where predictions are wanted: random poses, the data's loads and markers, (poses, m, 3, n) [m]."""
+    """Sample where predictions are wanted: random poses, the data's loads and markers.
+
+    Args:
+        vjm: Kinematics of the arm.
+        data: Measured runs.
+        structure: The unknowns.
+
+    Returns:
+        Rows of the observation matrix, (poses, m, 3, n) [m].
+    """
     wanted = more_poses(vjm, data, TASKS, seed=1)
     args = (chain(vjm, wanted.q), structure, wanted.wrench, wanted.point)
     return observation(*args, marker_points(vjm, data.markers))
 
 
 def expected_error(known: Posterior, wanted: Array) -> float:
-    """RMS error of deflections [m] at `sampled_tasks`; infinite if nothing fixes the scale."""
+    """Compute the RMS error of deflections at `sampled_tasks`.
+
+    Args:
+        known: The posterior.
+        wanted: Rows of the tasks, (poses, m, 3, n) [m].
+
+    Returns:
+        Error [m]; infinite if nothing fixes the scale.
+    """
     if len(known.unseen):
         return math.inf
     deviation = known.deviations(wanted.reshape(-1, wanted.shape[-1]))
@@ -245,9 +293,17 @@ def _places(vjm: Vjm, structure: Structure) -> tuple[tuple[str, ...], Array]:
 
 
 def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
-    """The metric of the prior; for blocks that lack entries that of its entries taken one by one.
+    """Compute the metric of the prior; for blocks that lack entries that of its entries one by one.
 
     It refuses what `scale_by_prior` refuses, but for the entries that are lacking.
+
+    Args:
+        prior: The prior.
+        vjm: Kinematics of the arm.
+        structure: The unknowns.
+
+    Returns:
+        The metric.
     """
     check_symmetric(structure)
     if structure.has_full_blocks:
@@ -261,7 +317,15 @@ def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling:
 
 
 def set_aside(vjm: Vjm, structure: Structure) -> list[str]:
-    """Joints that the structure has no parameter for, but the link before them."""
+    """List the joints for which the structure has no parameter but in the link before them.
+
+    Args:
+        vjm: Kinematics of the arm.
+        structure: The unknowns.
+
+    Returns:
+        Their names.
+    """
     used, first = np.union1d(structure.a, structure.b), 6 * len(vjm.arm.links)
     return [
         joint.name
@@ -306,7 +370,15 @@ def _equations(vjm: Vjm, data: Dataset) -> int:
 
 
 def without_readings(data: Dataset, **changes: object) -> Dataset:
-    """The dataset with other runs, markers or loads, and all readings zero: only its rows are wanted."""
+    """Copy a dataset with other runs, markers or loads and all readings zero: only its rows are wanted.
+
+    Args:
+        data: Measured runs.
+        changes: Fields of the dataset that change.
+
+    Returns:
+        The dataset.
+    """
     other = {"run": data.run, "q": data.q, "markers": data.markers, **changes}
     runs, markers = len(np.asarray(other["run"])), len(tuple(other["markers"]))  # type: ignore[arg-type]
     blank = np.zeros((runs, markers, 3))
@@ -317,9 +389,18 @@ def without_readings(data: Dataset, **changes: object) -> Dataset:
 
 
 def more_poses(vjm: Vjm, data: Dataset, count: int, *, seed: int) -> Dataset:
-    """Runs in random poses within the joint limits, under the loads of the data in turn.
+    """Make runs in random poses within the joint limits, under the loads of the data in turn.
 
     Where the data have more runs than are asked for, these are evenly spaced among them.
+
+    Args:
+        vjm: Kinematics of the arm.
+        data: Measured runs.
+        count: Number of poses.
+        seed: Seed of the poses.
+
+    Returns:
+        The runs.
     """
     q = vjm.arm.drawn(np.random.Generator(np.random.Philox(seed)), count)
     turn = np.arange(count) % data.runs

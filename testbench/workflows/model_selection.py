@@ -46,7 +46,7 @@ MIN_POSES = 4  #: Below it what is held out in turn is too little to overthrow a
 
 @dataclass(frozen=True)
 class Recommendation:
-    """Which model to take, and why."""
+    """Say which model to take, and why."""
 
     name: str
     why: str  #: A sentence.
@@ -55,7 +55,7 @@ class Recommendation:
 
 @dataclass(frozen=True)
 class ChosenModel:
-    """The model that is taken by default."""
+    """Hold the model that is taken by default."""
 
     name: str
     estimate: Estimate
@@ -63,9 +63,17 @@ class ChosenModel:
 
 
 def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = None) -> list[Model]:
-    """What is fitted where no model is named: some without a prior and, where there is one, with it.
+    """List what is fitted where no model is named: some without a prior and, if there is one, with it.
 
     How firmly a prior is believed is learnt where no `strength` is given.
+
+    Args:
+        cell: The arm with its model and its truth.
+        prior: The prior; None to fit without one.
+        strength: How firmly the prior is believed; None to learn it.
+
+    Returns:
+        The models.
     """
     if prior is None:
         return named_models(cell, _possible(cell, tuple(MODELS)))
@@ -92,6 +100,9 @@ def asked_models(
         strength: How firmly the prior is believed; None to learn it.
         loss: Makes another estimator of each, such as `robust`.
 
+    Returns:
+        The models.
+
     Raises:
         BenchError: When the arm has no model of a name.
     """
@@ -105,7 +116,7 @@ def asked_models(
 
 
 def default_name(arm: Arm) -> str:
-    """What the default of an arm is called, such as ALL153 + prior."""
+    """Name the default of an arm, such as ALL153 + prior."""
     return f"{canonical_name(arm, ALL_UNKNOWNS)}{FILLED}"
 
 
@@ -117,7 +128,17 @@ def _possible(cell: Cell, kinds: Sequence[str]) -> list[str]:
 def with_priors(
     arm: Arm, models: Sequence[Model], prior: Prior, strength: Strength | None = None
 ) -> list[Model]:
-    """Models of an arm with a prior, named so."""
+    """Give models of an arm a prior, and name them so.
+
+    Args:
+        arm: Description of the arm.
+        models: The models.
+        prior: The prior.
+        strength: How firmly the prior is believed; None to learn it.
+
+    Returns:
+        The models.
+    """
     return [_with_prior(arm, m, prior, strength) for m in models]
 
 
@@ -130,7 +151,16 @@ def _with_prior(arm: Arm, model: Model, prior: Prior, strength: Strength | None)
 
 
 def choose_model(cell: Cell, data: Dataset, prior: Prior) -> ChosenModel:
-    """The default, or joints alone where these predict what is held out clearly better."""
+    """Choose the default, or joints alone where these predict what is held out clearly better.
+
+    Args:
+        cell: The arm with its model and its truth.
+        data: Measured runs.
+        prior: The prior.
+
+    Returns:
+        The model with its estimate.
+    """
     models = [
         *named_models(cell, (JOINTS,)),
         *with_priors(cell.arm, named_models(cell, (ALL_UNKNOWNS,)), prior),
@@ -142,13 +172,21 @@ def choose_model(cell: Cell, data: Dataset, prior: Prior) -> ChosenModel:
 
 
 def reason_for(recommendation: Recommendation, estimate: Estimate) -> str:
-    """Why a model is taken, and how much other models count in it."""
+    """Say why a model is taken, and how much other models count in it.
+
+    Args:
+        recommendation: The recommendation.
+        estimate: The estimate.
+
+    Returns:
+        One sentence.
+    """
     return "; ".join([*of_average(estimate.average), recommendation.why])
 
 
 @dataclass(frozen=True)
 class ReducedRuns:
-    """Runs to fit, reduced once for all models, in parts of which some are held out in turn."""
+    """Hold runs to fit, reduced once for all models, in parts of which some are held out in turn."""
 
     data: Dataset  #: Those that are held, for estimators of one's own.
     poses: int  #: All are in.
@@ -157,7 +195,16 @@ class ReducedRuns:
 
 
 def reduce_runs(cell: Cell, models: Sequence[Model], data: Dataset) -> ReducedRuns:
-    """Runs reduced for the structures of models."""
+    """Reduce runs for the structures of models.
+
+    Args:
+        cell: The arm with its model and its truth.
+        models: The models.
+        data: Measured runs.
+
+    Returns:
+        The reduced runs.
+    """
     structures = {m.structure.name: m.structure for m in models}
     part = divide_poses(data)
     parts = reduce_parts(cell.vjm, list(structures.values()), data, part)
@@ -165,10 +212,18 @@ def reduce_runs(cell: Cell, models: Sequence[Model], data: Dataset) -> ReducedRu
 
 
 def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | ReducedRuns) -> Recommendation:
-    """The default, or the model of fewest unknowns where it is not there, unless beaten on what is held out.
+    """Recommend the default, or the smallest model if it is not there, unless beaten on what is held out.
 
     The default can be beaten by joints alone only; what else was fitted stands beside it to compare. Outliers
     stay in, as every model has to face the same readings.
+
+    Args:
+        cell: The arm with its model and its truth.
+        models: The models.
+        runs: The runs, reduced or not.
+
+    Returns:
+        The recommendation.
     """
     runs = runs if isinstance(runs, ReducedRuns) else reduce_runs(cell, models, runs)
     default = default_name(cell.arm)

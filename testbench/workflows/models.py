@@ -177,5 +177,5 @@ def canonical_name(arm: Arm, name: str) -> str:
 
 
 def equal_fit(cell: Cell) -> Model:
-    """The model of MLS56 with its free directions used to be conservative."""
+    """Make the model of MLS56 with its free directions used to be conservative."""
     return Model(EQUAL_FIT, template56(cell.arm, name="MLS56"), completed_least_squares)

@@ -25,7 +25,7 @@ Named = tuple[str, str, Array]
 
 @dataclass(frozen=True)
 class Interval:
-    """A number with its 95 % interval, in the unit in which people read it."""
+    """Hold a number with its 95 % interval, in the unit in which people read it."""
 
     part: Part
     name: str  #: Such as "link_2 turn y", "joint_3 sin 12", "joint_2", "link_1 phi_x, phi_x".
@@ -36,7 +36,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Functionals:
-    """Numbers of an arm, linear in its unknowns."""
+    """Hold numbers of an arm, linear in its unknowns."""
 
     part: Part
     names: tuple[str, ...]
@@ -50,7 +50,7 @@ class Functionals:
 
 
 def intervals(calibration: Calibration) -> tuple[Interval, ...]:
-    """Intervals of all errors and compliances that a calibration has on, each by itself.
+    """Compute intervals of all errors and compliances that a calibration has on, each by itself.
 
     They count with the readings and the learnt priors: an error that readings cannot tell from another one,
     such as two shifts along one axis, has the interval of its prior.
@@ -65,7 +65,7 @@ def intervals(calibration: Calibration) -> tuple[Interval, ...]:
 
 
 def functionals(active: ActiveUnknowns) -> tuple[Functionals, ...]:
-    """All that has a name: geometry, then errors of the joints, joints' compliances, entries of C_theta."""
+    """List all that has a name: geometry, errors of joints, joint compliances, entries of C_theta."""
     parts: dict[Part, list[Named]] = {
         "geometry": list(_geometry(active)),
         "joint errors": list(_errors(active)),

@@ -59,7 +59,7 @@ RUNS = {
 
 
 def sentence(note: Note) -> str:
-    """A note in words."""
+    """Write a note in words."""
     names = note.names
     if note.kind == "meshes" and len(names) > TOLD:
         names = (*names[:TOLD], f"and {len(names) - TOLD} more")
@@ -110,7 +110,16 @@ def write_arm(chain: ImportedChain, wishes: UserInputs, folder: Path) -> list[st
 
 
 def elastic_toml(chain: ImportedChain, wishes: UserInputs, proposal: Proposal) -> str:
-    """What to confirm, then the numbers, each with how it is known; all that nobody stated is "estimated"."""
+    """Write elastic.toml: what to confirm, then the numbers, each with how it is known.
+
+    Args:
+        chain: The robot, as its file has it.
+        wishes: What the engineer said of it.
+        proposal: Numbers that the file lacks.
+
+    Returns:
+        The text.
+    """
     payload, note = _quantity(proposal.payload, "kg", "as stated by --payload-kg", "published"), ""
     if wishes.payload is None:
         note = f"from its mass of {chain.mass:.4g} kg and reach of {beam_reach(chain, chain.tip.pose):.2f} m"

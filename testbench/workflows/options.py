@@ -29,6 +29,9 @@ def takes(kind: type[D], *more: type) -> Callable[[Callable[..., None]], Callabl
     Args:
         kind: The first dataclass.
         more: Others, with fields of other names.
+
+    Returns:
+        A decorator.
     """
     kinds = (kind, *more)
 
@@ -74,7 +77,7 @@ def _parameters(kind: type) -> list[inspect.Parameter]:
 
 @dataclass(frozen=True)
 class Common:
-    """The flags of every study."""
+    """Hold the flags of every study."""
 
     seed: Annotated[int, typer.Option(min=0, max=2**62, metavar="N", help="Seed of all random numbers.")] = 1
     seeds: Annotated[

@@ -34,7 +34,7 @@ MODULE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 @dataclass(frozen=True)
 class LimitOptions:
-    """Flags of what a call may use."""
+    """Hold the flags of what a call may use."""
 
     estimator_timeout: Annotated[
         float, typer.Option(min=0.01, max=86_400, metavar="S", help="Time limit of a call of --estimator.")
@@ -45,13 +45,13 @@ class LimitOptions:
 
     @property
     def limits(self) -> Limits:
-        """Of a call."""
+        """Return the limits of a call."""
         return Limits(self.estimator_timeout, int(1e9 * self.estimator_memory))
 
 
 @dataclass(frozen=True)
 class EstimatorOptions(LimitOptions):
-    """Flags of every command and study that tries estimators of one's own."""
+    """Hold the flags of every command and study that tries a user's estimators."""
 
     estimator: Annotated[
         list[str] | None,
@@ -60,16 +60,25 @@ class EstimatorOptions(LimitOptions):
 
     @property
     def own(self) -> tuple[EstimatorSource, ...]:
-        """Those that were asked for; BenchError as `read_estimators`."""
+        """Read the estimators that were asked for; BenchError as `read_estimators`."""
         return read_estimators(self.estimator or (), self.limits, tuple(MODELS))
 
 
 def read_estimators(
     texts: Sequence[str], limits: Limits, taken: Sequence[str], flag: str = FLAG
 ) -> tuple[EstimatorSource, ...]:
-    """Estimators as they are named on the command line; each is imported once, in a process apart.
+    """Read estimators from the command line; each is imported once, in a process apart.
 
     BenchError when one cannot be imported, lacks its function, or has a name that is taken.
+
+    Args:
+        texts: Values of the flag.
+        limits: Limits of a call.
+        taken: Names that are taken.
+        flag: Name of the flag, for messages.
+
+    Returns:
+        The estimators.
     """
     estimator_sources = tuple(_read(text, limits, flag) for text in texts)
     names = [estimator_source.name for estimator_source in estimator_sources]
@@ -98,7 +107,7 @@ def _read(text: str, limits: Limits, flag: str) -> EstimatorSource:
 
 
 def digests_of(estimator_sources: Sequence[EstimatorSource]) -> dict[str, dict[str, str]]:
-    """What manifest.json says of estimators: SHA-256 of the files, by the estimator's name."""
+    """Collect SHA-256 of the files of estimators, by the estimator's name, for manifest.json."""
     return {"estimators": {each.name: each.sha256 for each in estimator_sources}} if estimator_sources else {}
 
 
@@ -127,7 +136,7 @@ def estimator_models(estimator_sources: Sequence[EstimatorSource]) -> Models:
 
 @dataclass(frozen=True)
 class UserEstimator:
-    """An estimator of one's own, called like any method."""
+    """Call a user's estimator like any method."""
 
     own: EstimatorSource
     prior: Prior | None  #: Of the trial; None where there is none.
@@ -157,7 +166,14 @@ def check_reach(moved: Array, vjm: Vjm) -> None:
 
 
 def parameters_of(structure: Structure, found: Array) -> Array:
-    """Parameters (n,) of an answer: they, or compliances (n_theta, n_theta).
+    """Read parameters from an answer: they, or compliances (n_theta, n_theta).
+
+    Args:
+        structure: The unknowns.
+        found: The answer.
+
+    Returns:
+        Parameters, (n,).
 
     Raises:
         BenchError: When it has another shape, has a number that no arm can have, or its compliances are not

@@ -44,7 +44,7 @@ Given = tuple[Vjm, Structure, Dataset | Regression, Prior | None]
 
 @dataclass(frozen=True)
 class Limits:
-    """Of a call."""
+    """Limit the time and memory of a call."""
 
     seconds: float = 60.0  #: Longest time [s].
     memory: int = 2 * 10**9  #: Most memory beside what its libraries take [byte].
@@ -52,7 +52,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class EstimatorSource:
-    """An estimator of a user: plain data, for manifest.json and for workers."""
+    """Describe a user's estimator: plain data, for manifest.json and for workers."""
 
     name: str  #: As every view calls it.
     source: str  #: Path of its file, or name of its module.
@@ -63,7 +63,7 @@ class EstimatorSource:
 
 @dataclass(frozen=True)
 class EstimatorAnswer:
-    """What a call returned."""
+    """Hold what a call returned."""
 
     values: Array  #: Of any shape: parameters (n,) or compliances.
     covariance: Array | None  #: The second of two arrays; None where there was one.
@@ -72,6 +72,13 @@ class EstimatorAnswer:
 
 def call_estimator(estimator_source: EstimatorSource, given: Given) -> EstimatorAnswer:
     """Call an estimator in a fork of a process that has loaded the library: nothing lasts from call to call.
+
+    Args:
+        estimator_source: The estimator.
+        given: Its arguments.
+
+    Returns:
+        The answer.
 
     Raises:
         BenchError: Why it has no answer.

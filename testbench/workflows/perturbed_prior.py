@@ -25,7 +25,7 @@ Spoil = Callable[[Array, int, np.random.Generator], Array]
 
 @dataclass(frozen=True)
 class Wrong:
-    """What is wrong with a prior."""
+    """Describe what is wrong with a prior."""
 
     spoil: Spoil
     called: str  #: In a word or two.
@@ -35,12 +35,30 @@ class Wrong:
 
 
 def wrong_prior(cell: Cell, seed: int, scale: float = SCALE) -> Prior:
-    """The CAD prior, `scale` times too soft and SHAPE wrong axis by axis; another one for every seed."""
+    """Spoil the CAD prior: `scale` times too soft and SHAPE wrong axis by axis, another one for every seed.
+
+    Args:
+        cell: The arm with its model and its truth.
+        seed: Seed of the trial.
+        scale: Factor of all compliances [1].
+
+    Returns:
+        The prior.
+    """
     return perturbed(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=trial_rng(seed, 5))
 
 
 def prior_of(cell: Cell, name: str, seed: int) -> Prior:
-    """A prior by the name of its error, one of PRIORS: right, or `wrong_prior` with something more."""
+    """Make a prior by the name of its error: right, or `wrong_prior` with something more.
+
+    Args:
+        cell: The arm with its model and its truth.
+        name: One of PRIORS.
+        seed: Seed of the trial.
+
+    Returns:
+        The prior.
+    """
     if name not in PRIORS:
         raise BenchError(f"no prior {name!r}; priors are {', '.join(PRIORS)}")
     if name == UNPERTURBED:
@@ -51,12 +69,30 @@ def prior_of(cell: Cell, name: str, seed: int) -> Prior:
 
 
 def wrong_link(cell: Cell, seed: int) -> int:
-    """Which link `prior_of` has WRONG_FACTOR wrong in the prior that has one so, from 0."""
+    """Return which link `prior_of` has wrong by WRONG_FACTOR in the prior that has one so, from 0.
+
+    Args:
+        cell: The arm with its model and its truth.
+        seed: Seed of the trial.
+
+    Returns:
+        Index of the link.
+    """
     return int(trial_rng(seed, 9).integers(len(cell.arm.links)))
 
 
 def with_wrong_prior(cell: Cell, models: Sequence[Model], names: Sequence[str], seed: int) -> list[Model]:
-    """Models without a prior, then those of these names with one that is wrong; the seed is of its errors."""
+    """Add models with a prior that is wrong to those without.
+
+    Args:
+        cell: The arm with its model and its truth.
+        models: The models.
+        names: Models that are fitted with the prior too.
+        seed: Seed of the prior's errors.
+
+    Returns:
+        All models.
+    """
     chosen = [m for m in models if m.name in names]
     return [*models, *with_priors(cell.arm, chosen, wrong_prior(cell, seed), Strength(UNCERTAINTY))]
 

@@ -154,36 +154,77 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
 
 
 def search(cell: Cell, settings: PlanSettings) -> Candidates:
-    """Feasible poses; PoseError for fewer than the plan needs says which condition refused them."""
+    """Find feasible poses; PoseError for fewer than the plan needs says which condition refused them.
+
+    Args:
+        cell: The arm with its model and its truth.
+        settings: The settings.
+
+    Returns:
+        The candidates.
+    """
     checks, rng = build_checks(cell, settings.conditions), trial_rng(settings.seed, 0)
     candidates = find(checks, settings.candidates_wanted, rng, least=settings.poses)
     return replace(candidates, q=nearest_turn(candidates.q, cell.arm))
 
 
 def nearest_turn(q: Array, arm: Arm) -> Array:
-    """Poses (poses, n) [rad, m] with every hinge in the turn nearest to zero that its limits allow.
+    """Turn every hinge to the angle nearest to zero that its limits allow.
 
     A joint that can turn about itself more than once reaches a pose at several angles; nearest to zero the
     ways from pose to pose are short, and cables are not wound up.
+
+    Args:
+        q: Poses, (poses, n) [rad, m].
+        arm: Description of the arm.
+
+    Returns:
+        The poses, (poses, n) [rad, m].
     """
     near, (lower, upper) = q - 2 * np.pi * np.round(q / (2 * np.pi)), arm.limits
     return np.where(arm.turns & (near >= lower) & (near <= upper), near, q)
 
 
 def workspace_poses(cell: Cell, settings: PlanSettings) -> Array:
-    """Poses that stand for the workspace, (poses, n) [rad, m]; PoseError where the arm can be nowhere."""
+    """Draw poses that stand for the workspace; PoseError where the arm can be nowhere.
+
+    Args:
+        cell: The arm with its model and its truth.
+        settings: The settings.
+
+    Returns:
+        Poses, (poses, n) [rad, m].
+    """
     checks = build_checks(cell, PoseConditions(settings.area))
     return find(checks, WORKSPACE, trial_rng(settings.seed, 2), least=1).q
 
 
 def reach_of(cell: Cell, settings: PlanSettings) -> Feasibility:
-    """Where the arm can go."""
+    """Say where the arm can go.
+
+    Args:
+        cell: The arm with its model and its truth.
+        settings: The settings.
+
+    Returns:
+        The checks.
+    """
     checks = build_checks(cell, settings.conditions)
     return Feasibility(lambda q: feasible(checks, q), straight_way(cell, settings.station))
 
 
 def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, candidates: Candidates) -> Plan:
-    """The best plan found; BenchError where without a prior poses are too few or loads show too little."""
+    """Choose the best plan; BenchError where without a prior poses are too few or loads show too little.
+
+    Args:
+        cell: The arm with its model and its truth.
+        settings: The settings.
+        tasks: Where predictions are wanted.
+        candidates: Feasible poses.
+
+    Returns:
+        The plan.
+    """
     scaling = scale_by_prior(cad_prior(cell.arm), cell.vjm, structure(cell, settings.model))
     percent = settings.uncertainty_percent
     spec = Specification(
@@ -204,7 +245,15 @@ def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, candidates: Candida
 
 
 def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:
-    """Tells whether all joints can go straight from pose to pose, nothing hung, the tracker in the way."""
+    """Make a check of straight ways: all joints at once, nothing hung, the tracker in the way.
+
+    Args:
+        cell: The arm with its model and its truth.
+        station: Where the tracker stands; None for no tracker.
+
+    Returns:
+        A function that tells whether the way between two poses is clear.
+    """
     site = build_site(cell.arm, None, None if station is None else station.position, cell.floor)
     step = np.array([SLIDE_STEP if joint.prismatic else STEP for joint in cell.arm.joints])
 
@@ -230,12 +279,15 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
 
 
 def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None = None) -> AbsolutePlanned:
-    """The poses whose absolute readings calibrate an arm best, and what they promise.
+    """Choose the poses whose absolute readings calibrate an arm best.
 
     Args:
         cell: The arm.
         settings: What is asked for.
         given: The arm by readings that were taken before; None where there are none.
+
+    Returns:
+        The poses, and what they promise.
 
     Raises:
         BenchError: When the arm has no joints.
@@ -262,12 +314,15 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
 
 
 def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, float]:
-    """RMS errors over the workspace [m]: now, frame and mount fitted, and after `FURTHER` further poses.
+    """Compute RMS errors over the workspace now and after `FURTHER` further poses.
 
     Args:
         cell: The arm.
         given: What is known of it.
         sigma: Standard deviation of a reading along an axis [m].
+
+    Returns:
+        Both errors [m], frame and mount fitted.
 
     Raises:
         BenchError: When the arm can be nowhere.
@@ -281,14 +336,31 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
 
 
 def best_of(union: JointUnknowns, q: Array, wanted: Array) -> tuple[list[int], float]:
-    """`FURTHER` of some poses (poses, n) [rad, m], each the best next one; RMS error of `wanted` then [m]."""
+    """`FURTHER` of some poses (poses, n) [rad, m], each the best next one; RMS error of `wanted` then [m].
+
+    Args:
+        union: All unknowns.
+        q: Poses, (poses, n) [rad, m].
+        wanted: Rows of the predictions.
+
+    Returns:
+        Indices of the poses, and the error [m].
+    """
     problem = absolute.candidate_set(union, q, FURTHER).problem
     chosen = greedy(problem, criterion_of("I", problem, wanted), problem.rows, FURTHER)
     return chosen.tolist(), error_after(problem, wanted)(chosen)
 
 
 def union_of(cell: Cell, settings: PlanSettings) -> JointUnknowns:
-    """What is unknown where a tracker reads an arm absolutely."""
+    """Collect what is unknown where a tracker reads an arm absolutely.
+
+    Args:
+        cell: The arm with its model and its truth.
+        settings: The settings.
+
+    Returns:
+        The unknowns.
+    """
     pose, vjm = _one_pose(cell.vjm, settings), cell.vjm
     unknowns = unknowns_of(
         vjm, (pose,), JointErrors(tuple(range(1, settings.orders + 1))), structure(cell, settings.model)
@@ -316,7 +388,15 @@ def union_of(cell: Cell, settings: PlanSettings) -> JointUnknowns:
 
 
 def union_after(given: ArmModel, settings: PlanSettings) -> JointUnknowns:
-    """What is unknown after readings were taken; further ones have a frame and a mount of their own."""
+    """Collect what is unknown after readings were taken; further ones have their own frame and mount.
+
+    Args:
+        given: The calibrated arm.
+        settings: The settings.
+
+    Returns:
+        The unknowns.
+    """
     if given.noise is None or not given.state.mounts:
         raise BenchError("given: expected a model of absolute readings")
     mount, noise = next(iter(given.state.mounts.values())), given.noise
@@ -358,7 +438,15 @@ def _one_pose(vjm: Vjm, settings: PlanSettings, targets: tuple[str, ...] | None 
 
 
 def undetermined_by(union: JointUnknowns, q: Array) -> tuple[str, ...]:
-    """What poses (poses, n) [rad, m] leave unknown, in words."""
+    """Say what poses leave unknown.
+
+    Args:
+        union: All unknowns.
+        q: Poses, (poses, n) [rad, m].
+
+    Returns:
+        Sentences.
+    """
     once = absolute.series_at(replace(union, pose=select_rows(union.pose, np.arange(1))), q)
     pull = pull_of(
         union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)

@@ -33,7 +33,7 @@ FLAGS = {
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """What an engineer asks for, in the units of a command line."""
+    """Hold what an engineer asks for, in the units of a command line."""
 
     arm: ArmName
     task: Annotated[
@@ -72,7 +72,7 @@ class PlanOptions:
 
 @dataclass(frozen=True)
 class AbsolutePlanOptions:
-    """Flags of a plan of absolute readings."""
+    """Hold the flags of a plan of absolute readings."""
 
     absolute: Annotated[bool, typer.Option("--absolute", help="Plan absolute readings, without tasks.")] = (
         False
@@ -89,7 +89,16 @@ class AbsolutePlanOptions:
 
 
 def known_before(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) -> Calibrated | None:
-    """Calibrate the arm by the readings that were taken before; None without any."""
+    """Calibrate the arm by the readings that were taken before; None without any.
+
+    Args:
+        cell: The arm with its model and its truth.
+        options: Flags of the command line.
+        flags: Flags of absolute readings.
+
+    Returns:
+        The calibration; None without readings.
+    """
     if not flags.given:
         return None
     files = [File(path, options.mapping, sigma_um=options.sigma_um) for path in flags.given]
@@ -99,6 +108,14 @@ def known_before(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) -
 
 def settings_of(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) -> PlanSettings:
     """Turn the flags into settings.
+
+    Args:
+        cell: The arm with its model and its truth.
+        options: Flags of the command line.
+        flags: Flags of absolute readings.
+
+    Returns:
+        The settings.
 
     Raises:
         BenchError: When two flags exclude each other, or one is out of range.

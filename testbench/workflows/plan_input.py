@@ -36,7 +36,7 @@ QUANTITY = re.compile(r"\s*([-+.\d]+(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?")
 
 
 def read_loads(path: Path) -> tuple[Array | None, Array | None]:
-    """What hangs and what pulls at the load point in every run of a plan.
+    """Read what hangs and what pulls at the load point in every run of a plan.
 
     Returns:
         Masses, (runs,) [kg], 0 where a force pulls; None for poses without loads. Forces, world axes,
@@ -78,7 +78,7 @@ def _column(table: TableCells, name: str) -> Array:
 
 
 def read_masses(text: str) -> list[float]:
-    """Masses, MASS,MASS ... [kg]; BenchError for anything but different ones that can hang."""
+    """Read masses, MASS,MASS ... [kg]; BenchError for anything but different ones that can hang."""
     try:
         masses = [read_mass(part) for part in text.split(",")]
     except BenchError as err:
@@ -89,18 +89,34 @@ def read_masses(text: str) -> list[float]:
 
 
 def place(text: str, flag: str = "--tracker x,y,z [m]") -> Place:
-    """A place such as the tracker's, or a pull; BenchError for anything but three finite numbers."""
+    """Read a place such as the tracker's, or a pull; BenchError for anything but three finite numbers.
+
+    Args:
+        text: The text.
+        flag: The flag and its form, for the message.
+
+    Returns:
+        x, y and z.
+    """
     x, y, z = _numbers(text, 3, flag)
     return x, y, z
 
 
 def joints_of(text: str, arm: Arm) -> Array:
-    """File joints as people write them, --start a,b,c [deg, mm], as (n,) [rad, m]; BenchError for others."""
+    """Read file joints as people write them, --start a,b,c [deg, mm]; BenchError for others.
+
+    Args:
+        text: The text.
+        arm: Description of the arm.
+
+    Returns:
+        Joints, (n,) [rad, m].
+    """
     return arm.from_shown(np.array(_numbers(text, len(arm.file_joints), "--start [deg, mm]")))
 
 
 def parse_work_area(text: str) -> tuple[Place, Place]:
-    """Two corners of the work area, x0,y0,z0,x1,y1,z1 [m]; BenchError for anything but six finite numbers."""
+    """Read two corners of the work area, x0,y0,z0,x1,y1,z1 [m]; BenchError unless six finite numbers."""
     x0, y0, z0, x1, y1, z1 = _numbers(text, 6, "--box x0,y0,z0,x1,y1,z1 [m]")
     return (x0, y0, z0), (x1, y1, z1)
 
@@ -126,6 +142,15 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
     frame; the arm's load point if not given.
 
     Tasks without such columns have the load `hung`. A map says how the file names the columns otherwise.
+
+    Args:
+        path: Path of the file.
+        cell: The arm with its model and its truth.
+        hung: Load of tasks without columns of loads.
+        mapping: Map of the file's names; None for none.
+
+    Returns:
+        The tasks.
 
     Raises:
         InputError: Names line, joint or bodies, and what was expected.
@@ -158,7 +183,7 @@ def _read_load(columns: Columns, hung: Load) -> Load:
 
 
 def read_mass(text: str) -> float:
-    """A hung mass: 240, 240kg, 530 lb; or its weight, 2354 N [kg]; BenchError for none, or out of range."""
+    """Read a hung mass: 240, 240kg, 530 lb; or its weight, 2354 N [kg]; BenchError if wrong."""
     parts = QUANTITY.fullmatch(text)
     if parts is None or not is_decimal(parts[1]):
         raise BenchError("expected a mass such as 240, 240kg or 530lb")
@@ -173,7 +198,16 @@ def read_mass(text: str) -> float:
 
 
 def payload_of(arm: Arm, asked: float | None, flag: str) -> float:
-    """The mass that was asked for by a flag, else the payload that the arm states [kg], else BenchError."""
+    """Return the mass that a flag asks for, else the payload that the arm states, else BenchError.
+
+    Args:
+        arm: Description of the arm.
+        asked: Mass of the flag [kg]; None if not given.
+        flag: Name of the flag.
+
+    Returns:
+        Mass [kg].
+    """
     if asked is not None:
         return asked
     if arm.payload is None:
@@ -182,7 +216,16 @@ def payload_of(arm: Arm, asked: float | None, flag: str) -> float:
 
 
 def overload_warnings(arm: Arm, masses: Iterable[float], pulls: Iterable[Sequence[float]] = ()) -> list[str]:
-    """Sentences where masses [kg] or pulls, (3,) each [N], are far beyond the payload that the arm states."""
+    """Warn of masses or pulls far beyond the payload that the arm states.
+
+    Args:
+        arm: Description of the arm.
+        masses: Masses [kg].
+        pulls: Forces, (3,) each [N].
+
+    Returns:
+        Sentences.
+    """
     most = OVERLOAD * (np.inf if arm.payload is None else arm.payload)
     mass, force = max(masses), max((math.hypot(*pull) for pull in pulls), default=0.0)
     stated = f"an arm that states a payload of {arm.payload or 0:g} kg"

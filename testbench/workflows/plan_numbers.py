@@ -60,7 +60,7 @@ POSITION = Meaning("expected error", "of the targets' positions after calibratio
 
 
 def numbers(made: Planned) -> Row:
-    """All numbers of plan.json."""
+    """Collect all numbers of plan.json."""
     cell, plan, arm = made.cell, made.plan, made.cell.arm
     margins = arm.room(plan.q).min(axis=0)
     efficiency = min(plan.efficiency, 1.0)
@@ -375,7 +375,16 @@ BINS = 72  #: Ranges of a joint: 5 degrees each of a hinge that turns once.
 
 
 def joint_coverage(arm: Arm, series: Sequence[Series], q: Array) -> Iterator[Row]:
-    """Of every joint how much was not read, and how many of the poses (poses, n) [rad, m] go there."""
+    """Count for every joint how much of its range was not read, and how many poses go there.
+
+    Args:
+        arm: Description of the arm.
+        series: Series of absolute readings.
+        q: Poses, (poses, n) [rad, m].
+
+    Yields:
+        A row per joint.
+    """
     for j, joint in enumerate(arm.joints):
         read = np.zeros(BINS, dtype=bool)
         for one in series:
@@ -394,7 +403,13 @@ def _bin(joint: ArmJoint, own: Array) -> Ids:
 
 
 def write_poses(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
-    """plan.csv: `plan_columns` or `absolute_columns`; rad and m in full: read back bit by bit."""
+    """Write plan.csv, rad and m in full: they are read back bit by bit.
+
+    Args:
+        f: Numbers of the plan.
+        joints: Joints of the arm.
+        path: Path of the file.
+    """
     masses, pulls = f.loads_kg, bool(f.pulls_n)
     head = plan_columns(joints, pulls=pulls)
     if f.absolute:
@@ -413,7 +428,13 @@ def write_poses(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
 
 
 def write_tasks(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
-    """tasks_expected.csv: of every task its pose and the error to expect."""
+    """Write tasks_expected.csv: of every task its pose and the error to expect.
+
+    Args:
+        f: Numbers of the plan.
+        joints: Joints of the arm.
+        path: Path of the file.
+    """
     every = [{"task": f"{row.task}", **_cells(row, joints)} for row in f.tasks]
     _write_table(list(every[0]), [list(cells.values()) for cells in every], path)
 
@@ -431,7 +452,7 @@ def _write_table(head: Sequence[str], rows: Sequence[Sequence[object]], path: Pa
 
 
 def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False) -> list[str]:
-    """The header of a plan, in order; a row is a run, in the order of measuring.
+    """List the columns of a plan, in order; a row is a run, in the order of measuring.
 
     run: integer. JOINT_rad, JOINT_deg: joint angle, twice; of a slide JOINT_m, JOINT_mm. load_kg: hung mass.
     force_*_N, of a plan that may pull: force at the load point, world axes; a run has either, the other is
@@ -440,6 +461,13 @@ def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False) -> list[str
     identification, with the 5th and 95th percentile. travel_deg: of the hinge that turns farthest from the
     run before; travel_mm: of the slide, where the arm has one. way: "start", "clear" where all joints can go
     straight, "via" where that way collides.
+
+    Args:
+        joints: Joints of the arm.
+        pulls: Whether the plan may pull.
+
+    Returns:
+        Names of the columns.
     """
     names = ["run", *(j.column for j in joints), *(j.shown_column for j in joints), "load_kg"]
     names += [f"force_{axis}_N" for axis in "xyz" if pulls]
@@ -448,11 +476,18 @@ def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False) -> list[str
 
 
 def absolute_columns(joints: Sequence[ArmJoint], *, loaded: bool) -> list[str]:
-    """The header of a plan of absolute readings, in order.
+    """List the columns of a plan of absolute readings, in order.
 
     As `plan_columns`, but for load_kg, where one mass hangs after the first reading of every pose;
     expected_sag_mm: RMS over the targets, by the prior, under all that hangs; expected_error_*_mm: of their
     positions after calibration.
+
+    Args:
+        joints: Joints of the arm.
+        loaded: Whether a mass hangs in some readings.
+
+    Returns:
+        Names of the columns.
     """
     names = plan_columns(joints)
     return [

@@ -134,7 +134,7 @@ USUAL = {
 
 
 def pull_words(pull: Sequence[float]) -> str:
-    """A pull, world axes [N], as plans name it."""
+    """Name a pull, world axes [N], as plans do."""
     along = [(f"{abs(x):g} N along {'-' * (x < 0)}{axis}") for x, axis in zip(pull, "xyz", strict=True) if x]
     return f"pull of {along[0]}" if len(along) == 1 else f"pull {', '.join(f'{x:g}' for x in pull)} N"
 

@@ -19,7 +19,7 @@ MAX_BATCHES = 200
 
 
 class FullPose(Setup):
-    """A campaign of section 5."""
+    """Describe a campaign of section 5."""
 
     poses: int = Field(default=18, ge=1, le=1000)  #: Random poses to identify from, within the joint limits.
     force: float = Field(default=1000.0, gt=0, le=1e6)  #: Force along each axis in turn, at the tool [N].
@@ -35,7 +35,7 @@ class FullPose(Setup):
 
     @property
     def sigmas(self) -> tuple[float, float | None]:
-        """Of a position [m] and of an orientation [rad]."""
+        """Return the standard deviations of a position [m] and of an orientation [rad]."""
         return self.sigma, self.sigma_rotation
 
 
@@ -43,6 +43,14 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     """Draw poses and wrenches, load the true arm, and read the tool's pose.
 
     Poses, wrenches and noise do not depend on the kind of truth.
+
+    Args:
+        cell: The arm with its model and its truth.
+        scenario: The campaign as data.
+        seed: Root of all randomness.
+
+    Returns:
+        The campaign.
     """
     poses_rng, noise_rng = trial_rng(seed, 0), trial_rng(seed, 1)
     q = cell.arm.drawn(poses_rng, scenario.poses)
@@ -60,7 +68,17 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
 
 
 def random_wrenches(count: int, force: float, moment: float, rng: np.random.Generator) -> Array:
-    """Wrenches of random direction with force and moment of these magnitudes, (count, 6) [N, N m]."""
+    """Draw wrenches of random direction with force and moment of given magnitudes.
+
+    Args:
+        count: Number of wrenches.
+        force: Magnitude of the force [N].
+        moment: Magnitude of the moment [N m].
+        rng: Source of randomness.
+
+    Returns:
+        Wrenches, (count, 6) [N, N m].
+    """
     directions = rng.standard_normal((count, 2, 3))
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     return np.asarray((directions * [[force], [moment]]).reshape(count, 6))
@@ -88,5 +106,14 @@ def _check_runs(cell: Cell, scenario: FullPose, rng: np.random.Generator) -> tup
 
 
 def at_tool(q: Array, pose: Ids, wrench: Array) -> LoadedPoses:
-    """Poses with a load at the tool."""
+    """Make poses with a load at the tool.
+
+    Args:
+        q: Poses, (poses, n) [rad, m].
+        pose: Pose of every run, (runs,).
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+
+    Returns:
+        The loaded poses.
+    """
     return LoadedPoses(q, pose, wrench, np.zeros((len(q), 3)))

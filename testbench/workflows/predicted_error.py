@@ -48,7 +48,7 @@ ZERO_TORQUE = 1e-6  #: Share of the largest torque below which a joint is not tu
 
 @dataclass(frozen=True)
 class Expected:
-    """Root mean square error to expect over several poses, with its 90 % interval [mm]."""
+    """Hold the RMS error to expect over several poses, with its 90 % interval [mm]."""
 
     expected: float
     p05: float
@@ -56,43 +56,78 @@ class Expected:
 
 
 def forecast_summary(forecast: Forecast) -> Expected:
-    """What a forecast says of all poses together."""
+    """Summarise what a forecast says of all poses together."""
     return Expected(MM * forecast.overall, MM * forecast.overall_low, MM * forecast.overall_high)
 
 
 def prior_uncertainty(spec: Specification) -> float:
-    """How well the arm's compliances are known, relative [1]."""
+    """Return how well the arm's compliances are known, relative [1]."""
     return UNKNOWN if spec.uncertainty is None else spec.uncertainty
 
 
 def linear_fit_after(spec: Specification, prior: Prior, q: Array, load: Ids) -> LinearFit:
-    """A specification's model after poses (poses, n) [rad, m] were measured, each under its load (poses,)."""
+    """Predict a specification's model after poses were measured, each under its load.
+
+    Args:
+        spec: What the plan is made for.
+        prior: The prior.
+        q: Poses, (poses, n) [rad, m].
+        load: Load of every pose, (poses,).
+
+    Returns:
+        The fit.
+    """
     every = spec.experiment
     whole = replace(every, scaling=scale_by_prior(prior, every.vjm, all153(every.vjm.arm)))
     return fit_of(whole, prior_uncertainty(spec), spec, q, load)
 
 
 def joints_alone(spec: Specification, prior: Prior) -> Specification:
-    """The same measured to identify joint compliances alone, by least squares."""
+    """Specify the same measurements to identify joint compliances alone, by least squares.
+
+    Args:
+        spec: What the plan is made for.
+        prior: The prior.
+
+    Returns:
+        The specification.
+    """
     return least_squares(spec, prior, joints_only(spec.experiment.vjm.arm))
 
 
 def least_squares(spec: Specification, prior: Prior, structure: Structure) -> Specification:
-    """The same measured to identify a structure by least squares; the prior only sets its units."""
+    """Specify the same measurements to identify a structure by least squares.
+
+    Args:
+        spec: What the plan is made for.
+        prior: Prior that only sets units.
+        structure: The unknowns.
+
+    Returns:
+        The specification.
+    """
     every = spec.experiment
     scaling = scale_by_prior(prior, every.vjm, structure)
     return replace(spec, experiment=replace(every, scaling=scaling), uncertainty=None)
 
 
 def half_widths(forecast: Forecast) -> Array:
-    """Of the 95 % interval of every target's deflection along every axis, (poses, 3 m) [m]."""
+    """Compute half widths of 95 % intervals of every target's deflection, (poses, 3 m) [m]."""
     return np.asarray(NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * BROAD * forecast.deviation)
 
 
 def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
-    """Errors over the workspace under the first load, by the planned model its `forecast`, and by `OTHERS`.
+    """Map errors over the workspace under the first load, by the planned model and by `OTHERS`.
 
     GCO without a prior is no linear fit: it is not foretold.
+
+    Args:
+        cell: The arm with its model and its truth.
+        plan: The plan.
+        forecast: Forecast of the planned model.
+
+    Returns:
+        The errors by place.
     """
     spec, prior = plan.specification, cad_prior(cell.arm)
     q, load = spec.workspace, spec.loads[0]
@@ -112,7 +147,7 @@ def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
 
 @dataclass(frozen=True)
 class Unshown:
-    """Joints that the tasks turn and no load of the plan does; the pull, if any, that turns some of them."""
+    """Hold joints that the tasks turn and no load of the plan does, and a pull that turns some of them."""
 
     joints: list[str]
     turned_by_pull: list[str]
@@ -120,10 +155,17 @@ class Unshown:
 
 
 def unobservable_joints(plan: Plan, share: float) -> Unshown | None:
-    """Which joints' compliances no load of a plan can show though the tasks need them; None where all are.
+    """Find joints whose compliances no load of a plan can show though the tasks need them.
 
     The pull is along the world's axis that turns them most in the plan's poses, about as strong as the first
     load. `share` of the expected error at the tasks stays open, whatever is measured [1].
+
+    Args:
+        plan: The plan.
+        share: Share of the expected error at the tasks that stays open, whatever is measured [1].
+
+    Returns:
+        The joints; None where all are shown.
     """
     if share <= OPEN_ERROR_SHARE:
         return None
@@ -141,7 +183,7 @@ def unobservable_joints(plan: Plan, share: float) -> Unshown | None:
 
 @dataclass(frozen=True)
 class Unloaded:
-    """Joints that no load of a plan turns, a force that does, and how well its deflection is predicted."""
+    """Hold joints that no load of a plan turns, a force that does, and how well it is predicted."""
 
     joints: list[str]
     force_N: list[float] | None  #: About as strong as the first load; None where no force turns them.
@@ -149,11 +191,14 @@ class Unloaded:
 
 
 def unloaded_joints(plan: Plan, prior: Prior) -> Unloaded | None:
-    """Which joints no load turns in any pose of a plan, and what that costs; None where all are turned.
+    """Find joints that no load turns in any pose of a plan, and what that costs.
 
     Args:
         plan: Poses and loads, and the tasks.
         prior: Compliances of the arm's folder.
+
+    Returns:
+        The joints; None where all are turned.
     """
     spec = plan.specification
     vjm, names = spec.experiment.vjm, [joint.name for joint in spec.experiment.vjm.arm.joints]
@@ -194,7 +239,7 @@ def _turned(torques: Array) -> Mask:
 
 
 def first_digit(value: float) -> float:
-    """A number above 0, all but its first digit left out."""
+    """Round a number above 0 down to its first digit."""
     step: float = 10.0 ** math.floor(math.log10(value))
     return step * math.floor(value / step)
 
@@ -205,7 +250,7 @@ LIGHTER = 0.4  #: Weight of a second load over the first [1].
 
 @dataclass(frozen=True)
 class OpenLaw:
-    """Joints of which a law stays open, and the further reading in every pose that tells most of them."""
+    """Hold joints of which a law stays undetermined, and the further reading that tells most of them."""
 
     kind: str  #: The law.
     joints: list[str]  #: Those of which it is open.
@@ -215,10 +260,17 @@ class OpenLaw:
 
 
 def open_laws(plan: Plan, prior: Prior) -> list[OpenLaw]:
-    """Laws of which a plan's readings leave more than `OPEN_VARIANCE_SHARE` of their sizes' variance.
+    """List laws of which a plan's readings leave more than `OPEN_VARIANCE_SHARE` of their variance.
 
     Sizes are uncertain by one before, compliances as the plan has them. None where links are not all
     identified with a prior: then joints are linear.
+
+    Args:
+        plan: The plan.
+        prior: The prior.
+
+    Returns:
+        The laws by kind.
     """
     spec, vjm = plan.specification, plan.specification.experiment.vjm
     plain = all153(vjm.arm)
@@ -254,7 +306,15 @@ def _open_law(kind: str, places: dict[str, int], tells: dict[str, Mask]) -> Open
 
 
 def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification]:
-    """What may be read once more in every pose, in words, the easiest first."""
+    """List what may be read once more in every pose, the easiest first.
+
+    Args:
+        spec: What the plan is made for.
+        plan: The plan.
+
+    Returns:
+        Specifications by their words.
+    """
     vjm, at, every = spec.experiment.vjm, spec.experiment.vjm.load, len(spec.loads)
     back = replace(spec.experiment, vjm=for_load_history(vjm, np.ones(len(plan.q), dtype=bool)))
     lighter = tuple(Load(LIGHTER * load.wrench, load.point) for load in spec.loads)

@@ -43,7 +43,7 @@ PROMISED = "expected_error_mm"  #: Column that only plans have.
 
 @dataclass(frozen=True)
 class CorrectedProgram:
-    """A program, what acts at its points, and its correction."""
+    """Hold a program, what acts at its points, and its correction."""
 
     program: Program
     model: ArmModel
@@ -53,12 +53,12 @@ class CorrectedProgram:
 
     @property
     def reasons(self) -> tuple[str | None, ...]:
-        """Why points cannot be put right, in words; None where they are."""
+        """Say why points cannot be corrected; None where they are."""
         return tuple(refusal_words(self.model.arm, refusal) for refusal in self.found.refused)
 
     @property
     def unreached(self) -> tuple[str, ...]:
-        """Points that cannot be put right, each with its line and its reason."""
+        """List points that cannot be corrected, each with its line and its reason."""
         rows = zip(self.program.line, self.program.labels, self.reasons, strict=True)
         return tuple(f"line {line} (point {label}): {why}" for line, label, why in rows if why is not None)
 
@@ -69,6 +69,16 @@ def correct_program(
     """Correct a program, in a room where collisions are to be checked.
 
     Where it has poses of the tool, `start` are joints near those of the first one, (n,) [rad, m].
+
+    Args:
+        model: The model.
+        program: The program.
+        aim: What is corrected.
+        room: Room in which collisions are checked; None for no check.
+        start: Joints near those of the first pose, (n,) [rad, m]; None for none.
+
+    Returns:
+        The correction.
 
     Raises:
         InputError: When a set-point is out of the drawn arm's reach, the feed is nowhere, or the arm cannot
@@ -168,6 +178,9 @@ def aim_of(hold: Hold, asked: Meant | None, tip: str, spindle: str) -> Aim:
         tip: Tool point in the frame of the tool, x,y,z [m].
         spindle: Where the spindle points in that frame, an axis with its sign.
 
+    Returns:
+        The aim.
+
     Raises:
         BenchError: Names the flag and what was expected.
     """
@@ -195,7 +208,7 @@ def write_corrected(corrected_program: CorrectedProgram, file: Path, form: str) 
 
 
 def more_columns(corrected_program: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
-    """What a corrected program says beside its joints, by column."""
+    """Collect what a corrected program says beside its joints, by column."""
     compensated, arm = corrected_program.found, corrected_program.model.arm
     moved = arm.change_to_file(compensated.q - compensated.start)
     columns: dict[str, Array | Sequence[str]] = {
@@ -212,7 +225,7 @@ def more_columns(corrected_program: CorrectedProgram) -> dict[str, Array | Seque
 
 @dataclass(frozen=True, eq=False)
 class PosesWithLoads:
-    """Poses and their loads."""
+    """Hold poses and their loads."""
 
     path: Path  #: The file.
     line: Ids  #: Line of every pose in it, (poses,).
@@ -224,7 +237,7 @@ class PosesWithLoads:
 
     @property
     def words(self) -> str:
-        """What acts, for people."""
+        """Say what acts, for people."""
         loads = self.loads[: -1 if self.hung.any() else None]
         force, moment = (
             np.linalg.norm(sum((load.wrench[:, part] for load in loads), np.zeros((1, 3))), axis=1)
@@ -242,9 +255,18 @@ def _between(values: Array) -> str:
 def read_pose_file(
     path: Path, model: ArmModel, mapping: Path | None, mass: Callable[[], float]
 ) -> PosesWithLoads:
-    """Poses of a plan or of a program; of a corrected program its joints, which are what is commanded.
+    """Read poses of a plan or of a program; of a corrected program the commanded joints.
 
     A map has other names of a program's columns; `mass` gives what hangs where the file says of no load [kg].
+
+    Args:
+        path: Path of the file.
+        model: The calibrated arm.
+        mapping: Map of the file's names; None for none.
+        mass: Returns what hangs where the file says of no load [kg].
+
+    Returns:
+        The poses with their loads.
     """
     if PROMISED in read_table(path, lambda name: name == PROMISED).names:
         return _of_plan(path, model, mass)
@@ -262,7 +284,16 @@ def read_pose_file(
 def with_payload(
     model: ArmModel, program: Program, mass: Callable[[], float]
 ) -> tuple[Program, tuple[str, ...]]:
-    """A program that says of no load with what hangs then [kg], and that in words."""
+    """Give a program that says of no load a payload.
+
+    Args:
+        model: The calibrated arm.
+        program: The program.
+        mass: Returns what hangs [kg].
+
+    Returns:
+        The program, and notes.
+    """
     if program.mass.any() or program.wrench.any() or program.along.any():
         return program, ()
     hung = mass()
@@ -303,7 +334,7 @@ def _carried(file_poses: PosesWithLoads, some: slice, compute: Callable[[Array, 
 
 @dataclass(frozen=True)
 class StiffnessMap:
-    """Poses all over the workspace, the softest first."""
+    """Hold poses all over the workspace, the softest first."""
 
     force: float  #: [N].
     q: Array  #: Joints, (places, n) [rad, m].
@@ -316,7 +347,7 @@ class StiffnessMap:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """All that is known of the poses that were asked for."""
+    """Hold all that is known of the poses that were asked for."""
 
     model: ArmModel
     cell: Cell  #: The same arm and its room.
@@ -328,12 +359,12 @@ class Predicted:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the points: the tool's origin, then the markers."""
+        """Name the points: the tool's origin, then the markers."""
         return (self.model.arm.tool, *self.model.arm.markers)
 
     @property
     def worst_first(self) -> Ids:
-        """Poses by the deflection of the tool, the largest first, (poses,)."""
+        """Order poses by the deflection of the tool, the largest first, (poses,)."""
         return np.argsort(-self.found.size[:, 0], kind="stable")
 
     def push_halves(self, poses: Ids) -> Array:
@@ -353,6 +384,15 @@ def predict_file(
     model: ArmModel, file_poses: PosesWithLoads, force: float, area: WorkArea | None = None
 ) -> Predicted:
     """Predict all poses of a file by the equilibrium behind Eq. (7), and map what a force does [N].
+
+    Args:
+        model: The calibrated arm.
+        file_poses: Poses of the file.
+        force: Force of the map [N].
+        area: Area of the map; None for the workspace.
+
+    Returns:
+        The predictions.
 
     Raises:
         InputError: When a pose has no equilibrium; names its line.
@@ -388,7 +428,7 @@ def _map(model: ArmModel, cell: Cell, force: float, area: WorkArea | None) -> St
 
 
 def extrapolation_warnings(found: Extent) -> tuple[str, ...]:
-    """What loads are beyond those of the model's data, or the payload, with its number."""
+    """Warn of loads beyond those of the model's data, or the payload, with their number."""
     if found.force_ratio is not None and np.isinf(found.force_ratio):
         said = [f"extrapolated: {found.force:,.0f} N; the model was identified under own weight only"]
     else:
@@ -409,7 +449,15 @@ def extrapolation_warnings(found: Extent) -> tuple[str, ...]:
 
 
 def refusal_words(arm: Arm, refusal: Refusal | None) -> str | None:
-    """Why a point cannot be put right; None where it is."""
+    """Say why a point cannot be corrected.
+
+    Args:
+        arm: Description of the arm.
+        refusal: Why it was refused; None where it was not.
+
+    Returns:
+        The reason; None where there is none.
+    """
     if refusal is None:
         return None
     if refusal.why == "limit":
@@ -423,7 +471,7 @@ def refusal_words(arm: Arm, refusal: Refusal | None) -> str | None:
 
 
 def direction_words(direction: Array) -> str:
-    """A direction in world axes, (3,), for people, such as "mostly along y" or "between x and -z"."""
+    """Name a direction in world axes, (3,), such as "mostly along y" or "between x and -z"."""
     size = np.abs(direction) / np.linalg.norm(direction)
     first, second = np.argsort(-size)[:2]
     angle = float(np.degrees(np.arccos(min(size[first], 1.0))))

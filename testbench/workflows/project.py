@@ -64,7 +64,7 @@ Box = Annotated[str, Field(pattern=r"^[-+.\de]+(,[-+.\de]+){5}$")]
 
 
 class FileSettings(Strict):
-    """What holds for one file alone."""
+    """Hold what holds for one file alone."""
 
     map: File | None = None
     load: Mass | None = None
@@ -73,7 +73,7 @@ class FileSettings(Strict):
 
 
 class Project(Strict):
-    """What holds for a cell; the template says what each is."""
+    """Hold what holds for a cell; the template says what each is."""
 
     arm: Annotated[Text, AfterValidator(_check_arm)] | None = None
     urdf: Text | None = None
@@ -94,7 +94,7 @@ class Project(Strict):
 
 
 def read_project(path: Path = NAME) -> Project | None:
-    """What the project file says; None where there is none.
+    """Read the project file; None where there is none.
 
     Raises:
         InputError: Names the key and what was expected.
@@ -103,7 +103,15 @@ def read_project(path: Path = NAME) -> Project | None:
 
 
 def parse_project(path: Path, text: str) -> Project:
-    """The same of the text of a file."""
+    """Read a project from the text of a file.
+
+    Args:
+        path: Path of the file.
+        text: The text.
+
+    Returns:
+        The project.
+    """
     try:
         return Project.model_validate(parse_toml(path, text))
     except ValidationError as err:
@@ -117,10 +125,18 @@ def parse_project(path: Path, text: str) -> Project:
 
 
 class ProjectCommand(TyperCommand):
-    """A command whose parameters take what the project file says where the command line does not."""
+    """Take parameters from the project file where the command line does not give them."""
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
-        """Parse the command line, with the project's values below it."""
+        """Parse the command line, with the project's values below it.
+
+        Args:
+            ctx: Context of the command.
+            args: Words of the command line.
+
+        Returns:
+            Words that are left.
+        """
         if not ctx.resilient_parsing and not {*args} & {*ctx.help_option_names}:
             project = read_project()
             if project is not None:
@@ -168,9 +184,16 @@ def _is_arm(word: str) -> bool:
 
 
 def merged(ctx: typer.Context, values: Mapping[str, object]) -> tuple[dict[str, object], Session]:
-    """Parameters with what the project file says of single files, and what there is to say of it.
+    """Merge parameters with what the project file says of single files.
 
     A command of several files gets lists of such values, one for each file.
+
+    Args:
+        ctx: Context of the command.
+        values: Parameters by name.
+
+    Returns:
+        The parameters, and the session.
     """
     from testbench.workflows.plan_input import read_mass  # here: few commands read masses
 

@@ -235,7 +235,7 @@ pieces or one on a part of the link."""
 
 @dataclass(frozen=True, eq=False)
 class UserInputs:
-    """What an engineer says of an arm that its file does not; None or empty where nothing is said."""
+    """Hold what an engineer says of an arm that its file does not; None or empty if nothing."""
 
     payload: float | None = None  #: Rated payload [kg].
     tool: Array | None = None  #: Pose of the tool in the frame of the tip, (4, 4) [m].
@@ -245,7 +245,7 @@ class UserInputs:
 
 @dataclass(frozen=True, eq=False)
 class LinkProposal:
-    """The tube of a link."""
+    """Propose the tube of a link."""
 
     name: str
     beam: Beam
@@ -256,7 +256,7 @@ class LinkProposal:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """What `testbench new` writes beside the robot's kinematics."""
+    """Hold what `testbench new` writes beside the robot's kinematics."""
 
     #: In the last part; called "tool", or with underscores where the robot has one of that name.
     tool: ImportedSite
@@ -271,11 +271,14 @@ class Proposal:
 
 
 def propose(chain: ImportedChain, wishes: UserInputs) -> Proposal:
-    """Everything of an arm's folder that the robot's file does not hold.
+    """Propose everything of an arm's folder that the robot's file does not hold.
 
     Args:
         chain: The robot, as its file has it.
         wishes: What the engineer said of it.
+
+    Returns:
+        The proposal.
 
     Raises:
         BenchError: When no arm has such a payload, or no link such a tube.
@@ -320,7 +323,7 @@ def propose(chain: ImportedChain, wishes: UserInputs) -> Proposal:
 
 
 def joint_compliance(payload: float, long: float, index: int, n_joints: int, *, slides: bool) -> float:
-    """Compliance of a joint [rad/(N m), m/N].
+    """Estimate the compliance of a joint.
 
     Args:
         payload: What the arm is built for [kg].
@@ -328,6 +331,9 @@ def joint_compliance(payload: float, long: float, index: int, n_joints: int, *, 
         index: Of the joint, 0 the first.
         n_joints: How many the arm has.
         slides: Whether it slides.
+
+    Returns:
+        Compliance [rad/(N m), m/N].
     """
     c = float(ARM_COMPLIANCE * (payload * long / 1000) ** -POWER)
     if slides:
@@ -336,16 +342,31 @@ def joint_compliance(payload: float, long: float, index: int, n_joints: int, *, 
 
 
 def in_wrist(index: int, n_joints: int) -> bool:
-    """Whether a joint is of the wrist: the last ones after the third, three at most."""
+    """Tell whether a joint is of the wrist: the last ones after the third, three at most.
+
+    Args:
+        index: Of the joint, 0 the first.
+        n_joints: Number of joints.
+
+    Returns:
+        True if it is.
+    """
     return index >= n_joints - min(WRIST_JOINTS, max(n_joints - 3, 0))
 
 
 def estimated_payload(mass: float, long: float) -> float:
-    """Payload of an arm that states none: the root of its mass [kg] times its reach [m], to two digits [kg].
+    """Estimate the payload of an arm that states none: sqrt(mass) times reach, to two digits.
 
     A fit to 129 arms that makers rate at 0.3 to 700 kg, two thirds of them weighed by their shapes, has these
     exponents and the factor 1 within its error. It misses them by a factor of 1.9 (root mean square of the
     logarithm), the worst by 5.4.
+
+    Args:
+        mass: Mass of the arm [kg].
+        long: Reach of the arm [m].
+
+    Returns:
+        Payload [kg].
     """
     return float(f"{math.sqrt(mass) * long:.2g}")
 
@@ -373,7 +394,7 @@ def _link(part: Body, line: Beam, payload: float, long: float) -> LinkProposal:
 
 
 def on_a_line(positions: Array) -> bool:
-    """Whether markers, (m, 3) [m], are fewer than three or lie on a line."""
+    """Tell whether markers, (m, 3) [m], are fewer than three or lie on a line."""
     if len(positions) < 3:
         return True
     along, across, *_ = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False)

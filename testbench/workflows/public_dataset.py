@@ -34,18 +34,27 @@ Row = dict[str, dict[str, Cells]]
 
 
 def kind_of(first: int) -> str:
-    """The true arm, a name of TRUTHS, whose campaigns begin with this one, a multiple of the priors."""
+    """Return the true arm whose campaigns begin with this one, a multiple of the number of priors."""
     return list(TRUTHS)[first % GRID // len(PRIORS)]
 
 
 def split_of(first: int) -> str:
-    """What all campaigns of an arm are for; kinds are not all in the same turn of a round."""
+    """Return what all campaigns of an arm are for; kinds are not all in the same turn of a round."""
     turn = 0 if kind_of(first) == FOLDER else first // GRID + first % GRID // len(PRIORS)
     return TURNS[turn % len(TURNS)]
 
 
 def write_rounds(root: int, folder: str, rounds: Sequence[int]) -> list[list[object]]:
-    """Simulate some rounds, each into tables of a folder of its own; see `runs.engine.Work`."""
+    """Simulate some rounds, each into tables of a folder of its own; see `runs.engine.Work`.
+
+    Args:
+        root: Seed of all randomness.
+        folder: Folder of the tables.
+        rounds: Numbers of the rounds.
+
+    Returns:
+        No rows.
+    """
     cell = build_cell(ARM)
     for k in rounds:
         arms = range(GRID * k, GRID * (k + 1), len(PRIORS))

@@ -39,7 +39,7 @@ SMALL = 1e-9  #: Rotation that has no axis [rad].
 
 
 def registration_notes(registered: RegisteredDataset) -> tuple[str, ...]:
-    """Sentences on the frames, on how well the readings fit, and on targets that were taken as found."""
+    """Write notes on the frames, on how well the readings fit, and on targets taken as found."""
     if registered.registration is None:
         return (f"readings are taken to be in the base's frame: {registered.why}",)
     frames = ["readings are in the base's frame"]
@@ -121,7 +121,7 @@ class _File(Strict):
 
 @dataclass(frozen=True)
 class MeasuredRuns:
-    """A user's runs."""
+    """Hold a user's runs."""
 
     name: str  #: Of the file.
     every: Dataset  #: All of them.
@@ -135,7 +135,7 @@ class MeasuredRuns:
 
 
 def files_read(options: ReadingOptions) -> list[Path]:
-    """The files that are read: table, map, frames."""
+    """List the files that are read: table, map, frames."""
     return [options.dataset, *([options.mapping] if options.mapping else []), *_frame_files(options.frame)]
 
 
@@ -151,6 +151,9 @@ def read_export_file(cell: Cell, options: ReadingOptions, mapping: Path | Map | 
         cell: The cell that was measured.
         options: The file, and how it is read.
         mapping: A map beside the one that was asked for.
+
+    Returns:
+        The runs and their columns.
 
     Raises:
         InputError: Names what is wrong with the file or its map.
@@ -168,7 +171,16 @@ def read_export_file(cell: Cell, options: ReadingOptions, mapping: Path | Map | 
 
 
 def register_export(cell: Cell, export: Export, options: ReadingOptions) -> tuple[Cell, RegisteredDataset]:
-    """The cell with targets where they are, runs in the base's frame; a flag counts more than the map."""
+    """Bring runs into the base's frame; a flag counts more than the map.
+
+    Args:
+        cell: The arm with its model and its truth.
+        export: The runs as read.
+        options: How they are read.
+
+    Returns:
+        The cell with targets where they are, and the runs.
+    """
     try:
         return to_base(cell, export.data, _said(export, options))
     except InputError:
@@ -184,7 +196,17 @@ def register_export(cell: Cell, export: Export, options: ReadingOptions) -> tupl
 def diagnose_runs(
     cell: Cell, export: Export, found: RegisteredDataset, options: ReadingOptions
 ) -> tuple[tuple[Doubt, ...], float]:
-    """Doubts about registered runs of an arm, as its folder has it, and the factor of their deflections."""
+    """Diagnose registered runs of an arm, as its folder has it.
+
+    Args:
+        cell: The arm with its model and its truth.
+        export: The runs as read.
+        found: The registered runs.
+        options: How they are read.
+
+    Returns:
+        Doubts, and the factor of the deflections.
+    """
     prior = cad_prior(cell.arm)
     try:
         issues = diagnose(Submission(cell.vjm, export.data, found, _said(export, options) != "auto"), prior)
@@ -207,9 +229,18 @@ def _said(export: Export, options: ReadingOptions) -> str:
 def read_runs(
     cell: Cell, options: ReadingOptions, held: Sequence[int] = (), *, full_pose: bool = False
 ) -> tuple[Cell, MeasuredRuns]:
-    """The cell that was measured, and its runs: those to fit, and those in the poses `held` back.
+    """Read the runs of a cell: those to fit, and those in the poses held back.
 
     Frames and targets are found from the unloaded readings of all poses, those held back among them.
+
+    Args:
+        cell: The arm with its model and its truth.
+        options: How they are read.
+        held: Poses that are held back.
+        full_pose: Whether orientations are required.
+
+    Returns:
+        The cell with targets where they are, and the runs.
 
     Raises:
         InputError: When the file is wrong, or lacks the orientations that were insisted on.
@@ -242,9 +273,17 @@ def read_runs(
 
 
 def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, RegisteredDataset]:
-    """The cell with targets where they are, and the runs in the base's frame.
+    """Bring runs into the base's frame.
 
     The frame is auto, base, tracker, or the name of a TOML file with the frames.
+
+    Args:
+        cell: The arm with its model and its truth.
+        data: Measured runs.
+        frame: auto, base, tracker, or the name of a TOML file with the frames.
+
+    Returns:
+        The cell with targets where they are, and the runs.
     """
     words = get_args(Choice)
     choice: Choice | dict[str, Frame]
@@ -260,7 +299,7 @@ def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Regis
 
 
 def read_frames(path: Path) -> dict[int, Frame]:
-    """Bases in the frames of stations, as a user gives them; InputError names the key."""
+    """Read bases in the frames of stations, as a user gives them; InputError names the key."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
     content = parse_toml(path, read_text(path, MAX_BYTES))
@@ -279,7 +318,7 @@ def read_frames(path: Path) -> dict[int, Frame]:
 
 
 def registration_row(registered: RegisteredDataset) -> dict[str, object] | None:
-    """Frames and targets, and how well the unloaded readings fit them; None where no frame fitted.
+    """Collect frames and targets, and how well unloaded readings fit them; None if no frame fitted.
 
     Of a frame the base's position in it, turn as a rotation vector, and largest standard deviations, 0 for
     one that was given; of a target its place in the tool's frame, its distance from where the arm's folder

@@ -16,13 +16,13 @@ MM, UM = 1e3, 1e6
 
 
 def rms(vectors: Array) -> float:
-    """Root mean square of the lengths of vectors, (..., 3)."""
+    """Compute the root mean square of the lengths of vectors, (..., 3)."""
     return float(np.sqrt(np.square(vectors).sum(axis=-1).mean()))
 
 
 @dataclass(frozen=True)
 class DatasetRow:
-    """What a dataset holds: counts, and the least and largest deflection of a marker."""
+    """Hold what a dataset holds: counts, and the least and largest deflection of a marker."""
 
     runs: int
     points: int
@@ -32,14 +32,14 @@ class DatasetRow:
 
 
 def dataset_row(data: Dataset) -> DatasetRow:
-    """What a dataset holds."""
+    """Count what a dataset holds."""
     size = MM * np.linalg.norm(data.deflection, axis=-1)
     return DatasetRow(data.runs, data.points, float(size.min()), float(size.max()), UM * data.sigma)
 
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """Distance errors of predicted deflections; relative ones are shares of a point's own deflection."""
+    """Hold distance errors of predicted deflections; relative ones are shares of a point's own deflection."""
 
     rms_mm: Number
     p95_mm: Number
@@ -50,7 +50,7 @@ class ErrorRow:
 
 @dataclass(frozen=True, kw_only=True)
 class FitRow:
-    """What a method found, without its errors; nothing of an estimator of one's own that failed."""
+    """Hold what a method found, without its errors; nothing of a user's estimator that failed."""
 
     name: str  #: Of the model.
     structure: str  #: Name of its structure.
@@ -77,7 +77,17 @@ class FitRow:
 
 
 def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool = False) -> FitRow:
-    """What a method found; unknowns are compliances, laws of joints aside."""
+    """Make the row of a fit; unknowns are compliances, laws of joints aside.
+
+    Args:
+        name: Its name.
+        estimate: The estimate.
+        seconds: Time of the fit [s]; None if not measured.
+        prior: Whether it was fitted with a prior.
+
+    Returns:
+        The row.
+    """
     certificate, regression = estimate.certificate, estimate.of_compliances
     return FitRow(
         name=name,
@@ -109,7 +119,7 @@ FAILED = "failed: "  #: Begins the status of one.
 
 
 def error_row(score: DeflectionErrors) -> ErrorRow:
-    """Errors in millimetres and per cent."""
+    """Convert errors to millimetres and per cent."""
     return ErrorRow(
         rms_mm=MM * score.rms,
         p95_mm=MM * score.p95,

@@ -22,13 +22,16 @@ MAX_NAMED_BANDS = 2  #: Bands of one joint's errors that are named one by one.
 def unobservable(
     unknowns: Unknowns, information: Array, prior: Array, pull: AddedInformation
 ) -> tuple[str, ...]:
-    """What readings leave unknown of a calibration, in as few sentences as say it.
+    """Say what readings leave unknown of a calibration, in few sentences.
 
     Args:
         unknowns: Whose columns they are.
         information: Of the readings, no prior, (size, size).
         prior: Covariance, (size, size), zero of what is taken to be zero.
         pull: What further poses would tell, `pull_of`.
+
+    Returns:
+        The sentences.
     """
     on, L = np.flatnonzero(np.diag(prior)), np.zeros_like(prior)
     L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
@@ -42,7 +45,16 @@ def unobservable(
 
 
 def structure_words(found: Structural, joints: Sequence[str], compliances: int) -> Iterator[str]:
-    """What no pose could show."""
+    """Say what no pose could show.
+
+    Args:
+        found: Directions that no pose shows.
+        joints: Names of the joints.
+        compliances: Number of directions of compliances.
+
+    Yields:
+        Sentences.
+    """
     if found.geometry:
         shared = [f"{name} ({count})" for name, count in zip(joints, found.shared, strict=True) if count > 0]
         left = found.geometry - sum(found.shared)
@@ -63,7 +75,15 @@ def structure_words(found: Structural, joints: Sequence[str], compliances: int) 
 
 
 def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[str, ...]:
-    """One sentence an advice for what is not seen, one for errors of a joint among themselves."""
+    """Write one sentence per advice for what is not seen, one for errors of a joint among themselves.
+
+    Args:
+        found: Hidden quantities.
+        joints: Names of the joints.
+
+    Returns:
+        The sentences.
+    """
     behind = [hidden_quantity for hidden_quantity in found if hidden_quantity.behind]
     said = [
         _words(hidden_quantity, joints)
@@ -166,7 +186,7 @@ def _left(own: Sequence[HiddenQuantity]) -> str:
 
 
 def quantities(unknowns: Unknowns) -> tuple[ObservedQuantity, ...]:
-    """All of them, in the order of the columns."""
+    """List all quantities, in the order of the columns."""
     return (*_set_ups(unknowns), *_lengths(unknowns), *_bands(unknowns), *_springs(unknowns))
 
 

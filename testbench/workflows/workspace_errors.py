@@ -20,7 +20,7 @@ Q_DECIMALS, M_DECIMALS = 5, 4
 
 @dataclass(frozen=True)
 class Meaning:
-    """What an error of a map is."""
+    """Say what an error of a map is."""
 
     name: str  #: In a word or two.
     words: str  #: The same at length.
@@ -32,7 +32,7 @@ TRUE = Meaning("error", "distance to the true deflection, RMS over the markers",
 
 @dataclass(frozen=True)
 class WorkspacePoses:
-    """Poses of a workspace as the row of a trial holds them, one entry each."""
+    """Hold poses of a workspace as the row of a trial holds them, one entry each."""
 
     run: tuple[int, ...]  #: Identifier in the campaign.
     q: tuple[float, ...]  #: Joint angles [rad, m], of all poses in turn.
@@ -45,7 +45,7 @@ class WorkspacePoses:
 
 @dataclass(frozen=True)
 class WorstPlace:
-    """Where a model errs most."""
+    """Hold the place where a model errs most."""
 
     place: int  #: Index in the columns of `ErrorPlaces`.
     position_m: tuple[float, ...]  #: x, y and z of the tool without load, world axes.
@@ -55,7 +55,7 @@ class WorstPlace:
 
 @dataclass(frozen=True)
 class ErrorPlaces:
-    """Errors of models by place, columns of equal length; where `compared` differ most is first."""
+    """Hold errors of models by place, columns of equal length; where `compared` differ most is first."""
 
     compared: tuple[str, ...]  #: Best of each method, the incumbent first, the recommended one last.
     run: tuple[int, ...]  #: Identifier in the campaign.
@@ -68,23 +68,33 @@ class ErrorPlaces:
     means: Meaning = TRUE  #: What an error is.
 
     def errors(self, name: str) -> Array:
-        """Of a model, (places,) [mm]; NaN where it has no bound."""
+        """Return the errors of a model, (places,) [mm]; NaN where it has no bound."""
         return np.array(self.error_mm[name], dtype=float)
 
     def typical_mm(self, name: str) -> float:
-        """What stands for all errors of a model that have a bound [mm]; NaN where none has."""
+        """Compute a typical error of a model over places with a bound [mm]; NaN where none has."""
         mm = self.errors(name)[np.isfinite(self.errors(name))]
         if not mm.size:
             return float("nan")
         return float(np.sqrt(np.mean(mm**2)) if self.means.typical == "RMS" else np.median(mm))
 
     def unbounded(self, name: str) -> int:
-        """At how many places a model has no bound."""
+        """Count the places at which a model has no bound."""
         return int(np.isnan(self.errors(name)).sum())
 
 
 def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> WorkspacePoses:
-    """Poses (n, joints) [rad, m], numbered from 1; unloaded tool (n, 3) and deflection (n,) there [m]."""
+    """Describe poses by number, joints, tool and deflection.
+
+    Args:
+        arm: Description of the arm.
+        q: Poses, (n, joints) [rad, m].
+        position: Tool of the unloaded arm, (n, 3) [m].
+        moved: Deflection there, (n,) [m].
+
+    Returns:
+        The poses, numbered from 1.
+    """
     x, y, z = position.round(M_DECIMALS).T.tolist()
     return WorkspacePoses(
         run=tuple(range(1, len(q) + 1)),
@@ -98,25 +108,33 @@ def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> WorkspacePos
 
 
 def places_of(cell: Cell, data: Dataset) -> WorkspacePoses:
-    """Places of noise-free runs, the tool where the arm's kinematics have it."""
+    """Describe the poses of noise-free runs, the tool where the arm's kinematics have it.
+
+    Args:
+        cell: The arm with its model and its truth.
+        data: Measured runs.
+
+    Returns:
+        The poses.
+    """
     position, _ = tool_pose(cell.vjm, data.q)
     workspace_poses = places_at(cell.arm, data.q, position, rms(data.deflection))
     return replace(workspace_poses, run=tuple(data.run.tolist()))
 
 
 def rms(moved: Array) -> Array:
-    """RMS over the markers of lengths, (runs,) [m], of vectors (runs, m, 3) or (runs, 3 m) [m]."""
+    """Compute RMS lengths over the markers, (runs,) [m], of vectors (runs, m, 3) or (runs, 3 m) [m]."""
     vectors = moved.reshape(len(moved), -1, 3)
     return np.asarray(np.sqrt(np.mean(np.sum(vectors**2, axis=-1), axis=-1)))
 
 
 def kept_mm(metres: Array) -> tuple[float, ...]:
-    """Lengths (n,) [m] in millimetres, of as many digits as are kept."""
+    """Convert lengths (n,) [m] to millimetres, of as many digits as are kept."""
     return tuple(float(f"{x:.{DIGITS}g}") for x in (MM * metres).tolist())
 
 
 def bounded_mm(metres: Array) -> tuple[float | None, ...]:
-    """The same; None where there is no bound."""
+    """Convert lengths (n,) [m] to millimetres; None where there is no bound."""
     return tuple(x if np.isfinite(x) else None for x in kept_mm(metres))
 
 
@@ -126,9 +144,18 @@ def error_places(
     compared: Sequence[str] = (),
     means: Meaning = TRUE,
 ) -> ErrorPlaces:
-    """Places by how much the first and the last of the compared models differ, the widest first.
+    """Order places by how much the first and the last of the compared models differ, widest first.
 
     Of one model its greatest error comes first, of none that of the first; an error without a bound is None.
+
+    Args:
+        workspace_poses: The poses.
+        error_mm: Errors of every model by its name [mm]; None for no bound.
+        compared: Names of the models that are compared.
+        means: What an error is.
+
+    Returns:
+        The errors by place.
     """
     names = tuple(compared) or tuple(error_mm)[:1]
     first, last = (

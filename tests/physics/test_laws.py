@@ -17,10 +17,12 @@ from testbench.identify import gco, intervals, least_squares, robust, with_prior
 from testbench.identify.arm_model import model_of_estimate
 from testbench.identify.estimate import ModelAverage
 from testbench.identify.fold import reduce
-from testbench.identify.hierarchy import LAW_PRIOR, evidence_model
+from testbench.identify.hierarchy import evidence_model
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior, cad_prior
+from testbench.model import joint_laws as shapes
 from testbench.model import laws
+from testbench.model.joint_laws import LAW_PRIOR, joint_laws
 from testbench.model.load import read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import chain, plain_load
@@ -68,8 +70,8 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     ends = {end: tuple(getattr(kr500.arm.compensator, end)) for end in ("foot", "head")}
     strut = replace(KR500_COMPENSATOR, **ends, stiffness=stiffness)
     without, what = {
-        "stiffening": (own_weight, replace(own_weight, stiffening=laws.UNIT_STIFFENING)),
-        "backlash": (own_weight, replace(own_weight, backlash=laws.UNIT_BACKLASH_RAD)),
+        "stiffening": (own_weight, replace(own_weight, stiffening=shapes.UNIT_STIFFENING)),
+        "backlash": (own_weight, replace(own_weight, backlash=shapes.UNIT_BACKLASH_RAD)),
         "compensator": (Disturbances(), Disturbances(compensator=strut)),
     }[kind]
     more = true_turns(kr500, what, q, wrench, point) - true_turns(kr500, without, q, wrench, point)
@@ -80,7 +82,7 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     if kind == "compensator":
         expected, more = own[-1], more[:, 1]
     else:
-        k = laws.LAW_KINDS.index(kind)
+        k = list(joint_laws).index(kind)
         expected = own[6 * k : 6 * k + 6].T
     assert np.abs(expected).max() > 2e-5
     np.testing.assert_allclose(more, expected, rtol=0, atol=0.06 * np.abs(expected).max())
@@ -89,17 +91,17 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
 def test_friction_holds_back_a_load_taken_off_by_all_of_its_width(kr500):
     """On the way there by a half, on the way back by another: twice the one less the other has none."""
     q, wrench, point = loaded(kr500, 3)
-    what, off = Disturbances(own_weight=True, hysteresis=laws.UNIT_FRICTION_RAD), np.arange(len(q)) % 2 == 0
+    what, off = Disturbances(own_weight=True, hysteresis=shapes.UNIT_FRICTION_RAD), np.arange(len(q)) % 2 == 0
     clean = true_turns(kr500, replace(what, hysteresis=0.0), q, wrench, point)
     on, back = (true_turns(kr500, what, q, wrench, point, own) for own in ((), np.flatnonzero(off)))
     where = chain(laws.for_load_history(laws.with_joint_laws(kr500.vjm), off), q)
     expected = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])[12:18].T
-    np.testing.assert_allclose(back - clean, expected, rtol=0, atol=0.06 * laws.UNIT_FRICTION_RAD)
+    np.testing.assert_allclose(back - clean, expected, rtol=0, atol=0.06 * shapes.UNIT_FRICTION_RAD)
     np.testing.assert_array_equal(back[~off], on[~off])
-    far = off[:, None] & (np.abs(clean) > 3 * laws.UNIT_FRICTION_RAD)
+    far = off[:, None] & (np.abs(clean) > 3 * shapes.UNIT_FRICTION_RAD)
     assert far.any(axis=0).sum() >= 3
-    np.testing.assert_allclose((2 * on - back)[far], clean[far], rtol=0, atol=0.1 * laws.UNIT_FRICTION_RAD)
-    assert np.abs(back - on)[far].min() > 0.9 * laws.UNIT_FRICTION_RAD
+    np.testing.assert_allclose((2 * on - back)[far], clean[far], rtol=0, atol=0.1 * shapes.UNIT_FRICTION_RAD)
+    assert np.abs(back - on)[far].min() > 0.9 * shapes.UNIT_FRICTION_RAD
 
 
 def test_readings_of_loads_taken_off_are_of_use_where_they_say_so(kr500, campaigns):

@@ -31,7 +31,7 @@ SEEDS = range(20)
 
 
 def drawn(kr500, name, seed):
-    return TRUE[name](kr500.arm, trial_rng(seed, 8))
+    return TRUE[name].draw(kr500.arm, trial_rng(seed, 8))
 
 
 def compliances(parts):
@@ -190,7 +190,7 @@ def family_member(kr500, seed):
     """Kind and arm that the first draws of a seed's stream make, and that stream from there on."""
     rng = trial_rng(seed, 8)
     kind = list(true_arms.TRUTHS)[rng.integers(len(true_arms.TRUTHS))]
-    return kind, true_arms.TRUTHS[kind](kr500.arm, rng), rng
+    return kind, true_arms.TRUTHS[kind].draw(kr500.arm, rng), rng
 
 
 def test_soft_bearings_tilt_and_shift_at_the_ends_of_links_before_joints(kr500):

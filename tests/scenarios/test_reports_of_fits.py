@@ -9,7 +9,7 @@ import testbench as tb
 from testbench.correct.predicted import predict
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.prior import Strength, cad_prior
-from testbench.model.laws import STRUT
+from testbench.model.joint_laws import STRUT
 from testbench.model.load import Load
 from testbench.report.fitted_runs import seen
 from testbench.report.table import find

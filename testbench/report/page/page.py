@@ -35,7 +35,7 @@ BRACKETS = re.compile(r" (?=[(\[])")
 
 
 def markdown(text: str) -> Markup:
-    """Markdown as HTML: tags in it are shown as text, pictures are left out."""
+    """Render Markdown as HTML: tags in it are shown as text, pictures are left out."""
     return Markup(_renderer().render(text))
 
 
@@ -46,7 +46,7 @@ def _renderer() -> MarkdownIt:
 
 
 def grid(table: Table) -> Json:
-    """A table as rows of cells, each with its text and the numbers behind it."""
+    """Convert a table to rows of cells, each with its text and the numbers behind it."""
     drawn = [_drawn(column, table) for column in table.columns]
     head = [
         {"title": column.title, "drawn": own, "ratio": column.key == "ratio"}
@@ -73,7 +73,7 @@ def grid(table: Table) -> Json:
 
 
 def look_plain(look: Look) -> Json:
-    """Colour, shape and filling of a model's dots."""
+    """Convert colour, shape and filling of a model's dots to JSON data."""
     return {"colour": look.hex, "mark": look.mark, "filled": look.prior}
 
 
@@ -98,7 +98,7 @@ def _cell(column: TableColumn, row: object) -> Json:
 
 
 def unbroken(text: str) -> Markup:
-    """The text of a cell: it breaks before what is in brackets, and nowhere else."""
+    """Keep the text of a cell together: it breaks before what is in brackets, and nowhere else."""
     parts = BRACKETS.split(text)
     return Markup(" ").join(Markup("<span>{}</span>").format(part) for part in parts)
 
@@ -114,7 +114,7 @@ def _numbers(value: object) -> tuple[float, ...]:
 
 
 def embedded(png: Path) -> Markup:
-    """A picture as the address of itself."""
+    """Embed a picture as the address of itself."""
     data = base64.b64encode(png.read_bytes()).decode()
     return Markup(f"data:image/png;base64,{data}")
 
@@ -128,7 +128,7 @@ def data(value: object) -> Markup:
 
 
 def fill(**values: object) -> str:
-    """The page."""
+    """Fill the page."""
     style = (FOLDER / "page.css").read_text(encoding="utf-8")
     script = "\n".join((FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS)
     own = {"style": Markup(style), "script": Markup(script)}
@@ -156,7 +156,14 @@ TRIANGLES = 500  #: Of a mesh at most: an arm turns smoothly on a phone.
 
 
 def write_page(folder: Path, scenario: str, words: ReportWords, page: PageContent) -> None:
-    """report.html of a run, from its words, what is drawn, and the pictures that lie in its folder."""
+    """Write report.html of a run, from its words, what is drawn, and the pictures in its folder.
+
+    Args:
+        folder: The folder.
+        scenario: Name of the study or command.
+        words: Words of the report.
+        page: What the page draws.
+    """
     pictures = [{"name": png.name, "data": embedded(png)} for png in sorted(folder.glob("*.png"))]
     text = fill(
         scenario=scenario,
@@ -172,7 +179,7 @@ def write_page(folder: Path, scenario: str, words: ReportWords, page: PageConten
 
 
 def seen_plain(page: PageContent) -> Json:
-    """All that is drawn."""
+    """Convert all that is drawn to JSON data."""
     scene = page.scene and {
         "title": page.scene.title,
         "solids": [_solid(shape) for shape in visual_shapes(page.scene.cell.room)],
@@ -197,7 +204,7 @@ def _group(pose_group: PoseGroup) -> Json:
 
 
 def plain(value: Any) -> Any:
-    """What is drawn as JSON data, by the names of its fields; null is what is no number.
+    """Convert what is drawn to JSON data, by the names of its fields; null is what is no number.
 
     Numbers of a line have four digits, places of a map are in whole millimetres, all that moves in `MICRO`;
     what a look has stands beside what is drawn so.
@@ -232,7 +239,7 @@ def _near(points: Array) -> Json:
 
 
 def frames_plain(frames: BodyFrames) -> list[list[int | None]]:
-    """By pose: of every body its origin and its turn as a quaternion, x, y, z, w."""
+    """Convert frames by pose: of every body its origin and its turn as a quaternion, x, y, z, w."""
     turns = quaternions(frames.rotations)
     return [_whole(row) for row in np.concatenate([frames.positions, turns], axis=2)]
 
@@ -257,7 +264,7 @@ def _solid(shape: Shape) -> Json:
 
 
 def solid(shape: Shape) -> Surface:
-    """A shape as a closed surface in its body's axes, its triangles counter-clockwise from outside.
+    """Make a shape a closed surface in its body's axes, its triangles counter-clockwise from outside.
 
     Of a mesh they are few, and corners that differ in their normals alone are one.
     """

@@ -31,16 +31,23 @@ SHAPE = 0.3  #: How well compliances are known beside a common factor, standard 
 
 @dataclass(frozen=True)
 class Held:
-    """Numbers that should lie in their 95 % intervals."""
+    """Count numbers that should lie in their 95 % intervals."""
 
     of: int
     inside: int
 
 
 def true_state(state: ArmState, truth: Truth) -> ArmState:
-    """A state with what the truth has of all its errors; its frames and mounts stay.
+    """Give a state the true values of all its errors; its frames and mounts stay.
 
     A joint's offset is a turn of the link before it about its axis, as in the model.
+
+    Args:
+        state: The calibrated arm.
+        truth: The true arm and how it was measured.
+
+    Returns:
+        The state.
     """
     vjm, theta, gears = state.vjm, truth.theta_0.copy(), truth.gears
     theta[_before(vjm)[1:]] += vjm.beam_axes[1:] * theta[6 * len(vjm.arm.links) + 1 :, None]
@@ -67,16 +74,28 @@ def _before(vjm: Vjm) -> Ids:
 
 
 def true_joints(vjm: Vjm, truth: Truth) -> Array:
-    """True compliance of every joint with that of the link before about its axis, (n,) [rad/(N m), m/N]."""
+    """Compute the true compliance of every joint with that of the link before it about its axis.
+
+    Args:
+        vjm: Kinematics of the arm.
+        truth: The true arm and how it was measured.
+
+    Returns:
+        Compliance, (n,) [rad/(N m), m/N].
+    """
     at, C = _before(vjm), truth.C_theta
     links = np.einsum("na,nab,nb->n", vjm.beam_axes, C[at[:, :, None], at[:, None]], vjm.beam_axes)
     return np.asarray(np.diag(C)[6 * len(vjm.arm.links) :] + links)
 
 
 def score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Array]:
-    """All numbers of a calibration that have an interval, beside the truth.
+    """Compare all numbers of a calibration that have an interval with the truth.
 
     A joint's true compliance has that of the link before it about its axis, of a rigid model's links too.
+
+    Args:
+        calibration: The calibration.
+        truth: The true arm and how it was measured.
 
     Returns:
         Of each part those numbers that the truth has, where there are some: joint errors have its orders. Of
@@ -96,10 +115,18 @@ def score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part, 
 
 
 def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
-    """Expected RMS distance from the true positions of the best linear estimate, at the truth.
+    """Compute the expected RMS distance from the true positions of the best linear estimate, at the truth.
 
     It knows the standard deviations that geometry, joint errors and noise were drawn with, which orders the
     joint errors have, and compliances to SHAPE around the true ones, and has no other errors to look for.
+
+    Args:
+        found: The readings, linearised.
+        truth: The true arm and how it was measured.
+        check: Series that judges.
+
+    Returns:
+        Distance [mm].
     """
     vjm, disturbances = found.state.vjm, truth.arm.disturbances
     assert disturbances.geometry is not None
@@ -130,7 +157,15 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
 
 
 def registered(calibration: Calibration, series: Series) -> RegisteredSeries:
-    """Frame and mount of a series as the calibration left them, with all that it left open between them."""
+    """Register a series by frame and mount as the calibration left them.
+
+    Args:
+        calibration: The calibration.
+        series: A series of absolute readings.
+
+    Returns:
+        The series with the covariance of its frame and mount.
+    """
     active, every = calibration.active, np.arange(calibration.active.unknowns.size)
     calibration.state.frame(series), calibration.state.mount(series)
     names = f"frame {series.frame}", f"mount {series.target}"

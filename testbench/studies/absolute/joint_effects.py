@@ -34,6 +34,9 @@ def joint_rows(
         joints: Of the arm, n.
         series: A and C.
         waves: Coefficients of periodic errors by what trained, joint by joint, sines then cosines [rad].
+
+    Returns:
+        The rows.
     """
     own = {by: UM * np.array(every).reshape(len(joints), 2, -1) for by, every in waves.items()}
     a, c = (np.degrees(one.q) for one in series)
@@ -65,6 +68,9 @@ def effect_rows(joints: Sequence[ArmJoint], series: Sequence[str], own: Trials) 
         joints: Of the arm.
         series: Their names.
         own: The row of the model that the effects are left by.
+
+    Returns:
+        The rows.
     """
     names = [(f"approach, {joint.name}", "urad") for joint in joints]
     names += [(f"drift of z, {name}", "um") for name in series]
@@ -90,9 +96,16 @@ def _far(angles: Array, known: Array) -> Array:
 
 
 def approach(state: ArmState, series: Series) -> Array:
-    """How far every joint stands apart by the side that it comes from, and half intervals, (n, 2) [rad, m].
+    """Compute how far every joint differs by the side from which it comes.
 
     Least squares over rows that follow the one before in the file; zero where none does.
+
+    Args:
+        state: The calibrated arm.
+        series: A series of absolute readings.
+
+    Returns:
+        Difference and half its interval, (n, 2) [rad, m].
     """
     one = in_time(series)
     came = np.flatnonzero(np.diff(one.row) == 1)
@@ -107,7 +120,15 @@ def approach(state: ArmState, series: Series) -> Array:
 
 
 def drift(state: ArmState, series: Series) -> Array:
-    """RMS of how z drifts in base axes, and half its interval, (2,) [m]: means of rows less their scatter."""
+    """Compute the RMS drift of z in base axes: means of rows less their scatter.
+
+    Args:
+        state: The calibrated arm.
+        series: A series of absolute readings.
+
+    Returns:
+        RMS and half its interval, (2,) [m].
+    """
     z = residuals(state, in_time(series))[0, 2]
     z = (z - z.mean())[: len(z) // TOGETHER * TOGETHER].reshape(-1, TOGETHER)
     squares = z.mean(axis=1) ** 2 - z.var(axis=1, ddof=1) / TOGETHER

@@ -127,12 +127,12 @@ JUDGING = 200  #: Random poses of C, never of those that trained, and about as m
 
 @dataclass(frozen=True)
 class Flags:
-    """Flags of the study: none, its readings are what they are."""
+    """Hold the flags of the study: none, its readings are what they are."""
 
 
 @dataclass(frozen=True)
 class RealSettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     thin: int  #: Every so many rows of the readings are taken.
     orders: int  #: Highest order of periodic errors.
@@ -142,7 +142,16 @@ class RealSettings:
 
 
 def settings(_: Flags, quick: bool, seeds: range) -> RealSettings:
-    """What the flags ask for: many random poses are dear, hence tried in few seeds."""
+    """Make the settings of the flags: many random poses are dear, hence tried in few seeds.
+
+    Args:
+        _: Not used.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
     if quick:
         return RealSettings(6, 30, (GEOMETRY, *RUNGS), seeds[0], {60: 1})
     return RealSettings(1, MAX_ORDER, tuple(LADDER), seeds[0], {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3})
@@ -153,7 +162,7 @@ Judged = tuple[str, Series, int | None]
 
 
 def read(thin: int) -> tuple[Cell, tuple[Series, ...]]:
-    """The arm, and every `thin`-th row of both series, called A and C."""
+    """Read the arm, and every `thin`-th row of both series, called A and C."""
     folder = find_arm(ARM)
     cell = build_cell(folder)
     series, _ = read_all([File(folder / "readings" / name) for name in FILES.values()], cell.arm)
@@ -164,7 +173,16 @@ def read(thin: int) -> tuple[Cell, tuple[Series, ...]]:
 def split(
     name: str, series: Sequence[Series], some: Ids | None = None
 ) -> tuple[tuple[Series, ...], tuple[Judged, ...]]:
-    """Readings that train, C's and some of A's if any, and others that judge; those of blocks judge twice."""
+    """Split readings into those that train, and those that judge; those of blocks judge twice.
+
+    Args:
+        name: Name of the split.
+        series: Series A and C.
+        some: Rows of A that train beside C; None for a named split.
+
+    Returns:
+        Series that train, and what judges.
+    """
     a, c = series
     if some is not None:
         rest = select_rows(a, np.setdiff1d(np.arange(a.rows), some))
@@ -182,7 +200,7 @@ def split(
 
 @dataclass(frozen=True)
 class RealFitRow:
-    """A model, as the readings that trained it made it, beside readings that judge it."""
+    """Hold a model, as the readings that trained it made it, and how it errs on readings that judge it."""
 
     split: str  #: One of SPLITS, or DRAW.
     name: str  #: Of the model.
@@ -205,7 +223,15 @@ class RealFitRow:
 
 
 def trials(asked: RealSettings, seeds: Sequence[int]) -> list[list[RealFitRow]]:
-    """Rows of some seeds; the seed draws the poses, and nothing else."""
+    """Make the rows of some seeds; the seed draws the poses, and nothing else.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+
+    Returns:
+        Rows of every seed.
+    """
     cell, series = read(asked.thin)
     found = []
     for seed in seeds:
@@ -215,9 +241,16 @@ def trials(asked: RealSettings, seeds: Sequence[int]) -> list[list[RealFitRow]]:
 
 
 def models_of(asked: RealSettings, name: str) -> list[str]:
-    """Models that are tried on a split: of the one that judges nothing, those that are looked into.
+    """List the models that are tried on a split.
 
     Choosing is dear: from one series to the other it is left out.
+
+    Args:
+        asked: Settings of the study.
+        name: Name of the split.
+
+    Returns:
+        Names of the models.
     """
     if name == BOTH:
         return [one for one in asked.models if one in (*RUNGS, CHOSEN)]
@@ -304,7 +337,16 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> RealFi
 
 
 def report(asked: RealSettings, seeds: range, trials: Trials) -> Report:
-    """Report the ladder as it is, and errors by number of random poses over the seeds."""
+    """Report the ladder as it is, and errors by number of random poses over the seeds.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        trials: Rows of the trials.
+
+    Returns:
+        The report.
+    """
     cell, series = read(asked.thin)
     ladder, told = trials.where(split=SPLITS), ("name", "split", "judged", "poses")
     errors = trials.where(judged=tuple(FILES)).keep(*told, "error.")

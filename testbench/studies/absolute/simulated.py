@@ -153,7 +153,7 @@ KNOWN = 1e-4  #: Standard deviation below which geometry is known [m, rad].
 
 @dataclass(frozen=True)
 class AbsoluteOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     arm: Annotated[
         list[str] | None, typer.Option(metavar="ARM", help="Arm to measure; repeatable, in turn.")
@@ -162,7 +162,7 @@ class AbsoluteOptions:
 
 @dataclass(frozen=True)
 class AbsoluteSettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     arms: tuple[str, ...]
     numbers: tuple[int, ...]  #: Of poses.
@@ -171,17 +171,25 @@ class AbsoluteSettings:
     first: int  #: The first seed, whose rows keep what is drawn.
 
     def arm_of(self, seed: int) -> str:
-        """The arm of a trial."""
+        """Return the arm of a trial."""
         return self.arms[seed % len(self.arms)]
 
     def numbers_of(self, seed: int) -> tuple[int, ...]:
-        """Numbers of poses of a trial."""
+        """Return the numbers of poses of a trial."""
         often = self.many and seed // len(self.arms) % EVERY == 0
         return (*self.numbers, self.many) if often else self.numbers
 
 
 def settings(options: AbsoluteOptions, quick: bool, seeds: range) -> AbsoluteSettings:
-    """What the flags ask for.
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
 
     Raises:
         BenchError: When there is no such arm, or one is there twice.
@@ -197,7 +205,7 @@ def settings(options: AbsoluteOptions, quick: bool, seeds: range) -> AbsoluteSet
 
 @dataclass(frozen=True)
 class AbsoluteFitRow:
-    """One fit of one campaign."""
+    """Hold one fit of one campaign."""
 
     arm: str
     true_arm: str  #: One of TRUE_ARMS.
@@ -227,7 +235,7 @@ class AbsoluteFitRow:
 
 @dataclass(frozen=True)
 class AbsoluteTrial:
-    """What is measured, and what explains it."""
+    """Describe what is measured, and what explains it."""
 
     true_arm: str  #: One of TRUE_ARMS.
     campaign: str  #: One of CAMPAIGNS.
@@ -238,7 +246,15 @@ class AbsoluteTrial:
 
 
 def trials(asked: AbsoluteSettings, seeds: Sequence[int]) -> list[list[AbsoluteFitRow]]:
-    """Rows of some seeds."""
+    """Make the rows of some seeds.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+
+    Returns:
+        Rows of every seed.
+    """
     cells = {name: build_cell(find_arm(name)) for name in asked.arms}
     return [
         [
@@ -327,7 +343,12 @@ def _row(
 
 
 def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> tuple[Array, Mask]:
-    """Positions by a calibration beside the true ones of a series that it has, and readings of these.
+    """Compare positions by a calibration with the true ones of a series that it has.
+
+    Args:
+        calibration: The calibration.
+        true: Series with true positions.
+        rng: Source of randomness.
 
     Returns:
         True position minus the model's, base axes, (rows, m, 3) [m], and which readings lie in their 95 %
@@ -354,7 +375,16 @@ def _geometry_off(fit: Calibration, truth: Truth, known: Array) -> float:
 
 
 def report(asked: AbsoluteSettings, seeds: range, trials: Trials) -> Report:
-    """Report by arm, true arm, campaign, number of poses and model."""
+    """Report by arm, true arm, campaign, number of poses and model.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        trials: Rows of the trials.
+
+    Returns:
+        The report.
+    """
     arms = [arm for arm in asked.arms if arm in trials.values("arm")]
     places = {name: trials.values(name) for name in BY} | {"arm": arms, "name": [*MODELS]}
     rows = [_merged(Row(zip(BY, key, strict=True)), own) for key, own in trials.groups(*BY)]

@@ -19,17 +19,25 @@ Errors = Mapping[str, Array]  #: Of every entry, arm by arm, (arms,) [mm].
 
 
 def incumbent(prior: bool) -> str:
-    """Whom a class has to beat: what `identify` does by default, without a prior joint stiffness only."""
+    """Name whom a class has to beat: the default of `identify`, without a prior joint stiffness only."""
     return DEFAULT if prior else JOINTS
 
 
 def begins(rows: Trials, words: str) -> Array:
-    """Which rows have a status that begins so, (rows,)."""
+    """Tell which rows have a status that begins with some words.
+
+    Args:
+        rows: Rows of the trials.
+        words: First words of the status.
+
+    Returns:
+        True for such a row, (rows,).
+    """
     return np.array([status.startswith(words) for status in rows["status"].tolist()], dtype=bool)
 
 
 def errors(rows: Trials) -> dict[str, Array]:
-    """Errors in one task and class, (arms,) [mm], the whole deflection at most: who fails errs by that.
+    """Collect errors in one task and class, (arms,) [mm]; who fails errs by the whole deflection.
 
     To skip is to fail, but for who skips every arm: such entries are left out.
     """
@@ -42,15 +50,22 @@ def errors(rows: Trials) -> dict[str, Array]:
 
 
 def overall(tasks: Sequence[Errors]) -> dict[str, Array]:
-    """Geometric means over tasks of those that take part in all of them, (arms,) [mm]."""
+    """Compute geometric means over tasks of those that take part in all of them, (arms,) [mm]."""
     names = [name for name in tasks[0] if all(name in own for own in tasks)]
     return {name: np.exp(np.mean([np.log(own[name]) for own in tasks], axis=0)) for name in names}
 
 
 def standings(found: Errors, rival: str) -> list[Row]:
-    """A row an entry, the best first: its errors over the rival's, its rank, whether they are tied.
+    """Rank entries, the best first: errors over the rival's, rank, whether they are tied.
 
     Both by geometric means over the arms; intervals of 95 % by resampling arms.
+
+    Args:
+        found: Errors by entry.
+        rival: Name of the rival.
+
+    Returns:
+        A row per entry.
     """
     names = list(found)
     L = np.log(np.array([found[name] for name in names])) - np.log(found[rival])
@@ -80,7 +95,7 @@ def _with(value: str, low: str, high: str) -> str:
 
 
 def quantities(rows: Trials) -> Row:
-    """What an entry did beside its ratio, over arms, or over arms and tasks."""
+    """Summarise what an entry did beside its ratio, over arms, or over arms and tasks."""
     done, failed = rows.where(status=DONE), int(begins(rows, FAILED).sum() + begins(rows, SKIPPED).sum())
     known = done.pick(np.isfinite(done["cover.covered_percent"].astype(float)))
     return Row(

@@ -32,7 +32,16 @@ SHORT = "name with_prior without_prior"
 
 
 def report(asked: BenchSettings, seeds: range, trials: Trials) -> Report:
-    """Standings over all tasks, and in each."""
+    """Rank the entries over all tasks, and in each.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        trials: Rows of the trials.
+
+    Returns:
+        The report.
+    """
     simulated = [name for name in asked.tasks if TASKS[name].arm != REAL] or asked.tasks
     boards = {words: _standings(trials, simulated, prior) for prior, words in CLASSES.items()}
     board = boards[CLASSES[True]]
@@ -128,7 +137,7 @@ def _tables(f: Row) -> dict[str, Table]:
 
 
 def figures(found: Report) -> Mapping[str, Figure]:
-    """Ratios arm by arm."""
+    """Draw the ratios arm by arm."""
     f = Row(found.numbers)
     board = f.board[CLASSES[True]]
     table = found.led(Table(columns("name over"), board))

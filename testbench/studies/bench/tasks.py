@@ -48,7 +48,15 @@ FOLDERS = (PACKAGE / "entries", PACKAGE.parent / "entries")
 
 
 def read_entries(asked: Sequence[str], limits: Limits) -> tuple[EstimatorSource, ...]:
-    """The floors, then the others asked for, FILE.py or as `--estimator`; raises as `read_estimators`."""
+    """Read the floors, then the other entries, FILE.py or as `--estimator`; raises as `read_estimators`.
+
+    Args:
+        asked: Entries as the command line names them.
+        limits: Limits of a call.
+
+    Returns:
+        The estimators.
+    """
     folder = next((folder for folder in FOLDERS if folder.is_dir()), FOLDERS[-1])
     floors = [folder / f"{name}{SUFFIX}" for name in FLOORS]
     others = [text for text in asked if Path(text).resolve() not in floors]
@@ -85,7 +93,7 @@ WRONG = ("link", "joints", "axes", "uncoupled")
 
 @dataclass(frozen=True)
 class Task:
-    """What is measured, of which arms."""
+    """Describe what is measured, of which arms."""
 
     what: str  #: In words.
     poses: int  #: Measured.
@@ -120,7 +128,7 @@ TASKS: Mapping[str, Task] = {
 
 @dataclass(frozen=True)
 class BenchProblem:
-    """What an entry is given, and what judges its answer."""
+    """Hold what an entry is given, and what judges its answer."""
 
     cell: Cell  #: The arm; its model has the targets where they were found.
     data: Dataset | Regression  #: Readings, or their equations where frame and geometry were unknown too.
@@ -133,12 +141,21 @@ class BenchProblem:
 
     @property
     def structure(self) -> Structure:
-        """All links and joints."""
+        """Return the structure of all links and joints."""
         return all153(self.cell.arm)
 
 
 def problem(task: Task, cell: Cell, seed: int) -> BenchProblem:
-    """What a task is with this seed; the cell is of its arm."""
+    """Make a task with this seed.
+
+    Args:
+        task: The task.
+        cell: The cell of its arm.
+        seed: Seed of the trial.
+
+    Returns:
+        What an entry is given, and what judges it.
+    """
     if task.arm == REAL:
         return _real(task, cell, seed)
     own, prior = task.arms[seed % len(task.arms)], task.priors[seed % len(task.priors)]
@@ -179,7 +196,15 @@ def _real(task: Task, cell: Cell, seed: int) -> BenchProblem:
 
 
 def observation_of(cell: Cell, truth: Dataset) -> Array:
-    """How parameters of all links and joints move targets, (runs, m, 3, n)."""
+    """Compute how parameters of all links and joints move targets.
+
+    Args:
+        cell: The arm with its model and its truth.
+        truth: True deflections.
+
+    Returns:
+        Rows of the observation matrix, (runs, m, 3, n).
+    """
     where, points = chain(cell.vjm, truth.q), marker_points(cell.vjm, truth.markers)
     return observation(where, all153(cell.arm), truth.wrench, truth.point, points)
 

@@ -39,7 +39,7 @@ SKIP = "raised NotImplementedError: "  #: How an entry says that a task, or clas
 
 @dataclass(frozen=True)
 class BenchOptions(LimitOptions):
-    """Flags of the bench."""
+    """Hold the flags of the bench."""
 
     entries: Annotated[
         list[str] | None,
@@ -50,7 +50,7 @@ class BenchOptions(LimitOptions):
 
 @dataclass(frozen=True)
 class BenchSettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     tasks: tuple[str, ...]  #: Names.
     versions: tuple[int, ...]  #: Of them.
@@ -60,7 +60,7 @@ class BenchSettings:
 
 @dataclass(frozen=True)
 class EntryRow:
-    """One answer."""
+    """Hold one answer."""
 
     name: str  #: Of the entry.
     structure: str  #: For its look.
@@ -79,7 +79,16 @@ class EntryRow:
 
 
 def settings(options: BenchOptions, quick: bool, seeds: range) -> BenchSettings:
-    """What the flags ask for; raises BenchError for a task or an entry that there is not."""
+    """Make the settings of the flags; raises BenchError for a task or an entry that there is not.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
     names = tuple(dict.fromkeys(options.task or TASKS))
     for name in names:
         if name not in TASKS:
@@ -90,7 +99,15 @@ def settings(options: BenchOptions, quick: bool, seeds: range) -> BenchSettings:
 
 
 def trials(asked: BenchSettings, seeds: Sequence[int]) -> list[list[EntryRow]]:
-    """Rows of some seeds, one an answer."""
+    """Make the rows of some seeds, one per answer.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+
+    Returns:
+        Rows of every seed.
+    """
     cells = {arm: build_cell(find_arm(arm)) for arm in {TASKS[name].arm for name in asked.tasks}}
     found: list[list[EntryRow]] = []
     check_unchanged(asked.own)
@@ -162,7 +179,15 @@ def _answered(row: EntryRow, own: BenchProblem, entry: EstimatorSource, prior: P
 
 
 def covariance(found: Array, n: int) -> Array:
-    """Covariance of parameters, (n, n); BenchError for what is none."""
+    """Check the covariance of parameters; BenchError for what is none.
+
+    Args:
+        found: What the entry returned.
+        n: Number of parameters.
+
+    Returns:
+        The covariance, (n, n).
+    """
     if found.shape != (n, n):
         raise BenchError(f"wrong shape of the covariance: expected ({n}, {n}), got {found.shape}")
     if not np.isfinite(found).all() or (np.diag(found) < 0).any():
@@ -173,6 +198,14 @@ def covariance(found: Array, n: int) -> Array:
 
 
 def half_widths(rows: Array, K: Array) -> Array:
-    """Of 95 % intervals of rows @ pi, rows (..., n), where pi is normal with covariance K, (n, n)."""
+    """Compute half widths of 95 % intervals of rows @ pi, where pi is normal.
+
+    Args:
+        rows: Rows, (..., n).
+        K: Covariance of pi, (n, n).
+
+    Returns:
+        Half widths, (...).
+    """
     z = quantile(np.inf, (1 + CONFIDENCE) / 2)
     return np.asarray(z * np.sqrt(((rows @ K) * rows).sum(axis=-1).clip(0)))

@@ -65,7 +65,7 @@ Options = CampaignOptions  #: Flags of the study.
 
 @dataclass(frozen=True)
 class CalibrationSettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     arm: str  #: Folder or name of the arm.
     scenario: Scenario  #: The campaign.
@@ -75,7 +75,16 @@ class CalibrationSettings:
 
 
 def settings(options: CampaignOptions, quick: bool, seeds: range) -> CalibrationSettings:
-    """What the flags ask for."""
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
     scenario = options.scenario(QUICK_WORKSPACE if quick else 200)
     return CalibrationSettings(options.arm, scenario, options.true_arm, seeds[0])
 
@@ -83,7 +92,16 @@ def settings(options: CampaignOptions, quick: bool, seeds: range) -> Calibration
 def trials(
     asked: CalibrationSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
 ) -> list[list[CampaignRow]]:
-    """Rows of some seeds, one a model; estimators of one's own are the last."""
+    """Make the rows of some seeds, one per model; the user's estimators are the last.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        own: Estimators of the user.
+
+    Returns:
+        Rows of every seed.
+    """
     cell, found = build_cell(find_arm(asked.arm)), []
     models = estimator_models(own)
     for seed in seeds:
@@ -95,13 +113,31 @@ def trials(
 
 
 def calibrate(cell: Cell, asked: CalibrationSettings, seed: int) -> tuple[Cell, Campaign]:
-    """The same model of the true arm of a seed, and its campaign."""
+    """Simulate the campaign of a seed's true arm.
+
+    Args:
+        cell: The arm with its model and its truth.
+        asked: Settings of the study.
+        seed: Seed of the trial.
+
+    Returns:
+        The cell with that arm, and its campaign.
+    """
     true = true_cell(cell, true_arm_of_seed(asked.true_arm, seed), seed)
     return true, simulate_at(true, asked.scenario, seed, draw_poses(cell, asked.scenario, seed))
 
 
 def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> list[Result]:
-    """Baselines, the paper's models with and without a trace weight, structures with a prior, and more."""
+    """Identify baselines, the paper's models, structures with a prior, and more models.
+
+    Args:
+        cell: The arm with its model and its truth.
+        campaign: The simulated campaign.
+        more: Other models.
+
+    Returns:
+        A result per model.
+    """
     structures = [*named_models(cell, WITH_PRIOR), without_cone(cell)]
     filled = with_priors(cell.arm, structures, wrong_prior(cell, campaign.seed))
     plain = plain_models(cell, WITHOUT_PRIOR)
@@ -128,7 +164,7 @@ Kind = Literal["linearised", "bootstrap", "posterior", "set", "learnt", "believe
 
 @dataclass(frozen=True)
 class CoverageCase:
-    """What datasets are drawn for."""
+    """Describe what datasets are drawn for."""
 
     name: str  #: Arm and model, for reports.
     regression: Regression  #: Poses, loads and sigmas.
@@ -139,7 +175,7 @@ class CoverageCase:
 
 @dataclass(frozen=True)
 class Covered:
-    """Intervals of one kind from one dataset."""
+    """Hold intervals of one kind from one dataset."""
 
     name: str  #: Case and method.
     kind: Kind  #: What the intervals are.
@@ -148,7 +184,7 @@ class Covered:
 
 
 def full_pose_case(cell: Cell) -> CoverageCase:
-    """Section 5.2: full poses read, template of 56 unknowns, 32 directions and every deflection seen."""
+    """Make the case of section 5.2: full poses read, 56 unknowns, every deflection seen."""
     campaign = simulate_full_pose(cell, FullPose(arm=cell.arm.name, check_runs=CHECKS), 1)
     structure = template56(cell.arm)
     rows = _deflections(cell, structure, campaign.check, np.zeros((1, 3)))
@@ -156,7 +192,7 @@ def full_pose_case(cell: Cell) -> CoverageCase:
 
 
 def gravity_cases(cell: Cell) -> list[CoverageCase]:
-    """Section 6: markers read under a hung weight; most deflections elsewhere are not seen."""
+    """Make the cases of section 6: markers read under a hung weight; most deflections are not seen."""
     scenario = Scenario(arm=cell.arm.name, truth="linear", workspace_poses=CHECKS)
     campaign = simulate(cell, scenario, 1)
     data, where, marker = campaign.identification, campaign.truth, cell.vjm.markers[:1]
@@ -180,7 +216,16 @@ def _deflections(cell: Cell, structure: Structure, where: Dataset, targets: Arra
 
 
 def fitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:
-    """Posterior and bootstrap intervals of least squares and GCO without a prior, from dataset k."""
+    """Compute posterior and bootstrap intervals of least squares and GCO without a prior, from dataset k.
+
+    Args:
+        case: What datasets are drawn for.
+        k: Number of the dataset.
+        bootstrapped: Whether bootstrap intervals are computed.
+
+    Returns:
+        The intervals.
+    """
     rng, truth, rows = trial_rng(k), case.functionals @ case.truth, case.functionals
     regression = resampler(case.regression)(case.truth, rng)
     fits = ((minimum_norm(regression), "least squares", DRAWS_LS), (solve_gco(regression), "GCO", DRAWS_GCO))
@@ -195,10 +240,18 @@ def fitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:
 
 
 def posterior(case: CoverageCase, k: int, strength: Strength = DRAWN_STRENGTH) -> list[Covered]:
-    """Posterior intervals where the truth of dataset k is a draw of the prior; that of the case is not used.
+    """Compute posterior intervals where the truth of dataset k is a draw of the prior.
 
     It is x = s e + u N(0, 1) in the metric, drawn again until it is conservative; s = 1 where the prior
     leaves the scale to the data, else s is drawn too.
+
+    Args:
+        case: What datasets are drawn for.
+        k: Number of the dataset.
+        strength: Strength of the prior.
+
+    Returns:
+        The intervals.
     """
     rng = trial_rng(k)
     pi = case.metric.L @ draw_conservative(case.metric, strength, rng)
@@ -212,7 +265,15 @@ def posterior(case: CoverageCase, k: int, strength: Strength = DRAWN_STRENGTH) -
 
 
 def draw_conservative(metric: PriorScaling, strength: Strength, rng: np.random.Generator) -> Array:
-    """A conservative draw of a prior, x, (n,): normal draws until one is positive semi-definite.
+    """Draw a conservative x, (n,), of a prior: normal draws until one is positive semi-definite.
+
+    Args:
+        metric: Metric of the prior.
+        strength: Strength of the prior.
+        rng: Source of randomness.
+
+    Returns:
+        x, (n,) [1].
 
     Raises:
         BenchError: When there is none: the uncertainty is too large for the blocks.
@@ -231,7 +292,15 @@ def draw_conservative(metric: PriorScaling, strength: Strength, rng: np.random.G
 
 
 def bounded(case: CoverageCase, k: int) -> Covered:
-    """Set-based bounds from dataset k: they hold all true deflections at once as often as stated."""
+    """Compute set-based bounds from dataset k: they hold all true deflections at once as often as stated.
+
+    Args:
+        case: What datasets are drawn for.
+        k: Number of the dataset.
+
+    Returns:
+        The bounds.
+    """
     regression = resampler(case.regression)(case.truth, trial_rng(k))
     models = fit_set(regression, case.metric, CONFIDENCE)
     seen = bounds(models, case.functionals)
@@ -240,10 +309,17 @@ def bounded(case: CoverageCase, k: int) -> Covered:
 
 
 def of_family(cell: Cell, seed: int) -> Iterator[Covered]:
-    """Intervals of `identify` on another arm of the family, with another wrong prior, in every dataset.
+    """Compute intervals of `identify` on another arm of the family, with another wrong prior.
 
     All links and joints, the prior learnt from the readings as `identify` does by default, and beside it
     believed to `ASSUMED_STRENGTH` whatever the readings say.
+
+    Args:
+        cell: The arm with its model and its truth.
+        seed: Seed of the trial.
+
+    Yields:
+        The intervals of every truth and prior.
     """
     arm = true_cell(cell, true_arm_of_seed(FAMILY, seed), seed)
     for (truth, name), words in TRIED.items():

@@ -22,7 +22,7 @@ from testbench.plant.disturbance import STIFF_COMPENSATOR, TYPICAL, Disturbances
 from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.tracker import trial_rng
-from testbench.plant.true_arms import FAMILY, HELD_OUT, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY, HELD_OUT, true_arm_of_seed, true_arms
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Cover,
@@ -62,7 +62,7 @@ SWITCHES: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class DisturbanceOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     scale: Annotated[
         float, typer.Option(min=0, max=10, metavar="X", help="Size of disturbances over the typical size.")
@@ -86,7 +86,7 @@ class DisturbanceOptions:
 
 @dataclass(frozen=True)
 class DisturbanceSettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     arm: str  #: Folder or name of the arm.
     first: int  #: The first seed.
@@ -100,12 +100,21 @@ class DisturbanceSettings:
 
 
 def settings(options: DisturbanceOptions, quick: bool, seeds: range) -> DisturbanceSettings:
-    """What the flags ask for; raises BenchError for a disturbance or a true arm that does not exist."""
+    """Make the settings of the flags; BenchError for a disturbance or a true arm that does not exist.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
     disturbances(options.scale, options.only or ())
     arms, sizes = tuple(options.arms or HELD_OUT), tuple(options.sizes or SIZES)
     for name in arms:
-        if name not in HELD_OUT:
-            raise BenchError(f"--arms: expected some of {', '.join(HELD_OUT)}, got {name!r}")
+        if name not in kinds_held_out():
+            raise BenchError(f"--arms: expected some of {', '.join(kinds_held_out())}, got {name!r}")
     workspace = QUICK_WORKSPACE if quick else DisturbanceSettings.workspace
     only, sigma = tuple(options.only or ()), options.sigma_um / 1e6
     alone = options.true_arm != FAMILY and options.arms is None
@@ -122,10 +131,22 @@ def settings(options: DisturbanceOptions, quick: bool, seeds: range) -> Disturba
     )
 
 
+def kinds_held_out() -> list[str]:
+    """Name the kinds of true arms that are not of the family: ours, and those that users add."""
+    return [*HELD_OUT, *true_arms.added]
+
+
 def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:
-    """What disturbs the arm by case, `scale` times as much as typical: none, each, stiff compensator, all.
+    """List what disturbs the arm by case: none, each, the stiff compensator, all.
 
     Those of `only` are kept beside none, and all together are these alone; BenchError for one unknown.
+
+    Args:
+        scale: Size over the typical one [1].
+        only: Names of the disturbances; empty for all.
+
+    Returns:
+        Disturbances by case.
     """
     for name in only:
         if name not in SWITCHES:
@@ -152,7 +173,7 @@ IN_FAMILY, BESIDE_IT = "family", "beside"  #: Parts of a trial.
 
 @dataclass(frozen=True, kw_only=True)
 class DisturbedRow(CampaignFitRow):
-    """One model in one case of one true arm."""
+    """Hold one model in one case of one true arm."""
 
     size: float  #: Of the disturbances, over those of the cases [1].
     deflection_um: float  #: What is to be predicted, RMS.
@@ -161,7 +182,16 @@ class DisturbedRow(CampaignFitRow):
 
 @each_seed
 def trials(asked: DisturbanceSettings, seed: int, estimators: Models) -> Iterator[DisturbedRow]:
-    """Rows of a seed, one a fit."""
+    """Make the rows of a seed, one per fit.
+
+    Args:
+        asked: Settings of the study.
+        seed: Seed of the trial.
+        estimators: Estimators of the user.
+
+    Yields:
+        The rows.
+    """
     cell = build_cell(find_arm(asked.arm))
     every = with_wrong_priors(cell, MODELS, MODELS, seed, estimators)
     models = [model for model in every if model.name != ONLY_WITH_PRIOR]
@@ -223,7 +253,17 @@ def _beside(
 
 
 def disturbed(cell: Cell, campaign: Campaign, own: Disturbances, seed: int) -> tuple[Dataset, Dataset]:
-    """Noise-free runs to identify from, and those to be judged by, of a disturbed arm, one for every case."""
+    """Simulate noise-free runs of a disturbed arm, one for every case.
+
+    Args:
+        cell: The arm with its model and its truth.
+        campaign: The simulated campaign.
+        own: The disturbances.
+        seed: Seed of the trial.
+
+    Returns:
+        Runs to identify from, and those that judge.
+    """
     true = disturb(cell.plant, own, trial_rng(seed, 20))
     found = []
     for arm, runs in ((true, campaign.identification), (exactly_loaded(true), campaign.truth)):

@@ -5,7 +5,7 @@ in the same poses, and fewer poses are the first of them. Over as many trials as
 meets every prior once: a Latin square.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -21,6 +21,7 @@ from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import TRUTHS
+from testbench.report.table import Cells, Trials
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Cover,
@@ -47,6 +48,7 @@ RUNS = 2  #: In every pose.
 QUICK_WORKSPACE = 40
 CHOSEN = "default"  #: What `workflows.model_selection` chooses from the readings.
 MODELS_WITHOUT_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+SAID = ("doubted", "told", "unchecked", "otherwise", "either")  #: Columns of what is said of a prior.
 SHOWN = "cast"  #: The true arm whose readings are left as a dataset.
 COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
 """Whose intervals are judged; those of joints alone show what noise alone would promise."""
@@ -54,7 +56,7 @@ COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
 
 @dataclass(frozen=True)
 class FamilyOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     arm: ArmFlag = "kr500_l480"
     stiffer: Annotated[
@@ -64,7 +66,7 @@ class FamilyOptions:
 
 @dataclass(frozen=True)
 class FamilySettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     arm: str  #: Folder or name of the arm.
     first: int  #: The first seed.
@@ -75,7 +77,7 @@ class FamilySettings:
 
 @dataclass(frozen=True)
 class Doubted:
-    """What the readings are said to tell of the prior."""
+    """Hold what the readings are said to tell of the prior."""
 
     contradicted: tuple[str, ...]  #: Links and joints, or "joints", whose scales they contradict.
     #: Links and joints that may be off as the wrong link is; None where no link of the prior is wrong.
@@ -84,7 +86,7 @@ class Doubted:
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyMethodRow(CampaignFitRow):
-    """One method in one case."""
+    """Hold one method in one case."""
 
     wrong: str | None  #: What is ten times off in the prior: a link's name, or "joints"; None for nothing.
     #: Of a wrong link: RMS of the true deflection over the workspace that is its own, over the whole [1].
@@ -95,14 +97,32 @@ class FamilyMethodRow(CampaignFitRow):
 
 
 def settings(options: FamilyOptions, quick: bool, seeds: range) -> FamilySettings:
-    """What the flags ask for."""
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
     workspace = QUICK_WORKSPACE if quick else FamilySettings.workspace
     return FamilySettings(options.arm, seeds[0], workspace=workspace, stiffer=options.stiffer)
 
 
 @each_seed
 def trials(asked: FamilySettings, seed: int, own: Models) -> Iterator[FamilyMethodRow]:
-    """Rows of a seed, one a truth, method and number of poses."""
+    """Make the rows of a seed, one per truth, method and number of poses.
+
+    Args:
+        asked: Settings of the study.
+        seed: Seed of the trial.
+        own: Estimators of the user.
+
+    Yields:
+        The rows.
+    """
     cell = build_cell(find_arm(asked.arm))
     plain, bare = plain_models(cell, MODELS_WITHOUT_PRIOR), to_fill(cell)
     poses = draw_poses(cell, scenario(asked), seed)
@@ -125,20 +145,20 @@ def trials(asked: FamilySettings, seed: int, own: Models) -> Iterator[FamilyMeth
 
 
 def to_fill(cell: Cell) -> list[Model]:
-    """Methods that are fitted with a prior, learnt from the readings."""
+    """List methods that are fitted with a prior, learnt from the readings."""
     joints, mgco56, mgco68, all153 = (MODELS[name](cell) for name in (JOINTS, "MGCO56", "MGCO68", "ALL153"))
     beams = replace(mgco56, name="MLS56", estimator=least_squares)
     return [joints, beams, without_cone(cell), mgco56, mgco68, all153]
 
 
 def pairs(seed: int) -> list[tuple[str, str]]:
-    """The truths of a trial, each with its prior: a row of a Latin square."""
+    """Pair the truths of a trial, each with its prior: a row of a Latin square."""
     priors = list(PRIORS)
     return [(truth, priors[(k + seed) % len(priors)]) for k, truth in enumerate(TRUTHS)]
 
 
 def scenario(asked: FamilySettings) -> Scenario:
-    """What is measured, without noise."""
+    """Describe what is measured, without noise."""
     return Scenario(
         arm=find_arm(asked.arm).name,
         noise=False,
@@ -152,7 +172,7 @@ def scenario(asked: FamilySettings) -> Scenario:
 
 
 def read(campaign: Campaign) -> list[Dataset]:
-    """The runs in few and in many poses, with noise."""
+    """Read the runs in few and in many poses, with noise."""
     every = reread(campaign.identification, campaign.scenario.sigma, trial_rng(campaign.seed, 1))
     return [select(every, every.pose <= poses) for poses in POSES]
 
@@ -211,3 +231,30 @@ def _doubted(cell: Cell, link: int | None, estimate: Estimate, prior: Prior) -> 
         for k in range(0, 6 * len(cell.arm.links), 6)
     ]
     return Doubted(heard, left.stiffer if traces[link] > np.median(traces) else left.softer)
+
+
+def said_of_prior(rows: Trials) -> Mapping[str, Cells]:
+    """Judge in every case what is said of its prior, 0 or 1; NaN where nothing can be.
+
+    The columns are `SAID`: something is doubted, the wrong link is named, it is listed as unchecked, it is
+    listed where another one is wrong, and either of the second and third.
+    """
+    wrong, heard, left = (rows[key] for key in ("wrong", "doubted.contradicted", "doubted.unchecked"))
+    named = [(link, open_) for link, open_ in zip(wrong, left, strict=True) if open_ is not None and link]
+    others = {  # how often a link is named where another one is wrong
+        link: float(np.mean(own))
+        for link in dict(named)
+        if (own := [link in open_ for other, open_ in named if other != link])
+    }
+    asked, listed, known = (np.array([own is not None for own in each]) for each in (heard, left, wrong))
+    doubted, told, unchecked, otherwise = (
+        np.where(counts, np.array(each, dtype=float), np.nan)
+        for counts, each in (
+            (asked, [len(own or ()) > 0 for own in heard]),
+            (asked & known, [link in (own or ()) for link, own in zip(wrong, heard, strict=True)]),
+            (listed, [link in (own or ()) for link, own in zip(wrong, left, strict=True)]),
+            (listed & known, [others.get(link, np.nan) for link in wrong]),
+        )
+    )
+    either = np.where(np.isnan(unchecked), np.nan, np.fmax(told, unchecked))
+    return dict(zip(SAID, (doubted, told, unchecked, otherwise, either), strict=True))

@@ -22,7 +22,7 @@ from testbench.identify.solve import solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
 from testbench.plant.tracker import trial_rng
-from testbench.plant.true_arms import TRUTHS
+from testbench.plant.true_arms import true_arms
 from testbench.studies.campaign.report import Compared, with_prior, without_prior
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
@@ -46,7 +46,7 @@ Kind = Literal["gravity", "full_pose"]
 
 @dataclass(frozen=True)
 class CellGrid:
-    """The cells of one kind of reading."""
+    """Describe the cells of one kind of reading."""
 
     arm: str  #: Name of the arm.
     poses: tuple[int, ...]  #: Ascending: fewer poses are the first ones of the most.
@@ -54,7 +54,7 @@ class CellGrid:
 
     @property
     def cells(self) -> list[tuple[int, float]]:
-        """Poses and noise of every cell."""
+        """List poses and noise of every cell."""
         return [(poses, sigma) for poses in self.poses for sigma in self.sigmas]
 
 
@@ -75,7 +75,7 @@ ONE = np.sqrt(0.5)  #: Sigma of a reading at which F_M is the RMS distance itsel
 
 @dataclass(frozen=True)
 class GridOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     truth: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Kind of true arm; repeatable (default: four).")
@@ -84,7 +84,7 @@ class GridOptions:
 
 @dataclass(frozen=True)
 class GridSettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     first: int  #: The first seed.
     truths: tuple[str, ...] = FAMILY
@@ -99,13 +99,13 @@ class GridSettings:
 
     @property
     def grids(self) -> dict[Kind, CellGrid]:
-        """By kind of reading."""
+        """Return the grids by kind of reading."""
         return {"gravity": self.gravity, "full_pose": self.full_pose}
 
 
 @dataclass(frozen=True, kw_only=True)
 class GridMethodRow(CampaignFitRow):
-    """One method in one cell: `name` is the method, `structure` that of the compared models."""
+    """Hold one method in one cell: `name` is the method, `structure` that of the compared models."""
 
     uncertainty: str  #: Of the CAD prior, the same for both, or none.
     binds: bool  #: Whether the cone changes the fit: nothing conservative fits as well as least squares.
@@ -114,15 +114,23 @@ class GridMethodRow(CampaignFitRow):
 
 
 def settings(options: GridOptions, quick: bool, seeds: range) -> GridSettings:
-    """What the flags ask for.
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
 
     Raises:
         BenchError: When there is no such truth, or one is there twice.
     """
     truths = tuple(options.truth or FAMILY)
     for name in truths:
-        if name not in TRUTHS or truths.count(name) > 1:
-            raise BenchError(f"--truth: expected different ones of {', '.join(TRUTHS)}, got {name!r}")
+        if name not in true_arms or truths.count(name) > 1:
+            raise BenchError(f"--truth: expected different ones of {', '.join(true_arms)}, got {name!r}")
     found = GridSettings(seeds[0], truths)
     if not quick:
         return found
@@ -133,7 +141,16 @@ def settings(options: GridOptions, quick: bool, seeds: range) -> GridSettings:
 
 @each_seed
 def trials(asked: GridSettings, seed: int, own: Models) -> Iterator[GridMethodRow]:
-    """Rows of a seed, one a method, structure, truth, prior and cell of the grids."""
+    """Make the rows of a seed, one per method, structure, truth, prior and cell of the grids.
+
+    Args:
+        asked: Settings of the study.
+        seed: Seed of the trial.
+        own: Estimators of the user.
+
+    Yields:
+        The rows.
+    """
     for kind, grid in asked.grids.items():
         cell = build_cell(find_arm(grid.arm))
         yield from _rows(cell, kind, asked, seed, own(cell, None))
@@ -141,18 +158,18 @@ def trials(asked: GridSettings, seed: int, own: Models) -> Iterator[GridMethodRo
 
 @dataclass(frozen=True)
 class Clean:
-    """An arm's true deflections."""
+    """Hold an arm's true deflections."""
 
     runs: Dataset  #: In the poses to identify from.
     judge: Dataset  #: In poses never measured.
     seed: int  #: Of poses, truth and noise.
 
     def first(self, poses: int) -> Mask:
-        """Which runs are in the first poses, (runs,)."""
+        """Tell which runs are in the first poses, (runs,)."""
         return np.asarray(np.isin(self.runs.pose, np.unique(self.runs.pose)[:poses]))
 
     def read(self, grid: CellGrid) -> list[Dataset]:
-        """Every cell's runs with noise: at every level, and in every cell, the same random numbers."""
+        """Read every cell's runs with noise: at every level, and in every cell, the same random numbers."""
         noisy = {sigma: reread(self.runs, sigma, trial_rng(self.seed, 1)) for sigma in grid.sigmas}
         return [select(noisy[sigma], self.first(poses)) for poses, sigma in grid.cells]
 
@@ -239,9 +256,18 @@ def _compared(
 
 
 def expected(vjm: Vjm, clean: Clean, grid: CellGrid, regressions: Sequence[Regression]) -> Array:
-    """RMS error in poses never measured that noise is expected to leave least squares, (cells,) [um].
+    """Predict the RMS error in poses never measured that noise leaves least squares.
 
     From rows and sigma alone; where the data leave directions free it is that of the directions seen.
+
+    Args:
+        vjm: Kinematics of the arm.
+        clean: True deflections.
+        grid: The cells.
+        regressions: Reduced dataset of every cell.
+
+    Returns:
+        Error, (cells,) [um].
     """
     rows = reduce(vjm, regressions[0].structure, replace(clean.judge, sigma=ONE)).terms[0].R
     first = {poses: k for k, (poses, _) in reversed(list(enumerate(grid.cells)))}

@@ -47,7 +47,7 @@ LOST, MISREAD, BY = 0.1, 0.05, 1e-3
 
 @dataclass(frozen=True)
 class Drift:
-    """How far the tracker's frame moves between the unloaded and the loaded reading of a run."""
+    """Describe how far the tracker's frame moves between the unloaded and the loaded reading of a run."""
 
     shift: float  #: Standard deviation of the frame's displacement along each axis [m].
     turn: float  #: The same of its rotation about each axis through the station [rad].
@@ -66,15 +66,34 @@ DRIFT = Drift(shift=20e-6, turn=5e-6)
 def drifted(
     readings: Array, drift: Drift, station: tuple[float, float, float], rng: np.random.Generator
 ) -> Array:
-    """Readings, (runs, m, 3) [m], in a frame that has moved, and turned about its station, for each run."""
+    """Move and turn the frame of readings about its station, anew for each run.
+
+    Args:
+        readings: Positions, (runs, m, 3) [m].
+        drift: Sizes of shift and turn.
+        station: Origin of the tracker's beam [m].
+        rng: Source of randomness.
+
+    Returns:
+        Positions, (runs, m, 3) [m].
+    """
     shift, turn = (size * rng.standard_normal((len(readings), 1, 3)) for size in (drift.shift, drift.turn))
     return np.asarray(readings + shift + np.cross(turn, readings - np.array(station)))
 
 
 def spoil(data: Dataset, share: float, size: float, rng: np.random.Generator) -> tuple[Dataset, Mask]:
-    """A dataset with some loaded readings off, each in a random direction; and which those are, (runs, m).
+    """Put some loaded readings off, each in a random direction.
 
     They are `share` of all [1], rounded to whole readings, off by `size` [m]; orientations stay as they are.
+
+    Args:
+        data: Measured runs.
+        share: Share of the readings [1].
+        size: Distance by which they are off [m].
+        rng: Source of randomness.
+
+    Returns:
+        The dataset, and which readings are off, (runs, m).
 
     Raises:
         BenchError: When the share is outside [0, 1] or the size is not a finite number of at least 0.
@@ -94,9 +113,18 @@ def spoil(data: Dataset, share: float, size: float, rng: np.random.Generator) ->
 def readings(
     clean: Dataset, flat: Dataset, distances: Sequence[float], seed: int
 ) -> Iterator[tuple[str, float, Dataset]]:
-    """Name of the instrument, its distance from the work area [m], its readings; the flat one is nowhere.
+    """Read the same poses by every instrument, the one of flat noise first.
 
     `clean` readings are without noise, `flat` ones have noise alike along all axes.
+
+    Args:
+        clean: Readings without noise.
+        flat: Readings with noise alike along all axes.
+        distances: Distances of the trackers from the work area [m].
+        seed: Seed of the trial.
+
+    Yields:
+        Name of the instrument, its distance [m], its readings.
     """
     yield FLAT, 0.0, flat
     for distance in distances:
@@ -114,7 +142,17 @@ def readings(
 
 
 def by_laser(clean: Dataset, tracker: LaserTracker, seed: int, drift: Drift | None = None) -> Dataset:
-    """A noise-free dataset read by a laser tracker, weighted by what it knows of itself: not of its drift."""
+    """Read a noise-free dataset by a laser tracker, weighted by what it knows of itself: not of its drift.
+
+    Args:
+        clean: Readings without noise.
+        tracker: The tracker.
+        seed: Seed of the trial.
+        drift: Motion of its frame; None for none.
+
+    Returns:
+        The readings.
+    """
     rng = trial_rng(seed, 1)
     before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
     if drift is not None:
@@ -123,7 +161,7 @@ def by_laser(clean: Dataset, tracker: LaserTracker, seed: int, drift: Drift | No
 
 
 def unweighted(data: Dataset) -> Dataset:
-    """The same readings weighted alike along every axis, by the sigma that they have in the mean."""
+    """Weigh readings alike along every axis, by the sigma that they have in the mean."""
     assert data.precision is not None
     covariance = np.linalg.inv(data.precision)  # of the difference of two readings
     variance = np.trace(covariance, axis1=2, axis2=3).mean() / 6  # three axes, two readings
@@ -151,7 +189,7 @@ NEAR = 4.0  #: Distance at which instruments are compared [m].
 
 @dataclass(frozen=True)
 class NoiseOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     sigma_um: Annotated[
         list[float] | None, typer.Option(metavar="UM", help="Noise per axis, beside 0; repeatable.")
@@ -161,7 +199,7 @@ class NoiseOptions:
 
 @dataclass(frozen=True)
 class NoiseSettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     first: int  #: The first seed of all: the parts with fewer trials have the first ones.
     sigmas: tuple[float, ...] = (0.0, 10e-6, 25e-6, 50e-6, 100e-6, 200e-6)  #: Of a reading along an axis [m].
@@ -172,7 +210,15 @@ class NoiseSettings:
 
 
 def settings(options: NoiseOptions, quick: bool, seeds: range) -> NoiseSettings:
-    """What the flags ask for: levels ascending, no noise at all among them.
+    """Make the settings of the flags: levels ascending, no noise at all among them.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
 
     Raises:
         BenchError: When a level is out of range or there twice, or none is above 0.
@@ -193,7 +239,16 @@ def settings(options: NoiseOptions, quick: bool, seeds: range) -> NoiseSettings:
 
 @each_seed
 def trials(asked: NoiseSettings, seed: int, own: Models) -> Iterator[CampaignFitRow]:
-    """Rows of a seed, one a fit."""
+    """Make the rows of a seed, one per fit.
+
+    Args:
+        asked: Settings of the study.
+        seed: Seed of the trial.
+        own: Estimators of the user.
+
+    Yields:
+        The rows.
+    """
     arm = true_arm_of_seed(asked.true_arm, seed)
     light, heavy = build_cell(find_arm(LIGHT)), build_cell(find_arm(HEAVY))
     cell, models = true_cell(light, arm, seed), with_wrong_priors(light, SIX_DOF, SIX_DOF_PRIOR, seed, own)

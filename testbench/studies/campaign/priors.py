@@ -56,7 +56,7 @@ Filling = Literal["none", "least trace", "prior", "log-det prior"]
 
 @dataclass(frozen=True)
 class Filler:
-    """A method that takes a prior."""
+    """Describe a method that takes a prior."""
 
     name: str  #: Behind that of the structure.
     filling: Filling
@@ -65,14 +65,14 @@ class Filler:
 
 @dataclass(frozen=True)
 class FilledModel(Model):
-    """A model, and what fills what the data do not see."""
+    """Hold a model, and what fills what the data do not see."""
 
     filling: Filling = "none"
 
 
 @dataclass(frozen=True)
 class PriorOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     arm: ArmFlag = "kr500_l480"
     campaigns: Annotated[int, typer.Option(min=1, metavar="N", help="Trials that also run a campaign.")] = 20
@@ -80,7 +80,7 @@ class PriorOptions:
 
 @dataclass(frozen=True)
 class PriorSettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     arm: str  #: Folder or name of the arm.
     scenario: Scenario  #: The campaign; its truth and number of poses are varied.
@@ -96,7 +96,7 @@ class PriorSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PriorMethodRow(CampaignFitRow):
-    """One method in one case."""
+    """Hold one method in one case."""
 
     filling: Filling
     scale: float | None = None  #: How many times too soft the prior is, where that is varied.
@@ -105,7 +105,7 @@ class PriorMethodRow(CampaignFitRow):
 
 @dataclass(frozen=True)
 class TrialRow:
-    """One fit of a campaign, or the intervals of one dataset."""
+    """Hold one fit of a campaign, or the intervals of one dataset."""
 
     fit: PriorMethodRow | None = None
     intervals: Covered | None = None
@@ -113,7 +113,16 @@ class TrialRow:
 
 
 def settings(options: PriorOptions, quick: bool, seeds: range) -> PriorSettings:
-    """What the flags ask for."""
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
     found = PriorSettings(
         arm=options.arm,
         scenario=of_arm(load_arm(options.arm), Scenario(arm=find_arm(options.arm).resolve().name)),
@@ -128,7 +137,16 @@ def settings(options: PriorOptions, quick: bool, seeds: range) -> PriorSettings:
 
 @each_seed
 def trials(asked: PriorSettings, seed: int, own: Models) -> Iterator[TrialRow]:
-    """Fits of the campaign of a seed, then intervals."""
+    """Make the fits of the campaign of a seed, then intervals.
+
+    Args:
+        asked: Settings of the study.
+        seed: Seed of the trial.
+        own: Estimators of the user.
+
+    Yields:
+        The rows.
+    """
     cell = build_cell(find_arm(asked.arm))
     heavy = coverage.gravity_cases(cell)
     if seed - asked.first < asked.campaigns:

@@ -12,6 +12,7 @@ directions that no reading sees: `equal` fills them so that least squares is con
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -32,7 +33,7 @@ from testbench.report.report import Report, say
 from testbench.report.schema import Table, best_of, pivot
 from testbench.report.table import SHARED, TRIAL, Row, Trials, aligned, merged, number, shared
 from testbench.runs.spread import Number, Spread, middle, span, wins
-from testbench.studies.study import DEFAULT_WITHOUT_CONE, Study
+from testbench.studies.study import DEFAULT_WITHOUT_CONE, Study, own_arm
 from testbench.workflows.model_selection import DEFAULT
 from testbench.workflows.models import JOINTS
 
@@ -66,7 +67,7 @@ RIVALS = "rivals"  #: Name of the table of pairs.
 
 @dataclass(frozen=True)
 class TrialTable:
-    """A table of the trials: one quantity by two factors, or several quantities of each row."""
+    """Describe a table of the trials: one quantity by two factors, or several quantities of each row."""
 
     title: str
     down: str = "name"  #: Column that names the rows.
@@ -80,7 +81,7 @@ class TrialTable:
     rows: Callable[[Trials], Iterable[Row]] | None = None
 
     def cells(self, trials: Trials) -> list[Row]:
-        """Medians with their spread, a row a model and cell; a completion only where one exists."""
+        """Compute medians with their spread, one row per model and cell."""
         own = trials.where(**self.where)
         if not len(own):
             return []
@@ -103,7 +104,7 @@ class TrialTable:
 
 @dataclass(frozen=True, kw_only=True)
 class Preset(Generic[O, S, W]):
-    """A campaign as data: what is asked and tried, how it is judged, tabulated and drawn."""
+    """Describe a campaign as data: what is asked and tried, how it is judged, tabulated and drawn."""
 
     name: str  #: Of the scenario.
     question: str
@@ -128,6 +129,9 @@ class Preset(Generic[O, S, W]):
     also: str = ""  #: Other columns of report.json's models, blanks between.
     page: str = ""  #: Where it is written what its tables and columns mean.
     value: str = ERROR  #: Column of the error by which models are judged.
+    size: int = 1  #: Of these three see `Study`.
+    models: str = "name"
+    arms: Callable[[S], Sequence[Path]] = own_arm
 
     def study(self) -> Study[O, S, W]:
         """Make the study."""
@@ -142,11 +146,22 @@ class Preset(Generic[O, S, W]):
             report=self.report,
             printed=(self.printed,),
             figures=self.figures,
-            models="name",
+            models=self.models,
+            size=self.size,
+            arms=self.arms,
         )
 
     def report(self, asked: S, seeds: range, trials: Trials) -> Report:
-        """Tabulate all trials and judge ours beside the strongest rival."""
+        """Tabulate all trials and judge ours beside the strongest rival.
+
+        Args:
+            asked: Settings of the study.
+            seeds: Seeds of the trials.
+            trials: Rows of the trials.
+
+        Returns:
+            The report.
+        """
         own = self.derived(asked, trials)
         grids, cells = self.tables(asked), self.cells(asked, own)
         found = {name: grid.cells(own) for name, grid in grids.items()}
@@ -198,7 +213,7 @@ def least(models: Sequence[Row]) -> str:
 
 
 def warnings(models: Sequence[Row]) -> list[Markdown]:
-    """What speaks against models of the headline's cell whatever their errors are."""
+    """Warn of what speaks against models of the headline's cell whatever their errors are."""
     stalled = [m.name for m in models if m.constraint != "free" and m.status != "solved"]
     unheld = [m.name for m in models if m.get("held_by_trace_weight", 0) > 0.5]
     found = {
@@ -209,18 +224,21 @@ def warnings(models: Sequence[Row]) -> list[Markdown]:
 
 
 def existing(rows: Sequence[Row]) -> list[Row]:
-    """Rows without a completion that exists in no trial with noise: that is least squares once more."""
+    """Drop completions that exist in no trial with noise: they are least squares once more."""
     there = {row.name for row in rows if row.get("sigma_um", 1) > 0 and row.conservative is not False}
     return [row for row in rows if row.constraint != "free" or row.name in there]
 
 
 def duels(trials: Trials, pairs: Sequence[tuple[str, str]], value: str = ERROR) -> list[Row]:
-    """Two models in the same trials or cases: both errors, their ratio, how often ours is smaller.
+    """Compare two models in the same trials or cases: both errors, their ratio, how often ours is smaller.
 
     Args:
         trials: Of one cell.
         pairs: Names of ours and theirs; pairs that are not both there are left out.
         value: Column of the error.
+
+    Returns:
+        A row per pair.
     """
     rows = []
     for ours, theirs in pairs:
@@ -248,7 +266,15 @@ def duels(trials: Trials, pairs: Sequence[tuple[str, str]], value: str = ERROR) 
 
 
 def rivals_table(rows: Sequence[Row], value: str = ERROR) -> Table:
-    """Pairs of models at the cell of the headline."""
+    """Tabulate pairs of models at the cell of the headline.
+
+    Args:
+        rows: Rows of the table.
+        value: Column of the error.
+
+    Returns:
+        The table.
+    """
     error = replace(KNOWN[value], form=".0f" if value == ERROR else KNOWN[value].form, short="")
     ours, theirs, *others = columns("ours theirs error_ratio won worst_ratio worst_seed")
     both = (replace(error, key=f"{who}_error", heading=f"{words} error") for who, words in WHO.items())
@@ -256,13 +282,16 @@ def rivals_table(rows: Sequence[Row], value: str = ERROR) -> Table:
 
 
 def lines(found: Report, name: str, axes: str, drawn: Callable[[Row], bool] = lambda _: True) -> Table:
-    """Rows of a table as they were before they stood side by side, for a figure.
+    """Select the rows of a table as they were before they were pivoted, for a figure.
 
     Args:
         found: The report; it may be one that was read back.
         name: Of the table.
         axes: Keys of what names a line and of what is swept, then of what is drawn if not the error in um.
         drawn: Whether a row is.
+
+    Returns:
+        The table.
     """
     shown = columns(axes)
     value = () if len(shown) == 3 else (replace(KNOWN[ERROR], form=".0f"),)
@@ -273,13 +302,29 @@ WHO = {"ours": "its", "theirs": "the other's"}
 
 
 def by_case(trials: Trials, *by: str) -> Trials:
-    """Rows with a name of their own for every case of a trial that has several: these columns tell them."""
+    """Name every case of a trial that has several by these columns.
+
+    Args:
+        trials: Rows of the trials.
+        by: Names of the columns.
+
+    Returns:
+        The rows.
+    """
     keys = zip(*(trials[name].tolist() for name in (TRIAL, *by)), strict=True)
     return trials.add(**{TRIAL: [" ".join(map(str, key)) for key in keys], SHARED: trials[TRIAL]})
 
 
 def head(seeds: Sequence[int], trials: Trials) -> Row:
-    """What report.json says first: seeds, true arms with their trials, the dataset of the first seed."""
+    """Collect what report.json says first: seeds, true arms with their trials, the first seed's dataset.
+
+    Args:
+        seeds: Seeds of the trials.
+        trials: Rows of the trials.
+
+    Returns:
+        The numbers.
+    """
     each = trials.keep("true_arm", TRIAL).groups("true_arm")
     arms = {arm: len(own.values(TRIAL)) for (arm,), own in each if arm}
     seed = list(seeds) if len(seeds) > 1 else seeds[0]
@@ -287,7 +332,16 @@ def head(seeds: Sequence[int], trials: Trials) -> Row:
 
 
 def contract(models: Sequence[Row], judged: str = "workspace", where: str = "") -> list[Row]:
-    """Rows of report.json's `models` of one cell, judged by the check set or over the workspace."""
+    """Make the rows of report.json's `models` of one cell.
+
+    Args:
+        models: The models.
+        judged: What judges: "check" or "workspace".
+        where: Words behind every name.
+
+    Returns:
+        The rows.
+    """
     none = {"check": None, "workspace": None, "paper": None}
     return [
         Row(
@@ -305,7 +359,7 @@ def _mm(um: Number) -> Number:
 
 
 def dataset(trials: Trials) -> Row | None:
-    """What the dataset of the first seed holds that has one."""
+    """Summarise the dataset of the first seed that has one."""
     known = trials.keep("measured.")
     shown = np.isfinite(known["measured.runs"]).nonzero()[0][:1] if "measured.runs" in known else np.array([])
     return merged(known.pick(shown))[0].measured if len(shown) else None
@@ -322,7 +376,7 @@ LEAST_NORM = 1e-2  #: Share of the largest norm of a term that weighs as one les
 
 @dataclass(frozen=True)
 class Compared:
-    """Least squares and GCO of one structure, with the same prior or both without, from every dataset."""
+    """Hold least squares and GCO of one structure, with the same prior or both without."""
 
     ls: Sequence[Estimate]
     gco: Sequence[Estimate]
@@ -331,12 +385,12 @@ class Compared:
 
     @property
     def binds(self) -> list[bool]:
-        """Whether the cone changes the fit: no model that fits as well as least squares is conservative."""
+        """Tell whether the cone changes the fit: no conservative model fits as well as least squares."""
         return [not estimate.conservative for estimate in self.equal or self.ls]
 
 
 def without_prior(regressions: Sequence[Regression]) -> Compared:
-    """Least squares, GCO, and least squares with other free directions."""
+    """Fit least squares, GCO, and least squares with other free directions."""
     gco = [solve(regression, "psd") for regression in regressions]
     ls = [solve(weighed_as(estimate), "none") for estimate in gco]
     pairs = list(zip(ls, gco, strict=True))
@@ -346,7 +400,17 @@ def without_prior(regressions: Sequence[Regression]) -> Compared:
 
 
 def with_prior(vjm: Vjm, regressions: Sequence[Regression], prior: Prior, strength: Strength) -> Compared:
-    """Both with the same prior, which leaves no direction free."""
+    """Fit least squares and GCO with the same prior, which leaves no direction free.
+
+    Args:
+        vjm: Kinematics of the arm.
+        regressions: Reduced datasets.
+        prior: The prior.
+        strength: Strength of the prior.
+
+    Returns:
+        Both fits of every dataset.
+    """
     scaling = scale_by_prior(prior, vjm, regressions[0].structure)
     pairs = [(r, WeightedPrior(rescale_to_data(scaling, r), strength)) for r in regressions]
     return Compared(
@@ -358,7 +422,7 @@ def with_prior(vjm: Vjm, regressions: Sequence[Regression], prior: Prior, streng
 
 
 def weighed_as(gco: Estimate) -> Regression:
-    """The runs of GCO, weighed such that it is the conservative least squares fit of them.
+    """Weigh the runs of GCO such that it is the conservative least squares fit of them.
 
     F_M is a sum of norms n_k, with the gradient of sum |r_k|^2 / (2 n_k) at its optimum: over a convex cone
     one C minimises both. Least squares weighs terms by their equations N_k, so rows go by 1 / sqrt(N_k n_k).
@@ -375,7 +439,15 @@ def weighed_as(gco: Estimate) -> Regression:
 
 
 def added(ls: Estimate, gco: Estimate) -> float:
-    """Chi squared of GCO less that of least squares, as least squares weighs, over the rank [1]."""
+    """Chi squared of GCO less that of least squares, as least squares weighs, over the rank [1].
+
+    Args:
+        ls: Fit of least squares.
+        gco: Fit of GCO.
+
+    Returns:
+        The difference [1].
+    """
     more = 0.0
     for term in ls.regression.terms:
         theirs, ours = (term.R @ estimate.pi - term.z for estimate in (ls, gco))

@@ -8,6 +8,7 @@ their random numbers, so that differences between cases and models are theirs al
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
+from math import ceil
 from time import perf_counter
 from typing import TypeVar
 
@@ -44,7 +45,7 @@ LEARNS = ("ALL153",)
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignFitRow:
-    """One model in one case of one trial: what was chosen, and how it errs in poses never measured."""
+    """Hold one model in one case of one trial: what was chosen, and how it errs in other poses."""
 
     name: str  #: Of the model.
     structure: str
@@ -81,7 +82,7 @@ class CampaignFitRow:
 
 @dataclass(frozen=True)
 class Cover:
-    """95 % intervals of the components of deflection over the workspace."""
+    """Describe 95 % intervals of the components of deflection over the workspace."""
 
     covered_percent: float  #: Share of the true components that lie inside.
     half_mm: float  #: Median half width.
@@ -90,7 +91,7 @@ class Cover:
 
 @dataclass(frozen=True)
 class TrialCase:
-    """Runs to identify from, and true deflections in poses never measured, at one choice of every factor."""
+    """Hold runs to identify from, and true deflections, at one choice of every factor."""
 
     runs: Dataset
     test: Dataset
@@ -113,7 +114,16 @@ class Fits(dict[str, Sequence[Estimate]]):
 
 
 def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[TrialCase]) -> Fits:
-    """Every model identified from the runs of every case."""
+    """Identify every model from the runs of every case.
+
+    Args:
+        cell: The arm with its model and its truth.
+        models: The models.
+        cases: The cases.
+
+    Returns:
+        Estimates of every model, one per case.
+    """
     runs = [case.runs for case in cases]
     found, seconds = {}, {}
     for model in models:
@@ -126,7 +136,7 @@ def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[TrialCase]) -> F
 def each_seed(
     trial: Callable[[S, int, Models], Iterable[R]],
 ) -> Callable[[S, Sequence[int], Sequence[EstimatorSource]], list[list[R]]]:
-    """The trials of a study, of a function of settings, a seed and what makes models of own estimators."""
+    """Make the trials of a study from a function of settings, a seed and a maker of user estimators."""
 
     @wraps(trial)
     def trials(asked: S, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()) -> list[list[R]]:
@@ -143,7 +153,7 @@ def score_cases(
     kind: type[R] = CampaignFitRow,  # type: ignore[assignment]  # the rows of most studies
     more: Callable[[str, int], Mapping[str, object]] = lambda *_: {},
 ) -> Iterator[R]:
-    """Rows of every case, a model each, judged by true deflections.
+    """Score the models of every case by true deflections.
 
     Args:
         cell: The arm.
@@ -151,6 +161,9 @@ def score_cases(
         fits: Of its models.
         kind: Type of the rows.
         more: Other fields of a row, by the model's name and the case's place.
+
+    Yields:
+        A row per case and model.
     """
     far = _scores(cell, [case.test for case in cases], fits)
     near = _scores(cell, [case.runs for case in cases], fits)
@@ -177,19 +190,42 @@ def _scores(cell: Cell, data: Sequence[Dataset], fits: Fits) -> dict[tuple[int, 
 
 
 def cover(cell: Cell, estimate: Estimate, truth: Dataset) -> Cover:
-    """The intervals of an estimate beside true deflections."""
+    """Compare the intervals of an estimate with true deflections.
+
+    Args:
+        cell: The arm with its model and its truth.
+        estimate: The estimate.
+        truth: True deflections.
+
+    Returns:
+        Their coverage.
+    """
     found, true = intervals(cell.vjm, estimate, truth), truth.deflection
     return covers(found.centre, (found.upper - found.lower) / 2, true)
 
 
 def covers(centre: Array, half: Array, true: Array) -> Cover:
-    """How well intervals of these half widths cover what is true, arrays of one shape [m]."""
+    """Measure how well intervals cover what is true, arrays of one shape.
+
+    Args:
+        centre: Centres of the intervals [m].
+        half: Half widths of the intervals [m].
+        true: What is true [m].
+
+    Returns:
+        The coverage.
+    """
     error = np.abs(centre - true)
     return Cover(
         covered_percent=100 * float(np.mean(error <= half)),
         half_mm=MM * float(np.median(half)),
         ideal_mm=MM * float(np.quantile(error, CONFIDENCE)),
     )
+
+
+def worst_tenth(covered: Array) -> float:
+    """Return the mean coverage of the tenth of arms whose intervals cover worst, from (arms,) [%]."""
+    return float(np.sort(covered)[: ceil(len(covered) / 10)].mean())
 
 
 def _left(cell: Cell, data: Dataset) -> dict[str, object]:
@@ -221,7 +257,7 @@ def _fields(
 def with_wrong_priors(
     cell: Cell, names: Sequence[str], filled: Sequence[str], seed: int, own: Models
 ) -> list[Model]:
-    """Models without a prior, some with one that is wrong and believed as firmly for each, and the default.
+    """List models without a prior, some with one that is wrong, and the default.
 
     Behind the first one stand estimators of one's own; last the default without its cone, and with it.
 
@@ -231,6 +267,9 @@ def with_wrong_priors(
         filled: Of those that are fitted with the prior too.
         seed: Of the prior's errors.
         own: Makes the models of estimators of one's own.
+
+    Returns:
+        The models.
     """
     prior = wrong_prior(cell, seed)
     default = with_priors(cell.arm, [without_cone(cell), *named_models(cell, LEARNS)], prior)
@@ -239,7 +278,16 @@ def with_wrong_priors(
 
 
 def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
-    """A noise-free dataset read with noise: for every sigma [m] the same numbers; orientations follow it."""
+    """Read a noise-free dataset with noise: for every sigma the same random numbers.
+
+    Args:
+        clean: Readings without noise.
+        sigma: Standard deviation of a reading along an axis [m]; orientations follow it.
+        rng: Source of randomness.
+
+    Returns:
+        The readings.
+    """
     tracker = Tracker(sigma, ANGLE_PER_LENGTH * sigma)
     before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
     data = replace(clean, before=before, after=after, sigma=sigma or WEIGHT)

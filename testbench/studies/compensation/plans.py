@@ -40,7 +40,7 @@ MIN_FORCE_COMPONENT = 0.3  #: Of a component of the milling force before scaling
 
 @dataclass(frozen=True)
 class Job:
-    """Points on the panel, in order, world axes, both (points, 3)."""
+    """Hold points on the panel, in order, world axes, both (points, 3)."""
 
     name: str
     position: Array  #: [m].
@@ -56,7 +56,7 @@ class Job:
 
 
 def jobs() -> tuple[Job, Job]:
-    """All of them; a drill is pushed back along its spindle alone."""
+    """Make both jobs; a drill is pushed back along its spindle alone."""
     milled = np.array([-1.0, 1.0, -1.0]) / np.sqrt(3)
     return _on_panel(DRILLING, _pattern(), np.array([0.0, 0.0, -1.0])), _on_panel(MILLING, _window(), milled)
 
@@ -94,9 +94,16 @@ def _window() -> Array:
 
 
 def drawn(job: Job, rng: np.random.Generator) -> Array:
-    """Forces of a trial along the feed, across it and along the spindle, (3,) [N].
+    """Draw forces of a trial along the feed, across it and along the spindle.
 
     A mill is held back, pushed aside to either side and out of the panel.
+
+    Args:
+        job: The job.
+        rng: Source of randomness.
+
+    Returns:
+        Forces, (3,) [N].
     """
     size, parts, side = (
         rng.uniform(*FORCE_RANGE),
@@ -108,11 +115,14 @@ def drawn(job: Job, rng: np.random.Generator) -> Array:
 
 
 def tasks(q: Array, forces: Sequence[Array]) -> Tasks:
-    """The points of all jobs, one job after the other, each job under forces of its own, (3,) [N].
+    """Collect the points of all jobs, one job after the other, each job under forces of its own.
 
     Args:
         q: Programmed joints, (points, n) [rad].
         forces: Along the feed, across it and along the spindle, a job each.
+
+    Returns:
+        The tasks.
     """
     wrench = np.concatenate(
         [
@@ -124,7 +134,15 @@ def tasks(q: Array, forces: Sequence[Array]) -> Tasks:
 
 
 def prepare(asked: s.CompensationSettings, everywhere: Everywhere) -> s.CompensationSettings:
-    """The scene; PoseError for too few feasible poses."""
+    """Make the scene; PoseError for too few feasible poses.
+
+    Args:
+        asked: Settings of the study.
+        everywhere: Does pieces of work on all cores.
+
+    Returns:
+        The settings with their scene.
+    """
     cell = build_cell(find_arm(asked.arm))
     found = find(_checks(cell), asked.candidates, trial_rng(asked.seed, 1)).q
     q = np.concatenate([program(cell, job) for job in jobs()])
@@ -145,7 +163,14 @@ def _checks(cell: Cell) -> Checks:
 
 
 def program(cell: Cell, job: Job) -> Array:
-    """Joints that a controller which knows the drawing alone takes, (points, n) [rad].
+    """Compute the joints that a controller takes which knows the drawing alone.
+
+    Args:
+        cell: The arm with its model and its truth.
+        job: The job.
+
+    Returns:
+        Joints, (points, n) [rad].
 
     Raises:
         BenchError: When a point is out of reach.
@@ -160,12 +185,20 @@ def program(cell: Cell, job: Job) -> Array:
 
 
 def loads(cell: Cell) -> tuple[Load, Load]:
-    """The hung weight, and the pull of the rope."""
+    """Make the hung weight, and the pull of the rope."""
     return weight(cell.vjm, s.PAYLOAD), Load(np.array([0.0, s.PULL, 0.0, 0.0, 0.0, 0.0]), cell.vjm.load)
 
 
 def plan_rows(asked: s.CompensationSettings, numbers: Sequence[int]) -> list[list[s.CompensationPlanRow]]:
-    """Plans by their numbers, one list each; `asked` holds candidates and program."""
+    """Make plans by their numbers, one list each.
+
+    Args:
+        asked: Settings of the study.
+        numbers: Numbers of the plans.
+
+    Returns:
+        The plans.
+    """
     cell = build_cell(find_arm(asked.arm))
     reach, found = Feasibility(partial(feasible, _checks(cell))), []
     for name, poses in map(_planned(asked).__getitem__, numbers):
@@ -178,7 +211,17 @@ def plan_rows(asked: s.CompensationSettings, numbers: Sequence[int]) -> list[lis
 
 
 def specify(cell: Cell, asked: s.CompensationSettings, name: str, poses: int) -> Specification:
-    """What a plan is for: the points of both jobs under forces of the middle of their range."""
+    """Specify what a plan is for: the points of both jobs under forces of the middle of their range.
+
+    Args:
+        cell: The arm with its model and its truth.
+        asked: Settings of the study.
+        name: Name of the loads.
+        poses: Number of poses.
+
+    Returns:
+        The specification.
+    """
     scaling = scale_by_prior(wrong_prior(cell, asked.seed), cell.vjm, MODELS["ALL153"](cell).structure)
     return Specification(
         experiment=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, s.SIGMA),

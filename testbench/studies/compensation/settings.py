@@ -46,7 +46,7 @@ Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
 
 @dataclass(frozen=True)
 class CompensationPlanRow:
-    """A planned campaign."""
+    """Hold a planned campaign."""
 
     loads: str  #: What loads the arm, WEIGHT or BOTH.
     poses: int
@@ -56,7 +56,7 @@ class CompensationPlanRow:
 
 @dataclass(frozen=True)
 class CompensationScene:
-    """What all trials share."""
+    """Hold what all trials share."""
 
     candidates: Angles = ()  #: Feasible poses to measure.
     program: Angles = ()  #: Programmed joints of all jobs, one job after the other.
@@ -65,7 +65,7 @@ class CompensationScene:
 
 @dataclass(frozen=True)
 class Way:
-    """How a model is come by; of one that is not identified a campaign of no poses."""
+    """Describe how a model is identified; one that is not has a campaign of no poses."""
 
     by: str = ""  #: PLANNED or RANDOM.
     loads: str = ""  #: WEIGHT or BOTH.
@@ -73,7 +73,7 @@ class Way:
 
     @property
     def campaign(self) -> str:
-        """In words."""
+        """Describe the campaign in words."""
         return f"{self.by}, {self.loads}" if self.by else "none"
 
 
@@ -83,14 +83,14 @@ ADVISED = Way(PLANNED, BOTH, FEATURED)
 
 @dataclass(frozen=True)
 class CompensationOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     arm: Annotated[str, typer.Option(metavar="ARM", help="Arm in front of the panel.")] = ARM
 
 
 @dataclass(frozen=True)
 class CompensationSettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     arm: str
     seed: int  #: Root of the candidates and of the planner's prior.
@@ -100,7 +100,7 @@ class CompensationSettings:
     scene: Annotated[CompensationScene, Field(exclude=True)] = CompensationScene()
 
     def ways(self, arm: str) -> tuple[Way, ...]:
-        """The campaigns of one of ARMS."""
+        """List the campaigns of one of ARMS."""
         if arm == LINEAR:
             return (ADVISED,)
         numbers = self.numbers if arm == IDEAL else (FEATURED,)
@@ -108,7 +108,15 @@ class CompensationSettings:
 
 
 def settings(options: CompensationOptions, quick: bool, seeds: range) -> CompensationSettings:
-    """What the flags ask for.
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
 
     Raises:
         BenchError: When it is an arm that does not reach the panel.

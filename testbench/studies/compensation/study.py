@@ -54,7 +54,16 @@ BY_ARM = "true_arm name trials removed_percent worst_percent worse after.median_
 
 
 def report(asked: s.CompensationSettings, seeds: range, trials: Trials) -> Report:
-    """Report over all truths, and truth by truth for the campaign that is advised."""
+    """Report over all truths, and truth by truth for the campaign that is advised.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        trials: Rows of the trials.
+
+    Returns:
+        The report.
+    """
     advised = trials.where(**vars(ADVISED))
     met = [name for name in TRUTHS if name in advised.values("true_arm")]
     chosen = trials.where(name=DEFAULT)["chosen"].tolist()
@@ -122,7 +131,7 @@ def _groups(asked: s.CompensationSettings, trials: Trials) -> list[Row]:
 
 
 def user_estimator_names(trials: Trials) -> list[str]:
-    """Estimators of one's own."""
+    """Name the user's estimators."""
     return [name for name in trials.values("name") if name not in s.MODELS]
 
 
@@ -190,7 +199,7 @@ def figures(found: Report) -> dict[str, Figure]:
 
 
 def seen(run: Run[s.CompensationSettings]) -> PageContent:
-    """The jobs of the first trial: where the tool is without correction and with, the arm undisturbed."""
+    """Draw the jobs of the first trial: the tool without correction and with, the arm undisturbed."""
     seed, rows = run.seeds[0], run.first.where(arm=IDEAL, **vars(ADVISED))
     true, work = (
         true_cell(build_cell(find_arm(run.settings.arm)), true_arm_of_seed(FAMILY, seed), seed),

@@ -67,7 +67,7 @@ Settle = Callable[[Array, Array, Array], tuple[ArmEquilibrium, ArmEquilibrium]]
 
 @dataclass(frozen=True)
 class JobsRow:
-    """All jobs of one trial, corrected by one model."""
+    """Hold all jobs of one trial, corrected by one model."""
 
     true_arm: str
     arm: str  #: How it is disturbed, one of s.ARMS.
@@ -92,7 +92,7 @@ class JobsRow:
 
 @dataclass(frozen=True)
 class CorrectionModel:
-    """A model to correct by."""
+    """Hold a model to correct by."""
 
     way: Way
     name: str
@@ -104,7 +104,16 @@ class CorrectionModel:
 def trials(
     asked: CompensationSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
 ) -> list[list[JobsRow]]:
-    """Rows of some seeds; `asked` holds the scene."""
+    """Make the rows of some seeds; `asked` holds the scene.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        own: Estimators of the user.
+
+    Returns:
+        Rows of every seed.
+    """
     cell = build_cell(find_arm(asked.arm))
     models = estimator_models(own)
     return [_trial(cell, asked, seed, models) for seed in seeds]
@@ -130,20 +139,44 @@ def _trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> l
 
 
 def prior_in_turn(cell: Cell, seed: int) -> Prior:
-    """Every truth of the family meets every prior once in as many seeds as there are pairs."""
+    """Choose the prior of a seed: every truth of the family meets every prior once in turn.
+
+    Args:
+        cell: The arm with its model and its truth.
+        seed: Seed of the trial.
+
+    Returns:
+        The prior.
+    """
     return prior_of(cell, list(PRIORS)[seed // len(TRUTHS) % len(PRIORS)], seed)
 
 
 def tasks_of(asked: CompensationSettings, seed: int) -> Tasks:
-    """The jobs of a trial, each under a force of its own."""
+    """Make the jobs of a trial, each under a force of its own.
+
+    Args:
+        asked: Settings of the study.
+        seed: Seed of the trial.
+
+    Returns:
+        The tasks.
+    """
     rng = trial_rng(seed, PROCESS)
     return tasks(np.array(asked.scene.program), [drawn(job, rng) for job in jobs()])
 
 
 def true_arm(cell: Cell, seed: int, arm: str) -> tuple[Settle, Settle]:
-    """The arm of the cell's truth, one of ARMS, as it is measured and as it works.
+    """Make the arm of the cell's truth, one of ARMS, as it is measured and as it works.
 
     At work a weight unlike the recorded one is no force of the process.
+
+    Args:
+        cell: The arm with its model and its truth.
+        seed: Seed of the trial.
+        arm: One of ARMS.
+
+    Returns:
+        What settles the arm in both.
     """
     if arm == s.IDEAL:
         own = partial(settle_both, cell.plant, "nonlinear")
@@ -155,9 +188,17 @@ def true_arm(cell: Cell, seed: int, arm: str) -> tuple[Settle, Settle]:
 
 
 def chosen(asked: CompensationSettings, way: Way, seed: int) -> tuple[Array, Ids]:
-    """Poses to measure, (poses, n) [rad], and which load acts in each, (poses,).
+    """Choose poses to measure, and which load acts in each.
 
     Fewer random poses are the first of more, with the loads by turns.
+
+    Args:
+        asked: Settings of the study.
+        way: How the model is identified.
+        seed: Seed of the trial.
+
+    Returns:
+        Poses, (poses, n) [rad], and loads, (poses,).
     """
     scene = asked.scene
     if way.by == s.PLANNED:
@@ -171,7 +212,18 @@ def chosen(asked: CompensationSettings, way: Way, seed: int) -> tuple[Array, Ids
 def measure(
     cell: Cell, settle: Settle, asked: CompensationSettings, ways: Sequence[Way], seed: int
 ) -> list[Dataset]:
-    """Readings of campaigns, every pose RUNS times."""
+    """Read campaigns, every pose RUNS times.
+
+    Args:
+        cell: The arm with its model and its truth.
+        settle: Settles the arm.
+        asked: Settings of the study.
+        ways: The campaigns.
+        seed: Seed of the trial.
+
+    Returns:
+        Readings of every campaign.
+    """
     wrench, point = (np.stack([getattr(one, key) for one in loads(cell)]) for key in ("wrench", "point"))
     every = [chosen(asked, way, seed) for way in ways]
     q, load = (np.concatenate([np.repeat(own[k], s.RUNS, axis=0) for own in every]) for k in (0, 1))
@@ -186,7 +238,15 @@ def measure(
 
 
 def known(cell: Cell, prior: Prior) -> list[CorrectionModel]:
-    """Models that nobody identified: the folder's, the prior, and the true one."""
+    """Make models that nobody identified: the folder's, the prior, and the true one.
+
+    Args:
+        cell: The arm with its model and its truth.
+        prior: The prior.
+
+    Returns:
+        The models.
+    """
     weights = read_weights(cell.arm)
     every = {s.NOMINAL: cell.arm.C_theta, s.PRIOR: prior.C_theta, s.PERFECT: cell.plant.arm.C_theta}
     return [
@@ -196,7 +256,15 @@ def known(cell: Cell, prior: Prior) -> list[CorrectionModel]:
 
 
 def certain_model(state: ArmState, name: str) -> ArmModel:
-    """An arm that nobody doubts: all its compliances, with no spread."""
+    """Make an arm model without uncertainty from all its compliances.
+
+    Args:
+        state: The calibrated arm.
+        name: Its name.
+
+    Returns:
+        The model.
+    """
     structure = all153(state.vjm.arm)
     pi = structure.entries(state.C_theta)
     return model_of_compliances(
@@ -207,7 +275,17 @@ def certain_model(state: ArmState, name: str) -> ArmModel:
 def identified(
     cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior, more: Sequence[Model] = ()
 ) -> list[CorrectionModel]:
-    """All models, and more, from all campaigns."""
+    """Identify all models, and more, from all campaigns.
+
+    Args:
+        cell: The arm with its model and its truth.
+        campaigns: Readings by campaign.
+        prior: The prior.
+        more: Other models.
+
+    Returns:
+        The models.
+    """
     weights, correction_models = read_weights(cell.arm), []
     plain, filled = (
         named_models(cell, s.MODELS_WITHOUT_PRIOR),
@@ -236,7 +314,15 @@ def identified(
 
 
 def order(fit: CorrectionModel, work: Tasks) -> Compensated | None:
-    """The joints that a model commands; None, for the program's, where it failed or has the arm buckle."""
+    """Compute the joints that a model commands.
+
+    Args:
+        fit: The model.
+        work: The tasks.
+
+    Returns:
+        The correction; None, for the program's, where the model failed or has the arm buckle.
+    """
     if fit.status.startswith(FAILED):
         return None
     try:
@@ -246,7 +332,16 @@ def order(fit: CorrectionModel, work: Tasks) -> Compensated | None:
 
 
 def execute(working: Settle, work: Tasks, orders: Sequence[Compensated | None]) -> Array:
-    """Tip of the tool minus where it was asked, not corrected, then by each order, (n, points, 3) [m]."""
+    """Tip of the tool minus where it was asked, not corrected, then by each order, (n, points, 3) [m].
+
+    Args:
+        working: Settles the arm at work.
+        work: The tasks.
+        orders: Corrections; None for the program's joints.
+
+    Returns:
+        The distances, (n, points, 3) [m].
+    """
     n = 1 + len(orders)
     q = np.concatenate(
         [work.q, *(work.q if compensated is None else compensated.q for compensated in orders)]
@@ -259,7 +354,17 @@ def execute(working: Settle, work: Tasks, orders: Sequence[Compensated | None]) 
 
 
 def row_of(fit: CorrectionModel, order: Compensated | None, before: Array, after: Array) -> JobsRow:
-    """One fit, of no named arm; what is off before and after, (points, 3) [m]."""
+    """Make the row of one fit, of no named arm.
+
+    Args:
+        fit: The model.
+        order: Its correction; None for none.
+        before: Errors before, (points, 3) [m].
+        after: Errors after, (points, 3) [m].
+
+    Returns:
+        The row.
+    """
     half = np.zeros((0, 3)) if order is None or fit.way == s.NOWHERE else order.half_width
     bounded = np.isfinite(half)
     return JobsRow(

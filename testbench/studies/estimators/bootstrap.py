@@ -17,7 +17,7 @@ from testbench.identify.regression import RANK_TOLERANCE, Regression, Term
 def bootstrap(
     estimate: Estimate, functionals: Array, confidence: float, *, draws: int, rng: np.random.Generator
 ) -> Intervals:
-    """Basic bootstrap intervals of functionals a . pi, rows of (k, n): errors of refits, turned round.
+    """Compute basic bootstrap intervals of functionals a . pi: errors of refits, turned round.
 
     A refit errs about the fit as the fit errs about the truth, so the truth lies at the prediction LESS such
     an error. Where the cone binds it pushes both errors the same way, and the basic interval takes the push
@@ -25,6 +25,16 @@ def bootstrap(
     (draws + 1) (1 - confidence) / 2 make it exact for least squares; 39 draws are the least for 95 %. Where a
     functional is not seen the refits fill it as the fit, made without a prior, did, which proves nothing: the
     interval is infinite.
+
+    Args:
+        estimate: The estimate.
+        functionals: Deflections asked for, (k, n).
+        confidence: Probability of the interval [1].
+        draws: Number of refits.
+        rng: Source of randomness.
+
+    Returns:
+        The intervals.
 
     Raises:
         BenchError: When the confidence is outside (0, 1), there are too few draws for it, or a functional has

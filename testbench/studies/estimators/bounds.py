@@ -33,7 +33,7 @@ ACCEPTED = ("Solved", "AlmostSolved")
 
 @dataclass(frozen=True)
 class FitSet:
-    """All conservative models that fit the data at a confidence."""
+    """Hold all conservative models that fit the data at a confidence."""
 
     metric: PriorScaling  #: Units of every block; the ceiling is counted in its prior.
     confidence: float  #: Least probability that the truth is inside [1].
@@ -46,19 +46,19 @@ class FitSet:
 
     @property
     def empty(self) -> bool:
-        """Whether no conservative model fits: the truth is one with a probability of 1 - confidence."""
+        """Tell whether no conservative model fits: the truth is one with a probability of 1 - confidence."""
         return self.nearest > self.radius
 
     @property
     def name(self) -> str:
-        """What the bounds are over, for reports."""
+        """Say what the bounds are over, for reports."""
         ceiling = f"of at most {self.ceiling:g} times {self.metric.prior}"
         return f"conservative models {ceiling} that fit at {100 * self.confidence:g} %"
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Least and greatest value of every functional over a set of models."""
+    """Hold least and greatest value of every functional over a set of models."""
 
     lower: Array  #: (k,); NaN where the set is empty or the solver failed.
     upper: Array  #: (k,).
@@ -69,9 +69,18 @@ class Bounds:
 def fit_set(
     regression: Regression, metric: PriorScaling, confidence: float, *, ceiling: float = CEILING
 ) -> FitSet:
-    """The conservative models, no block above `ceiling` times the prior, that fit a dataset.
+    """Collect the conservative models, no block above `ceiling` times the prior, that fit a dataset.
 
     The truth is among them with at least the probability `confidence`, such as 0.95.
+
+    Args:
+        regression: The reduced dataset.
+        metric: Metric of the prior.
+        confidence: Probability of the interval [1].
+        ceiling: Largest block over the prior's [1].
+
+    Returns:
+        The set.
 
     Raises:
         BenchError: When the confidence is outside (0, 1), the ceiling is not above 0, or the metric is of
@@ -99,7 +108,14 @@ def fit_set(
 
 
 def bounds(models: FitSet, functionals: Array) -> Bounds:
-    """Least and greatest value of functionals a . pi, rows of (k, n) [m per unit of pi], such as deflections.
+    """Compute the least and greatest value of functionals a . pi, such as deflections.
+
+    Args:
+        models: The set of models.
+        functionals: Rows, (k, n) [m per unit of pi].
+
+    Returns:
+        The bounds.
 
     Raises:
         BenchError: When a functional has another length or is not finite.
@@ -123,7 +139,7 @@ def bounds(models: FitSet, functionals: Array) -> Bounds:
 
 
 def prepare(problem: cone.ConeProgram) -> Callable[[Array], cone.Solution]:
-    """A program, set up once, as a function of its cost c, (n,); the program's own is not used."""
+    """Set a program up once, as a function of its cost c, (n,); the program's own is not used."""
     settings = cone.settings(TOLERANCE)
     settings.presolve_enable = False  # or the cost could not be changed
     solver = cone.build_solver(problem, settings)

@@ -29,7 +29,7 @@ Entries = Callable[[Structure, list[Any]], Any]
 
 
 def cvxpy(solver: str) -> Any:
-    """The module cvxpy with this solver; BenchError where one of them is not installed."""
+    """Import cvxpy with this solver; BenchError where one of them is not installed."""
     try:
         module: Any = importlib.import_module("cvxpy")
     except ImportError:
@@ -41,12 +41,29 @@ def cvxpy(solver: str) -> Any:
 
 
 def modelled(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-    """GCO by way of cvxpy and SCS, at the solver's default settings."""
+    """Identify by GCO by way of cvxpy and SCS, at the solver's default settings.
+
+    Args:
+        vjm: Kinematics of the arm.
+        structure: The unknowns.
+        data: Measured runs.
+
+    Returns:
+        The estimate.
+    """
     return solve_modelled(reduce(vjm, structure, data), "SCS")
 
 
 def vectorised(s: Structure, blocks: list[Any]) -> Any:
-    """Parameters as sparse matrices times whole blocks: what a user of cvxpy does who wants it fast."""
+    """Write parameters as sparse matrices times whole blocks, as a user of cvxpy does for speed.
+
+    Args:
+        s: The unknowns.
+        blocks: Variables of the blocks.
+
+    Returns:
+        The expression.
+    """
     cp = cvxpy("CLARABEL")
     return cp.sum(
         [_picking(s, block) @ cp.vec(X, order="F") for X, block in zip(blocks, s.blocks, strict=True)]
@@ -64,7 +81,16 @@ def _picking(s: Structure, block: npt.NDArray[np.int_]) -> sparse.csr_array:
 def solve_modelled(
     regression: Regression, solver: str, *, entries: Entries = vectorised, **settings: float
 ) -> Estimate:
-    """The program of the paper's GCO in the same units, written down in cvxpy.
+    """Solve the program of the paper's GCO in the same units, written down in cvxpy.
+
+    Args:
+        regression: The reduced dataset.
+        solver: Name of the solver.
+        entries: Writes parameters as an expression.
+        settings: Settings of the solver.
+
+    Returns:
+        The estimate.
 
     Raises:
         BenchError: When cvxpy or the solver is not installed, or the structure is not symmetric.

@@ -15,9 +15,17 @@ RIDGES = np.geomspace(1e-9, 1, 60)  #: Tried, over the largest eigenvalue.
 
 
 def ridge(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-    """Ridge regression to zero in columns of length one, its size by generalised cross-validation.
+    """Identify by ridge regression in columns of length one, its size by generalised cross-validation.
 
     Golub, Heath, Wahba 1979, "Generalized cross-validation as a method for choosing a good ridge parameter".
+
+    Args:
+        vjm: Kinematics of the arm.
+        structure: The unknowns.
+        data: Measured runs.
+
+    Returns:
+        The estimate.
     """
     regression = reduce(vjm, structure, data)
     A, y = regression.rows
@@ -37,7 +45,16 @@ def ridge(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
 
 
 def clipped(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-    """Least squares, negative eigenvalues of every block set to zero afterwards."""
+    """Identify by least squares, negative eigenvalues of every block set to zero afterwards.
+
+    Args:
+        vjm: Kinematics of the arm.
+        structure: The unknowns.
+        data: Measured runs.
+
+    Returns:
+        The estimate.
+    """
     plain = least_squares(vjm, structure, data)
     C = plain.C_theta.copy()
     for block in structure.blocks:

@@ -35,7 +35,16 @@ SLACK = 1e-2  #: Share by which F_M may exceed its optimum while the trace is ma
 
 
 def gco_stein(regression: Regression, metric: PriorScaling, strength: Strength) -> Estimate:
-    """GCO with the log-determinant prior; the common scale is that of the Gaussian fit."""
+    """Identify by GCO with the log-determinant prior; the common scale is that of the Gaussian fit.
+
+    Args:
+        regression: The reduced dataset.
+        metric: Metric of the prior.
+        strength: Strength of the prior.
+
+    Returns:
+        The estimate.
+    """
     case = Case(regression, WeightedPrior(metric, strength))
     pi, left = _minimum(case)
     estimate = make_estimate(regression, pi, method="GCO with log-det prior", constraint="psd")
@@ -45,7 +54,7 @@ def gco_stein(regression: Regression, metric: PriorScaling, strength: Strength) 
 
 
 def stein_parameters(case: Case) -> Array:
-    """The parameters that `gco_stein` finds, (n,)."""
+    """Compute the parameters that `gco_stein` finds, (n,)."""
     return _minimum(case)[0]
 
 
@@ -65,11 +74,18 @@ def _minimum(case: Case) -> tuple[Array, float]:
 
 
 def gco_least_trace(regression: Regression, metric: PriorScaling) -> Estimate:
-    """GCO without a prior: of the models that fit as well as the best, the one of least trace of X.
+    """Identify by GCO without a prior: of models that fit as well as the best the one of least trace.
 
     The prior's compliances are a metric here and nothing more: the trace counts every compliance in units of
     what was expected. As well means an F_M within `SLACK` of the optimum, which itself may only be approached
     as unseen compliance grows without end.
+
+    Args:
+        regression: The reduced dataset.
+        metric: Metric of the prior.
+
+    Returns:
+        The estimate.
     """
     best = solve_gco(regression).f_m
     n, count = metric.structure.n, len(regression.terms)
@@ -97,13 +113,31 @@ def gco_least_trace(regression: Regression, metric: PriorScaling) -> Estimate:
 
 
 def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
-    """The folds of the runs with a reading."""
+    """Make the folds of the runs with a reading.
+
+    Args:
+        vjm: Kinematics of the arm.
+        structure: The unknowns.
+        data: Measured runs.
+
+    Returns:
+        The folds.
+    """
     [parts] = reduce_parts(vjm, [structure], data, divide_poses(data))
     return folds(parts)
 
 
 def choose_strength(held: Sequence[Fold], metric: PriorScaling, fit: Callable[[Case], Array]) -> Strength:
-    """The uncertainty of a prior that predicts poses held out best, its scale left to the data."""
+    """Choose the uncertainty of a prior that predicts held-out poses best.
+
+    Args:
+        held: The folds.
+        metric: Metric of the prior.
+        fit: Fits a case.
+
+    Returns:
+        The strength, its scale left to the data.
+    """
 
     def error(strength: Strength) -> float:
         cases = ((fold, Case(fold.fitted, WeightedPrior(metric, strength))) for fold in held)

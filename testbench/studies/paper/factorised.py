@@ -57,13 +57,13 @@ class Factorised:
 
     @property
     def size(self) -> int:
-        """Length of b."""
+        """Return the length of b."""
         return int(self.free.sum())
 
 
 @dataclass(frozen=True)
 class Descent:
-    """One local solve."""
+    """Hold one local solve."""
 
     b: Array  #: Where it ended, (size,).
     f_m: float  #: Cost there.
@@ -75,7 +75,14 @@ Evaluate = Callable[[Factorised, Array], tuple[float, Array]]  #: F_M and its gr
 
 
 def factorise(regression: Regression, m: int = MAX_ORDER) -> Factorised:
-    """The factorised problem of a reduced dataset; no compliance of a rank above m, Eq. (16), is reached.
+    """Make the factorised problem of a reduced dataset, Eq. (16).
+
+    Args:
+        regression: The reduced dataset.
+        m: Largest rank of a compliance.
+
+    Returns:
+        The problem.
 
     Raises:
         BenchError: When m is not 1 to 6, or the structure is not symmetric.
@@ -94,7 +101,15 @@ def factorise(regression: Regression, m: int = MAX_ORDER) -> Factorised:
 
 
 def vectors(problem: Factorised, b: Array) -> Array:
-    """The vectors v_j as columns, (m, n_theta, ...), of b, (size, ...); zero where C_theta is known."""
+    """Compute the vectors v_j as columns, zero where C_theta is known.
+
+    Args:
+        problem: The problem.
+        b: Free entries, (size, ...).
+
+    Returns:
+        Vectors, (m, n_theta, ...).
+    """
     V = np.zeros((problem.m, problem.program.structure.n_theta, *b.shape[1:]))
     part = np.zeros((*problem.free.shape, *b.shape[1:]))
     part[problem.free] = b
@@ -103,9 +118,16 @@ def vectors(problem: Factorised, b: Array) -> Array:
 
 
 def parameters(problem: Factorised, b: Array) -> Array:
-    """Parameters pi of the compliances that b generates, Eq. (16), (n,) [m/N, rad/(N m)].
+    """Compute parameters pi of the compliances that b generates, Eq. (16).
 
     Mathematics: `est-5`.
+
+    Args:
+        problem: The problem.
+        b: Free entries, (size,).
+
+    Returns:
+        Parameters, (n,) [m/N, rad/(N m)].
     """
     x = _gramians(problem, vectors(problem, b))
     return problem.program.parameters(x, problem.regression.structure.n)
@@ -118,7 +140,15 @@ def _gramians(problem: Factorised, V: Array) -> Array:
 
 
 def cost(problem: Factorised, b: Array) -> tuple[float, Array]:
-    """F_M(b), Eq. (19), and its gradient, (size,), for b of the problem's units, (size,)."""
+    """Compute F_M(b), Eq. (19), and its gradient.
+
+    Args:
+        problem: The problem.
+        b: Free entries in the problem's units, (size,).
+
+    Returns:
+        F_M and its gradient, (size,).
+    """
     s, V = problem.program.structure, vectors(problem, b)
     x = (V[:, s.a] * V[:, s.b]).sum(axis=0)
     value, g = 0.0, np.zeros(s.n)
@@ -132,7 +162,15 @@ def cost(problem: Factorised, b: Array) -> tuple[float, Array]:
 
 
 def costs(problem: Factorised, population: Array) -> Array:
-    """F_M of many b at once, (points,), one a column of the population, (size, points)."""
+    """Compute F_M of many b at once.
+
+    Args:
+        problem: The problem.
+        population: One b per column, (size, points).
+
+    Returns:
+        F_M, (points,).
+    """
     found = []
     for first in range(0, population.shape[1], BLOCK_POINTS):
         x = _gramians(problem, vectors(problem, population[:, first : first + BLOCK_POINTS]))
@@ -142,14 +180,32 @@ def costs(problem: Factorised, population: Array) -> Array:
 
 
 def random_start(problem: Factorised, rng: np.random.Generator) -> Array:
-    """A random b, (size,), of the size that the data ask for."""
+    """Draw a random b of the size that the data ask for.
+
+    Args:
+        problem: The problem.
+        rng: Source of randomness.
+
+    Returns:
+        b, (size,).
+    """
     return FIRST_STEP * rng.standard_normal(problem.size)
 
 
 def descend(
     problem: Factorised, start: Array, *, evaluate: Evaluate = cost, observe: Observe | None = None
 ) -> Descent:
-    """The b that is best near a start, (size,), by L-BFGS on the gradient of `evaluate`."""
+    """Find the best b near a start by L-BFGS on the gradient of `evaluate`.
+
+    Args:
+        problem: The problem.
+        start: b, (size,).
+        evaluate: Computes F_M and its gradient.
+        observe: Is called with every improvement; None for nobody.
+
+    Returns:
+        The local solve.
+    """
     best, least = start, np.inf
 
     def watched(b: Array) -> tuple[float, Array]:
@@ -169,7 +225,7 @@ def descend(
 
 @dataclass(frozen=True)
 class LocalSolves:
-    """GCO by local solves of Eq. (19) over b from random starts; the best of them.
+    """Identify by GCO by local solves of Eq. (19) over b from random starts; the best of them.
 
     For m = 6 a point where no direction of b goes down, to second order, is global (Journee, Bach, Absil,
     Sepulchre 2010): the certificate, made from the solution's own gradient, shows it. For m < 6 the rank of
@@ -190,7 +246,16 @@ class LocalSolves:
 
 
 def best_of(problem: Factorised, rng: np.random.Generator, *, starts: int) -> Estimate:
-    """The best of several local solves (1 at least, or BenchError), certified by its own gradient."""
+    """Certify the best of several local solves (1 at least, or BenchError) by its own gradient.
+
+    Args:
+        problem: The problem.
+        rng: Source of randomness.
+        starts: Number of starts.
+
+    Returns:
+        The estimate.
+    """
     found = descents(problem, rng, starts=starts)
     best = min(found, key=lambda descent: descent.f_m)
     word = "one local solve" if starts == 1 else f"best of {starts} local solves"
@@ -211,7 +276,17 @@ def best_of(problem: Factorised, rng: np.random.Generator, *, starts: int) -> Es
 def descents(
     problem: Factorised, rng: np.random.Generator, *, starts: int, observe: Observe | None = None
 ) -> list[Descent]:
-    """Local solves (1 at least, or BenchError) from random starts, one after the other."""
+    """Run local solves (1 at least, or BenchError) from random starts, one after the other.
+
+    Args:
+        problem: The problem.
+        rng: Source of randomness.
+        starts: Number of starts.
+        observe: Is called with every improvement; None for nobody.
+
+    Returns:
+        The local solves.
+    """
     if starts < 1:
         raise BenchError(f"starts: expected at least 1 local solve, got {starts}")
     tell = falling(observe)
@@ -219,7 +294,7 @@ def descents(
 
 
 def falling(observe: Observe | None) -> Observe:
-    """An observer that is told only of an F_M below all before, whoever found it."""
+    """Make an observer that is told only of an F_M below all before, whoever found it."""
     least = np.inf
 
     def tell(value: float) -> None:
@@ -232,13 +307,20 @@ def falling(observe: Observe | None) -> Observe:
 
 
 def order_range(structure: Structure, runs: int) -> tuple[float, float]:
-    """Least and greatest order m of the vector space by counting, Eq. (20), for so many measured runs N.
+    """Count the least and greatest order m of the vector space, Eq. (20), for so many measured runs.
 
     (n + 1) / 2 <= m <= 6 N / (n n_theta), with n the size of a compliance and n_theta their number: the
     larger blocks are counted, joints are of size one. The lower bound counts parameters; a smaller order than
     n still caps the rank.
 
     Mathematics: `est-6`.
+
+    Args:
+        structure: The unknowns.
+        runs: Number of measured runs N.
+
+    Returns:
+        Both orders.
     """
     sizes = [len(block) for block in structure.blocks]
     n = max(sizes)
@@ -246,7 +328,18 @@ def order_range(structure: Structure, runs: int) -> tuple[float, float]:
 
 
 def every_order(cell: Cell, structure: Structure, data: Dataset, starts: int, seed: int) -> list[Estimate]:
-    """Identify by vectors of Eq. (16) of every order m from 1 to 6, each the best of some local solves."""
+    """Identify by vectors of Eq. (16) of every order m from 1 to 6, each the best of some local solves.
+
+    Args:
+        cell: The arm with its model and its truth.
+        structure: The unknowns.
+        data: Measured runs.
+        starts: Number of starts.
+        seed: Seed of the trial.
+
+    Returns:
+        An estimate per order.
+    """
     return [
         LocalSolves(trial_rng(seed, 10 + m), m, starts)(cell.vjm, structure, data)
         for m in range(1, MAX_ORDER + 1)

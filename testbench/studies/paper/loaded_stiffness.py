@@ -69,7 +69,7 @@ Method = Literal["linear", "secant", "integrated", "joints"]
 
 @dataclass(frozen=True)
 class LoadedStiffnessOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     arm: ArmFlag = "kr500_l480"
     max_load_n: Annotated[
@@ -79,20 +79,20 @@ class LoadedStiffnessOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class LoadedStiffnessSettings(LoadedStiffnessOptions):
-    """What is tried."""
+    """Describe what is tried."""
 
     loads: int = FULL[0]  #: How many weights, evenly spread on a log scale.
     poses: int = FULL[1]  #: How many poses a seed.
 
     @property
     def weights(self) -> list[float]:
-        """The hung weights, ascending, (loads,) [N]."""
+        """Return the hung weights, ascending, (loads,) [N]."""
         return [float(w) for w in np.geomspace(self.max_load_n / 10, self.max_load_n, self.loads)]
 
 
 @dataclass(frozen=True)
 class PoseRow:
-    """One weight in one pose, by one truth and one method."""
+    """Hold one weight in one pose, by one truth and one method."""
 
     pose: int  #: Number of the pose, from 1.
     q_rad: tuple[float, ...]  #: Actuated joint angles, (n,).
@@ -104,13 +104,30 @@ class PoseRow:
 
 
 def settings(options: LoadedStiffnessOptions, quick: bool, _: range) -> LoadedStiffnessSettings:
-    """What the flags ask for."""
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        _: Not used.
+
+    Returns:
+        The settings.
+    """
     loads, poses = QUICK if quick else FULL
     return LoadedStiffnessSettings(**vars(options), loads=loads, poses=poses)
 
 
 def trials(asked: LoadedStiffnessSettings, seeds: Sequence[int]) -> list[list[PoseRow]]:
-    """Rows of some seeds, each with poses of its own."""
+    """Make the rows of some seeds, each with poses of its own.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+
+    Returns:
+        Rows of every seed.
+    """
     cell = build_cell(find_arm(asked.arm))
     plants: dict[Truth, Plant] = {"weightless": weightless(cell.plant), "own weight": cell.plant}
     found = []
@@ -121,7 +138,17 @@ def trials(asked: LoadedStiffnessSettings, seeds: Sequence[int]) -> list[list[Po
 
 
 def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> list[PoseRow]:
-    """One weight [N] in every pose (poses, n) [rad]: deflections true and predicted."""
+    """Hang one weight in every pose: deflections true and predicted.
+
+    Args:
+        cell: The arm with its model and its truth.
+        plants: The true arm by truth.
+        q: Poses, (poses, n) [rad].
+        load: The weight [N].
+
+    Returns:
+        The rows.
+    """
     wrench = np.zeros((len(q), 6))
     wrench[:, 2] = -load
     point = np.tile(cell.vjm.load, (len(q), 1))
@@ -146,7 +173,17 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> li
 
 
 def predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, Array]:
-    """Deflection of the tool by method, with the true compliances, (poses, 3) [m]."""
+    """Predict the deflection of the tool by every method, with the true compliances.
+
+    Args:
+        cell: The arm with its model and its truth.
+        q: Joint angles, (runs, n) [rad, m].
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Point where the force acts in the tool's frame, (runs, 3) [m].
+
+    Returns:
+        Deflection by method, (poses, 3) [m].
+    """
     unloaded, C_theta = chain(cell.vjm, q), cell.arm.C_theta
     theta = equilibrium(
         elastic_state(cell.vjm, C_theta, no_weights(cell.arm)), q, [Load(wrench, point)]
@@ -160,9 +197,19 @@ def predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, A
 
 
 def joints_alone(cell: Cell, q: Array, wrench: Array, point: Array, moved: Array) -> Array:
-    """Deflection of the tool by joint compliances fitted to these very deflections, (poses, 3) [m].
+    """Predict the deflection of the tool by joint compliances fitted to these very deflections.
 
     Linear as Eq. (6), links rigid, least squares without noise: no campaign leaves joints alone less.
+
+    Args:
+        cell: The arm with its model and its truth.
+        q: Joint angles, (runs, n) [rad, m].
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Point where the force acts in the tool's frame, (runs, 3) [m].
+        moved: Deflections, (poses, 3) [m].
+
+    Returns:
+        Deflection, (poses, 3) [m].
     """
     A = observation(chain(cell.vjm, q), joints_only(cell.arm), wrench, point, AT_TOOL)[:, 0]
     pi = np.linalg.lstsq(A.reshape(-1, A.shape[-1]), moved.ravel())[0]
@@ -170,7 +217,16 @@ def joints_alone(cell: Cell, q: Array, wrench: Array, point: Array, moved: Array
 
 
 def report(asked: LoadedStiffnessSettings, seeds: range, trials: Trials) -> Report:
-    """Report the errors over the poses of all seeds, by load, truth and method."""
+    """Report the errors over the poses of all seeds, by load, truth and method.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        trials: Rows of the trials.
+
+    Returns:
+        The report.
+    """
     rows = [
         Row(load_N=load, truth=truth, method=method, prediction=f"{NAMES[method]}, {truth}", **_errors(own))
         for (load, truth, method), own in trials.groups("load_N", "truth", "method")

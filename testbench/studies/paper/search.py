@@ -29,7 +29,7 @@ PENALTY = 0.2  #: Share of 1 + threshold by which the threshold is then raised.
 
 @dataclass(frozen=True)
 class Budget:
-    """How far the search goes; the defaults are those of scipy and of MATLAB's `GlobalSearch`."""
+    """Limit how far the search goes; defaults are those of scipy and of MATLAB's `GlobalSearch`."""
 
     population: int = 15  #: Points of a generation for every entry of b.
     generations: int = 1000  #: Most generations; fewer where the population agrees.
@@ -45,7 +45,7 @@ class Budget:
 
 @dataclass(eq=False)  # arrays have no one truth value
 class Basin:
-    """A ball around a local optimum from which local solves are believed to lead back to it.
+    """Describe a ball around a local optimum from which local solves are believed to lead back to it.
 
     As any rotation of all vectors of a block gives the same compliance, no optimum is met twice: a basin is
     one point of many that are the same model, and is never widened.
@@ -56,13 +56,13 @@ class Basin:
     waiting: int = 0  #: Trial points in a row that fell into it.
 
     def holds(self, b: Array) -> bool:
-        """Whether a trial point is too close to start from."""
+        """Tell whether a trial point is too close to start from."""
         return bool(np.linalg.norm(b - self.centre) <= DISTANCE_FACTOR * self.radius)
 
 
 @dataclass
 class SearchState:
-    """What the search knows so far."""
+    """Hold what the search knows so far."""
 
     problem: Factorised  #: F_M(b).
     observe: Observe  #: Told of every least F_M.
@@ -75,13 +75,18 @@ class SearchState:
     evaluations: int = 0
 
     def keep(self, b: Array, value: float) -> None:
-        """Keep a point that is the best so far."""
+        """Keep a point that is the best so far.
+
+        Args:
+            b: The point.
+            value: F_M there.
+        """
         if value < self.f_m:
             self.best, self.f_m = b.copy(), value
             self.observe(value)
 
     def solve(self, start: Array) -> None:
-        """A local solve; its optimum becomes a basin."""
+        """Run a local solve; its optimum becomes a basin."""
         descent = descend(self.problem, start, observe=self.observe)
         self.evaluations += descent.evaluations
         self.descents.append(descent.f_m)
@@ -92,10 +97,19 @@ class SearchState:
 def explore(
     problem: Factorised, budget: Budget, rng: np.random.Generator, observe: Observe | None = None
 ) -> SearchState:
-    """Genetic algorithm, then global search, through the whole budget.
+    """Run a genetic algorithm, then a global search, through the whole budget.
 
     The paper stops at an F_M "slightly higher or close to 2", its noise floor; whether any conservative model
     reaches that, the conic program tells.
+
+    Args:
+        problem: The problem.
+        budget: Limits of the search.
+        rng: Source of randomness.
+        observe: Is called with every improvement; None for nobody.
+
+    Returns:
+        The state at the end.
     """
     search = SearchState(problem, falling(observe), np.zeros(problem.size))
     genetic_algorithm(search, budget, rng)
@@ -104,7 +118,13 @@ def explore(
 
 
 def genetic_algorithm(search: SearchState, budget: Budget, rng: np.random.Generator) -> None:
-    """The start b0: differential evolution in the role of the paper's genetic algorithm."""
+    """Find the start b0 by differential evolution, in the role of the paper's genetic algorithm.
+
+    Args:
+        search: State of the search; it is changed.
+        budget: Limits of the search.
+        rng: Source of randomness.
+    """
     problem = search.problem
 
     def counted(population: Array) -> Array:
@@ -129,7 +149,13 @@ def genetic_algorithm(search: SearchState, budget: Budget, rng: np.random.Genera
 
 
 def global_search(search: SearchState, budget: Budget, rng: np.random.Generator) -> None:
-    """Local solves from the best point and from the trial points that pass both filters."""
+    """Run local solves from the best point and from the trial points that pass both filters.
+
+    Args:
+        search: State of the search; it is changed.
+        budget: Limits of the search.
+        rng: Source of randomness.
+    """
     search.solve(search.best)
     points = trial_points(search.problem, search.best, budget.trial_points, rng)
     values = costs(search.problem, points.T)
@@ -159,10 +185,19 @@ def _wait(basin: Basin, inside: bool) -> None:
 
 
 def trial_points(problem: Factorised, start: Array, count: int, rng: np.random.Generator) -> Array:
-    """Trial points by scatter search (Glover 1998), (count, size).
+    """Choose trial points by scatter search (Glover 1998).
 
     Diverse points fill the box; of them and the start a reference set of the best and of the most distant
     is kept; its pairs are combined along their line, within and beyond the two.
+
+    Args:
+        problem: The problem.
+        start: The best point, (size,).
+        count: Number of points.
+        rng: Source of randomness.
+
+    Returns:
+        The points, (count, size).
     """
     box = qmc.scale(qmc.LatinHypercube(problem.size, rng=rng).random(10 * REFERENCE), -BOX, BOX)
     pool = np.vstack([start, box])

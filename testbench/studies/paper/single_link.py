@@ -80,14 +80,14 @@ Loads = Literal["axes", "random"]
 
 @dataclass(frozen=True)
 class SingleLinkOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     loads: Annotated[Loads, typer.Option(help="One axis at a time, or six random wrenches.")] = "axes"
 
 
 @dataclass(frozen=True, kw_only=True)
 class SingleLinkSettings(SingleLinkOptions):
-    """What is tried."""
+    """Describe what is tried."""
 
     first: int = 1000  #: The first draw: it keeps its readings.
     ordered: int = 0  #: Draws, from the first, that are solved for every order m too.
@@ -97,7 +97,7 @@ class SingleLinkSettings(SingleLinkOptions):
 
 @dataclass(frozen=True)
 class Matrix:
-    """A compliance beside the true one.
+    """Compare a compliance with the true one.
 
     Its smallest eigenvalue is that of the symmetric part, or, as the paper counts, the real part of the
     matrix's own, in 1e-6 of mixed SI units.
@@ -122,7 +122,7 @@ class Matrix:
 
 @dataclass(frozen=True)
 class LinkRow(FitRow, Matrix):
-    """What one method made of one draw."""
+    """Hold what one method made of one draw."""
 
     measured: DatasetRow  #: The readings.
     condition: float  #: Condition number of the loads, in units of force and moment [1].
@@ -139,19 +139,28 @@ class LinkRow(FitRow, Matrix):
 
 @dataclass(frozen=True)
 class Draw:
-    """Noisy readings under the six loads, and noise-free ones under the check loads."""
+    """Hold noisy readings under the six loads, and noise-free ones under the check loads."""
 
     identification: Dataset
     truth: Dataset
 
 
 def settings(options: SingleLinkOptions, quick: bool, seeds: range) -> SingleLinkSettings:
-    """What the flags ask for."""
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
     return SingleLinkSettings(options.loads, first=seeds[0], ordered=QUICK_ORDERED if quick else ORDERED)
 
 
 def models(cell: Cell) -> list[Model]:
-    """Least squares with 36 entries, the same with 21, and GCO: what symmetry gives, what the constraint."""
+    """List least squares with 36 entries, with 21, and GCO: what symmetry gives, what the constraint."""
     full = partial(Structure.of, cell.arm, links=[link.name for link in cell.arm.links])
     return [
         Model(LEAST_SQUARES, free36(cell.arm), least_squares),
@@ -161,7 +170,16 @@ def models(cell: Cell) -> list[Model]:
 
 
 def measure(cell: Cell, asked: SingleLinkSettings, seed: int) -> Draw:
-    """Load the true link, read it, and draw loads to check with."""
+    """Load the true link, read it, and draw loads to check with.
+
+    Args:
+        cell: The arm with its model and its truth.
+        asked: Settings of the study.
+        seed: Seed of the trial.
+
+    Returns:
+        The readings.
+    """
     campaign = asked.campaign
     if asked.loads == "axes":
         wrench = np.diag([campaign.force] * 3 + [campaign.moment] * 3)
@@ -180,13 +198,31 @@ def _read(cell: Cell, campaign: FullPose, wrench: Array, rng: np.random.Generato
 
 
 def wrenches_within(count: int, force: float, moment: float, rng: np.random.Generator) -> Array:
-    """Wrenches spread evenly over the balls |F| <= force and |M| <= moment, (count, 6) [N, N m]."""
+    """Draw wrenches spread evenly over the balls |F| <= force and |M| <= moment.
+
+    Args:
+        count: Number of wrenches.
+        force: Largest force [N].
+        moment: Largest moment [N m].
+        rng: Source of randomness.
+
+    Returns:
+        Wrenches, (count, 6) [N, N m].
+    """
     size = np.repeat(np.cbrt(rng.uniform(size=(count, 2))), 3, axis=1)
     return size * random_wrenches(count, force, moment, rng)
 
 
 def trials(asked: SingleLinkSettings, seeds: Sequence[int]) -> list[list[LinkRow]]:
-    """What every model, and in the first draws every order m, made of some draws."""
+    """Fit every model, and in the first draws every order m, to some draws.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+
+    Returns:
+        Rows of every seed.
+    """
     cell = build_cell(find_arm(NAME))
     return [list(_trial(cell, asked, seed)) for seed in seeds]
 
@@ -229,7 +265,16 @@ def _row(cell: Cell, asked: SingleLinkSettings, draw: Draw, fit: FitRow, estimat
 
 
 def examine(cell: Cell, C: Array, truth: Dataset) -> Matrix:
-    """Eigenvalues of C, (6, 6) [m/N, rad/N, rad/(N m)], and errors, also under noise-free loads."""
+    """Compute eigenvalues of C and its errors, also under noise-free loads.
+
+    Args:
+        cell: The arm with its model and its truth.
+        C: Compliance, (6, 6) [m/N, rad/(N m)].
+        truth: True deflections.
+
+    Returns:
+        The comparison.
+    """
     matrix, symmetric = eigenvalues(C)
     zero = -CONSERVATIVE_TOLERANCE * np.abs(matrix).max()
     error = C - cell.arm.C_theta
@@ -248,7 +293,15 @@ def examine(cell: Cell, C: Array, truth: Dataset) -> Matrix:
 
 
 def prediction_errors(C: Array, truth: Dataset) -> dict[str, float]:
-    """Errors of the deflections that a compliance predicts under the loads of some noise-free readings."""
+    """Compute errors of the deflections that a compliance predicts under noise-free loads.
+
+    Args:
+        C: Compliance, (6, 6) [m/N, rad/(N m)].
+        truth: True deflections.
+
+    Returns:
+        Errors by name.
+    """
     position, rotation = truth.deflection[:, 0], truth.rotation
     off = truth.wrench @ C.T - np.hstack([position, rotation])
     return {
@@ -265,26 +318,43 @@ def eigenvalues(C: Array) -> tuple[Array, Array]:
 
 
 def noise_scale(campaign: FullPose) -> Array:
-    """Noise of an entry read directly, sqrt(2) sigma over the load, (6, 6) [m/N, 1/N, rad/(N m)]."""
+    """Compute the noise of an entry read directly, (6, 6): sqrt(2) sigma over the load."""
     sigma = np.repeat([campaign.sigma, campaign.sigma_rotation], 3)
     load = np.repeat([campaign.force, campaign.moment], 3)
     return np.asarray(np.sqrt(2) * sigma[:, None] / load)
 
 
 def rank_beyond_noise(campaign: FullPose, C: Array) -> int:
-    """Eigenvalues of the symmetric part that are no rounding of zero, in units of what noise causes."""
+    """Count eigenvalues of the symmetric part beyond rounding, in units of what noise causes.
+
+    Args:
+        campaign: Campaign of the readings.
+        C: Compliance, (6, 6) [m/N, rad/(N m)].
+
+    Returns:
+        The rank.
+    """
     unit = np.sqrt(np.diag(noise_scale(campaign)))
     values = np.linalg.eigvalsh((C + C.T) / 2 / np.outer(unit, unit))
     return int((np.abs(values) > NO_RANK).sum())
 
 
 def rms(values: Array) -> float:
-    """Root mean square."""
+    """Compute the root mean square."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 def report(asked: SingleLinkSettings, seeds: range, trials: Trials) -> Report:
-    """Report medians and spreads of every method and order, the paper's statements, and who is nearer."""
+    """Report medians and spreads of every method and order, the paper's statements, and who is nearer.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        trials: Rows of the trials.
+
+    Returns:
+        The report.
+    """
     f = _numbers(asked, seeds, trials)
     errors = Table(columns(ERRORS), f.models, "How far off", headline=POSITION)
     badge = of_rivals(trials.where(m=0), GCO, [LEAST_SQUARES, SYMMETRIC], POSITION)

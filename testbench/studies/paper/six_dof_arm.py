@@ -69,7 +69,7 @@ ORDER_STARTS, QUICK_ORDER_STARTS = 5, 2
 
 @dataclass(frozen=True)
 class SixDofOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     arm: ArmFlag = "arm_6r"
     per: Annotated[
@@ -80,7 +80,7 @@ class SixDofOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SixDofSettings(SixDofOptions):
-    """What is tried."""
+    """Describe what is tried."""
 
     scenario: FullPose  #: What is measured; its truth is replaced by each in turn.
     first: int  #: The first seed.
@@ -91,7 +91,7 @@ class SixDofSettings(SixDofOptions):
 
 @dataclass(frozen=True)
 class SixDofRow(CampaignRow):
-    """One fit: of a model under one truth, or of one order m. Errors are of the check runs."""
+    """Hold one fit: of a model under one truth, or of one order m. Errors are of the check runs."""
 
     truth: Truth = "linear"  #: Kind of truth.
     m: int = 0  #: Order of the vector space of Eq. (16); 0 where the model's own method was used.
@@ -99,7 +99,16 @@ class SixDofRow(CampaignRow):
 
 
 def settings(options: SixDofOptions, quick: bool, seeds: range) -> SixDofSettings:
-    """What the flags ask for."""
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
     share = math.sqrt(2) if options.per == "deflection" else 1.0
     scenario = FullPose(
         arm=find_arm(options.arm).resolve().name,
@@ -120,14 +129,23 @@ def settings(options: SixDofOptions, quick: bool, seeds: range) -> SixDofSetting
 def trials(
     asked: SixDofSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
 ) -> list[list[SixDofRow]]:
-    """Rows of some seeds: all models under two truths, and in the first seeds every order m."""
+    """Make the rows of some seeds: all models under two truths, and in the first seeds every order m.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        own: Estimators of the user.
+
+    Returns:
+        Rows of every seed.
+    """
     cell = build_cell(find_arm(asked.arm))
     every = [*models(cell), *estimator_models(own)(cell, None)]
     return [list(_trial(cell, every, asked, seed)) for seed in seeds]
 
 
 def models(cell: Cell) -> list[Model]:
-    """The models of Table I, what holds their least squares down, and the incumbent; GCO is the paper's."""
+    """List the models of Table I, what restrains least squares, and the incumbent; GCO is the paper's."""
     every = plain_models(cell, (*MODELS, JOINTS))
     return [replace(model, estimator=paper_gco) if model.estimator == gco else model for model in every]
 
@@ -155,7 +173,16 @@ def _orders(cell: Cell, campaign: Campaign, name: str, starts: int) -> Iterator[
 
 
 def report(asked: SixDofSettings, seeds: range, trials: Trials) -> Report:
-    """Report medians and spreads of every model and order under both truths, and the paper's statements."""
+    """Report medians and spreads of every model and order under both truths, and the paper's statements.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        trials: Rows of the trials.
+
+    Returns:
+        The report.
+    """
     straight = trials.where(m=0, truth=TRUTHS[0])
     f = Row(
         seed=campaigns.seeds_of(seeds),

@@ -82,7 +82,7 @@ DIFFERENCE = math.sqrt(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     model: Annotated[str, typer.Option(metavar="NAME", help="A GCO model of the paper.")] = "MGCO69"
     m: Annotated[
@@ -100,14 +100,14 @@ class SolverOptions:
 
 @dataclass(frozen=True)
 class SolverSettings(SolverOptions):
-    """What is tried."""
+    """Describe what is tried."""
 
     first: int = 1  #: The first seed: its runs are kept.
 
 
 @dataclass(frozen=True)
 class SolverRow(CampaignRow):
-    """What one solver found in one seed: the model, and its way down."""
+    """Hold what one solver found in one seed: the model, and its way down."""
 
     key: str = ""  #: Letter of the solver.
     excess_f_m: float = 0.0  #: F_M over that of the conic program.
@@ -124,7 +124,7 @@ class SolverRow(CampaignRow):
 
 @dataclass(frozen=True)
 class SolverResult:
-    """What one solver found."""
+    """Hold what one solver found."""
 
     key: str  #: Its letter.
     estimate: Estimate  #: The model.
@@ -141,32 +141,76 @@ OverB = Callable[[Factorised, np.random.Generator, Observe], Found]
 
 
 def search(budget: Budget, problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-    """The paper's optimiser, run through its whole budget: no threshold stops it."""
+    """Run the paper's optimiser through its whole budget: no threshold stops it.
+
+    Args:
+        budget: Limits of the search.
+        problem: The problem.
+        rng: Source of randomness.
+        observe: Is called with every improvement; None for nobody.
+
+    Returns:
+        The best b, the number of evaluations, and F_M of every local solve.
+    """
     search_state = explore(problem, budget, rng, observe)
     return search_state.best, search_state.evaluations, search_state.descents
 
 
 def local_solves(starts: int, problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-    """Local solves on the analytic gradient, from random starts."""
+    """Run local solves on the analytic gradient, from random starts.
+
+    Args:
+        starts: Number of starts.
+        problem: The problem.
+        rng: Source of randomness.
+        observe: Is called with every improvement; None for nobody.
+
+    Returns:
+        The best b, the number of evaluations, and F_M of every local solve.
+    """
     found = descents(problem, rng, starts=starts, observe=observe)
     best = min(found, key=lambda descent: descent.f_m)
     return best.b, sum(d.evaluations for d in found), [d.f_m for d in found]
 
 
 def differences(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-    """One local solve that knows F_M alone and takes its gradient by finite differences."""
+    """Run one local solve that knows F_M alone and takes its gradient by finite differences.
+
+    Args:
+        problem: The problem.
+        rng: Source of randomness.
+        observe: Is called with every improvement; None for nobody.
+
+    Returns:
+        The best b, the number of evaluations, and F_M of the local solve.
+    """
     end = descend(problem, random_start(problem, rng), evaluate=forward_differences, observe=observe)
     return end.b, (problem.size + 1) * end.evaluations, [end.f_m]
 
 
 def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
-    """F_M(b) and its gradient by finite differences, all points at once, (size,)."""
+    """Compute F_M(b) and its gradient by finite differences, all points at once.
+
+    Args:
+        problem: The problem.
+        b: Free entries, (size,).
+
+    Returns:
+        F_M and its gradient, (size,).
+    """
     values = costs(problem, np.hstack([b[:, None], b[:, None] + DIFFERENCE * np.eye(problem.size)]))
     return float(values[0]), (values[1:] - values[0]) / DIFFERENCE
 
 
 def gco_model(cell: Cell, name: str) -> Model:
-    """A model of the paper that GCO identifies.
+    """Return a model of the paper that GCO identifies.
+
+    Args:
+        cell: The arm with its model and its truth.
+        name: Its name.
+
+    Returns:
+        The model.
 
     Raises:
         BenchError: When there is none of that name, or least squares identifies it.
@@ -178,7 +222,15 @@ def gco_model(cell: Cell, name: str) -> Model:
 
 
 def settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSettings:
-    """What the flags ask for.
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
 
     Raises:
         BenchError: When the model is none that GCO identifies, or SCS is not installed.
@@ -192,7 +244,15 @@ def settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSetting
 
 
 def trials(asked: SolverSettings, seeds: Sequence[int]) -> list[list[SolverRow]]:
-    """Rows of some seeds, one a solver."""
+    """Make the rows of some seeds, one per solver.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+
+    Returns:
+        Rows of every seed.
+    """
     cell = build_cell(find_arm(ARM))
     model = gco_model(cell, asked.model)
     return [_trial(cell, model, asked, seed) for seed in seeds]
@@ -291,7 +351,16 @@ def _row(row: CampaignRow, own: SolverResult, conic: SolverResult, excess: float
 
 
 def report(asked: SolverSettings, seeds: range, trials: Trials) -> Report:
-    """Report medians and spreads of every solver, and what the proof says of the paper's search."""
+    """Report medians and spreads of every solver, and what the proof says of the paper's search.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        trials: Rows of the trials.
+
+    Returns:
+        The report.
+    """
     solvers, own = list(_solvers(asked, trials)), trials.where(key="d")
     rows = {row.key: row for row in solvers}
     over = {key: float((own["f_m"] / trials.where(key=key)["f_m"] - 1).max()) for key in rows}

@@ -100,6 +100,9 @@ def statement_row(claim: str, verdict: bool, holds: Share | None) -> Row:
         claim: What the paper says.
         verdict: Whether our numbers confirm it.
         holds: What they say: a truth value, or the share of seeds.
+
+    Returns:
+        The row.
     """
     return _row(claim, "confirmed" if verdict else "not confirmed", holds=holds)
 
@@ -111,6 +114,9 @@ def number(claim: str, ours: Number, paper: float) -> Row:
         claim: What the number is, with its unit.
         ours: The same number over our seeds; without a spread nothing is consistent.
         paper: The paper's.
+
+    Returns:
+        The row.
     """
     low, high = ends(ours)
     verdict = "consistent" if isinstance(ours, Spread) and low <= paper <= high else "not confirmed"
@@ -128,6 +134,9 @@ def comparison(claim: str, won: int, lost: int, seeds: int) -> Row:
         won: Seeds in which it is.
         lost: Seeds in which it is not; in the rest they are equal.
         seeds: All of them.
+
+    Returns:
+        The row.
     """
     p = float(binomtest(won, won + lost).pvalue) if won + lost else 1.0
     verdict = "no clear difference" if p >= TEST_LEVEL else "confirmed" if won > lost else "contradicted"
@@ -135,5 +144,14 @@ def comparison(claim: str, won: int, lost: int, seeds: int) -> Row:
 
 
 def nearly(claim: str, held: int, seeds: int) -> Row:
-    """Judge that two errors are nearly the same, or one hardly larger: in `MIN_EQUAL_SHARE` of the seeds."""
+    """Judge that two errors are nearly the same, or one hardly larger: in `MIN_EQUAL_SHARE` of the seeds.
+
+    Args:
+        claim: What the paper says.
+        held: Seeds in which it holds.
+        seeds: Number of seeds.
+
+    Returns:
+        The row.
+    """
     return statement_row(claim, held >= MIN_EQUAL_SHARE * seeds, held / seeds)

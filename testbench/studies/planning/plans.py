@@ -30,7 +30,15 @@ Job = tuple[PlanningSettings, str, str, int]
 
 
 def prepare(asked: PlanningSettings, everywhere: Everywhere) -> PlanningSettings:
-    """The scenes and all plans, the same for all trials; PoseError for too few feasible poses."""
+    """Make the scenes and all plans, the same for all trials; PoseError for too few feasible poses.
+
+    Args:
+        asked: Settings of the study.
+        everywhere: Does pieces of work on all cores.
+
+    Returns:
+        The settings with their scenes.
+    """
     cell = build_cell(find_arm(asked.arm))
     asked = replace(asked, scene=_scene(cell, asked, 0))
     asked = replace(asked, away=_scene(cell, s.elsewhere(asked), AWAY_STREAM))
@@ -66,7 +74,15 @@ def _jobs(asked: PlanningSettings) -> list[Job]:
 
 
 def plan_rows(asked: PlanningSettings, numbers: Sequence[int]) -> list[list[s.PlannedRow]]:
-    """Plans by their numbers, one list each; `asked` holds the scene."""
+    """Make plans by their numbers, one list each; `asked` holds the scene.
+
+    Args:
+        asked: Settings of the study.
+        numbers: Numbers of the plans.
+
+    Returns:
+        The plans.
+    """
     cell, jobs = build_cell(find_arm(asked.arm)), _jobs(asked)
     return [[_plan_row(cell, jobs[k])] for k in numbers]
 

@@ -27,14 +27,14 @@ WHOLE = DEFAULT  #: What `identify` does by default.
 
 @dataclass(frozen=True)
 class PlanningOptions:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     arm: ArmFlag = "kr500_l480"
 
 
 @dataclass(frozen=True)
 class Ground:
-    """Where the tracker stands and the robot works."""
+    """Say where the tracker stands and the robot works."""
 
     name: str  #: In words.
     station: tuple[float, float, float]  #: Of the tracker [m].
@@ -53,7 +53,7 @@ ANYWHERE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: The workspace.
 
 @dataclass(frozen=True)
 class Scope:
-    """What is tried."""
+    """Describe what is tried."""
 
     payload: float = 460.3  #: Hung mass [kg].
     sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
@@ -68,7 +68,7 @@ class Scope:
     featured: int = 12  #: Number of poses that the report looks at closely.
 
     def numbers(self, name: str) -> tuple[int, ...]:
-        """Numbers of poses by a criterion, or at random."""
+        """Return the numbers of poses by a criterion, or at random."""
         return self.poses if name in (self.criteria[0], RANDOM) else self.fewer
 
 
@@ -85,7 +85,7 @@ QUICK = Scope(
 
 @dataclass(frozen=True)
 class PlannedRow:
-    """A plan, what it is certified for, and which error at the tasks it forecasts."""
+    """Hold a plan, what it is certified for, and which error at the tasks it forecasts."""
 
     ground: str  #: Name of the ground that it is for.
     fit: str  #: Name of the fit that it is made for.
@@ -100,7 +100,7 @@ class PlannedRow:
 
 @dataclass(frozen=True)
 class PlanningScene:
-    """What all plans and trials share: feasible poses, and where predictions are wanted."""
+    """Hold what all plans and trials share: feasible poses, and where predictions are wanted."""
 
     candidates: Angles = ()  #: Feasible poses to choose from.
     tasks: Angles = ()  #: Poses where the robot works.
@@ -108,7 +108,16 @@ class PlanningScene:
     plans: tuple[PlannedRow, ...] = ()  #: By criterion and number of poses, then by fit.
 
     def plan(self, criterion: str, poses: int, fit: str) -> PlannedRow:
-        """The plan by a criterion of so many poses for a fit."""
+        """Return the plan by a criterion of so many poses for a fit.
+
+        Args:
+            criterion: The criterion.
+            poses: Number of poses.
+            fit: Name of the fit.
+
+        Returns:
+            The plan.
+        """
         return next(p for p in self.plans if (p.criterion, p.poses, p.fit) == (criterion, poses, fit))
 
 
@@ -117,7 +126,7 @@ EMPTY = PlanningScene()
 
 @dataclass(frozen=True)
 class PlanningSettings:
-    """What is tried."""
+    """Describe what is tried."""
 
     arm: str  #: Folder or name of the arm.
     seed: int  #: Root of the candidates, the tasks and the planner's prior; the first trial.
@@ -128,11 +137,20 @@ class PlanningSettings:
 
 
 def elsewhere(asked: PlanningSettings) -> PlanningSettings:
-    """The same on the other ground."""
+    """Return the settings on the other ground."""
     return replace(asked, scope=replace(asked.scope, ground=AWAY), scene=asked.away)
 
 
 def settings(options: PlanningOptions, quick: bool, seeds: range) -> PlanningSettings:
-    """What the flags ask for."""
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
     find_arm(options.arm)
     return PlanningSettings(options.arm, seeds[0], QUICK if quick else Scope())

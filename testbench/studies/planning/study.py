@@ -58,7 +58,16 @@ LOOKS = {
 
 
 def report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
-    """Report errors by criterion and number of poses, where planning pays, and whether promises hold."""
+    """Report errors by criterion and number of poses, where planning pays, and whether promises hold.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        trials: Rows of the trials.
+
+    Returns:
+        The report.
+    """
     f = _numbers(asked, seeds, trials)
     n, rivals = asked.scope.featured, [row.plan for row in f.criteria if row.plan != "test"]
     own = trials.where(part="measured", poses=n, fit=PLANNED)
@@ -231,7 +240,7 @@ def figures(found: Report) -> dict[str, Figure]:
 
 
 def write(run: Run[PlanningSettings]) -> PageContent:
-    """What is drawn: the featured plan, and where errors remain."""
+    """Draw the featured plan, and where errors remain."""
     settings, cell = run.settings, build_cell(find_arm(run.settings.arm))
     n, scene = settings.scope.featured, settings.scene
     q, places = trial.poses_of(settings, "test", n, settings.seed), np.array(scene.workspace)

@@ -57,7 +57,7 @@ Part = Literal["measured", "ground", "promise"]
 
 @dataclass(frozen=True)
 class Bench:
-    """The true arm and where predictions are judged."""
+    """Hold the true arm and where predictions are judged."""
 
     cell: Cell  #: The arm.
     asked: PlanningSettings  #: On its ground.
@@ -65,11 +65,19 @@ class Bench:
     workspace: Dataset  #: The same over the workspace.
 
     def off(self, estimates: Sequence[Estimate], data: Dataset) -> Array:
-        """Predicted minus true deflections, (estimates, poses, m, 3) [m]."""
+        """Subtract true from predicted deflections.
+
+        Args:
+            estimates: The estimates.
+            data: True deflections.
+
+        Returns:
+            Differences, (estimates, poses, m, 3) [m].
+        """
         return np.asarray(all_deflections(self.cell.vjm, estimates, data) - data.deflection)
 
     def errors_mm(self, estimates: Sequence[Estimate]) -> Iterator[tuple[float | None, float | None]]:
-        """RMS errors at the tasks and over the workspace [mm]; none of an estimator that failed."""
+        """Compute RMS errors at the tasks and over the workspace [mm]; none of a failed estimator."""
         every = (rms_mm(self.off(estimates, data), 1, 2).tolist() for data in (self.tasks, self.workspace))
         for estimate, tasks, workspace in zip(estimates, *every, strict=True):
             yield (None, None) if has_failed(estimate) else (tasks, workspace)
@@ -77,7 +85,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class PlanErrorRow:
-    """RMS errors of one fit against the true deflection."""
+    """Hold RMS errors of one fit against the true deflection."""
 
     part: Part  #: What was measured.
     plan: str  #: Criterion of the plan, or "random".
@@ -100,7 +108,16 @@ class PlanErrorRow:
 def trials(
     asked: PlanningSettings, seeds: Sequence[int], own: Sequence[EstimatorSource] = ()
 ) -> list[list[PlanErrorRow]]:
-    """Rows of some seeds; `asked` holds the plans."""
+    """Make the rows of some seeds; `asked` holds the plans.
+
+    Args:
+        asked: Settings of the study.
+        seeds: Seeds of the trials.
+        own: Estimators of the user.
+
+    Returns:
+        Rows of every seed.
+    """
     cell = build_cell(find_arm(asked.arm))
     bench, places = build_bench(cell, asked), (asked, s.elsewhere(asked))
     models = estimator_models(own)
@@ -114,14 +131,31 @@ def trials(
 
 
 def tried(cell: Cell, seed: int, own: Models) -> dict[str, Model]:
-    """The models of `FITS`, then estimators of one's own, with the prior of a trial."""
+    """List the models of `FITS`, then the user's estimators, with the prior of a trial.
+
+    Args:
+        cell: The arm with its model and its truth.
+        seed: Seed of the trial.
+        own: Estimators of the user.
+
+    Returns:
+        Models by name.
+    """
     prior = wrong_prior(cell, seed)
     known = fits(cell, prior)
     return {fit: known[fit] for fit in FITS} | {model.name: model for model in own(cell, prior)}
 
 
 def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
-    """Models by name: of `FITS` with a prior the readings set its scale; `WHOLE` learns more of it."""
+    """Make models by name: of `FITS` with a prior the readings set its scale; `WHOLE` learns more of it.
+
+    Args:
+        cell: The arm with its model and its truth.
+        prior: The prior.
+
+    Returns:
+        Models by name.
+    """
     *plain, whole = (
         replace(MODELS[name](cell), name=name)
         for name in (*s.MODELS_WITHOUT_PRIOR, WHOLE.removesuffix(FILLED))
@@ -135,7 +169,16 @@ def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
 
 
 def of_plans(bench: Bench, seed: int, own: Models) -> Iterator[PlanErrorRow]:
-    """Every plan and random poses, identified in every way."""
+    """Identify every plan and random poses in every way.
+
+    Args:
+        bench: The arm, its prior and its candidates.
+        seed: Seed of the trial.
+        own: Estimators of the user.
+
+    Yields:
+        The rows.
+    """
     scope, models = bench.asked.scope, tried(bench.cell, seed, own)
     levels = [(name, n) for name in (*scope.criteria, RANDOM) for n in scope.numbers(name)]
     runs = [measure(bench, poses_of(bench.asked, name, n, seed), seed) for name, n in levels]
@@ -154,7 +197,18 @@ def of_plans(bench: Bench, seed: int, own: Models) -> Iterator[PlanErrorRow]:
 def featured(
     bench: Bench, row: PlanErrorRow, model: Model, estimate: Estimate, data: Dataset
 ) -> PlanErrorRow:
-    """The row of the featured number of poses, with its model, and errors pose by pose."""
+    """Add to a row of the featured number of poses its model, and errors pose by pose.
+
+    Args:
+        bench: The arm, its prior and its candidates.
+        row: The row.
+        model: The model.
+        estimate: The estimate.
+        data: Measured runs.
+
+    Returns:
+        The row.
+    """
     model = replace(model, name=f"{row.plan}, {row.fit}")
     setup, tasks = setup_of(bench.asked), bench.tasks
     campaign = Campaign(setup, bench.asked.seed, data, data, tasks, tasks, bench.workspace)
@@ -171,9 +225,18 @@ def featured(
 
 
 def of_ground(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> Iterator[PlanErrorRow]:
-    """Plans for the very fit against random poses, on one ground, the true arm one of the family.
+    """Compare plans for the very fit with random poses, on one ground, the true arm one of the family.
 
     An estimator of one's own has the plan for `PLANNED`.
+
+    Args:
+        cell: The arm with its model and its truth.
+        asked: Settings of the study.
+        seed: Seed of the trial.
+        own: Estimators of the user.
+
+    Yields:
+        The rows.
     """
     n, ground, models = asked.scope.featured, asked.scope.ground.name, tried(cell, seed, own)
     bench = build_bench(true_cell(cell, true_arm_of_seed(FAMILY, seed), seed), asked)
@@ -191,14 +254,22 @@ def of_ground(cell: Cell, asked: PlanningSettings, seed: int, own: Models) -> It
 
 
 def prior_in_turn(seed: int) -> str:
-    """The prior of a seed: another one each time that a truth comes round."""
+    """Name the prior of a seed: another one each time that a truth comes round."""
     return list(PRIORS)[(seed + seed // len(TRUTHS)) % len(PRIORS)]
 
 
 def of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -> Iterator[PlanErrorRow]:
-    """What was promised of all links and joints with a learnt prior, and of joints alone, and what came.
+    """Compare what was promised of all links and joints, and of joints alone, with what came.
 
     `measured` are the name of a plan, its poses, and what was read there.
+
+    Args:
+        bench: The arm, its prior and its candidates.
+        seed: Seed of the trial.
+        measured: Name of a plan, its poses, and what was read there.
+
+    Yields:
+        The rows.
     """
     (plan, q, data), cell, settings, name = measured, bench.cell, bench.asked, prior_in_turn(seed)
     prior, tasks = prior_of(cell, name, seed), bench.tasks
@@ -223,18 +294,43 @@ def of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) ->
 
 
 def rms_mm(off: Array, *over: int) -> Array:
-    """RMS over some axes of distances, of their vectors (..., 3) [m], in mm."""
+    """Compute RMS lengths of vectors over some axes.
+
+    Args:
+        off: Vectors, (..., 3) [m].
+        over: The axes.
+
+    Returns:
+        RMS [mm].
+    """
     return np.asarray(MM * np.sqrt(np.square(off).sum(axis=-1).mean(axis=over)))
 
 
 def build_bench(cell: Cell, asked: PlanningSettings) -> Bench:
-    """The true arm and its deflections where predictions are judged."""
+    """Make the true arm and its deflections where predictions are judged.
+
+    Args:
+        cell: The arm with its model and its truth.
+        asked: Settings of the study.
+
+    Returns:
+        The bench.
+    """
     tasks, workspace = (_read(cell, asked, np.array(q)) for q in (asked.scene.tasks, asked.scene.workspace))
     return Bench(cell, asked, tasks, workspace)
 
 
 def measure(bench: Bench, q: Array, seed: int) -> Dataset:
-    """Noisy runs of the true arm, every pose (poses, n) [rad] once under the weight."""
+    """Read noisy runs of the true arm, every pose once under the weight.
+
+    Args:
+        bench: The arm, its prior and its candidates.
+        q: Poses, (poses, n) [rad, m].
+        seed: Seed of the trial.
+
+    Returns:
+        The readings.
+    """
     return _read(bench.cell, bench.asked, q, trial_rng(seed, NOISE + len(q)))
 
 
@@ -244,14 +340,23 @@ def _read(cell: Cell, asked: PlanningSettings, q: Array, rng: np.random.Generato
 
 
 def setup_of(asked: PlanningSettings) -> Setup:
-    """What is measured, as every campaign says it."""
+    """Describe what is measured, as every campaign does."""
     return Setup(arm=asked.arm, truth="nonlinear", sigma=asked.scope.sigma)
 
 
 def specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str = PLANNED) -> Specification:
-    """The featured number of poses under one weight, with the arm's own markers, planned for a fit.
+    """Specify the featured number of poses under one weight, with the arm's markers, planned for a fit.
 
     Without a prior of its own a fit's unknowns are still in units of the planner's.
+
+    Args:
+        cell: The arm with its model and its truth.
+        asked: Settings of the study.
+        prior: The prior.
+        fit: Name of the fit.
+
+    Returns:
+        The specification.
     """
     scope, scene, load = asked.scope, asked.scene, weight(cell.vjm, asked.scope.payload)
     scaling = scale_by_prior(prior, cell.vjm, without_laws(fits(cell, prior)[fit].structure))
@@ -266,7 +371,18 @@ def specify(cell: Cell, asked: PlanningSettings, prior: Prior, fit: str = PLANNE
 
 
 def poses_of(asked: PlanningSettings, name: str, poses: int, seed: int, fit: str = PLANNED) -> Array:
-    """The poses of a plan, or random ones of a trial, (poses, n) [rad]."""
+    """Return the poses of a plan, or random ones of a trial.
+
+    Args:
+        asked: Settings of the study.
+        name: Name of the plan, or RANDOM.
+        poses: Number of poses.
+        seed: Seed of the trial.
+        fit: Name of the fit.
+
+    Returns:
+        Poses, (poses, n) [rad].
+    """
     if name != RANDOM:
         return np.reshape(asked.scene.plan(name, poses, fit).q_rad, (poses, -1))
     q = np.array(asked.scene.candidates)

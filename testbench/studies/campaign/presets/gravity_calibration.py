@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from testbench.arm.folder import find_arm
-from testbench.plant.true_arms import CALLED, true_arm_of_seed
+from testbench.plant.true_arms import called, true_arm_of_seed
 from testbench.report import campaigns
 from testbench.report.badge import drawn
 from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, distinct
@@ -17,9 +17,10 @@ from testbench.report.table import Row, Trials, merged
 from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.campaign import coverage
 from testbench.studies.campaign.coverage import CalibrationSettings, Options
-from testbench.studies.campaign.report import PAIRS, Preset, TrialTable, Where
+from testbench.studies.campaign.meanings import told
+from testbench.studies.campaign.report import PAIRS, Preset, TrialTable
 from testbench.studies.paper import SECTION_6
-from testbench.studies.study import DEFAULT_WITHOUT_CONE, IN_PAPER, Run
+from testbench.studies.study import IN_PAPER, Run
 from testbench.workflows.cell import build_cell, true_cell
 from testbench.workflows.evaluation import CampaignRow
 from testbench.workflows.model_selection import DEFAULT
@@ -35,22 +36,6 @@ PANES = {
 }
 """Columns that are drawn, where it matters first."""
 SHORT = f"name meaning conservative {TRUE}"
-MEANINGS = {
-    DEFAULT: "GCO of all, learnt prior: default",
-    DEFAULT_WITHOUT_CONE: "the default without its cone",
-    JOINTS: "rigid links: the usual model",
-    "MGCO56": "GCO of beams, learnt weight",
-    f"MGCO56{IN_PAPER}": "GCO of beams, as in the paper",
-    "MLS56": "least squares of beams",
-}
-"""The models that are printed, in this order, and what they are."""
-METHODS = {
-    "psd": "GCO",
-    "none": "least squares",
-    "free": "least squares with GCO's prior",
-    "own": "an estimator of your own",
-}
-"""What a model is whose name is none of these, by its constraint."""
 MODELS = (
     "name parameters rank conservative status f_m f_m_floor identification.rms_mm check.rms_mm "
     f"check_true.rms_mm check.max_mm check.max_relative_percent {TRUE}"
@@ -59,10 +44,10 @@ WORST = "name place_error_mm x_m y_m z_m joints"
 
 
 def tables(asked: CalibrationSettings) -> Mapping[str, TrialTable]:
-    """Every model, those that differ in short, and by true arm."""
+    """Tabulate every model, those that differ in short, and by true arm."""
     whole = _models(PAPER if asked.scenario.arm == PAPERS_ARM else {})
     return {
-        "short": TrialTable("", columns=SHORT, rows=_printed),
+        "short": TrialTable("", columns=SHORT, rows=lambda trials: told(_models({})(trials))),
         "models": TrialTable("", columns=MODELS, rows=whole),
         "by_arm": TrialTable(
             "RMS error over the workspace by true arm, mm",
@@ -71,22 +56,6 @@ def tables(asked: CalibrationSettings) -> Mapping[str, TrialTable]:
             rows=lambda trials: campaigns.by_arm(trials, TRUE),
         ),
     }
-
-
-def _printed(trials: Trials) -> Sequence[Row]:
-    """Select the rows that tell the story, and those of the user; all of an arm that names others."""
-    models = {m.name: m for m in distinct(_models({})(trials))}
-    listed = [name for name in (*MEANINGS, *campaigns.user_estimators([*models.values()])) if name in models]
-    names = listed if len(listed) > 2 else models
-    return [Row(models[name], meaning=_meaning(models[name])) for name in names]
-
-
-def _meaning(model: Row) -> str:
-    """Say what a model is: its method and, where its name says nothing, its unknowns."""
-    if model.name in MEANINGS:
-        return MEANINGS[model.name]
-    method = METHODS[model.constraint]
-    return method if model.constraint == "own" else f"{method} of {model.parameters} unknowns"
 
 
 def _models(paper: Mapping[str, Mapping[str, float]]) -> Callable[[Trials], Sequence[Row]]:
@@ -99,12 +68,7 @@ def _models(paper: Mapping[str, Mapping[str, float]]) -> Callable[[Trials], Sequ
     return rows
 
 
-def cells(_: CalibrationSettings, __: Trials) -> Mapping[str, Where]:
-    """All trials are of one cell."""
-    return {"": {}}
-
-
-def report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
+def _report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
     """Report as every campaign does; beside it what was measured, and where models are worst."""
     found, scenario = PRESET.report(asked, seeds, trials), asked.scenario
     models = distinct(found.numbers["models"])
@@ -127,7 +91,7 @@ def report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
         "{dataset.deflection_max_mm:~.2f} mm; tracker noise {dataset.sigma_um:~g} um. "
         "True arm: {true}. {how}",
         numbers,
-        true=CALLED.get(asked.true_arm, asked.true_arm),
+        true=called(asked.true_arm),
         how=found.title,
     )
     return replace(found, title=title, numbers=numbers, tables={**found.tables, "worst": worst}, body=body)
@@ -174,10 +138,11 @@ PRESET = Preset(
     trials=coverage.trials,
     tables=tables,
     printed="short",
-    cells=cells,
+    cells=lambda *_: {"": {}},  # all trials are of one cell
     listed="models",
     value=TRUE,
     pairs=(*PAIRS, ("MGCO68", JOINTS), (DEFAULT, "MGCO68 + prior")),
     figures=figures,
+    size=4,
 )
-STUDY = replace(PRESET.study(), report=report, write=write, size=4)
+STUDY = replace(PRESET.study(), report=_report, write=write)

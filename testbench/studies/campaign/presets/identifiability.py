@@ -23,7 +23,7 @@ ALSO = "filling uncertainty_percent"
 
 
 def tables(_: PriorSettings) -> Mapping[str, TrialTable]:
-    """Models under both truths, the scale of the prior, the number of poses, coverage of intervals."""
+    """Tabulate models under both truths, scales of the prior, numbers of poses, coverage of intervals."""
     shown = TrialTable("", columns=SEEN, by="filling")
     swept = TrialTable("", by="filling")
     title = "RMS error over the workspace, um"
@@ -51,7 +51,7 @@ def tables(_: PriorSettings) -> Mapping[str, TrialTable]:
     }
 
 
-def derived(_: PriorSettings, trials: Trials) -> Trials:
+def _derived(_: PriorSettings, trials: Trials) -> Trials:
     """Put fits and intervals side by side: each row is of one or the other."""
     own = trials.inside("fit").add(**trials.keep("seed", "intervals.").columns)
     whole = {key: np.nan_to_num(own[key]).astype(int) for key in ("parameters", "rank", "poses")}
@@ -81,8 +81,8 @@ def coverage(own: Trials) -> Iterator[Row]:
         )
 
 
-def cells(_: PriorSettings, __: Trials) -> Mapping[str, Where]:
-    """The campaigns with a linear truth."""
+def _cells(_: PriorSettings, __: Trials) -> Mapping[str, Where]:
+    """Choose the campaigns with a linear truth."""
     return {"": {"part": "linear"}}
 
 
@@ -120,7 +120,7 @@ PRESET = Preset(
     trials=priors.trials,
     tables=tables,
     printed="models",
-    cells=cells,
+    cells=_cells,
     also=ALSO,
     ours="",
     pairs=(
@@ -129,12 +129,10 @@ PRESET = Preset(
         ("MGCO56, GCO + prior", "MGCO56, LS + prior"),
         ("MGCO68, GCO + prior", "MGCO68, LS + prior"),
     ),
-    derived=derived,
+    derived=_derived,
     figures=figures,
-)
-STUDY = replace(
-    PRESET.study(),
     size=2,
     models="fit.name",
     arms=lambda settings: [find_arm(settings.arm), find_arm(SIX_DOF)],
 )
+STUDY = PRESET.study()

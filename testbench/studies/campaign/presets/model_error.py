@@ -1,29 +1,18 @@
 """Preset `model_error`: what unknown disturbances cost beside the noise, and which model bears them best."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from math import ceil
 
 import numpy as np
 
-from testbench.plant.true_arms import CALLED, HELD_OUT
+from testbench.plant.true_arms import called
 from testbench.report.figure import Figure, ranges
 from testbench.report.report import Report
 from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged, number
 from testbench.runs.spread import middle, wins
 from testbench.studies.campaign import disturbed
-from testbench.studies.campaign.disturbed import (
-    ALL,
-    BESIDE_IT,
-    IN_FAMILY,
-    NONE,
-    PLAIN_COMPENSATOR,
-    STIFF,
-    DisturbanceOptions,
-    DisturbanceSettings,
-    DisturbedRow,
-)
-from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, lines
+from testbench.studies.campaign.disturbed import ALL, IN_FAMILY, NONE, STIFF, DisturbanceSettings
+from testbench.studies.campaign.report import ERROR, Preset, TrialTable, lines
+from testbench.studies.campaign.trial import worst_tenth
 from testbench.workflows.model_selection import DEFAULT, FILLED
 from testbench.workflows.models import JOINTS
 from testbench.workflows.rows import UM
@@ -38,7 +27,7 @@ CLAIM = "case name true_change_percent true_within read_change_percent read_with
 
 
 def tables(asked: DisturbanceSettings) -> Mapping[str, TrialTable]:
-    """The default by kind of arm; errors by disturbance and model; what each adds; the paper's claim."""
+    """Tabulate the default by kind of arm, errors by disturbance, what each adds, and the paper's claim."""
     noise, family = UM * asked.sigma, {"part": IN_FAMILY}
     shown = ("noisy", noise, f"with noise of {noise:g} um"), ("calm", 0.0, "without noise")
     errors = {
@@ -64,13 +53,13 @@ def tables(asked: DisturbanceSettings) -> Mapping[str, TrialTable]:
         "claim": TrialTable(
             "Errors with the compensator over those without, less 100 %",
             columns=CLAIM,
-            where=family | {"sigma_um": noise, "case": {PLAIN_COMPENSATOR, STIFF}},
+            where=family | {"sigma_um": noise, "case": {disturbed.PLAIN_COMPENSATOR, STIFF}},
             rows=lambda held: merged(held.keep(*CLAIM.split()), "case", "name"),
         ),
     }
 
 
-def derived(_: DisturbanceSettings, trials: Trials) -> Trials:
+def _derived(_: DisturbanceSettings, trials: Trials) -> Trials:
     """Add what a case adds to the error of the same trial without disturbance, and by how much it changes it.
 
     Against readings the noise of two readings of three axes stands in quadrature in both errors.
@@ -97,13 +86,13 @@ def ranking(alone: Trials) -> Sequence[Row]:
 
 
 def kinds(noisy: Trials) -> list[Row]:
-    """Rows of the whole family, each kind held out, other sizes, each kind of the family, and other cases."""
+    """Summarise the family, each kind held out, other sizes, each kind of the family, and other cases."""
     family = noisy.where(part=IN_FAMILY, case=ALL)
-    beside, own = noisy.where(part=BESIDE_IT), family.values("true_arm")
+    beside, own = noisy.where(part=disturbed.BESIDE_IT), family.values("true_arm")
     parts = {"the family": family}
-    parts |= {CALLED[arm]: beside.where(true_arm=arm, size=1.0) for arm in HELD_OUT}
+    parts |= {called(arm): beside.where(true_arm=arm, size=1.0) for arm in disturbed.kinds_held_out()}
     parts |= {f"disturbances times {x:g}": beside.where(size=x) for x in beside.values("size") if x != 1}
-    parts |= {CALLED[arm]: family.where(true_arm=arm) for arm in own if len(own) > 1}
+    parts |= {called(arm): family.where(true_arm=arm) for arm in own if len(own) > 1}
     parts["undisturbed family"] = noisy.where(part=IN_FAMILY, case=NONE)
     parts[f"{STIFF} alone"] = noisy.where(part=IN_FAMILY, case=STIFF)
     return [_of_kind(kind, part) for kind, part in parts.items() if len(part)]
@@ -121,14 +110,9 @@ def _of_kind(kind: str, part: Trials) -> Row:
         trials=n,
         default_um=number(ours),
         covered_percent=float(covered.mean()),  # every arm has as many components
-        worst_tenth_percent=float(np.sort(covered)[: ceil(n / 10)].mean()),
+        worst_tenth_percent=worst_tenth(covered),
         removed_percent=number(100 * (1 - default[ERROR] / default["deflection_um"])),
     )
-
-
-def cells(asked: DisturbanceSettings, _: Trials) -> Mapping[str, Where]:
-    """All disturbances together, then none, with noise."""
-    return {case: {"part": IN_FAMILY, "case": case, "sigma_um": UM * asked.sigma} for case in (ALL, NONE)}
 
 
 def figures(found: Report) -> Mapping[str, Figure]:
@@ -147,15 +131,18 @@ PRESET = Preset(
     question="What do disturbances cost that the model does not know?",
     how="An arm in the poses and under the weight of section 6, judged in poses never measured, without "
     "noise and with it.",
-    options=DisturbanceOptions,
+    options=disturbed.DisturbanceOptions,
     settings=disturbed.settings,
     seeds=(100, 2),
-    row=DisturbedRow,
+    row=disturbed.DisturbedRow,
     trials=disturbed.trials,
     tables=tables,
     printed="noisy",
-    cells=cells,
-    derived=derived,
+    cells=lambda asked, _: {
+        case: {"part": IN_FAMILY, "case": case, "sigma_um": UM * asked.sigma} for case in (ALL, NONE)
+    },
+    derived=_derived,
     figures=figures,
+    size=2,
 )
-STUDY = replace(PRESET.study(), size=2)
+STUDY = PRESET.study()

@@ -35,7 +35,7 @@ HIDDEN = {
 
 
 def tables(_: NoiseSettings) -> Mapping[str, TrialTable]:
-    """Errors by model and noise, with what a um of it costs; instruments by distance, weighted or not."""
+    """Tabulate errors by model and noise, with what a um of it costs; instruments by distance."""
     by_noise = TrialTable("", across="sigma_um", columns="um_per_um")
     read = {"part": "instrument"}
     return {
@@ -70,7 +70,7 @@ def _weighted(read: Trials) -> list[Row]:
     return rows
 
 
-def derived(_: NoiseSettings, trials: Trials) -> Trials:
+def _derived(_: NoiseSettings, trials: Trials) -> Trials:
     """Add what the largest noise adds in quadrature to the error of the same trial without, per noise."""
     truths = zip(trials["truth"], trials["instrument"], strict=True)
     trials = trials.add(instrument=[own and f"{truth} truth: {own}" for truth, own in truths])
@@ -84,8 +84,8 @@ def derived(_: NoiseSettings, trials: Trials) -> Trials:
     return trials.add(um_per_um=added)
 
 
-def cells(asked: NoiseSettings, _: Trials) -> Mapping[str, Where]:
-    """The noise nearest to that of the paper's tracker, in both parts."""
+def _cells(asked: NoiseSettings, _: Trials) -> Mapping[str, Where]:
+    """Choose the noise nearest to that of the paper's tracker, in both parts."""
     levels = [1e6 * sigma for sigma in asked.sigmas]
     return {
         words: {"part": part, "sigma_um": min(levels, key=lambda level: abs(level - TRACKER_UM[part]))}
@@ -116,9 +116,10 @@ PRESET = Preset(
     trials=noise.trials,
     tables=tables,
     printed="gravity",
-    cells=cells,
+    cells=_cells,
     check=SIX_DOF,
-    derived=derived,
+    derived=_derived,
     figures=figures,
+    arms=lambda _: [find_arm(LIGHT), find_arm(HEAVY)],
 )
-STUDY = replace(PRESET.study(), arms=lambda _: [find_arm(LIGHT), find_arm(HEAVY)])
+STUDY = PRESET.study()

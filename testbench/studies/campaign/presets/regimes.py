@@ -14,15 +14,7 @@ from testbench.report.schema import Table
 from testbench.report.table import SHARED, TRIAL, Row, Trials, matched, number
 from testbench.runs.spread import SAME_ERROR, Number, ends, middle
 from testbench.studies.campaign import grids
-from testbench.studies.campaign.grids import (
-    GCO,
-    JOINTS,
-    LENT,
-    SQUARES,
-    GridMethodRow,
-    GridOptions,
-    GridSettings,
-)
+from testbench.studies.campaign.grids import GCO, JOINTS, LENT, SQUARES, GridSettings
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, by_case
 from testbench.workflows.rows import UM
 
@@ -41,7 +33,7 @@ BY_LEVEL = TrialTable("", down="level", across="theirs", value="ratio", columns=
 
 
 def tables(_: GridSettings) -> Mapping[str, TrialTable]:
-    """A map of every kind of reading; both by the error to expect; in how many cells the cone pays."""
+    """Map every kind of reading; tabulate both by the error to expect; count cells in which the cone pays."""
     maps = {
         part: TrialTable(
             f"{words}: GCO over least squares, by noise",
@@ -62,7 +54,7 @@ def tables(_: GridSettings) -> Mapping[str, TrialTable]:
     return maps | {"levels": levels, "pays": count}
 
 
-def derived(_: GridSettings, trials: Trials) -> Trials:
+def _derived(_: GridSettings, trials: Trials) -> Trials:
     """Pick fits without a prior; add GCO's error over theirs in the same fit, and the error to expect."""
     own = trials.where(uncertainty=grids.NONE)
     kind = np.array([list(KINDS).index(part) for part in own["part"]])
@@ -94,12 +86,12 @@ def paying(own: Trials) -> Iterator[Row]:
 
 
 def pays(ratio: Number) -> bool:
-    """Whether a ratio of errors is below 1 in 95 % of the fits, and `MATTERS` at most in the middle."""
+    """Tell whether a ratio of errors is below 1 in 95 % of the fits, and `MATTERS` at most in the median."""
     return ends(ratio)[1] < 1 and middle(ratio) <= MATTERS
 
 
-def cells(_: GridSettings, trials: Trials) -> Mapping[str, Where]:
-    """The cell of section 6 by structure, that in which GCO errs least first."""
+def _cells(_: GridSettings, trials: Trials) -> Mapping[str, Where]:
+    """Choose the cell of section 6 by structure, that in which GCO errs least first."""
     poses, sigma = grids.FEATURED
     at = {"part": "gravity", "poses": poses, "sigma_um": UM * sigma}
     here = trials.where(name=GCO, **at)
@@ -135,20 +127,19 @@ PRESET = Preset(
     question="Where does the cone pay by itself?",
     how="GCO beside least squares of the same structure on the same readings, without a prior, judged over "
     "the workspace. Two kinds of true arm in every trial.",
-    options=GridOptions,
+    options=grids.GridOptions,
     settings=grids.settings,
     seeds=(100, 2),
-    row=GridMethodRow,
+    row=grids.GridMethodRow,
     trials=grids.trials,
     tables=tables,
     printed="gravity",
-    cells=cells,
+    cells=_cells,
     ours=GCO,
     rivals=(SQUARES,),  # the cone by itself: the same structure
     pairs=((GCO, LENT), (GCO, grids.EQUAL), (GCO, JOINTS)),
-    derived=derived,
+    derived=_derived,
     figures=figures,
+    arms=lambda settings: [find_arm(grid.arm) for grid in settings.grids.values()],
 )
-STUDY = replace(
-    PRESET.study(), arms=lambda settings: [find_arm(grid.arm) for grid in settings.grids.values()]
-)
+STUDY = PRESET.study()

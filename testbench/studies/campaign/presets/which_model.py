@@ -12,19 +12,26 @@ from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
 from testbench.report.table import SHARED, TRIAL, Cells, Row, Trials, matched, number
 from testbench.studies.campaign import family
-from testbench.studies.campaign.family import CHOSEN, POSES, FamilyMethodRow, FamilyOptions, FamilySettings
+from testbench.studies.campaign.family import (
+    CHOSEN,
+    POSES,
+    SAID,
+    FamilyMethodRow,
+    FamilyOptions,
+    FamilySettings,
+    said_of_prior,
+)
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, by_case
 from testbench.workflows.models import JOINTS
 from testbench.workflows.perturbed_prior import PRIORS, PRIORS_CALLED, UNPERTURBED
 
 MARGIN = 0.05  #: Share by which an error must exceed that of joints alone for a method to lose.
 MOVES = 0.05  #: Share of the true deflection over the workspace from which a link is said to move it.
-SAID = ("doubted", "told", "unchecked", "otherwise", "either")  #: Columns of what is said of a prior.
 PROMISES = f"where cases covered_percent half_mm over_ideal {' '.join(SAID)}"
 
 
 def tables(_: FamilySettings) -> Mapping[str, TrialTable]:
-    """Methods by poses; the default over joints alone by true arm and prior; what it promises."""
+    """Tabulate methods by poses, the default over joints alone by true arm and prior, and its promises."""
     few = {"name": CHOSEN, "poses": POSES[0]}
     return {
         "short": TrialTable("RMS error over the workspace, um", across="poses"),
@@ -46,7 +53,7 @@ def tables(_: FamilySettings) -> Mapping[str, TrialTable]:
     }
 
 
-def derived(_: FamilySettings, trials: Trials) -> Trials:
+def _derived(_: FamilySettings, trials: Trials) -> Trials:
     """Sort cases as readers expect them; add errors over those of joints alone in the same case."""
     places = [
         [list(known).index(word) for word in trials[name]]
@@ -59,7 +66,7 @@ def derived(_: FamilySettings, trials: Trials) -> Trials:
 
 def promises(default: Trials) -> Iterator[Row]:
     """Count whether intervals hold and doubts are right: of all cases, by poses, prior, true arm and link."""
-    judged = default.add(**_said(default))
+    judged = default.add(**said_of_prior(default))
     share, percent = judged["link_share"], f"{100 * MOVES:.0f} % of the deflection"
     parts = {"all": judged}
     parts |= {f"{n} poses": own for (n,), own in judged.groups("poses")}
@@ -89,31 +96,8 @@ def _share(cells: Cells) -> float | None:
     return float(known.mean()) if len(known) else None
 
 
-def _said(rows: Trials) -> Mapping[str, Cells]:
-    """Of every case what is said of its prior, 0 or 1; NaN where nothing can be."""
-    wrong, heard, left = (rows[key] for key in ("wrong", "doubted.contradicted", "doubted.unchecked"))
-    named = [(link, open_) for link, open_ in zip(wrong, left, strict=True) if open_ is not None and link]
-    others = {  # how often a link is named where another one is wrong
-        link: float(np.mean(own))
-        for link in dict(named)
-        if (own := [link in open_ for other, open_ in named if other != link])
-    }
-    asked, listed, known = (np.array([own is not None for own in each]) for each in (heard, left, wrong))
-    doubted, told, unchecked, otherwise = (
-        np.where(counts, np.array(each, dtype=float), np.nan)
-        for counts, each in (
-            (asked, [len(own or ()) > 0 for own in heard]),
-            (asked & known, [link in (own or ()) for link, own in zip(wrong, heard, strict=True)]),
-            (listed, [link in (own or ()) for link, own in zip(wrong, left, strict=True)]),
-            (listed & known, [others.get(link, np.nan) for link in wrong]),
-        )
-    )
-    either = np.where(np.isnan(unchecked), np.nan, np.fmax(told, unchecked))
-    return dict(zip(SAID, (doubted, told, unchecked, otherwise, either), strict=True))
-
-
-def cells(_: FamilySettings, trials: Trials) -> Mapping[str, Where]:
-    """The cases with fewest poses."""
+def _cells(_: FamilySettings, trials: Trials) -> Mapping[str, Where]:
+    """Choose the cases with fewest poses."""
     return {"": {"poses": min(trials.values("poses"))}}
 
 
@@ -143,10 +127,10 @@ PRESET = Preset(
     trials=family.trials,
     tables=tables,
     printed="short",
-    cells=cells,
+    cells=_cells,
     ours=CHOSEN,
     pairs=((CHOSEN, JOINTS), ("MGCO56", "MLS56")),
-    derived=derived,
+    derived=_derived,
     figures=figures,
 )
 STUDY = PRESET.study()
