@@ -1,16 +1,17 @@
 """Rows of tables about datasets and fits, units in their names, for Parquet, report.json and views."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify import Constraint, Estimate
-from testbench.identify.certify import total_trace
-from testbench.identify.estimate import DeflectionErrors
+from testbench.model.structure import Constraint
 from testbench.runs.spread import Number, Share, Spread
-from testbench.workflows.advice import advice
+
+if TYPE_CHECKING:
+    from testbench.identify.estimate import DeflectionErrors, Estimate
 
 MM, UM = 1e3, 1e6
 
@@ -76,8 +77,11 @@ class FitRow:
     advice: tuple[str, ...] = ()  #: What the estimate says of itself.
 
 
-def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool = False) -> FitRow:
+def fit_row(name: str, estimate: "Estimate", seconds: float | None, *, prior: bool = False) -> FitRow:
     """What a method found; unknowns are compliances, laws of joints aside."""
+    from testbench.identify.certify import total_trace  # here: reports need the rows without the methods
+    from testbench.workflows.advice import advice
+
     certificate, regression = estimate.certificate, estimate.of_compliances
     return FitRow(
         name=name,
@@ -108,7 +112,7 @@ NO_ERRORS = ErrorRow(None, None, None, None, None)  #: Of an estimator that fail
 FAILED = "failed: "  #: Begins the status of one.
 
 
-def error_row(score: DeflectionErrors) -> ErrorRow:
+def error_row(score: "DeflectionErrors") -> ErrorRow:
     """Errors in millimetres and per cent."""
     return ErrorRow(
         rms_mm=MM * score.rms,

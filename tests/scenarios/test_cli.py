@@ -28,8 +28,8 @@ from testbench.report.recording.stream import RecordingHeader
 from testbench.report.scene import PageContent
 from testbench.workflows.campaign_flags import mass
 from testbench.workflows.cell import Scenario, build_cell, simulate
+from testbench.workflows.masses import read_masses
 from testbench.workflows.model_selection import asked_models
-from testbench.workflows.plan_input import read_masses
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"
