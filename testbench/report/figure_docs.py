@@ -14,4 +14,4 @@ def _none(artist: object) -> str:
 
 
 matplotlib.artist.kwdoc = _none
-matplotlib.artist.Artist._update_set_signature_and_docstring = classmethod(_none)
+matplotlib.artist.Artist._update_set_signature_and_docstring = classmethod(_none)  # type: ignore[attr-defined]
