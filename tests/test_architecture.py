@@ -66,8 +66,13 @@ def place(path):
 
 
 @cache
+def tree(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
 def nodes(path):
-    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    return list(ast.walk(tree(path)))
 
 
 @cache
@@ -137,7 +142,7 @@ def reaches(start):
 
 def at_once(path):
     """What a module imports when it is imported: not inside functions, nor for types alone."""
-    todo, found = list(ast.parse(path.read_text(encoding="utf-8")).body), set()
+    todo, found = list(tree(path).body), set()
     while todo:
         node = todo.pop()
         if isinstance(node, ast.ImportFrom):

@@ -68,7 +68,7 @@ def test_check_says_what_is_in_the_arm_and_what_to_confirm():
 
 @pytest.mark.parametrize(
     "asked",
-    [pytest.param("data check kr500_l480 docs/example_dataset.csv", marks=pytest.mark.study), "plan --help"],
+    [pytest.param("data check kr500_l480 docs/example_dataset.csv", marks=pytest.mark.study), "check --help"],
 )
 def test_a_reader_that_is_gone_is_no_missed_threshold(asked):
     words = [sys.executable, "-c", "from testbench.cli import main; main()", *asked.split()]
