@@ -54,6 +54,11 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+def pytest_sessionfinish() -> None:
+    """Nor among what is left when a worker ends, as commands do."""
+    gc.freeze()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def lazy_disk() -> Iterator[None]:
     """Files are not waited for until they are on the disk: a loss of power is none of a test."""

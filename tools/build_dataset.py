@@ -19,6 +19,7 @@ from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import BenchError
 from testbench.files.model_folder import copy_arm, digests
 from testbench.plant.true_arms import CALLED, TRUTHS
+from testbench.report.columns import KNOWN
 from testbench.runs import provenance as files
 from testbench.runs.cores import on_cores
 from testbench.runs.engine import Chunks
@@ -26,7 +27,6 @@ from testbench.runs.place import claim_folder
 from testbench.runs.tables import join_tables, kinds
 from testbench.runs.whole import whole_folder
 from testbench.workflows.backend import show_progress
-from testbench.workflows.perturbed_prior import PRIORS_CALLED
 from testbench.workflows.public_dataset import ARM, GRID, ROUNDS, SCENARIO, TABLES, write_rounds
 
 COMMAND = "tools/build_dataset.py"
@@ -107,7 +107,7 @@ def _card(words: Mapping[str, str], kinds: Kinds, seeds: range) -> str:
         commit=files.git_commit(files.ROOT),
         rounds=len(seeds) // GRID,
         kinds=", ".join(f"`{name}` {CALLED[name]}" for name in TRUTHS),
-        errors=", ".join(f"`{name}` {called}" for name, called in PRIORS_CALLED.items()),
+        errors=", ".join(f"`{name}` {called}" for name, called in KNOWN["prior_error"].called.items()),
         columns=_columns(words, kinds),
     )
 

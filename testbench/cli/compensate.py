@@ -35,8 +35,9 @@ from testbench.workflows import program as programs
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.campaign_flags import MapFile, Payload
 from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.masses import payload_of
 from testbench.workflows.options import Force, of_flag, takes
-from testbench.workflows.plan_input import joints_of, payload_of
+from testbench.workflows.plan_input import joints_of
 from testbench.workflows.program import CorrectedProgram
 
 COMMAND, WRITTEN = "testbench compensate", ("report.md", "report.json", "compensation.png")

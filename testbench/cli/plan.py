@@ -22,10 +22,11 @@ from testbench.report.table import Row
 from testbench.runs.place import claim_folder
 from testbench.runs.spread import Spread
 from testbench.workflows.cell import build_cell
+from testbench.workflows.masses import overload_warnings
 from testbench.workflows.options import Force, of_flag, takes
 from testbench.workflows.plan import plan_absolute, plan_for
 from testbench.workflows.plan_flags import AbsolutePlanOptions, PlanOptions, known_before, settings_of
-from testbench.workflows.plan_input import overload_warnings, read_tasks
+from testbench.workflows.plan_input import read_tasks
 from testbench.workflows.plan_numbers import CURVE, numbers, write_poses, write_tasks
 from testbench.workflows.plan_settings import pull_words, structure
 

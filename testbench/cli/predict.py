@@ -28,8 +28,9 @@ from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import claim_folder
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.campaign_flags import MapFile, Payload
+from testbench.workflows.masses import overload_warnings, payload_of
 from testbench.workflows.options import Force, takes
-from testbench.workflows.plan_input import overload_warnings, parse_work_area, payload_of
+from testbench.workflows.plan_input import parse_work_area
 from testbench.workflows.prediction_numbers import TABLE, numbers, write_predictions
 from testbench.workflows.program import (
     DEFAULT_FORCE,

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -21,19 +21,15 @@ from testbench.plant.tracker import trial_rng
 from testbench.report.terminal import plain_console
 from testbench.runs.place import Kind, check_file
 from testbench.runs.whole import whole_files
-from testbench.workflows.absolute_truth import AbsoluteCampaign, by_trackers, simulate_series
 from testbench.workflows.campaign_flags import ArmName, MapFile, mass
 from testbench.workflows.candidates import PoseConditions, build_checks, find
 from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
+from testbench.workflows.masses import overload_warnings, payload_of, read_masses
 from testbench.workflows.options import Force, takes
-from testbench.workflows.plan_input import (
-    Place,
-    overload_warnings,
-    payload_of,
-    place,
-    read_loads,
-    read_masses,
-)
+from testbench.workflows.plan_input import Place, place, read_loads
+
+if TYPE_CHECKING:
+    from testbench.workflows.absolute_truth import AbsoluteCampaign
 
 DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")
@@ -108,6 +104,8 @@ def command(asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
 
 
 def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
+    from testbench.workflows.absolute_truth import simulate_series  # here: few runs are absolute
+
     console = plain_console()
     masses = _one_after_the_other(cell, asked)
     q = _given_poses(cell, asked, len(masses) * absolute.series)
@@ -130,8 +128,10 @@ def _files(out: Path, series: int) -> list[Path]:
 
 def _campaign(
     cell: Cell, asked: SimulateOptions, flags: AbsoluteReadingOptions, masses: Sequence[float]
-) -> AbsoluteCampaign:
+) -> "AbsoluteCampaign":
     """What is measured where these masses hang, one after the other [kg]."""
+    from testbench.workflows.absolute_truth import AbsoluteCampaign  # here: few runs are absolute
+
     geometry = GeometryErrors(*[asked.geometry_mm / 1e3] * 2) if asked.geometry_mm else None
     gear = GearErrors(sigma=flags.gear_urad / 1e6) if flags.gear_urad else None
     return AbsoluteCampaign(
@@ -179,6 +179,8 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
         loaded = replace(loaded, wrench=loaded.wrench + sideways[pose])
     data = measure_markers(cell, scenario, loaded, None if trackers else trial_rng(asked.seed, 1))
     if trackers:
+        from testbench.workflows.absolute_truth import by_trackers  # here: few runs have several trackers
+
         data = by_trackers(data, trackers, asked.seed, None if asked.sigma_um is None else _sigma(asked))
     write_csv(data, cell.arm, asked.out)
     console, size = plain_console(), 1e3 * np.linalg.norm(data.deflection, axis=-1)

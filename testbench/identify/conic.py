@@ -15,11 +15,11 @@ import numpy as np
 from testbench.errors import Array, Ids
 from testbench.identify import cone
 from testbench.identify.certify import gradient_dual, lower_bound_certificate, normalise_dual, tie_break
-from testbench.identify.estimate import PAPER_GCO, Certificate, Dual, Estimate, Penalty, make_estimate
+from testbench.identify.estimate import Certificate, Dual, Estimate, Penalty, make_estimate
 from testbench.identify.interior import TINY, interior
 from testbench.identify.interior import BlockProgram as Norms
 from testbench.identify.regression import Regression, check_symmetric, f_m
-from testbench.model.structure import Structure
+from testbench.model.structure import PAPER_GCO, Structure
 
 REPORTED_PENALTY = 1e-4
 """Share of F_M that the tie-break may cost before the advice mentions it."""

@@ -6,7 +6,6 @@ Predict deflections of a dataset with an estimate, and score their errors.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -18,12 +17,9 @@ from testbench.identify.fold import BLOCK_RUNS
 from testbench.identify.metric import WeightedPrior
 from testbench.identify.regression import Regression, f_m, regression_of
 from testbench.model.laws import for_load_history, model_for
+from testbench.model.structure import Constraint as Constraint
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, generalised_load, marker_points, translation_rows
-
-Constraint = Literal["none", "psd", "free", "ridge", "clipped", "own"]
-"""What a method asks of every block: nothing; to be positive semi-definite; the same, but only as far as free
-directions allow, the fit being that of least squares; to be small; the same as "psd", but afterwards."""
 
 CONSERVATIVE_TOLERANCE = 1e-10
 """Eigenvalue of a block, negative and relative to its largest, that still counts as zero [1].
@@ -32,8 +28,6 @@ V^T V has no negative eigenvalue; its rounding has.
 """
 
 
-PAPER_GCO = "GCO (paper)"
-"""Method name of GCO without a learnt trace weight."""
 TOOL_MARKER = "orientation"
 """Stands in the place of a marker's name for a reading of the tool's orientation."""
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from string import digits
+from typing import Literal
 
 import numpy as np
 
@@ -27,6 +28,12 @@ FREE: Pairs = tuple((a, b) for a in range(6) for b in range(6))
 """All 36 entries of a 6x6 matrix that need not be symmetric."""
 TEMPLATE: Pairs = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4))
 """The 8 entries of a straight beam: c11 c22 c33 c44 c55 c66 c26 c35."""
+JOINTS = "Joints"  #: Name of the structure of joint stiffness only.
+Constraint = Literal["none", "psd", "free", "ridge", "clipped", "own"]
+"""What a method asks of every block: nothing; to be positive semi-definite; the same, but only as far as free
+directions allow, the fit being that of least squares; to be small; the same as "psd", but afterwards."""
+PAPER_GCO = "GCO (paper)"
+"""Method name of GCO without a learnt trace weight."""
 
 
 @dataclass(frozen=True)
@@ -291,7 +298,7 @@ mgco47 = _named("MGCO47", (2, 3), slice(1, None))  #: Links 2 and 3 in full and 
 
 def joints_only(arm: Arm) -> Structure:
     """Build the structure of joint stiffness only, links rigid: the model of most calibrations."""
-    return Structure.of(arm, joints=[joint.name for joint in arm.joints], name="Joints")
+    return Structure.of(arm, joints=[joint.name for joint in arm.joints], name=JOINTS)
 
 
 def template56(arm: Arm, name: str = "MGCO56") -> Structure:

@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
@@ -375,6 +374,8 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
 
 
 def _displaced(plant: Plant, row: ArmsInRow, q: Array, wrench: Array, point: Array) -> ArmEquilibrium:
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few truths are linear
+
     tool, markers = plant.tool, plant.markers.tolist()
     state = evaluate(row, fixed_configurations(plant, q), {tool, *markers})
     at = point_position(state, tool, point)

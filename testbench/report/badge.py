@@ -8,12 +8,12 @@ from typing import Literal
 import numpy as np
 
 from testbench.errors import Array
+from testbench.model.structure import JOINTS
 from testbench.report.gains import ratio
 from testbench.report.markdown import Markdown, as_markdown, counted, listed
 from testbench.report.schema import ALIKE
 from testbench.report.table import MODEL, Row, Trials, aligned, shared
 from testbench.runs.spread import TAIL, Cells, median_interval, redrawn
-from testbench.workflows.models import JOINTS
 
 MIN_PAIRS = 6  #: Pairs from which on a sign test can tell at 95 %: five agree in 1 of 16 by chance.
 BLOCKS = 500  #: Most that it draws from: of more poses or readings those side by side are one.

@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 
-from testbench.identify import Constraint
+from testbench.model.structure import JOINTS, Constraint
 from testbench.report.schema import best_of
 from testbench.report.table import Row, Trials, merged, nested
 from testbench.runs.spread import span
-from testbench.workflows.models import JOINTS
 from testbench.workflows.workspace_errors import ErrorPlaces, WorkspacePoses, error_places
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.

@@ -11,8 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypedDict, runtime_checkable
 
-from testbench.identify import Constraint
-from testbench.identify.estimate import PAPER_GCO
+from testbench.model.structure import PAPER_GCO, Constraint
 
 Colour = tuple[int, ...]
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from testbench.plant.true_arms import CALLED
 from testbench.report.schema import TableColumn
-from testbench.workflows.perturbed_prior import PRIORS_CALLED
 
 WORDS = """
     method status interval quantity values rows number truth what verdict why prediction
@@ -14,7 +13,7 @@ WORDS = """
 """
 COUNTS = "datasets seeds poses run task line pose seed cases trials readings row"
 """Keys of words and of counts that are their own headings."""
-NAMES = {"true_arm": CALLED, "prior_error": PRIORS_CALLED}  #: What readers call the words of a column.
+NAMES = {"true_arm": CALLED}  #: What readers call the words of a column.
 
 
 DECLARED = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))

@@ -17,11 +17,11 @@ from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
 from matplotlib.lines import Line2D
 
+from testbench.model.structure import JOINTS
 from testbench.report.colours import GREY, SCALE, Look, hexadecimal
 from testbench.report.markdown import capital
 from testbench.report.schema import Table, TableColumn, best_rows, looks
 from testbench.runs.spread import Number, Spread, dotted, ends, inner, middle
-from testbench.workflows.models import JOINTS
 
 SOFT = hexadecimal(GREY)
 SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])

@@ -1,6 +1,7 @@
 """Matplotlib without tables of properties in its docstrings; to be imported before figures are.
 
-Every class of artists lists all of its setters in several docstrings: a fifth of the time of the import.
+Every class of artists lists all of its setters in the signature and docstring of `set` and in several other
+docstrings: a fifth of the time of the import.
 """
 
 import matplotlib.artist
@@ -13,3 +14,4 @@ def _none(artist: object) -> str:
 
 
 matplotlib.artist.kwdoc = _none
+matplotlib.artist.Artist._update_set_signature_and_docstring = classmethod(_none)  # type: ignore[attr-defined]

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import MaxNLocator
 
@@ -119,7 +120,9 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int]) -> None:
         axes.plot(*at[:, shown].T, "o", color=colour, markersize=size)
         return
     to = layer.to[k if len(layer.to) > 1 else 0]
-    axes.plot(*np.stack([at, to])[:, :, shown].transpose(2, 0, 1), color=colour, linewidth=1.4)
+    ends = np.stack([at, to], axis=1)[:, :, shown]  # one artist for all: each has a cost of its own
+    known = np.isfinite(ends).all(axis=(1, 2))
+    axes.add_collection(LineCollection(ends[known], colors=colour, linewidths=1.4, capstyle="projecting"))
     if layer.kind == "arrows":
         axes.plot(*to[:, shown].T, "o", color=colour, markersize=3)
 

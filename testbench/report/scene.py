@@ -3,16 +3,18 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from testbench.errors import Array, Ids
+from testbench.model.structure import JOINTS
 from testbench.plant.shapes import BodyFrames, rigid_frames
 from testbench.report.colours import Colour, Look
 from testbench.report.schema import Table
-from testbench.workflows.cell import Cell
-from testbench.workflows.models import JOINTS
+
+if TYPE_CHECKING:
+    from testbench.workflows.cell import Cell
 
 MAX_POSES, MAX_LARGE_ERRORS = 240, 40
 """Poses that are drawn at most, and those of largest error among them: nobody looks at more."""
@@ -51,7 +53,7 @@ class PoseGroup:
 
 
 def workspace(
-    cell: Cell, q: Array, words: Sequence[str], layers: Sequence[Layer], first: int = 0
+    cell: "Cell", q: Array, words: Sequence[str], layers: Sequence[Layer], first: int = 0
 ) -> PoseGroup:
     """The arm in poses all over the workspace, (n, joints) [rad, m], and what is said of each."""
     names = [f"Place {k} of {len(q)}" for k in range(1, len(q) + 1)]
@@ -62,7 +64,7 @@ def workspace(
 class Scene:
     """An arm in poses."""
 
-    cell: Cell
+    cell: "Cell"
     title: str  #: What is magnified, and how much.
     groups: Sequence[PoseGroup]  #: The first one is shown first.
 

@@ -8,7 +8,6 @@ from textwrap import wrap
 
 from rich import box
 from rich.console import Console
-from rich.markdown import Markdown
 from rich.table import Table as RichTable
 from rich.text import Text
 
@@ -169,6 +168,8 @@ def print_statements(console: Console, words: ReportWords, where: str = MORE) ->
         where: Where those stand that are not printed.
     """
     if words.block("statements"):
+        from rich.markdown import Markdown  # here: its library takes long to import, and few commands need it
+
         console.print(Markdown(words.block("statements")))
     if words.block("more"):
         console.print(f" {len(words.block('more').splitlines())} more {where}")

@@ -4,6 +4,7 @@ Imports next to nothing: it is there before anything else.
 """
 
 import contextlib
+import gc
 import os
 import signal
 import sys
@@ -72,4 +73,5 @@ def leave(code: int) -> None:
     """
     for number in STOPS:
         signal.signal(number, signal.SIG_IGN)
+    gc.freeze()  # Python ends with a search of all objects for garbage: a fifth of a command's time
     sys.exit(code)

@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import bdtr
 
 from testbench.errors import Array, Ids
 
@@ -109,6 +108,8 @@ def _interval(values: Array, groups: Sequence[Ids]) -> tuple[float, float] | Non
     order, n = np.argsort(values, kind="stable"), len(values)
     own = values[order]
     count = len(groups) if len(groups) < n and groups else n
+    from scipy.special import bdtr  # here: it takes long to import, and few commands compare trials
+
     outside = int(np.count_nonzero(bdtr(np.arange(count // 2 + 1), count, 0.5) <= TAIL))
     if not outside:
         return None

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.identify.certify import TIE_BREAK
-from testbench.identify.estimate import PAPER_GCO, Estimate, ModelAverage
+from testbench.identify.estimate import Estimate, ModelAverage
 from testbench.identify.huber import NO_OUTLIERS, REJECTION_THRESHOLD
 from testbench.identify.least_squares import COMPLETED_METHOD
 from testbench.identify.metric import WeightedPrior
+from testbench.model.structure import PAPER_GCO
 
 MISFIT = 2.0  #: F_M over its floor beyond which noise is no explanation.
 MAX_REJECTED = 1 / 3  #: Share of rejected readings beyond which it is doubted that they are outliers.

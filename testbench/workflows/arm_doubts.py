@@ -32,6 +32,7 @@ MASS = 0.5, 500.0  #: Of an arm over the cube of its reach [kg/m^3].
 NOTHING = 1e-4  #: Mass of a link over that of the arm [1].
 ALL = 0.8  #: The same [1].
 UPRIGHT = 2.0  #: Angle of the first turning joint against the vertical [deg].
+GUESSED = "so from payload and reach"  #: Ends the note of a diameter that no shape tells, see `new_arm`.
 
 
 @dataclass(frozen=True)
@@ -162,8 +163,6 @@ def _diameters(arm: ArmContext) -> Iterator[str]:
 
 def _fragments(arm: ArmContext) -> Iterator[str]:
     """Tubes of a thickness that their drawn links tell."""
-    from testbench.workflows.new_arm import GUESSED
-
     links: dict[str, list[str]] = {}
     for link in arm.elastic.link:
         if link.tube is not None and (outer := link.tube.outer_diameter).origin == "estimated":

@@ -12,7 +12,7 @@ from testbench.errors import BenchError, shell_word
 from testbench.plant.true_arms import FAMILY, true_arms
 from testbench.runs.session import SESSION
 from testbench.workflows.cell import Scenario, Truth, of_arm
-from testbench.workflows.plan_input import read_mass
+from testbench.workflows.masses import read_mass
 
 
 def mass(text: str) -> float:

@@ -7,7 +7,6 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
-from testbench.files.write import csv_text
 from testbench.identify import Estimate, Method
 from testbench.identify.estimate import DeflectionErrors, all_deflections, make_estimate, score
 from testbench.identify.fold import reduce
@@ -266,6 +265,8 @@ def failed_row(err: EstimatorFailed) -> FitRow:
 
 def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> DrawnErrors:
     """What pictures need of a model; `whole` with the runs, once a campaign."""
+    from testbench.files.write import csv_text  # here: commands on measured runs write none
+
     data = (campaign.measured, campaign.truth) if whole else ()
     measured, over = [csv_text(own, cell.arm) for own in data] or (None, None)
     return DrawnErrors(

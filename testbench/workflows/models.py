@@ -22,10 +22,10 @@ from testbench.model.structure import (
     mgco147,
     template56,
 )
+from testbench.model.structure import JOINTS as JOINTS
 from testbench.model.vjm import Vjm
 from testbench.workflows.cell import Cell
 
-JOINTS = "Joints"  #: Key of `MODELS`: what most calibrations identify, the incumbent to beat.
 WITHOUT_CONE = "LS153"  #: All links and joints by least squares: what the default is without its cone.
 EQUAL_FIT = "MLS56, PSD of equal fit"
 

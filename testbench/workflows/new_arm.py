@@ -11,6 +11,7 @@ from testbench.arm.folder import COMPLIANCE_UNIT, OFFSETS
 from testbench.errors import Array
 from testbench.files.robot.robot import ImportedChain, Note
 from testbench.files.robot.write import rigid_mjcf
+from testbench.workflows.arm_doubts import GUESSED
 from testbench.workflows.propose import (
     ALUMINIUM,
     LinkProposal,
@@ -22,7 +23,6 @@ from testbench.workflows.propose import (
 )
 
 SPREAD = 1.9  #: The law misses the known compliances by this factor, root mean square of the logarithm [1].
-GUESSED = "so from payload and reach"  #: Ends the note of a diameter that no shape tells.
 CONFIRM = "#  "  #: Before each guess, in elastic.toml.
 TOLD = 4  #: Meshes that a note names; the others it counts.
 WORDS = {

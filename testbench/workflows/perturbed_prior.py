@@ -28,7 +28,6 @@ class Wrong:
     """Describe what is wrong with a prior."""
 
     spoil: Spoil
-    called: str  #: In a word or two.
     words: str
     #: What is WRONG_FACTOR too soft or too stiff: a link, or all joints.
     far: Literal["link", "joints"] | None = None
@@ -123,22 +122,14 @@ def _far(rng: np.random.Generator) -> float:
 
 UNPERTURBED = "right"
 PRIORS: Mapping[str, Wrong] = {
-    UNPERTURBED: Wrong(lambda C, *_: C, "right", "the folder's compliances"),
+    UNPERTURBED: Wrong(lambda C, *_: C, "the folder's compliances"),
     "scaled": Wrong(
         lambda C, *_: C,
-        "scaled",
         f"{SCALE:g} times too soft, and {100 * SHAPE:.0f} % off axis by axis, as all that follow",
     ),
-    "link": Wrong(
-        _one_link, "one link off", f"one link {WRONG_FACTOR:g} times too soft or too stiff", far="link"
-    ),
-    "joints": Wrong(
-        _joints, "joints off", f"all joints {WRONG_FACTOR:g} times too soft or too stiff", far="joints"
-    ),
-    "axes": Wrong(
-        _axes, "axes turned", f"beam axes of every link turned by {np.rad2deg(WRONG_ROTATION):.0f} degrees"
-    ),
-    "uncoupled": Wrong(lambda C, *_: np.diag(np.diag(C)), "no couplings", "no couplings inside a link"),
+    "link": Wrong(_one_link, f"one link {WRONG_FACTOR:g} times too soft or too stiff", far="link"),
+    "joints": Wrong(_joints, f"all joints {WRONG_FACTOR:g} times too soft or too stiff", far="joints"),
+    "axes": Wrong(_axes, f"beam axes of every link turned by {np.rad2deg(WRONG_ROTATION):.0f} degrees"),
+    "uncoupled": Wrong(lambda C, *_: np.diag(np.diag(C)), "no couplings inside a link"),
 }
 """By name what is wrong with a prior; all but the right one are SCALE and SHAPE wrong before."""
-PRIORS_CALLED = {name: wrong.called for name, wrong in PRIORS.items()}

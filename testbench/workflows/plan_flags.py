@@ -13,8 +13,9 @@ from testbench.plant.site import Payload
 from testbench.workflows.absolute import Calibrated, File, calibrate_with_masses, read_all
 from testbench.workflows.campaign_flags import ArmName, MapFile, mass
 from testbench.workflows.cell import Cell
+from testbench.workflows.masses import payload_of
 from testbench.workflows.models import ALL_UNKNOWNS, canonical_name, plain_name
-from testbench.workflows.plan_input import parse_work_area, payload_of, place
+from testbench.workflows.plan_input import parse_work_area, place
 from testbench.workflows.plan_settings import USUAL, PlanSettings
 
 SAME = ("poses", "orders", "seed", "sigma_um", "sling_m", "geometry_mm", "gear_urad", "uncertainty_percent")

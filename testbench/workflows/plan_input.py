@@ -1,25 +1,23 @@
-"""Inputs of a plan: loads, tasks and work areas, read from files and flags; the arm's payload."""
+"""Inputs of a plan: loads, tasks and work areas, read from files and flags."""
 
-import math
-import re
-from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbench.arm.document import is_decimal, read_decimals
-from testbench.arm.elastic import PAYLOAD_RANGE
+from testbench.arm.document import read_decimals
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.design.rows import Tasks
 from testbench.errors import Array, BenchError, InputError
 from testbench.files.columns import Columns, find_columns, vector, wrench
 from testbench.files.mapping import read_map
-from testbench.files.names import UNITS, find_unit
 from testbench.files.rows import joint_coordinates
 from testbench.files.table import TableCells, read_table
 from testbench.model.load import Load
 from testbench.workflows.cell import Cell
+
+if TYPE_CHECKING:
+    from testbench.design.rows import Tasks
 
 Place = tuple[float, float, float]
 LOAD_RANGE = (1e-3, 1e4)  #: Masses that can hang from an arm [kg], as in campaign.Scenario.
@@ -29,10 +27,6 @@ MAX_NUMBER = 1e6  #: Of a number in a flag, whatever its unit.
 LOAD = "load_kg"  #: Column of a plan: what hangs in a run.
 #: Columns of a plan: what pulls in a run, world axes.
 FORCE_COLUMNS = ("force_x_N", "force_y_N", "force_z_N")
-OVERLOAD = 1.5  #: Share of the stated payload beyond which a hung mass is doubted.
-
-MASSES = tuple(unit.name for unit in UNITS if unit.si in ("kg", "N"))
-QUANTITY = re.compile(r"\s*([-+.\d]+(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?")
 
 
 def read_loads(path: Path) -> tuple[Array | None, Array | None]:
@@ -75,17 +69,6 @@ def _column(table: TableCells, name: str) -> Array:
         return np.full(table.rows, np.nan)
     k = table.names.index(name)
     return table.numbers(k, table.mark([k]))
-
-
-def read_masses(text: str) -> list[float]:
-    """Read masses, MASS,MASS ... [kg]; BenchError for anything but different ones that can hang."""
-    try:
-        masses = [read_mass(part) for part in text.split(",")]
-    except BenchError as err:
-        raise BenchError(f"--loads: {err}, got {text[:80]!r}") from err
-    if len(set(masses)) < len(masses):
-        raise BenchError(f"--loads: expected different masses, got {text[:80]!r}")
-    return masses
 
 
 def place(text: str, flag: str = "--tracker x,y,z [m]") -> Place:
@@ -134,7 +117,7 @@ def _numbers(text: str, count: int, flag: str) -> tuple[float, ...]:
     return values
 
 
-def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) -> Tasks:
+def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) -> "Tasks":
     """Read tasks, one pose a row, and check that the arm can take them.
 
     Columns: JOINT_rad or JOINT_deg of every joint, of a slide JOINT_m or JOINT_mm. force_*_N and moment_*_Nm
@@ -155,6 +138,7 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
     Raises:
         InputError: Names line, joint or bodies, and what was expected.
     """
+    from testbench.design.rows import Tasks  # here: only plans have tasks
     from testbench.plant.site import collisions
 
     names = read_map(mapping, cell.arm)
@@ -180,54 +164,3 @@ def _read_load(columns: Columns, hung: Load) -> Load:
         raise table.header_error(f"expected force_x_N, force_y_N, force_z_N where {given}")
     table.refuse(np.asarray(~acts.any(axis=1)), "", "expected a load, got zero force and moment")
     return Load(acts, np.tile(hung.point, (table.rows, 1)) if point is None else point)
-
-
-def read_mass(text: str) -> float:
-    """Read a hung mass: 240, 240kg, 530 lb; or its weight, 2354 N [kg]; BenchError if wrong."""
-    parts = QUANTITY.fullmatch(text)
-    if parts is None or not is_decimal(parts[1]):
-        raise BenchError("expected a mass such as 240, 240kg or 530lb")
-    unit = find_unit(parts[2] or "kg")
-    if unit is None or unit.name not in MASSES:
-        raise BenchError(f"expected one of the units {', '.join(MASSES)}")
-    found = float(parts[1]) * unit.scale / (GRAVITY if unit.si == "N" else 1.0)
-    low, high = PAYLOAD_RANGE
-    if not low <= found <= high:
-        raise BenchError(f"expected {low:g} to {high:g} kg")
-    return found
-
-
-def payload_of(arm: Arm, asked: float | None, flag: str) -> float:
-    """Return the mass that a flag asks for, else the payload that the arm states, else BenchError.
-
-    Args:
-        arm: Description of the arm.
-        asked: Mass of the flag [kg]; None if not given.
-        flag: Name of the flag.
-
-    Returns:
-        Mass [kg].
-    """
-    if asked is not None:
-        return asked
-    if arm.payload is None:
-        raise BenchError(f"{flag}: expected a mass [kg], as {arm.name} states no payload in elastic.toml")
-    return arm.payload
-
-
-def overload_warnings(arm: Arm, masses: Iterable[float], pulls: Iterable[Sequence[float]] = ()) -> list[str]:
-    """Warn of masses or pulls far beyond the payload that the arm states.
-
-    Args:
-        arm: Description of the arm.
-        masses: Masses [kg].
-        pulls: Forces, (3,) each [N].
-
-    Returns:
-        Sentences.
-    """
-    most = OVERLOAD * (np.inf if arm.payload is None else arm.payload)
-    mass, force = max(masses), max((math.hypot(*pull) for pull in pulls), default=0.0)
-    stated = f"an arm that states a payload of {arm.payload or 0:g} kg"
-    found = [f"{mass:.4g} kg hang from {stated}"] * (mass > most)
-    return found + [f"{force:.4g} N pull at {stated}"] * (force > GRAVITY * most)

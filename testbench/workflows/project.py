@@ -31,7 +31,7 @@ ALIASES = {"map": "mapping", "targets": "new_target"}  #: Parameters by their ke
 
 def _check_mass(value: object) -> object:
     """A mass as flags have it: 240 or "530lb"."""
-    from testbench.workflows.plan_input import read_mass  # here: few commands read masses
+    from testbench.workflows.masses import read_mass  # here: few commands read masses
 
     try:
         read_mass(str(value))
@@ -195,7 +195,7 @@ def merged(ctx: typer.Context, values: Mapping[str, object]) -> tuple[dict[str, 
     Returns:
         The parameters, and the session.
     """
-    from testbench.workflows.plan_input import read_mass  # here: few commands read masses
+    from testbench.workflows.masses import read_mass  # here: few commands read masses
 
     found, values = ctx.obj, dict(values)
     if not isinstance(found, Project):

@@ -32,7 +32,7 @@ from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, chain
 from testbench.workflows.campaign_flags import ReadingOptions
 from testbench.workflows.cell import Cell
-from testbench.workflows.plan_input import overload_warnings
+from testbench.workflows.masses import overload_warnings
 from testbench.workflows.rows import MM, UM
 
 SMALL = 1e-9  #: Rotation that has no axis [rad].

@@ -1,16 +1,17 @@
 """Rows of tables about datasets and fits, units in their names, for Parquet, report.json and views."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify import Constraint, Estimate
-from testbench.identify.certify import total_trace
-from testbench.identify.estimate import DeflectionErrors
+from testbench.model.structure import Constraint
 from testbench.runs.spread import Number, Share, Spread
-from testbench.workflows.advice import advice
+
+if TYPE_CHECKING:
+    from testbench.identify.estimate import DeflectionErrors, Estimate
 
 MM, UM = 1e3, 1e6
 
@@ -76,7 +77,7 @@ class FitRow:
     advice: tuple[str, ...] = ()  #: What the estimate says of itself.
 
 
-def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool = False) -> FitRow:
+def fit_row(name: str, estimate: "Estimate", seconds: float | None, *, prior: bool = False) -> FitRow:
     """Make the row of a fit; unknowns are compliances, laws of joints aside.
 
     Args:
@@ -88,6 +89,9 @@ def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool
     Returns:
         The row.
     """
+    from testbench.identify.certify import total_trace  # here: reports need the rows without the methods
+    from testbench.workflows.advice import advice
+
     certificate, regression = estimate.certificate, estimate.of_compliances
     return FitRow(
         name=name,
@@ -118,8 +122,13 @@ NO_ERRORS = ErrorRow(None, None, None, None, None)  #: Of an estimator that fail
 FAILED = "failed: "  #: Begins the status of one.
 
 
+<<<<<<< HEAD
 def error_row(score: DeflectionErrors) -> ErrorRow:
     """Convert errors to millimetres and per cent."""
+=======
+def error_row(score: "DeflectionErrors") -> ErrorRow:
+    """Errors in millimetres and per cent."""
+>>>>>>> w_F
     return ErrorRow(
         rms_mm=MM * score.rms,
         p95_mm=MM * score.p95,

@@ -11,13 +11,14 @@ from reports import check, table_of
 
 from testbench.plant.true_arms import CALLED, HELD_OUT
 from testbench.report.badge import LEAST_SQUARES
+from testbench.report.columns import KNOWN
 from testbench.report.report import read
 from testbench.report.table import SHARED
 from testbench.runs.spread import Spread, middle
 from testbench.studies.campaign import family, grids
 from testbench.studies.campaign.presets.regimes import FREE, KINDS, pays
 from testbench.studies.campaign.report import RIVALS
-from testbench.workflows.perturbed_prior import PRIORS, PRIORS_CALLED
+from testbench.workflows.perturbed_prior import PRIORS
 
 SEEDS = range(1, 7)
 SCORES = {"rms_mm", "p95_mm", "max_mm"}
@@ -214,9 +215,8 @@ def test_promises_of_the_default_are_counted_over_all_cases_and_over_parts():
     default = [r for seed in SEEDS for r in TRIALS["which_model"][1](seed) if r.name == family.CHOSEN]
     linked = [row for row in default if row.prior_error == "link"]
     parts = {"all": default, "12 poses": [row for row in default if row.poses == 12]}
-    parts |= {
-        f"prior {PRIORS_CALLED[name]}": [row for row in default if row.prior_error == name] for name in PRIORS
-    }
+    called = KNOWN["prior_error"].called
+    parts |= {f"prior {called[name]}": [row for row in default if row.prior_error == name] for name in PRIORS}
     parts["a link off, more than 5 % of the deflection"] = [r for r in linked if r.link_share > 0.05]
     promises = {row["where"]: row for row in whole.numbers["cells"]["promises"]}
     for where, own in parts.items():

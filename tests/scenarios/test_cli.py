@@ -28,8 +28,8 @@ from testbench.report.recording.stream import RecordingHeader
 from testbench.report.scene import PageContent
 from testbench.workflows.campaign_flags import mass
 from testbench.workflows.cell import Scenario, build_cell, simulate
+from testbench.workflows.masses import read_masses
 from testbench.workflows.model_selection import asked_models
-from testbench.workflows.plan_input import read_masses
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"
@@ -68,7 +68,7 @@ def test_check_says_what_is_in_the_arm_and_what_to_confirm():
 
 @pytest.mark.parametrize(
     "asked",
-    [pytest.param("data check kr500_l480 docs/example_dataset.csv", marks=pytest.mark.study), "plan --help"],
+    [pytest.param("data check kr500_l480 docs/example_dataset.csv", marks=pytest.mark.study), "check --help"],
 )
 def test_a_reader_that_is_gone_is_no_missed_threshold(asked):
     words = [sys.executable, "-c", "from testbench.cli import main; main()", *asked.split()]

@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.plant.true_arms import CALLED, TRUTHS
 from testbench.report.colours import CHOICE
-from testbench.report.columns import columns
+from testbench.report.columns import KNOWN, columns
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
 from testbench.report.table import SHARED, TRIAL, Cells, Row, Trials, matched, number
@@ -23,7 +23,7 @@ from testbench.studies.campaign.family import (
 )
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, by_case
 from testbench.workflows.models import JOINTS
-from testbench.workflows.perturbed_prior import PRIORS, PRIORS_CALLED, UNPERTURBED
+from testbench.workflows.perturbed_prior import PRIORS, UNPERTURBED
 
 MARGIN = 0.05  #: Share by which an error must exceed that of joints alone for a method to lose.
 MOVES = 0.05  #: Share of the true deflection over the workspace from which a link is said to move it.
@@ -68,9 +68,9 @@ def promises(default: Trials) -> Iterator[Row]:
     """Count whether intervals hold and doubts are right: of all cases, by poses, prior, true arm and link."""
     judged = default.add(**said_of_prior(default))
     share, percent = judged["link_share"], f"{100 * MOVES:.0f} % of the deflection"
-    parts = {"all": judged}
+    parts, called = {"all": judged}, KNOWN["prior_error"].called
     parts |= {f"{n} poses": own for (n,), own in judged.groups("poses")}
-    parts |= {f"prior {PRIORS_CALLED[name]}": judged.where(prior_error=name) for name in PRIORS}
+    parts |= {f"prior {called[name]}": judged.where(prior_error=name) for name in PRIORS}
     parts[f"prior right, {CALLED['tubes']}"] = judged.where(prior_error=UNPERTURBED, true_arm="tubes")
     parts[f"a link off, less than {percent}"] = judged.pick(share <= MOVES)
     parts[f"a link off, more than {percent}"] = judged.pick(share > MOVES)
