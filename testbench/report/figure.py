@@ -194,7 +194,7 @@ def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> N
     """A logarithmic axis with plain numbers: more of a decade where there are few."""
     decades = range(math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 1)
     steps = next(ticks for most, ticks in STEPS.items() if high < most * low)
-    every = -(-(len(decades) - 2) // DECADES)  # one beyond each end
+    every = max(1, -(-(len(decades) - 2) // DECADES))  # one beyond each end
     low, high = low / 1.3, high * 1.3
     ticks = [step * 10.0**k for k in decades[::every] for step in steps if low <= step * 10.0**k <= high]
     if side == "x" and ticks[-1] > LONG and len(whole := [x for x in ticks if math.log10(x) % 1 == 0]) > 1:

@@ -12,14 +12,13 @@ from testbench.report.figure import (
     MIN_LETTER_SIZE,
     SOFT,
     Figure,
-    labelled,
     log_ticks,
     page,
     quiet,
     say,
     short,
 )
-from testbench.report.schema import TableColumn
+from testbench.report.markdown import listed
 from testbench.runs.rows import Row
 from testbench.runs.spread import middle
 
@@ -60,8 +59,9 @@ def coverage_figure(rows: Sequence[Row]) -> Figure:
             for at, middle_, half in zip(x, y, error, strict=True):
                 ends = (middle_ - DEVIATIONS * half, middle_ + DEVIATIONS * half)
                 axes.plot((at, at), ends, color=style["color"], linewidth=0.8)
+        low = min(40.0, axes.dataLim.y0 - 2)
         axes.plot((0, 100), (0, 100), color=SOFT, linewidth=0.8, zorder=1)
-        axes.set(xlim=(40, 101), ylim=(min(40, axes.get_ylim()[0]), 101), xlabel="nominal coverage [%]")
+        axes.set(xlim=(40, 101), ylim=(low, 101), xlabel="nominal coverage [%]")
         axes.set_title(title)
         axes.legend(
             frameon=False,
@@ -75,7 +75,8 @@ def coverage_figure(rows: Sequence[Row]) -> Figure:
     learnt = [row.covered_percent for row in rows if row.kind == "learnt"]
     answer = "How often intervals hold the truth"
     if learnt:
-        answer = f"Intervals of 95 % by a learnt prior hold {min(learnt):.0f} to {max(learnt):.0f} %"
+        ends = dict.fromkeys(f"{end:.0f}" for end in (min(learnt), max(learnt)))
+        answer = f"Intervals of 95 % by a learnt prior hold {' to '.join(ends)} % of the deflections"
     reading = (
         "Above the line intervals are too wide, below it too narrow. Whiskers: two standard errors over "
         "datasets."
@@ -91,28 +92,30 @@ def _levels(row: Row) -> tuple[list[float], list[float], list[float]]:
     return [100 * row.confidence], [row.covered_percent], [row.standard_error_percent or 0.0]
 
 
-def cost_figure(
-    rows: Sequence[Row], looks: Mapping[str, Look], error: TableColumn, time: TableColumn
-) -> Figure:
+def cost_figure(rows: Sequence[Row], looks: Mapping[str, Look], error: str) -> Figure:
     """Draw the error of every estimator against its time; the title names those that none beats in both.
 
     Args:
-        rows: Estimators by `name`.
+        rows: Estimators by `name`, their `ratio` of errors with the ends of its interval `ratio_low` and
+            `ratio_high`, and `cpu_seconds`.
         looks: By name.
-        error: Column of the error.
-        time: Column of the time.
+        error: What the ratio is.
     """
-    known = [(row.name, middle(error.value(row)), middle(time.value(row))) for row in rows]
-    known = [(name, e, t) for name, e, t in known if e > 0 and t > 0]
+    known = {row.name: (middle(row.cpu_seconds), row.ratio) for row in rows if middle(row.cpu_seconds) > 0}
     best = [
-        name for name, e, t in known if not any(a <= e and b <= t and (a, b) != (e, t) for _, a, b in known)
+        name
+        for name, (t, e) in known.items()
+        if not any(b <= t and a <= e and (b, a) != (t, e) for b, a in known.values())
     ]
     figure = page(2.9)
     axes = figure.subplots()
-    for name, e, t in known:
-        axes.plot(t, e, linestyle="", label=name, **looks[name].dots(5))
-    front = sorted((t, e) for name, e, t in known if name in best)
-    axes.plot(*zip(*front, strict=True), color=SOFT, linewidth=0.8, linestyle=":", zorder=1)
+    for row in rows:
+        if row.name in known:
+            at, _ = known[row.name]
+            axes.plot((at, at), (row.ratio_low, row.ratio_high), color=looks[row.name].hex, linewidth=1.2)
+            axes.plot(at, row.ratio, linestyle="", label=row.name, **looks[row.name].dots(4.5))
+    front = np.array(sorted(known[name] for name in best))
+    axes.plot(*front.T, ":", color=SOFT, linewidth=0.8, zorder=1)
     log_ticks(axes, "x", *axes.dataLim.intervalx)
     log_ticks(axes, "y", *axes.dataLim.intervaly)
     axes.legend(
@@ -122,13 +125,10 @@ def cost_figure(
         bbox_to_anchor=(1.0, 1.02),
         handletextpad=0.2,
     )
-    axes.set(xlabel=labelled(time), ylabel=labelled(error))
+    axes.set(xlabel="CPU time of a fit [s]", ylabel=error)
     quiet(axes)
-    say(
-        figure,
-        f"Faster and better than all others: {', '.join(best)}",
-        "Dotted: those that none beats in both.",
-    )
+    answer = f"No other is both faster and better than {listed(best, 'or')}"
+    say(figure, answer, "Dotted: from the fastest to the best; lines: 95 % intervals; filled: with a prior.")
     return figure
 
 

@@ -316,12 +316,14 @@ def _spectrum(calibration: Calibration) -> Iterator[Row]:
             rms_urad=float(UM * np.sqrt((amplitude**2).sum() / 2)),
             largest=max(rows, key=lambda row: float(row.amplitude_urad)),
             significant=int((amplitude > SIGNIFICANT * deviation).sum()),
-            curve=_curve(known, columns, orders, np.concatenate([one.q[:, k] for one in calibration.series])),
+            curve=joint_curve(
+                known, columns, orders, np.concatenate([one.q[:, k] for one in calibration.series])
+            ),
             orders=rows,
         )
 
 
-def _curve(known: Posterior, columns: Ids, orders: Sequence[int], q: Array) -> Row:
+def joint_curve(known: Posterior, columns: Ids, orders: Sequence[int], q: Array) -> Row:
     """Compute the periodic error of a joint with its 95 % interval over the angles that were measured.
 
     Args:
