@@ -5,6 +5,7 @@ import textwrap
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import IO, Literal
 
@@ -38,7 +39,8 @@ STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 300: (1, 2, 5), math.inf: (1,)
 """Ticks of a decade by how many times the least the greatest value is at most."""
 DECADES = 6  #: Most decades of an axis that have a tick each.
 LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmic [1].
-TITLE, CAPTION = 88, 136  #: Letters of the title, which has one line, and of a line of the words below.
+TITLE, LONG_TITLE, CAPTION = 88, 106, 136
+"""Letters of the title, of a longer one in smaller letters, of a line of the words below."""
 BREAKS = (". ", ": ", "; ", " (", ", ")  #: Where a title that is too long ends, the best first.
 
 
@@ -142,24 +144,34 @@ def say(figure: Figure, answer: str, reading: str) -> None:
         reading: The words below.
     """
     wide = figure.get_figwidth() / WIDTH
-    title, rest = one_line(" ".join(answer.split()), int(TITLE * wide))
-    figure.suptitle(title, x=0.01, ha="left", fontsize=TITLE_SIZE, fontweight="bold")
+    title, rest = one_line(" ".join(answer.split()), int(TITLE * wide), int(LONG_TITLE * wide))
+    size = TITLE_SIZE * min(1.0, TITLE * wide / max(len(title), 1))
+    figure.suptitle(title, x=0.01, ha="left", fontsize=size, fontweight="bold")
     words = textwrap.fill(" ".join(filter(None, [rest and ended(rest), reading])), int(CAPTION * wide))
     figure.supxlabel(words, x=0.01, ha="left", fontsize=MIN_LETTER_SIZE, color="0.3")
 
 
-def one_line(text: str, letters: int) -> tuple[str, str]:
-    """Split words into what fits a line and the rest, where a sentence or a part of one ends."""
+def one_line(text: str, letters: int, most: int) -> tuple[str, str]:
+    """Split words into what fits a line and the rest, where a sentence or a part of one ends.
+
+    Args:
+        text: The words.
+        letters: Letters of a line.
+        most: Those of a line in smaller letters, for a part that would be cut otherwise.
+
+    Returns:
+        The line and the rest.
+    """
     if len(text) <= letters:
         return text, ""
-    for end in BREAKS:
-        at = text.rfind(end, 0, letters)
+    for limit, end in product((letters, most), BREAKS):
+        at = text.rfind(end, 0, limit)
         if at > letters // 4:
             rest = text[at + len(end) :]
             if end == " (":
                 rest = rest.replace(")", "", 1)
             return text[:at], capital(rest)
-    at = text.rfind(" ", 0, letters)
+    at = text.rfind(" ", 0, most)
     return (text[:at], text[at:].strip()) if at > 0 else (short(text, letters), text)
 
 

@@ -33,6 +33,7 @@ SIDES = {"from the side": (0, 2), "from above": (0, 1)}
 HEAD, SCENE, KEY, CHART = 0.8, 2.6, 0.25, 1.65
 """Heights of title and caption, of the poses, of a line of their key, of a chart [in]."""
 KEYS, NAME = 3, 40  #: Names on a line of the key, letters of a line of one.
+POSE = 36  #: Letters of a line above an arm.
 SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z])")  #: Where one ends.
 BARS, NAMED = 40, 24  #: Poses up to which a chart has dots, and labels that an axis has room for.
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
@@ -59,7 +60,8 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
         for k, (pose, name, plane) in enumerate(_panes(pose_group)):
             axes = figure.add_subplot(grid[len(forest), k])
             _poses(axes, pose_group, pose, plane)
-            axes.set_title(f"{pose_group.names[pose]}, {name}")
+            title = f"{pose_group.names[pose]}, {name}"
+            axes.set_title(textwrap.fill(title, POSE) if len(title) > POSE else title)
         _key(figure.add_subplot(grid[len(forest) + 1, :]), layers, bent=bent)
         more.append(f"{pose_group.name}: {seen.scene.title}")
     if models:

@@ -92,8 +92,9 @@ LONG = "averylongwordwithoutanyblankinitanywhereatall"
         ("Short enough", "Short enough", ""),
         ("Tie: a ties with b (error ratio 1.00, n 8).", "Tie: a ties with b", "Error ratio 1.00, n 8."),
         ("One sentence ends here. The other is long.", "One sentence ends here", "The other is long."),
+        ("Holds: one is far better than two (n 8).", "Holds: one is far better than two", "N 8."),
         (LONG, f"{LONG[:26]}…", LONG),
     ],
 )
 def test_a_title_has_one_line_and_loses_no_word(words, title, rest):
-    assert one_line(words, 27) == (title, rest)
+    assert one_line(words, 27, 36) == (title, rest)
