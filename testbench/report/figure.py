@@ -67,7 +67,7 @@ rcParams.update(
         "lines.linewidth": 1.1,
         "lines.markersize": 4.3,
         "lines.markeredgewidth": 0.8,
-        **{f"{side}tick.major.{key}": size for side in "xy" for key, size in TICKS.items()},
+        **{f"{side}tick.major.{key}": size for side in "xy" for key, size in TICKS.items()},  # type: ignore[misc]
     }
 )
 
@@ -88,8 +88,8 @@ def save(figure: Figure, path: Path | IO[bytes]) -> None:
         if figure.axes and engine is not None:
             engine.execute(figure)
             figure.set_layout_engine("none")
-        canvas.draw()
-    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+        canvas.draw()  # type: ignore[no-untyped-call]
+    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
     if any(axes.images for axes in figure.axes):  # a ramp has more colours than are kept of others
         picture.save(path, "PNG", compress_level=LEVEL, dpi=(figure.dpi, figure.dpi))
         return
@@ -287,7 +287,7 @@ def ranked(table: Table, key: str, over: Sequence[Row], ours: str) -> Table:
     return replace(
         table,
         columns=(*table.columns, ratio),
-        rows=[Row(row, ratio=ratios.get(name.cell(row))) for row in rows],
+        rows=[Row(row, ratio=ratios.get(name.cell(row))) for row in rows],  # type: ignore[call-overload]
         bold="",
         looks=table.looks or looks(table.rows, name),
     )
@@ -413,7 +413,7 @@ def _guide(axes: Axes, words: str) -> None:
     """Draw a grey line of slope 1 through the lower right corner of what is drawn, on logarithmic axes."""
     (x0, y0), (x1, _) = axes.dataLim.min, axes.dataLim.max
     x = np.array([max(x0, x1 * y0 / axes.dataLim.max[1]), x1])
-    low = min(float(np.min(line.get_ydata()[-1])) for line in axes.get_lines())
+    low = min(float(np.asarray(line.get_ydata(), dtype=float)[-1]) for line in axes.get_lines())
     ends = axes.get_xlim(), axes.get_ylim()
     axes.plot(x, low * x / x1, color=SOFT, linewidth=1.0, linestyle=(0, (1, 1)), label=words, zorder=1)
     axes.set(xlim=ends[0], ylim=ends[1])

@@ -45,7 +45,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
     Returns:
         The figure: a column for each model, and one for the difference of two.
     """
-    there, both = np.isfinite(place_map.at).all(axis=1), place_map.difference
+    there, both = np.asarray(np.isfinite(place_map.at).all(axis=1)), place_map.difference
     at, lines = place_map.at[there], place_map.lines[-(MAPS - bool(both)) :]
     values = {line.name: line.values[there] for line in lines}
     ends = _ends(at)
@@ -63,7 +63,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
         for axes, mm in zip(row, values.values(), strict=False):
             _slice(axes, cut, mm, norm)
         if both:
-            _difference(row[-1], cut, *(line.values[there] for line in both), both)
+            _difference(row[-1], cut, both, there)
         for axes in row:
             _finish(axes, cut, arm, ends)
         row[0].set_ylabel(f"at {'xyz'[across]} = {level:.1f} m\n{'xyz'[plane[1]]} [m]")
@@ -72,7 +72,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
         size = f"median {np.median(known):.3f} mm" if known.size else place_map.without
         axes.set_title(f"{name}:\n{size}" if count == MAPS else f"{name}: {size}")
     if both:
-        _key_of_difference(panes[:, -1], *both, there)
+        _key_of_difference([*panes[:, -1]], *both, there)
     for axes in panes[-1]:
         axes.set_xlabel("x [m]")
     what, *_ = re.split(" (?:of|over|in) ", place_map.title)
@@ -147,13 +147,13 @@ def slice_of(at: Array, across: int, level: float, ends: Array) -> Slice:
         ends: Least and greatest of what is drawn, (2, 3) [m].
     """
     right, up = plane = (0, 1 if across == 2 else 2)
-    x, y = (np.linspace(*ends[:, axis], GRID) for axis in plane)
+    x, y = (np.linspace(float(ends[0, axis]), float(ends[1, axis]), GRID) for axis in plane)
     points = np.full((GRID, GRID, 3), level)
     points[..., right], points[..., up] = x, y[:, None]
     tree = KDTree(at)
-    spacing = float(np.median(tree.query(at, 2)[0][:, 1])) if len(at) > 1 else 0.0
-    distance, neighbours = tree.query(points, min(NEIGHBOURS, len(at)))
-    distance, neighbours = (own.reshape(GRID, GRID, -1) for own in (distance, neighbours))
+    spacing = float(np.median(np.asarray(tree.query(at, 2)[0])[:, 1])) if len(at) > 1 else 0.0
+    found = tree.query(points, min(NEIGHBOURS, len(at)))
+    distance, neighbours = (np.asarray(own).reshape(GRID, GRID, -1) for own in found)
     weights = 1 / np.maximum(distance, 1e-6) ** 2
     weights = np.where(distance[..., :1] <= FAR * spacing, weights, np.nan)
     near = np.abs(at[:, across] - level) <= spacing
@@ -179,7 +179,8 @@ def _slice(axes: Axes, cut: Slice, mm: Array, norm: Normalize) -> None:
     between = cut.interpolate(np.log(mm) if logarithmic else mm)
     axes.imshow(np.exp(between) if logarithmic else between, norm=norm, cmap=SIZES, **cut.frame)
     near = cut.near & known
-    axes.scatter(*cut.at[near].T, s=DOT, c=mm[near], norm=norm, cmap=SIZES, edgecolors="0.2", linewidths=0.4)
+    x, y = cut.at[near].T
+    axes.scatter(x, y, s=DOT, c=mm[near], norm=norm, cmap=SIZES, edgecolors="0.2", linewidths=0.4)
     if not known.all():
         lost = cut.near & ~known
         axes.plot(*cut.at[lost].T, "o", markersize=3, markerfacecolor="none", color=SOFT)
@@ -213,19 +214,17 @@ def _finish(axes: Axes, cut: Slice, arm: Array | None, ends: Array) -> None:
     quiet(axes)
 
 
-def _difference(
-    axes: Axes, cut: Slice, mine: Array, theirs: Array, both: tuple[ModelLine, ModelLine]
-) -> None:
+def _difference(axes: Axes, cut: Slice, both: tuple[ModelLine, ModelLine], there: Mask) -> None:
     """Draw where the winner errs less than joint stiffness, in the colour of the one that errs less.
 
     Args:
         axes: The pane.
         cut: Its slice.
-        mine: Errors of the winner, (n,) [mm].
-        theirs: Those of joint stiffness, (n,) [mm].
-        both: The lines of both.
+        both: Errors of the winner and of joint stiffness.
+        there: Which places are known, (n,).
     """
-    less = cut.interpolate(mine - theirs)
+    ours, theirs = both
+    less = cut.interpolate((ours.values - theirs.values)[there])
     colours = ListedColormap([own.look.hex for own in both])
     axes.imshow(
         np.where(np.isfinite(less), less > 0, np.nan), cmap=colours, vmin=0, vmax=1, alpha=0.75, **cut.frame

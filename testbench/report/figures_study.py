@@ -75,8 +75,8 @@ def coverage_figure(rows: Sequence[Row]) -> Figure:
     learnt = [row.covered_percent for row in rows if row.kind == "learnt"]
     answer = "How often intervals hold the truth"
     if learnt:
-        ends = dict.fromkeys(f"{end:.0f}" for end in (min(learnt), max(learnt)))
-        answer = f"Intervals of 95 % by a learnt prior hold {' to '.join(ends)} % of the deflections"
+        shares = dict.fromkeys(f"{share:.0f}" for share in (min(learnt), max(learnt)))
+        answer = f"Intervals of 95 % by a learnt prior hold {' to '.join(shares)} % of the deflections"
     reading = (
         "Above the line intervals are too wide, below it too narrow. Whiskers: two standard errors over "
         "datasets."

@@ -66,9 +66,15 @@ def write_run(out: Path, run_request: RunRequest, report: Report, page: PageCont
             json.dumps(run_request.flags, sort_keys=True),
             next(iter(run_request.seeds), 0),
         )
-        draw = run_request.draw or (lambda words, seen: {run_request.picture: overview(words, seen)})
+
+        def write_figures() -> None:
+            asked = run_request.draw
+            figures = asked(report, drawn) if asked else {run_request.picture: overview(report, drawn)}
+            for name, figure in figures.items():
+                save(figure, folder / name)
+
         views: list[Callable[[], object]] = [
-            lambda: [save(figure, folder / name) for name, figure in draw(report, drawn).items()],
+            write_figures,
             lambda: write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture}),
             lambda: write_page(folder, f"{run_request.command}: {run_request.name}", report, drawn),
         ]

@@ -110,11 +110,16 @@ def eigenvalues(arm: Arm, structure: Structure, C_theta: Array) -> list[Row]:
     blocks = [X[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(links)]
     values = [np.linalg.eigvalsh((block + block.T) / 2) for block in blocks]
     values += [X[k : k + 1, k] for k in range(first, arm.n_theta)]
-    names = [part.name for part in (*arm.links, *arm.joints)]
+    names = part_names(arm)
     return [
         Row(part=name, urad_per_Nm=rounded(np.where(np.abs(x) > ROUNDING * np.abs(x).max(), x, 0.0)))
         for name, x in zip(names, values, strict=True)
     ]
+
+
+def part_names(arm: Arm) -> list[str]:
+    """Name the links from the base on, then the joints."""
+    return [*(link.name for link in arm.links), *(joint.name for joint in arm.joints)]
 
 
 def sag_by_part(vjm: Vjm, estimate: Estimate, data: Dataset) -> list[Row]:
@@ -147,12 +152,12 @@ def sag_by_part(vjm: Vjm, estimate: Estimate, data: Dataset) -> list[Row]:
     shares = [along[owner == k].sum(axis=0) for k in range(links + joints)]
     rows = [
         Row(
-            part=part.name,
+            part=name,
             share_percent=float(np.median(own)),
             least_percent=float(own.min()),
             most_percent=float(own.max()),
         )
-        for part, own in zip((*arm.links, *arm.joints), shares, strict=True)
+        for name, own in zip(part_names(arm), shares, strict=True)
         if own.size
     ]
     return sorted(rows, key=lambda row: -float(row.share_percent))
@@ -171,7 +176,7 @@ def singular_values(vjm: Vjm, regression: Regression, prior: Prior, uncertainty:
         uncertainty: Its relative standard deviation [1].
     """
     rows = weighted_rows(regression, any_metric(prior, vjm, regression.structure))[0]
-    return rounded(uncertainty * np.linalg.svd(rows, compute_uv=False))
+    return rounded(np.asarray(uncertainty * np.linalg.svd(rows, compute_uv=False), dtype=np.float64))
 
 
 def joint_stiffness(vjm: Vjm, estimate: Estimate, prior: Prior, uncertainty: float) -> list[Row]:

@@ -38,7 +38,7 @@ PANES = {
 """Columns that are drawn, where it matters first."""
 FIGURE_5, METHODS_BESIDE = ("MGCO68", "MLS32"), ("MLS56", "MGCO56", DEFAULT)
 """Models of the paper's figure of residuals; one of least squares beside one of GCO and the default."""
-DETAILED = dict.fromkeys((*FIGURE_5, *METHODS_BESIDE))
+DETAILED = (*FIGURE_5, *METHODS_BESIDE)
 """Models whose residuals, predictions and eigenvalues report.json has."""
 SHORT = f"name meaning conservative {TRUE}"
 MEANINGS = {
