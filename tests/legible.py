@@ -1,4 +1,4 @@
-"""What every figure must hold when it is written: read at a width of 800 pixels, nothing cut or covered."""
+"""What every figure must hold when it is written: fit for print and a page, nothing cut or covered."""
 
 import re
 from itertools import combinations
@@ -6,8 +6,8 @@ from itertools import combinations
 from matplotlib.axis import Axis
 from matplotlib.text import Text
 
-WIDEST, SMALLEST = 10.0, 9.0
-"""Inches and points: at 800 pixels the least letters are 10 pixels high."""
+WIDTHS, SMALLEST = (89, 183), 7.0
+"""Millimetres, one column or two of a journal, and points: at 800 pixels the least letters are 11 high."""
 ROUNDING = 2.0  #: Points of the picture by which boxes may touch [pixel].
 RAW = re.compile(r"mathdefault|\[1\]|\de[+-]?\d|\bnan\b|\binf\b|\bNone\b|[a-z]_(?:mm|um|percent|rad)\b")
 """Formulas, units without a name, scientific numbers, what is not there, keys of a report."""
@@ -16,8 +16,10 @@ RAW = re.compile(r"mathdefault|\[1\]|\de[+-]?\d|\bnan\b|\binf\b|\bNone\b|[a-z]_(
 def check_legible(figure):
     """A figure that was just drawn."""
     seen = [text for text in _texts(figure) if text.get_text().strip()]
-    assert figure.get_figwidth() <= WIDEST, f"{figure.get_figwidth():g} in wide"
+    wide = 25.4 * figure.get_figwidth()
+    assert min(abs(wide - own) for own in WIDTHS) < 0.1, f"{wide:g} mm wide"
     assert figure.get_suptitle(), "no title"
+    assert "\n" not in figure.get_suptitle(), "a title of several lines"
     small = [(t.get_text(), t.get_fontsize()) for t in seen if t.get_fontsize() < SMALLEST]
     assert not small, f"too small at 800 pixels: {small}"
     raw = [t.get_text() for t in seen if RAW.search(t.get_text())]

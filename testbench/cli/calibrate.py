@@ -1,11 +1,11 @@
 """testbench calibrate ARM READINGS.csv ... --out MODEL: geometry, gears, elasticity by absolute readings."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -45,7 +45,10 @@ from testbench.workflows.options import Force, of_flag, takes
 from testbench.workflows.plan import gain_of_more
 from testbench.workflows.rows import MM
 
-COMMAND, PICTURE = "testbench calibrate", "calibration.png"
+if TYPE_CHECKING:
+    from testbench.report.figure import Figure
+
+COMMAND, PICTURE, JOINTS = "testbench calibrate", "calibration.png", "joint_errors.png"
 TABLES = {
     "steps": ("What improves held-out readings, calibrated", "tried verdict after_mm series_after_mm"),
     "errors": ("Fitted readings", "what error.mean_mm error.rms_mm error.p95_mm error.max_mm"),
@@ -135,11 +138,23 @@ def command(asked: CalibrateOptions) -> None:
         flags = plain(asked, read="readings", without=("arm", "score", "frame_poses", "at_most"))
         assert isinstance(flags["readings"], dict)
         write = partial(write_model, found.calibration, flags["readings"], said.numbers["doubts"])
-        run = RunRequest(COMMAND, cell.arm.name, flags, [cell.arm.rigid.parent], PICTURE, more=write)
+        run = RunRequest(
+            COMMAND, cell.arm.name, flags, [cell.arm.rigid.parent], PICTURE, more=write, draw=_drawn
+        )
         write_run(asked.out, run, said, seen(cell, found, left))
-        places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE))
+        names = ("report.md", "report.json", PICTURE, *([JOINTS] if said.numbers["spectrum"] else []))
+        places = ", ".join(str(asked.out / name) for name in names)
         lines += [f"model      {asked.out / 'model.json'}", f"report     {places}", *viewing_lines(asked.out)]
         print_words(console, said, [said.tables["steps"]], lines)
+
+
+def _drawn(said: Report, page: draw.PageContent) -> Mapping[str, "Figure"]:
+    from testbench.report.figures_study import joint_error_figure  # here: it imports matplotlib
+    from testbench.report.run_figure import overview
+
+    joints = said.numbers["spectrum"]
+    more = {JOINTS: joint_error_figure(joints)} if joints else {}
+    return {PICTURE: overview(said, page), **more}
 
 
 def _score(asked: CalibrateOptions, files: Sequence[File]) -> None:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,12 +16,13 @@ from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.joint_laws import joint_laws
 from testbench.report import terminal
-from testbench.report.badge import MIN_PAIRS, Badge, badge_against_all, incumbents
+from testbench.report.badge import MIN_PAIRS, Badge, badge_against_all, incumbents, ratios
 from testbench.report.columns import columns
 from testbench.report.fitted_runs import seen
 from testbench.report.leave import MAP, RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, ended, place
 from testbench.report.report import Report, say
+from testbench.report.scene import PageContent
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row, find
 from testbench.report.table import plain as plain_data
@@ -38,7 +39,11 @@ from testbench.workflows.options import Force, of_flag, takes
 from testbench.workflows.own_estimator import EstimatorOptions, estimator_models
 from testbench.workflows.read_runs import files_read, read_runs
 
+if TYPE_CHECKING:
+    from testbench.report.figure import Figure
+
 COMMAND, PICTURE, OLD = "testbench identify", "identify.png", frozenset((FITS,))
+PICTURES = PICTURE, "model.png", MAP  #: Figures, in the order in which they are listed.
 LISTED_RUNS = 30  #: Runs that are listed, the worst.
 MODELS = (
     "name parameters rank conservative check.rms_mm f_m_held_out identification.rms_mm f_m "
@@ -117,6 +122,7 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
         left = residuals_by_model(cell, identified)
         f = numbers(filed, cell, identified, left, widths=not asked.no_intervals)
         f["badge"] = badge(identified, left)
+        f["over"] = over(identified, left)
         f["identifiability"] = identifiability(cell, identified) if asked.identifiability else None
         said, flags = report(f), plain(readings, asked, read="dataset", without=("arm",))
         flags |= {"estimators": {each.name: asdict(each) for each in tried.own}} if tried.own else {}
@@ -127,7 +133,7 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
 
         title = f"{f.arm} under {f.map.force_N:.0f} N and {f.map.moment_Nm:.0f} N m" if f.map else ""
         left_by_run = RunRequest(
-            COMMAND, f.arm, flags, [cell.arm.rigid.parent], PICTURE, more=more, map=title
+            COMMAND, f.arm, flags, [cell.arm.rigid.parent], PICTURE, more=more, map=title, draw=_drawn
         )
         write_run(out, left_by_run, said, seen(filed, identified, f, left))
         console = terminal.plain_console()
@@ -135,11 +141,17 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
         lines = [
             f"model      {out / DOCUMENT}: {identified.fits.recommended}; all others: {out / FITS}",
             f"report     {out / 'report.md'}, {out / 'report.json'}",
-            f"figures    {', '.join(str(out / name) for name in (PICTURE, MAP) if (out / name).exists())}",
+            f"figures    {', '.join(str(out / own) for own in PICTURES if (out / own).exists())}",
             *terminal.viewing_lines(out),
         ]
         tables = [table_of(f, MODELS[:-PAGE]), *([said.tables["help"]] if asked.identifiability else [])]
         terminal.print_words(console, said, tables, lines)
+
+
+def _drawn(said: Report, page: PageContent) -> Mapping[str, "Figure"]:
+    from testbench.report.figures_identify import identify_figures  # here: it imports matplotlib
+
+    return identify_figures(said, page, Row(said.numbers))
 
 
 def badge(found: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
@@ -160,6 +172,15 @@ def badge(found: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
     if own and own.interval is None and own.factor and own.winner != taken:  # all readings chose it, not few
         return Badge(**vars(own) | {"winner": taken, "rival": own.winner, "factor": 1 / own.factor})
     return own
+
+
+def over(found: IdentifyResult, left: Mapping[str, Array]) -> list[Row]:
+    """Compare the held-out errors of all models with those of the model to take; nothing of too few."""
+    rms, each = held_out(found, left, MIN_PAIRS)
+    taken = found.fits.recommended
+    if len(rms.get(taken, ())) < MIN_PAIRS:
+        return []
+    return ratios(taken, {name: (rms[taken], own, None) for name, own in rms.items() if name != taken}, each)
 
 
 def report(f: Row) -> Report:

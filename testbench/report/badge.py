@@ -13,7 +13,7 @@ from testbench.report.gains import ratio
 from testbench.report.markdown import Markdown, as_markdown, counted, listed
 from testbench.report.schema import ALIKE
 from testbench.report.table import MODEL, Row, Trials, aligned, shared
-from testbench.runs.spread import TAIL, Cells, median_interval, redrawn
+from testbench.runs.spread import TAIL, Cells, Spread, median_interval, redrawn
 
 MIN_PAIRS = 6  #: Pairs from which on a sign test can tell at 95 %: five agree in 1 of 16 by chance.
 BLOCKS = 500  #: Most that it draws from: of more poses or readings those side by side are one.
@@ -235,7 +235,7 @@ def of_models(
 def of_rivals(
     trials: Trials, ours: str, rivals: Sequence[str], value: str, each: str = "trial"
 ) -> Badge | None:
-    """Compare a model with the strongest of some rivals, that of least median error.
+    """Compare a model with the strongest of some rivals, that of least median error; one trial pose by pose.
 
     Args:
         trials: Rows of the trials.
@@ -247,15 +247,53 @@ def of_rivals(
     Returns:
         The badge; None without a rival.
     """
+    pairs, each = _pairs(trials, ours, rivals, value, each)
+    return badge_against_all(ours, pairs, each)
+
+
+def _pairs(
+    trials: Trials, ours: str, others: Sequence[str], value: str, each: str
+) -> tuple[dict[str, Pair], str]:
+    """Pair the errors of ours with those of others, by their names; and name what a pair is."""
     pairs: dict[str, Pair] = {}
-    for name in rivals:
+    for name in others:
         a, b = aligned(trials, (ours, name), value).T
         if len(a) == 1 and PLACES in trials:
             a, b = (np.array(trials.where(**{MODEL: own})[PLACES][0]) for own in (ours, name))
             pairs[name], each = (a, b, None), POSES
         elif len(a):
             pairs[name] = (a, b, shared(trials, (ours, name)))
-    return badge_against_all(ours, pairs, each)
+    return pairs, each
+
+
+def ratios(ours: str, pairs: Mapping[str, Pair], each: str = "trial") -> list[Row]:
+    """Compare the errors of several models with those of one in the same trials.
+
+    Args:
+        ours: Its name.
+        pairs: Errors of ours and of another, by the name of the other.
+        each: See `decide`.
+
+    Returns:
+        A row for each, ours first: its `name` and the `ratio` of its error to ours, with a 95 % interval
+        where there are enough pairs.
+    """
+    rows = [Row(name=ours, ratio=1.0)]
+    for name, (a, b, own) in pairs.items():
+        badge = decide((ours, a), (name, b), each, trials=own)
+        if badge.factor is None:
+            continue
+        ends = sorted([badge.factor, *(badge.interval or ())])
+        turned = ends if badge.winner == ours else [1 / end for end in ends[::-1]]
+        low, middle, high = (turned[0], turned[len(turned) // 2], turned[-1])
+        rows.append(Row(name=name, ratio=Spread(middle, low, high) if badge.interval else middle))
+    return rows
+
+
+def ratios_of(trials: Trials, ours: str, value: str, each: str = "trial") -> list[Row]:
+    """Compare all models of trials with ours: see `ratios`; of one trial pose by pose."""
+    others = [name for name in trials.values(MODEL) if name != ours]
+    return ratios(ours, *_pairs(trials, ours, others, value, each))
 
 
 def drawn(badge: Badge | None, known: Collection[str], *others: str) -> list[str]:

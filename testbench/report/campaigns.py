@@ -2,10 +2,13 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from testbench.model.structure import JOINTS, Constraint
 from testbench.report.schema import best_of
 from testbench.report.table import Row, Trials, merged, nested
 from testbench.runs.spread import span
+from testbench.workflows.fit_details import predictions, residual_histograms
 from testbench.workflows.workspace_errors import ErrorPlaces, WorkspacePoses, error_places
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
@@ -90,6 +93,41 @@ def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
     )
     mm = dict(zip(drawn["name"], drawn["place_mm"], strict=True))
     return error_places(workspace_poses, mm, [name for name in dict.fromkeys(compared) if name in mm])
+
+
+def details(trials: Trials, compared: Sequence[str]) -> Row:
+    """Collect what figures show of the first seed's fits.
+
+    Args:
+        trials: Rows of a campaign.
+        compared: Models, by name; those that are not there are left out.
+
+    Returns:
+        `residuals` at all measured runs, `predictions` over the workspace, and `eigenvalues`, by model: see
+        `workflows.fit_details`; nothing where no fit was kept.
+    """
+    first = trials.where(seed=trials["seed"][0])
+    kept = {name: k for k, name in enumerate(first["name"].tolist()) if first["drawn.wrong_m"][k] is not None}
+    names, whole = [name for name in compared if name in kept], min(kept.values(), default=None)
+    if whole is None or not names:
+        return Row()
+    left, wrong, values = (
+        {name: np.array(first[f"drawn.{key}"][kept[name]]) for name in names}
+        for key in ("residuals_m", "wrong_m", "eigenvalues_urad_per_Nm")
+    )
+    parts = first["drawn.parts"][whole]
+    moved = np.reshape(first["drawn.moved_m"][whole], (-1, 3))
+    return Row(
+        residuals=residual_histograms(left),
+        predictions=predictions(moved, {name: own.reshape(-1, 3) for name, own in wrong.items()}),
+        eigenvalues={
+            name: [
+                Row(part=part, urad_per_Nm=own[[k for k, x in enumerate(parts) if x == part]].tolist())
+                for part in dict.fromkeys(parts)
+            ]
+            for name, own in values.items()
+        },
+    )
 
 
 def distinct(models: Sequence[Row]) -> list[Row]:

@@ -18,9 +18,19 @@ Colour = tuple[int, ...]
 
 NOMINAL, MEASURED, LOAD, GREY = (40, 146, 196), (159, 85, 8), (196, 106, 160), (127, 127, 127)
 """Sky blue, rust, purple, grey."""
-SCALE: tuple[Colour, ...] = ((67, 78, 108), (100, 103, 113), (132, 129, 120), (170, 158, 114), (211, 191, 91))
-"""Of sizes, from least to greatest: the middle of cividis, brighter all the way for every eye."""
+SCALE: tuple[Colour, ...] = (
+    (62, 73, 137),
+    (50, 100, 142),
+    (40, 125, 142),
+    (31, 149, 139),
+    (38, 173, 129),
+    (78, 195, 107),
+    (134, 213, 73),
+)
+"""Of sizes, from least to greatest: viridis between 22 and 82 %, brighter all the way for every eye."""
 TASK = (143, 119, 4)  #: Where the robot works: olive.
+NEGATIVE = (200, 16, 46)  #: What no body can have, such as a negative compliance: red, always a cross.
+LINK = (150, 150, 150)  #: Links beside joints.
 LEAST_SQUARES, GCO = (200, 131, 4), (67, 131, 92)  #: The methods, and MLS56 and MGCO56.
 JOINTS, JOINTS_PRIOR = (90, 142, 255), (108, 116, 192)
 """Joints alone, what most calibrations use: beside links they are no shade of a method."""

@@ -5,6 +5,7 @@ import textwrap
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import IO, Literal
 
@@ -16,34 +17,59 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
 from matplotlib.lines import Line2D
+from PIL import Image
 
 from testbench.model.structure import JOINTS
 from testbench.report.colours import GREY, SCALE, Look, hexadecimal
-from testbench.report.markdown import capital
+from testbench.report.markdown import capital, ended
 from testbench.report.schema import Table, TableColumn, best_rows, looks
+from testbench.runs.rows import Row
 from testbench.runs.spread import Number, Spread, dotted, ends, inner, middle
 
 SOFT = hexadecimal(GREY)
 SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])
 """Colours of sizes, as recordings have them."""
-WIDTH, DPI = 10.0, 160
-"""Width of every figure [in], and its points: on a page 800 wide, 9 points are 10 pixels high."""
-MIN_LETTER_SIZE = 9.0  #: Least size of letters [pt].
+INCH = 25.4  #: [mm]
+WIDTH, COLUMN, DPI = 183 / INCH, 89 / INCH, 200
+"""Width of a figure and of one column, as journals print them [in]; points per inch."""
+MIN_LETTER_SIZE, LETTER_SIZE, TITLE_SIZE = 7.0, 7.4, 8.6
+"""Sizes of letters [pt]: the least, that of most, that of a title. On a page 800 pixels wide, 7 points are
+11 pixels high."""
 STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 300: (1, 2, 5), math.inf: (1,)}
 """Ticks of a decade by how many times the least the greatest value is at most."""
 DECADES = 6  #: Most decades of an axis that have a tick each.
 LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmic [1].
-TITLE, CAPTION = 92, 150  #: Letters of a line of the title and of the words below.
+TITLE, LONG_TITLE, CAPTION = 88, 106, 136
+"""Letters of the title, of a longer one in smaller letters, of a line of the words below."""
+BREAKS = (". ", ": ", "; ", " (", ", ")  #: Where a title that is too long ends, the best first.
 
 
+RATIO = "ratio"  #: Key of a column of errors over one model's, with 95 % intervals.
 ASIDE, GOLDEN = 0.5, 0.618
 """How far dots of a row are apart, over its height, and the step from one to the next [1]."""
-LEVEL = 4  #: Of a PNG's compression: the next ones save no more than a fiftieth of its size.
+TICKS = {"size": 2.5, "width": 0.6, "pad": 2.5}  #: Length, width and distance of ticks [pt].
+LEVEL, COLOURS = 4, 256
+"""Of a PNG: its compression, of which the next ones save no more than a fiftieth, and colours, which make it
+three times smaller than all colours do."""
 
 
 # No dollar of a name begins a formula. Titles stay where they are: a search for room above every axes, at
 # each of three passes, takes a tenth of a picture's time, and no ticks of ours are above.
-rcParams.update({"text.parse_math": False, "axes.titley": 1.0})
+rcParams.update(
+    {
+        "text.parse_math": False,
+        "axes.titley": 1.0,
+        "font.size": LETTER_SIZE,
+        "axes.titlesize": LETTER_SIZE,
+        "axes.linewidth": 0.6,
+        "axes.titlepad": 4.0,
+        "axes.labelpad": 2.5,
+        "lines.linewidth": 1.1,
+        "lines.markersize": 4.3,
+        "lines.markeredgewidth": 0.8,
+        **{f"{side}tick.major.{key}": size for side in "xy" for key, size in TICKS.items()},  # type: ignore[misc]
+    }
+)
 
 
 def save(figure: Figure, path: Path | IO[bytes]) -> None:
@@ -62,12 +88,21 @@ def save(figure: Figure, path: Path | IO[bytes]) -> None:
         if figure.axes and engine is not None:
             engine.execute(figure)
             figure.set_layout_engine("none")
-        canvas.print_png(path, pil_kwargs={"compress_level": LEVEL})  # type: ignore[no-untyped-call]
+        canvas.draw()  # type: ignore[no-untyped-call]
+    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
+    if any(axes.images for axes in figure.axes):  # a ramp has more colours than are kept of others
+        picture.save(path, "PNG", compress_level=LEVEL, dpi=(figure.dpi, figure.dpi))
+        return
+    few = picture.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    palette, ground = few.getpalette() or [], int(few.getpixel((0, 0)))  # type: ignore[arg-type]
+    palette[3 * ground : 3 * ground + 3] = picture.getpixel((0, 0))  # type: ignore[assignment]
+    few.putpalette(palette)
+    few.save(path, "PNG", compress_level=LEVEL, dpi=(figure.dpi, figure.dpi))
 
 
-def page(height: float) -> Figure:
-    """A figure of this height [in]."""
-    return Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+def page(height: float, width: float = WIDTH) -> Figure:
+    """Make an empty figure of this height and width [in]."""
+    return Figure(figsize=(width, height), dpi=DPI, layout="constrained")
 
 
 def _body(figure: Figure) -> SubFigure:
@@ -75,6 +110,17 @@ def _body(figure: Figure) -> SubFigure:
     found = figure.subfigures()
     assert isinstance(found, SubFigure)  # one row, one column
     return found
+
+
+def bands(figure: Figure, heights: Sequence[float]) -> list[SubFigure]:
+    """Split a figure into bands from top to bottom, each laid out by itself.
+
+    Args:
+        figure: The figure.
+        heights: Of the bands, in any unit.
+    """
+    parts = figure.subfigures(len(heights), 1, height_ratios=[*heights], squeeze=False)
+    return [part for row in parts for part in row]
 
 
 def _key(part: SubFigure, columns: int) -> None:
@@ -90,23 +136,65 @@ def _key(part: SubFigure, columns: int) -> None:
 
 
 def say(figure: Figure, answer: str, reading: str) -> None:
-    """Write what is seen above a figure, and below it what its marks and numbers are."""
-    lines = [textwrap.fill(text, TITLE) for text in answer.splitlines()]
-    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12, fontweight="bold")
-    words = textwrap.fill(reading, CAPTION)
+    """Write what is seen above a figure, and below it what its marks and numbers are.
+
+    Args:
+        figure: The figure; its width sets the length of lines.
+        answer: Its title, one line: what is too long for it begins the words below.
+        reading: The words below.
+    """
+    wide = figure.get_figwidth() / WIDTH
+    title, rest = one_line(" ".join(answer.split()), int(TITLE * wide), int(LONG_TITLE * wide))
+    size = TITLE_SIZE * min(1.0, TITLE * wide / max(len(title), 1))
+    figure.suptitle(title, x=0.01, ha="left", fontsize=size, fontweight="bold")
+    words = textwrap.fill(" ".join(filter(None, [rest and ended(rest), reading])), int(CAPTION * wide))
     figure.supxlabel(words, x=0.01, ha="left", fontsize=MIN_LETTER_SIZE, color="0.3")
 
 
+def one_line(text: str, letters: int, most: int) -> tuple[str, str]:
+    """Split words into what fits a line and the rest, where a sentence or a part of one ends.
+
+    Args:
+        text: The words.
+        letters: Letters of a line.
+        most: Those of a line in smaller letters, for a part that would be cut otherwise.
+
+    Returns:
+        The line and the rest.
+    """
+    if len(text) <= letters:
+        return text, ""
+    for limit, end in product((letters, most), BREAKS):
+        at = text.rfind(end, 0, limit)
+        if at > letters // 4:
+            rest = text[at + len(end) :]
+            if end == " (":
+                rest = rest.replace(")", "", 1)
+            return text[:at], capital(rest)
+    at = text.rfind(" ", 0, most)
+    return (text[:at], text[at:].strip()) if at > 0 else (short(text, letters), text)
+
+
 def headed(figure: Figure, words: str, winner: str = "") -> Figure:
-    """The same with a line above its title, such as the badge of its run, and its lines in their weights."""
+    """Entitle a figure by the badge of its run, and draw its lines in their weights.
+
+    Args:
+        figure: The figure; its own title goes into the words below.
+        words: The title, empty to keep its own.
+        winner: The model whose line stands out, empty for none.
+
+    Returns:
+        The figure.
+    """
     if words:
-        title = figure.get_suptitle()
-        lines = [textwrap.fill(words, TITLE), title]
-        figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12, fontweight="bold")
+        own = figure.get_suptitle()
+        say(figure, words, " ".join([own, *figure.get_supxlabel().split()]))
     for line in figure.findobj(Line2D):
         if isinstance(line, Line2D) and (heavy := weight(str(line.get_label()), winner)):
             line.set(
-                linewidth=1.3 + 0.6 * heavy, markersize=line.get_markersize() + heavy, zorder=2 + heavy / 10
+                linewidth=1.0 + 0.4 * heavy,
+                markersize=line.get_markersize() + 0.7 * heavy,
+                zorder=2 + heavy / 10,
             )
     return figure
 
@@ -118,7 +206,7 @@ def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> N
     """A logarithmic axis with plain numbers: more of a decade where there are few."""
     decades = range(math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 1)
     steps = next(ticks for most, ticks in STEPS.items() if high < most * low)
-    every = -(-(len(decades) - 2) // DECADES)  # one beyond each end
+    every = max(1, -(-(len(decades) - 2) // DECADES))  # one beyond each end
     low, high = low / 1.3, high * 1.3
     ticks = [step * 10.0**k for k in decades[::every] for step in steps if low <= step * 10.0**k <= high]
     if side == "x" and ticks[-1] > LONG and len(whole := [x for x in ticks if math.log10(x) % 1 == 0]) > 1:
@@ -160,7 +248,7 @@ def forest(
         reading: The same.
         mark: Name of the row to beat, or a number to beat: a dotted line.
     """
-    figure, columns = page(1.9 + 0.3 * len(table.rows)), {column.key: column for column in table.columns}
+    figure, columns = page(1.3 + 0.2 * len(table.rows)), {column.key: column for column in table.columns}
     name, known = table.columns[0], table.looks or looks(table.rows, table.columns[0])
     sides = figure.subplots(1, len(panes), squeeze=False)[0]
     for k, (axes, (key, title)) in enumerate(zip(sides, panes.items(), strict=True)):
@@ -172,12 +260,42 @@ def forest(
             axes.axvline(at, color=shade, linewidth=0.8, linestyle=":")
         if isinstance(mark, float):
             axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
-        axes.set_title(title, fontsize="medium")
-    dots = dotted(columns[key].value(row) for key in panes for row in table.rows)
+        axes.set_title(title)
+    dots = dotted(columns[key].value(row) for key in panes if key != RATIO for row in table.rows)
     banded = any(best_rows(replace(table, looks=known), columns[key]) for key in panes)
     bands = "Band: the best, and all that tie with it." if banded else ""
     say(figure, answer, " ".join(filter(None, [reading, dots and f"{capital(dots)}.", bands])))
     return figure
+
+
+def ranked(table: Table, key: str, over: Sequence[Row], ours: str) -> Table:
+    """Sort a table of models by an error, the least first, and give it a column of ratios.
+
+    Args:
+        table: Rows of models.
+        key: Of the column of the error.
+        over: `ratio` of each model's error to that of ours, by `name`: see `badge.ratios`.
+        ours: The model that ratios are over.
+
+    Returns:
+        The table with the column `ratio`; rows without one keep their place and have none.
+    """
+    name, ratios = table.columns[0], {row.name: row.ratio for row in over}
+    error = next(column for column in table.columns if column.key == key)
+    rows = sorted(table.rows, key=lambda row: _known(middle(error.value(row))))
+    ratio = TableColumn(RATIO, f"error over that of {ours}", form=".2f", none="")
+    return replace(
+        table,
+        columns=(*table.columns, ratio),
+        rows=[Row(row, ratio=ratios.get(name.cell(row))) for row in rows],  # type: ignore[call-overload]
+        bold="",
+        looks=table.looks or looks(table.rows, name),
+    )
+
+
+def _known(number: float) -> float:
+    """Put what is no number last."""
+    return number if number == number else math.inf
 
 
 def forest_pane(axes: Axes, table: Table, value: TableColumn, *, named: bool = True) -> None:
@@ -188,9 +306,9 @@ def forest_pane(axes: Axes, table: Table, value: TableColumn, *, named: bool = T
     name, best = table.columns[0], best_rows(table, value)
     for y, row in enumerate(table.rows):
         number, look = value.value(row), table.looks[name.cell(row)]
-        _distribution(axes, y, number, look, 6.5 + weight(name.cell(row), table.bold))
+        _distribution(axes, y, number, look, 4.7 + 0.7 * weight(name.cell(row), table.bold))
         if known := value.known(row):
-            axes.plot(float(known), y, "D", color=SOFT, markersize=5)
+            axes.plot(float(known), y, "D", color=SOFT, markersize=3.6)
         if y in best:
             axes.axhspan(y - 0.5, y + 0.5, color=look.hex, alpha=0.1, linewidth=0, zorder=0)
     heads = [f"{name.cell(row)}  " if named else "" for row in table.rows]
@@ -209,9 +327,9 @@ def _distribution(axes: Axes, y: float, number: Number, look: Look, size: float)
             axes.plot(number.values, np.full(len(k), y), linestyle="", **look.dots(size))
             return
         apart = y + ASIDE * ((GOLDEN * k) % 1 - 0.5)  # trials of one number do not hide each other
-        axes.plot(number.values, apart, ".", color=look.hex, markersize=3.5, alpha=0.35, markeredgewidth=0)
+        axes.plot(number.values, apart, ".", color=look.hex, markersize=2.5, alpha=0.35, markeredgewidth=0)
     line = inner(number)
-    axes.plot(line or (), (y, y) if line else (), color=look.hex, linewidth=2.5)
+    axes.plot(line or (), (y, y) if line else (), color=look.hex, linewidth=1.8)
     axes.plot(middle(number), y, linestyle="", **look.dots(size))
 
 
@@ -225,23 +343,36 @@ def sweeps(
     answer: str,
     reading: str,
     bands: Sequence[str] | None = None,
+    *,
+    proportional: str = "",
 ) -> Figure:
-    """Lines over swept quantities, a pane a table whose columns name the line, sweep and are drawn.
+    """Draw lines over swept quantities; lines that are alike in all panes share one legend.
 
-    Of `bands` the spread is drawn, of all if None; lines that are alike in all panes share one legend.
+    Args:
+        panes: By title, a table whose columns name the line, sweep and are drawn.
+        answer: See `say`.
+        reading: The same.
+        bands: Lines whose spread is drawn, all of them if None.
+        proportional: Words for a guide of slope 1, along which what is drawn grows as what sweeps; empty for
+            none.
+
+    Returns:
+        The figure.
     """
     across = min(2, len(panes))
     down = -(-len(panes) // across)
     known = [table.looks or looks(table.rows, table.columns[0]) for table in panes.values()]
     shared = all(own == known[0] for own in known)
-    figure = page(1.6 + (3.9 if shared else 4.4) * down)
+    figure = page(1.1 + (2.7 if shared else 3.1) * down)
     part = _body(figure)
     grid = part.add_gridspec(down, across)
     for k, ((title, table), lines) in enumerate(zip(panes.items(), known, strict=True)):
         alone = k % across == 0 and k == len(panes) - 1
         axes = part.add_subplot(grid[k // across, slice(None) if alone else k % across])
         _sweep(axes, table, lines, lines if bands is None else bands)
-        axes.set_title(title, fontsize="medium")
+        if proportional:
+            _guide(axes, proportional)
+        axes.set_title(title)
         if not shared:
             axes.legend(
                 frameon=False,
@@ -265,7 +396,7 @@ def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collectio
             rows.sort(key=lambda row: middle(x.value(row)))
             at, numbers = [middle(x.value(row)) for row in rows], [y.value(row) for row in rows]
             style = "--" if look.prior else "-"
-            axes.plot(at, [*map(middle, numbers)], linestyle=style, label=line, **look.dots(5))
+            axes.plot(at, [*map(middle, numbers)], linestyle=style, label=line, **look.dots(3.6))
             if line in bands and any(isinstance(number, Spread) for number in numbers):
                 low, high = np.transpose([*map(ends, numbers)])
                 axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
@@ -276,6 +407,16 @@ def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collectio
     axes.set_xticks(list(swept), list(swept.values()))
     axes.set(xlabel=labelled(x), ylabel=labelled(y))
     quiet(axes)
+
+
+def _guide(axes: Axes, words: str) -> None:
+    """Draw a grey line of slope 1 through the lower right corner of what is drawn, on logarithmic axes."""
+    (x0, y0), (x1, _) = axes.dataLim.min, axes.dataLim.max
+    x = np.array([max(x0, x1 * y0 / axes.dataLim.max[1]), x1])
+    low = min(float(np.asarray(line.get_ydata(), dtype=float)[-1]) for line in axes.get_lines())
+    ends = axes.get_xlim(), axes.get_ylim()
+    axes.plot(x, low * x / x1, color=SOFT, linewidth=1.0, linestyle=(0, (1, 1)), label=words, zorder=1)
+    axes.set(xlim=ends[0], ylim=ends[1])
 
 
 def labelled(column: TableColumn) -> str:
@@ -297,7 +438,7 @@ def ranges(
     table, rows = next(iter(panes.values())), [row for own in panes.values() for row in own.rows]
     down, name, value = table.columns
     places, known = places or list(dict.fromkeys(map(down.cell, rows))), table.looks or looks(rows, name)
-    figure = page(2.4 + 0.6 * len(places))
+    figure = page(1.7 + 0.42 * len(places))
     part = _body(figure)
     sides = part.subplots(1, len(panes), sharey=True, squeeze=False)[0]
     for axes, (title, own) in zip(sides, panes.items(), strict=True):
@@ -307,12 +448,12 @@ def ranges(
             for row, at in zip(shown, y, strict=True):
                 axes.plot(ends(value.value(row)), (at, at), color=look.hex, alpha=0.5)
             middles = [middle(value.value(row)) for row in shown]
-            axes.plot(middles, y, linestyle="", label=model, **look.dots(5))
+            axes.plot(middles, y, linestyle="", label=model, **look.dots(3.6))
         log_ticks(axes, "x", *axes.dataLim.intervalx)
         if mark is not None:
             axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
         axes.set(xlabel=labelled(value))
-        axes.set_title(title, fontsize="medium")
+        axes.set_title(title)
         axes.grid(axis="y", alpha=0.2)
         quiet(axes)
     sides[0].set_yticks(range(len(places)), places)

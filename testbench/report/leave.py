@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,14 @@ from testbench.report.scene import PageContent, typical_first
 from testbench.runs import provenance as files
 from testbench.runs.whole import whole_folder
 
+if TYPE_CHECKING:  # importing matplotlib takes long, and not every command leaves a folder
+    from testbench.report.figure import Figure
+
 More = Callable[[Path], Mapping[str, object] | None]
 """Writes what else a command leaves into the folder; what it returns goes into manifest.json."""
+
+Draw = Callable[[Report, PageContent], "Mapping[str, Figure]"]
+"""Draws the figures of a command, by name."""
 
 MAP = "error_map.png"  #: The maps of a command that has some.
 
@@ -33,6 +40,8 @@ class RunRequest:
     more: More | None = None  #: What else the command leaves.
     stem: str = "report"  #: Name of its numbers and words without suffix.
     map: str = ""  #: Title of error_map.png, empty for none.
+    #: Draws the figures, by name, in place of the overview, which is `picture`; None for the overview.
+    draw: Draw | None = None
 
 
 def write_run(out: Path, run_request: RunRequest, report: Report, page: PageContent) -> None:
@@ -46,10 +55,11 @@ def write_run(out: Path, run_request: RunRequest, report: Report, page: PageCont
     """
     import testbench.report.figure_docs  # noqa: F401 - before any figure
     from testbench.report.figure import save  # here: matplotlib and rerun take half a second, and not
+    from testbench.report.figures_map import error_map, silhouette
     from testbench.report.page.page import write_page  # every command leaves a folder
     from testbench.report.recording.run import write_run
     from testbench.report.recording.stream import RecordingHeader
-    from testbench.report.run_figure import error_map, overview
+    from testbench.report.run_figure import overview
 
     with whole_folder(out) as folder:
         found = (run_request.more(folder) if run_request.more else None) or {}
@@ -63,14 +73,22 @@ def write_run(out: Path, run_request: RunRequest, report: Report, page: PageCont
             json.dumps(run_request.flags, sort_keys=True),
             next(iter(run_request.seeds), 0),
         )
+
+        def write_figures() -> None:
+            asked = run_request.draw
+            figures = asked(report, drawn) if asked else {run_request.picture: overview(report, drawn)}
+            for name, figure in figures.items():
+                save(figure, folder / name)
+
         views: list[Callable[[], object]] = [
-            lambda: save(overview(report, drawn), picture),
+            write_figures,
             lambda: write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture}),
             lambda: write_page(folder, f"{run_request.command}: {run_request.name}", report, drawn),
         ]
         if run_request.map and page.map and any(np.isfinite(line.values).any() for line in page.map.lines):
             places = page.map
-            views.insert(1, lambda: save(error_map(places, run_request.map), folder / MAP))
+            arm = silhouette(drawn, places)
+            views.insert(1, lambda: save(error_map(places, run_request.map, arm), folder / MAP))
         for view in stepwise(views, "writing"):
             view()
         files.write_log(folder)

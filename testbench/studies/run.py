@@ -139,7 +139,7 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
 
 
 def headed_figures(study: AnyStudy, report: Report) -> dict[str, Figure]:
-    """Draw the figures of a report, each below the badge of its run, by their names.
+    """Draw the figures of a report by their names; the badge of its run entitles the first one.
 
     Args:
         study: The study.
@@ -149,7 +149,8 @@ def headed_figures(study: AnyStudy, report: Report) -> dict[str, Figure]:
         The figures.
     """
     badge = terminal.as_plain(report.block("badge"))
-    return {name: headed(figure, badge, report.winner) for name, figure in study.figures(report).items()}
+    drawn = enumerate(study.figures(report).items())
+    return {name: headed(figure, "" if k else badge, report.winner) for k, (name, figure) in drawn}
 
 
 def _shown(study: AnyStudy, report: Report) -> list[Table]:

@@ -19,9 +19,11 @@ from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import ArmState, nominal_state, series_equilibrium
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.estimate import Estimate
+from testbench.identify.posterior import Posterior
 from testbench.model.joint_errors import JointErrors
 from testbench.runs.rows import Row
 from testbench.workflows.absolute import Calibrated, distance_statistics, hidden_geometry
+from testbench.workflows.fit_details import rounded
 from testbench.workflows.named_parameters import Part, intervals
 from testbench.workflows.plan import FURTHER
 from testbench.workflows.rows import MM, UM
@@ -44,6 +46,7 @@ SPOILED = 0.5  #: A reading that counts less than this is listed as an outlier [
 LISTED_OUTLIERS = 10  #: Outliers that are listed, the farthest.
 MAX_RANGES, MIN_RANGES, POSES_PER_RANGE = 24, 4, 8
 """Ranges of a joint at most and at least, and the poses that each should have on average."""
+CURVE = 361  #: Angles at which the error of a joint is drawn.
 ORDERS = 4  #: Periodic errors that are spoken of: higher ones look like nothing else.
 RemainingErrors = tuple[list[Array], list[Array]]
 """Reading minus arm as drawn, and minus calibrated arm: of every series (rows, m, 3) [m], base axes."""
@@ -313,8 +316,31 @@ def _spectrum(calibration: Calibration) -> Iterator[Row]:
             rms_urad=float(UM * np.sqrt((amplitude**2).sum() / 2)),
             largest=max(rows, key=lambda row: float(row.amplitude_urad)),
             significant=int((amplitude > SIGNIFICANT * deviation).sum()),
+            curve=joint_curve(
+                known, columns, orders, np.concatenate([one.q[:, k] for one in calibration.series])
+            ),
             orders=rows,
         )
+
+
+def joint_curve(known: Posterior, columns: Ids, orders: Sequence[int], q: Array) -> Row:
+    """Compute the periodic error of a joint with its 95 % interval over the angles that were measured.
+
+    Args:
+        known: What the readings tell of the unknowns.
+        columns: Places of the sines and cosines among them, (2, orders).
+        orders: Their orders.
+        q: Angles of the joint that were measured [rad].
+    """
+    angle = np.linspace(q.min(), q.max(), CURVE)
+    turns = np.outer(angle, orders)
+    functionals = np.zeros((CURVE, len(known.x)))
+    functionals[:, columns[0]], functionals[:, columns[1]] = np.sin(turns), np.cos(turns)
+    return Row(
+        angle_deg=rounded(np.degrees(angle)),
+        error_urad=rounded(UM * functionals @ known.x),
+        half_urad=rounded(UM * known.half_widths(functionals)),
+    )
 
 
 def _pattern(unknowns: Unknowns) -> list[Row]:

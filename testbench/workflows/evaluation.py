@@ -12,6 +12,7 @@ from testbench.identify.estimate import DeflectionErrors, all_deflections, make_
 from testbench.identify.fold import reduce
 from testbench.model.vjm import Vjm
 from testbench.workflows.cell import Campaign, Cell
+from testbench.workflows.fit_details import eigenvalues
 from testbench.workflows.models import Model
 from testbench.workflows.rows import (
     FAILED,
@@ -181,8 +182,11 @@ class DrawnErrors:
 
     measured: str | None  #: All measured runs as CSV, in the row of the first model.
     over: str | None  #: The same of the true deflections that models are judged by.
+    moved_m: tuple[float, ...] | None  #: These deflections, (runs m 3,), in the row of the first model.
+    parts: tuple[str, ...] | None  #: Link or joint of every eigenvalue, in the row of the first model.
     residuals_m: tuple[float, ...]  #: Readings minus predictions of all measured runs.
     wrong_m: tuple[float, ...]  #: True minus predicted deflections.
+    eigenvalues_urad_per_Nm: tuple[float, ...]  #: Of all parts: see `fit_details.eigenvalues`.
 
 
 @dataclass(frozen=True)
@@ -265,12 +269,22 @@ def failed_row(err: EstimatorFailed) -> FitRow:
 
 def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> DrawnErrors:
     """What pictures need of a model; `whole` with the runs, once a campaign."""
-    from testbench.files.write import csv_text  # here: commands on measured runs write none
+    measured, over, moved, names = None, None, None, None
+    parts = eigenvalues(cell.arm, result.estimate.structure, result.estimate.C_theta)
+    if whole:
+        from testbench.files.write import csv_text  # here: commands on measured runs write none
 
-    data = (campaign.measured, campaign.truth) if whole else ()
-    measured, over = [csv_text(own, cell.arm) for own in data] or (None, None)
+        measured, over = (csv_text(own, cell.arm) for own in (campaign.measured, campaign.truth))
+        moved = tuple(campaign.truth.deflection.ravel().tolist())
+        names = tuple(part.part for part in parts for _ in part.urad_per_Nm)
     return DrawnErrors(
-        measured, over, *(tuple(own.ravel().tolist()) for own in (result.residuals, result.error_vectors))
+        measured=measured,
+        over=over,
+        moved_m=moved,
+        parts=names,
+        residuals_m=tuple(result.residuals.ravel().tolist()),
+        wrong_m=tuple(result.error_vectors.ravel().tolist()),
+        eigenvalues_urad_per_Nm=tuple(x for part in parts for x in part.urad_per_Nm),
     )
 
 

@@ -15,6 +15,7 @@ from testbench.model.vjm import tool_pose
 from testbench.plant.tracker import trial_rng
 from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell, clear_poses
+from testbench.workflows.fit_details import fit_details
 from testbench.workflows.fits import IdentifyResult
 from testbench.workflows.identifiability import (
     DECIDED,
@@ -71,6 +72,7 @@ def numbers(
         noise_p95_mm=MM * _noise_limit(identified.runs.every),
         residuals=_residuals(identified, left),
         seen=_seen(cell, identified),
+        details=_details(cell, identified, left),
         laws=_laws(identified),
         map=places,
         no_map="intervals were not asked for" if not widths else note,
@@ -109,6 +111,14 @@ def identifiability(cell: Cell, identified: IdentifyResult) -> Row:
         ],
         unseen=unseen_poses(own),
     )
+
+
+def _details(cell: Cell, identified: IdentifyResult, left: Mapping[str, Array]) -> Row:
+    """Collect what figures show of the models that are compared, beside a prior known to 30 %."""
+    names = compared_models(identified.fits.models, identified.fits.recommended)
+    compared = {name: identified.estimates[name] for name in names}
+    prior = cad_prior(cell.arm)
+    return fit_details(cell.vjm, identified.runs.every, compared, left, prior, USUAL.uncertainty)
 
 
 def _laws(identified: IdentifyResult) -> list[Row]:

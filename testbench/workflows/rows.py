@@ -122,13 +122,8 @@ NO_ERRORS = ErrorRow(None, None, None, None, None)  #: Of an estimator that fail
 FAILED = "failed: "  #: Begins the status of one.
 
 
-<<<<<<< HEAD
-def error_row(score: DeflectionErrors) -> ErrorRow:
-    """Convert errors to millimetres and per cent."""
-=======
 def error_row(score: "DeflectionErrors") -> ErrorRow:
-    """Errors in millimetres and per cent."""
->>>>>>> w_F
+    """Convert errors to millimetres and per cent."""
     return ErrorRow(
         rms_mm=MM * score.rms,
         p95_mm=MM * score.p95,

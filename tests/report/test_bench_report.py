@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from legible import check_legible
 from made_up import of_one_trial
 from reports import check, table_of
 
@@ -83,6 +84,23 @@ def test_tables_and_picture_hold_what_the_trials_hold(trials):
     assert "| shaky | with prior | failed: raised ValueError: odd | 24 |" in text
     drawn = figures(found)["bench.png"].axes[0]
     assert next(label.get_text().split()[0] for label in drawn.get_yticklabels()) == "good"
+    time = figures(found)["time.png"]
+    time.draw_without_rendering()
+    check_legible(time)
+    [axes] = time.axes
+    dots = {
+        line.get_label(): line.get_xydata()[0].tolist()
+        for line in axes.get_lines()
+        if line.get_linestyle() == "None"
+    }
+    timed = {name: [row.cpu_seconds, row.ratio] for name, row in board.items() if row.cpu_seconds}
+    assert dots == timed
+    ends = [line.get_ydata().tolist() for line in axes.get_lines() if line.get_linestyle() == "-"]
+    assert all([board[name].ratio_low, board[name].ratio_high] in ends for name in timed)
+    said = f"{time.get_suptitle()} {time.get_supxlabel()}".replace(",", "").split()
+    for name, (t, e) in timed.items():
+        beaten = any(b <= t and a <= e and (b, a) != (t, e) for b, a in timed.values())
+        assert " " in name or (name in said) == (not beaten), name
 
 
 def test_who_fails_errs_by_the_whole_deflection_and_who_skips_always_takes_no_part(trials):

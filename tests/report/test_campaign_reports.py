@@ -155,6 +155,9 @@ def test_noise_costs_what_it_adds_in_quadrature_and_the_figure_shows_both_arms()
     own = whole.trials.where(part="gravity", name="ALL153 + prior")
     assert list(x) == [25.0, 50.0, 200.0]
     assert list(y) == [np.median(own.where(sigma_um=sigma)["rms_um"]) for sigma in x]
+    for axes in drawn.axes:
+        [guide] = [line for line in axes.get_lines() if line.get_label() == "as the noise"]
+        assert np.ptp(guide.get_ydata() / guide.get_xdata()) == pytest.approx(0)
 
 
 def test_weighted_readings_are_compared_with_flat_ones_in_the_same_readings():

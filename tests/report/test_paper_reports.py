@@ -183,7 +183,7 @@ def test_the_picture_of_the_6r_arm_has_both_truths_and_the_papers_numbers():
     first = place_of(found, [m.name for m in models])
     for axes, path in zip(panes, six_dof_arm.PANES, strict=True):
         check_forest(axes, [at(m, path) for m in models], looks, first=first)
-    diamonds = [x for x in panes[1].get_lines() if (x.get_marker(), x.get_markersize()) == ("D", 5)]
+    diamonds = [x for x in panes[1].get_lines() if (x.get_marker(), x.get_markersize()) == ("D", 3.6)]
     assert sorted(x.get_xdata()[0] for x in diamonds) == [0.072, 0.078, 0.084, 0.085]
 
 

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_run import REPORT, made_up_run
-from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from reports import check_forest
 
 from testbench.report.colours import look
 from testbench.report.figure import headed, log_ticks
-from testbench.report.run_figure import error_map, overview
-from testbench.report.scene import ModelLine, PlaceMap, scale_of
+from testbench.report.run_figure import overview
+from testbench.report.scene import scale_of
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
 from testbench.runs.spread import spread
@@ -160,92 +159,6 @@ def test_without_models_there_is_no_forest(seen):
     rows = [MODELS[0], MODELS[3]]
     figure = overview(REPORT, replace(seen, scene=None, tables=[Table(COLUMNS, rows)]))
     assert [axes.get_title() for axes in figure.axes] == ["Left (mm)"]
-
-
-RNG = np.random.default_rng(3)
-AT = RNG.uniform(-2, 2, (30, 3))
-MAPS = {"MLS56": RNG.uniform(0.5, 1.5, 30), "MGCO56": RNG.uniform(0.01, 0.03, 30)}
-MAPS["MLS56"][17] = 4.0
-
-
-def mapped(at=AT, **values):
-    """Two maps, or what else is given."""
-    lines = [ModelLine(name, look(name, "psd"), mm) for name, mm in (values or MAPS).items()]
-    without = "" if all(np.isfinite(line.values).all() for line in lines) else "no bound"
-    return PlaceMap("Error of the tool (mm)", 0, at, lines, "Where it errs", without)
-
-
-def test_a_map_has_every_place_from_two_sides_in_one_scale_and_names_the_worst():
-    figure, scale = error_map(mapped(), "arm under 9 kg"), scale_of(*MAPS.values())
-    panes = figure.axes[:4]
-    for k, axes in enumerate(panes):
-        name, shown = list(MAPS)[k % 2], [0, 2] if k < 2 else [0, 1]
-        [dots] = axes.collections
-        order = np.argsort(MAPS[name])
-        np.testing.assert_allclose(dots.get_offsets(), AT[order][:, shown])
-        assert (np.diff(dots.get_sizes()) >= 0).all()
-        worst = int(MAPS[name].argmax())
-        [ring] = axes.get_lines()
-        assert np.ravel(ring.get_xydata()) == pytest.approx(AT[worst, shown])
-        assert axes.texts[0].get_text() == f"{MAPS[name][worst]:.3g} mm"
-        if k < 2:
-            assert axes.get_title() == f"{name}: median {np.median(MAPS[name]):.3f} mm"
-        assert axes.get_ylabel() == ("" if k % 2 else f"{'xyz'[shown[1]]} [m]")
-    ends = [axes.collections[0].get_facecolors()[-1].tolist() for axes in panes[:2]]
-    assert ends[0] != ends[1]  # the greatest of each, on one scale
-    bar = figure.axes[-1]
-    assert bar.get_ylabel() == "error [mm, logarithmic]"
-    assert bar.get_ylim() == pytest.approx(scale.ends)
-    assert scale.ends == pytest.approx((MAPS["MGCO56"].min(), 4.0))
-    title, caption = (text.replace("\n", " ") for text in (figure.get_suptitle(), figure.get_supxlabel()))
-    x, y, z = AT[17]
-    assert title.startswith("arm under 9 kg, error: at most MLS56 4.000 mm, MGCO56 0.0")
-    assert f"MLS56 at x {x:.2f}, y {y:.2f}, z {z:.2f} m" in caption
-
-
-def test_the_last_pane_is_the_winner_less_joint_stiffness_in_the_colour_of_the_one_that_errs_less():
-    values = {
-        "MLS56": RNG.uniform(1, 2, 30), "Joints": RNG.uniform(0, 1, 30), "MGCO56": RNG.uniform(0, 1, 30)
-    }  # fmt: skip
-    figure = error_map(mapped(**values), "arm under 9 kg")
-    sides, joints, ours = [figure.axes[3], figure.axes[7]], *mapped(**values).difference[::-1]
-    less = values["MGCO56"] - values["Joints"]
-    order = np.argsort(np.abs(less))
-    for axes, shown in zip(sides, ([0, 2], [0, 1]), strict=True):
-        [dots] = axes.collections
-        np.testing.assert_allclose(dots.get_offsets(), AT[order][:, shown])
-        assert (np.diff(dots.get_sizes()) >= 0).all()
-        shades = [to_hex(colour).upper() for colour in dots.get_facecolors()]
-        assert shades == [(ours if less[k] <= 0 else joints).look.hex for k in order]
-    assert sides[0].get_title() == f"MGCO56 minus Joints:\nless in {(less <= 0).sum()} of 30"
-    assert [text.get_text() for text in sides[0].get_legend().get_texts()] == [
-        "MGCO56 errs less",
-        "Joints errs less",
-    ]
-
-
-def test_places_without_a_bound_are_rings_and_a_map_without_any_says_so():
-    mm = MAPS["MLS56"].copy()
-    mm[[3, 11]] = np.nan
-    figure = error_map(mapped(MLS56=mm, MGCO56=np.full(30, np.nan)), "arm")
-    first, nowhere = figure.axes[:2]
-    rings, _ = first.get_lines()
-    np.testing.assert_allclose(rings.get_xydata(), AT[[3, 11]][:, [0, 2]])
-    [dots] = first.collections
-    assert len(dots.get_offsets()) == 28
-    assert nowhere.get_title() == "MGCO56: no bound"
-    assert "Grey rings: no bound." in figure.get_supxlabel().replace("\n", " ")
-
-
-@pytest.mark.parametrize("still", [[0], [0, 1, 2]])
-def test_arms_that_move_in_a_plane_on_a_line_or_not_at_all_have_panes_too(still):
-    at = AT.copy()
-    at[:, still] = 0.3
-    figure = error_map(mapped(at), "arm")
-    figure.draw_without_rendering()
-    assert figure.get_figheight() < 2 * figure.get_figwidth()
-    for axes in figure.axes[:4]:
-        assert min(axes.get_position().size) > 0.01
 
 
 def test_a_scale_is_logarithmic_where_one_model_errs_far_more_and_says_so():

@@ -66,7 +66,7 @@ def run(folder):
 def test_one_short_file_and_one_command_lead_to_a_row(run):
     assert "testbench bench shrunk.py" in PAGE
     assert len(EXAMPLE.splitlines()) <= 15
-    check_files(run, "bench.png")
+    check_files(run, "bench.png", "time.png")
     report = json.loads((run[0] / "report.json").read_text())
     board = {row["name"]: row for row in report["board"]["with prior"]}
     assert {"shrunk", "default", *FLOORS} <= board.keys()

@@ -142,7 +142,7 @@ def test_what_was_planted_is_found_and_the_verdict_comes_first(made, report):
     assert report["outliers"][0]["error_mm"] == pytest.approx(1e3 * OFF, abs=0.5)
     assert "Own weight is the only load" in words
     model = {"model.json", "posterior.npz", "rigid.xml", "elastic.toml", "meshes"}
-    check_folder(out, "calibration.png", *model)
+    check_folder(out, "calibration.png", "joint_errors.png", *model)
     found = read(json.loads(json.dumps(report).replace("r_", "r")))  # r_1 looks like a key of ours
     check(found, ["steps"])
     for name, (table, cells) in SHOWN.items():

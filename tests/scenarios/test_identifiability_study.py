@@ -19,7 +19,7 @@ quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", SEEDS, "--campaig
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
-    check_files(quick, "identifiability.png")
+    check_files(quick, "identifiability.png", "coverage.png")
 
 
 def test_the_dataset_is_that_of_the_first_seed_and_the_report_counts_it(quick, report):

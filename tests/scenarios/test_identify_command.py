@@ -47,7 +47,7 @@ def data(made):
 
 def test_the_folder_is_whole_and_the_places_are_said(made):
     out, said = made
-    check_folder(out, "identify.png", "error_map.png", *MODEL)
+    check_folder(out, "identify.png", "model.png", "error_map.png", *MODEL)
     for path in out.iterdir():
         hidden = ("posterior.npz", "rigid.xml", "elastic.toml", "manifest.json", "run.log")
         assert path.name in hidden or str(path) in said
@@ -67,6 +67,24 @@ def compliance(fit):
         C[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = block
     C[range(42, 48), range(42, 48)] = [x or 0.0 for x in fit["joints"].values()]
     return C
+
+
+def test_figures_have_the_residuals_and_the_signs_of_the_eigenvalues_of_the_models(made, report, data):
+    fits = {fit["name"]: fit for fit in json.loads((made[0] / "models.json").read_text())["models"]}
+    details = report["details"]
+    assert [*details["eigenvalues"]][-1] == report["recommended"]
+    for name, parts in details["eigenvalues"].items():
+        blocks = [np.array(block) for block in fits[name]["links"].values()]
+        for part, block in zip(parts, blocks, strict=False):
+            own = np.linalg.eigvalsh(block)
+            clear = np.abs(own) > 1e-9 * np.abs(own).max(initial=1e-30)
+            assert sum(x < 0 for x in part["urad_per_Nm"]) == (own[clear] < 0).sum()  # Sylvester's inertia
+    for row in details["residuals"]:
+        left = 1e6 * (data.deflection - moved_by(fits[row["name"]], data))
+        if not fits[row["name"]]["laws"]:
+            assert (row["n"], row["mean_um"]) == (left.size, pytest.approx(left.mean(), abs=1e-3))
+    over = {row["name"]: row["ratio"] for row in report["over"]}
+    assert over[report["recommended"]] == 1.0
 
 
 def test_residuals_are_readings_less_the_deflections_of_the_models(made, report, data):

@@ -7,8 +7,10 @@ from itertools import product
 from testbench.arm.folder import find_arm
 from testbench.report.badge import MIN_PAIRS, Badge
 from testbench.report.campaigns import seeds_of
+from testbench.report.colours import look_of
 from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest
+from testbench.report.figures_study import cost_figure
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
 from testbench.report.schema import Table
@@ -142,7 +144,11 @@ def figures(found: Report) -> Mapping[str, Figure]:
     board = f.board[CLASSES[True]]
     table = found.led(Table(columns("name over"), board))
     words = "Error over that of the default, arm by arm over all tasks; dotted: the default."
-    return {"bench.png": forest(table, {"over": "all simulated tasks, with prior"}, found.title, words, 1.0)}
+    known = {row.name: look_of(row) for row in board}
+    return {
+        "bench.png": forest(table, {"over": "all simulated tasks, with prior"}, found.title, words, 1.0),
+        "time.png": cost_figure(board, known, f"error over that of {DEFAULT}"),
+    }
 
 
 STUDY = Study(

@@ -7,8 +7,9 @@ One campaign a seed: poses, loads, readings, and every model identified from the
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
-from testbench.identify import gco, intervals, reduce, with_prior
+from testbench.identify import Estimate, gco, intervals, reduce, with_prior
 from testbench.identify.conic import solve_gco
 from testbench.identify.least_squares import minimum_norm
 from testbench.identify.metric import PriorScaling, WeightedPrior, scale_by_prior
@@ -146,6 +147,7 @@ def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> list[
 
 CONFIDENCE = 0.95
 DRAWS_LS, DRAWS_GCO = 199, 39  #: Refits of a bootstrap: the interval's order statistics are exact for both.
+LEVELS = (0.5, 0.8, 0.9, CONFIDENCE, 0.99)  #: Nominal coverages at which intervals are counted [1].
 REJECTIONS = 1000
 CHECKS = 10  #: Poses to predict in: x, y and z of one point in each.
 DRAWN_STRENGTH, ASSUMED_STRENGTH = Strength(0.1), Strength(0.3)
@@ -181,6 +183,8 @@ class Covered:
     kind: Kind  #: What the intervals are.
     inside: tuple[bool, ...]  #: Whether each holds the true deflection, to a picometre; a NaN holds nothing.
     width_um: tuple[float, ...]  #: Of each, infinite where nothing bounds it.
+    #: Share of the intervals that hold the truth at each of `LEVELS`; empty of kinds with one level.
+    at_levels: tuple[float, ...] = ()
 
 
 def full_pose_case(cell: Cell) -> CoverageCase:
@@ -231,8 +235,8 @@ def fitted(case: CoverageCase, k: int, bootstrapped: bool) -> list[Covered]:
     fits = ((minimum_norm(regression), "least squares", DRAWS_LS), (solve_gco(regression), "GCO", DRAWS_GCO))
     found = []
     for estimate, method, draws in fits:
-        name, seen = f"{case.name}, {method}", linearise(estimate).intervals(rows, CONFIDENCE)
-        found.append(_covered(f"{name}, linearised", "linearised", truth, seen))
+        name, at = f"{case.name}, {method}", partial(linearise(estimate).intervals, rows)
+        found.append(_covered_at(f"{name}, linearised", "linearised", truth, at))
         if bootstrapped:
             seen = bootstrap(estimate, rows, CONFIDENCE, draws=draws, rng=rng)
             found.append(_covered(f"{name}, bootstrap", "bootstrap", truth, seen))
@@ -259,8 +263,8 @@ def posterior(case: CoverageCase, k: int, strength: Strength = DRAWN_STRENGTH) -
     found = []
     for constraint, method in METHODS.items():
         fit = solve(regression, constraint, WeightedPrior(case.metric, strength))
-        seen = linearise(fit).intervals(case.functionals, CONFIDENCE)
-        found.append(_covered(f"{case.name}, {method}", "posterior", truth, seen))
+        at = partial(linearise(fit).intervals, case.functionals)
+        found.append(_covered_at(f"{case.name}, {method}", "posterior", truth, at))
     return found
 
 
@@ -329,9 +333,20 @@ def of_family(cell: Cell, seed: int) -> Iterator[Covered]:
         for kind, strength in kinds.items():
             method = with_prior(gco, prior_of(cell, name, seed), strength)
             estimate = method(cell.vjm, all153(cell.arm), campaign.identification)
-            found = intervals(cell.vjm, estimate, data, CONFIDENCE)
-            own = replace(found, lower=found.lower[:, 0].ravel(), upper=found.upper[:, 0].ravel())
-            yield _covered(f"{words}: {kind}", kind, data.deflection[:, 0].ravel(), own)
+            at = partial(_of_first_marker, cell, estimate, data)
+            yield _covered_at(f"{words}: {kind}", kind, data.deflection[:, 0].ravel(), at)
+
+
+def _of_first_marker(cell: Cell, estimate: Estimate, data: Dataset, confidence: float) -> Intervals:
+    """Compute intervals of the deflections of one marker, (3 runs,) each end."""
+    found = intervals(cell.vjm, estimate, data, confidence)
+    return replace(found, lower=found.lower[:, 0].ravel(), upper=found.upper[:, 0].ravel())
+
+
+def _covered_at(name: str, kind: Kind, truth: Array, at: Callable[[float], Intervals]) -> Covered:
+    """Count intervals of 95 %, and of all other levels, that hold the truth."""
+    seen = {level: _covered(name, kind, truth, at(level)) for level in LEVELS}
+    return replace(seen[CONFIDENCE], at_levels=tuple(float(np.mean(own.inside)) for own in seen.values()))
 
 
 def _covered(name: str, kind: Kind, truth: Array, seen: Intervals | Bounds) -> Covered:

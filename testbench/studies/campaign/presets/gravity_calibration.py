@@ -6,10 +6,12 @@ from dataclasses import replace
 from testbench.arm.folder import find_arm
 from testbench.plant.true_arms import called, true_arm_of_seed
 from testbench.report import campaigns
-from testbench.report.badge import drawn
+from testbench.report.badge import drawn, ratios_of
 from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, distinct
+from testbench.report.colours import look_of
 from testbench.report.columns import columns
-from testbench.report.figure import Figure, forest
+from testbench.report.figure import Figure, forest, ranked
+from testbench.report.figures_fit import eigenvalue_figure, residual_figure
 from testbench.report.report import Report, say
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table
@@ -31,10 +33,14 @@ PAPERS_ARM = "kr500_l480"
 PAPER = SECTION_6 | {f"{name}{IN_PAPER}": cells for name, cells in SECTION_6.items()}
 PANES = {
     TRUE: "whole workspace, against the truth",
-    "check_true.rms_mm": "check poses, against the truth",
+    "ratio": "the same over that of the default",
     "check.rms_mm": "check poses, against readings",
 }
 """Columns that are drawn, where it matters first."""
+FIGURE_5, METHODS_BESIDE = ("MGCO68", "MLS32"), ("MLS56", "MGCO56", DEFAULT)
+"""Models of the paper's figure of residuals; one of least squares beside one of GCO and the default."""
+DETAILED = (*FIGURE_5, *METHODS_BESIDE)
+"""Models whose residuals, predictions and eigenvalues report.json has."""
 SHORT = f"name meaning conservative {TRUE}"
 MODELS = (
     "name parameters rank conservative status f_m f_m_floor identification.rms_mm check.rms_mm "
@@ -83,6 +89,8 @@ def _report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
         **measured,
         dataset=campaigns.dataset(trials),
         map=errors,
+        over=ratios_of(trials, found.numbers["ours"], TRUE),
+        details=campaigns.details(trials, DETAILED),
     )
     worst = Table(columns(WORST), list(_worst(errors)), "Where models err most, first trial")
     body = [*(name for name in found.body if name != "short"), "worst"]
@@ -108,13 +116,24 @@ def _worst(errors: ErrorPlaces) -> Iterator[Row]:
 
 
 def figures(found: Report) -> Mapping[str, Figure]:
-    """Draw errors of every model."""
-    whole, there = found.tables["models"], {m.name for m in distinct(Row(found.numbers).models)}
+    """Draw errors of every model, what is left of the readings, and what is not conservative."""
+    f, whole = Row(found.numbers), found.tables["models"]
+    there = {m.name for m in distinct(f.models)}
     table = replace(whole, rows=[row for row in whole.rows if whole.columns[0].cell(row) in there])
     keys = dict(zip(MODELS.split(), (column.key for column in table.columns), strict=True))
-    panes = {keys[key]: title for key, title in PANES.items()}
-    reading = "RMS errors. Filled: prior; dotted: joint stiffness only; grey diamonds: the paper."
-    return {"models.png": forest(table, panes, found.question, reading, JOINTS)}
+    panes = {keys.get(key, key): title for key, title in PANES.items()}
+    reading = "RMS errors. Filled: prior; dotted: joint stiffness only; grey diamonds: the paper. "
+    reading += "Ratios: 95 % intervals."
+    drawn = {
+        "models.png": forest(
+            ranked(table, keys[TRUE], f.over, f.ours), panes, found.question, reading, JOINTS
+        )
+    }
+    if f.details:
+        known = {m.name: look_of(m) for m in f.models}
+        drawn["eigenvalues.png"] = eigenvalue_figure(f.details, known, METHODS_BESIDE)
+        drawn["residuals.png"] = residual_figure(f.details, known, FIGURE_5, METHODS_BESIDE, "true")
+    return drawn
 
 
 def write(run: Run[CalibrationSettings]) -> PageContent:

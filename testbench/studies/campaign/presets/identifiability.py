@@ -9,10 +9,11 @@ from testbench.arm.folder import find_arm
 from testbench.report.colours import look
 from testbench.report.columns import KNOWN
 from testbench.report.figure import Figure, forest
+from testbench.report.figures_study import coverage_figure
 from testbench.report.report import Report
 from testbench.report.table import Row, Trials
 from testbench.studies.campaign import priors
-from testbench.studies.campaign.coverage import CONFIDENCE
+from testbench.studies.campaign.coverage import CONFIDENCE, LEVELS
 from testbench.studies.campaign.priors import SIX_DOF, PriorOptions, PriorSettings, TrialRow
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where
 from testbench.workflows.models import JOINTS
@@ -67,6 +68,7 @@ def coverage(own: Trials) -> Iterator[Row]:
         inside, width = (np.array([*rows[f"intervals.{key}"]]) for key in ("inside", "width_um"))
         by_dataset, finite = inside.mean(axis=1), np.isfinite(width)
         n = len(rows)
+        held = 100 * np.array([*rows["intervals.at_levels"]]).reshape(n, -1)
         yield Row(
             interval=name,
             kind=kind,
@@ -78,6 +80,9 @@ def coverage(own: Trials) -> Iterator[Row]:
             unbounded_percent=100 * (1 - finite.mean()),
             datasets=n,
             intervals=inside.size,
+            nominal_percent=[100 * level for level in LEVELS[: held.shape[1]]],
+            actual_percent=held.mean(axis=0).tolist(),
+            actual_error_percent=(held.std(axis=0, ddof=min(1, n - 1)) / np.sqrt(n)).tolist(),
         )
 
 
@@ -104,7 +109,11 @@ def figures(found: Report) -> Mapping[str, Figure]:
     shown = (KNOWN["name"], *(replace(error, key=key) for key in panes))
     table = replace(models, columns=shown, rows=both, looks=known, headline="linear")
     reading = "Filled: with a prior that is too soft and wrong in shape. Dotted: joint stiffness only."
-    return {"identifiability.png": forest(table, panes, found.question, reading, JOINTS)}
+    counted = Row(found.numbers).cells["coverage"]
+    return {
+        "identifiability.png": forest(table, panes, found.question, reading, JOINTS),
+        "coverage.png": coverage_figure(counted),
+    }
 
 
 PRESET = Preset(

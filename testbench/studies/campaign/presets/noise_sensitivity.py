@@ -100,7 +100,11 @@ def figures(found: Report) -> Mapping[str, Figure]:
         for title, name in ((GRAVITY, "gravity"), (SIX_DOF, "six_dof"))
     }
     reading = "Marks: medians; bands: their spread. Filled and dashed: with a prior."
-    return {"noise_sensitivity.png": sweeps(panes, found.question, reading, (JOINTS, DEFAULT))}
+    return {
+        "noise_sensitivity.png": sweeps(
+            panes, found.question, reading, (JOINTS, DEFAULT), proportional="as the noise"
+        )
+    }
 
 
 PRESET = Preset(

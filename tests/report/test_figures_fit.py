@@ -1,0 +1,312 @@
+"""Figures of fits: their numbers are right, and every pane shows those of report.json and nothing else."""
+
+import json
+
+import numpy as np
+import pytest
+from legible import check_legible
+from matplotlib.colors import to_hex
+from scipy.stats import kstest, norm
+
+from testbench.data.dataset import in_order
+from testbench.errors import BenchError
+from testbench.identify import gco, least_squares, with_prior
+from testbench.identify.certify import LENGTH
+from testbench.identify.estimate import all_deflections
+from testbench.identify.normality import lilliefors
+from testbench.identify.prior import cad_prior
+from testbench.model.structure import all153, template56
+from testbench.model.vjm import chain, generalised_load, joint_law_rotations
+from testbench.report.badge import ratios
+from testbench.report.colours import NEGATIVE, hexadecimal, look
+from testbench.report.figures_fit import eigenvalue_figure, residual_figure
+from testbench.report.figures_identify import compared, fit_figure, model_figure
+from testbench.report.markdown import Markdown
+from testbench.report.report import Report, rows
+from testbench.report.scene import ModelLine, PageContent, RunChart
+from testbench.report.schema import Table, TableColumn
+from testbench.report.table import plain
+from testbench.runs.rows import Row
+from testbench.workflows.cell import Scenario, simulate
+from testbench.workflows.fit_details import fit_details, sag_by_part
+
+TAKEN = "ALL153 + prior"
+LOOKS = {
+    "MLS56": look("MLS56", "none"),
+    "MGCO56": look("MGCO56", "psd"),
+    TAKEN: look("ALL153", "psd", prior=True),
+}
+
+
+@pytest.fixture(scope="module")
+def fitted(kr500):
+    """Runs of section 6 and three models of them."""
+    runs = simulate(kr500, Scenario(arm="kr500_l480", truth="linear", workspace_poses=2), 1).measured
+    template, prior = template56(kr500.arm), cad_prior(kr500.arm)
+    methods = {
+        "MLS56": (least_squares, template),
+        "MGCO56": (gco, template),
+        TAKEN: (with_prior(gco, prior), all153(kr500.arm)),
+    }
+    estimates = {name: method(kr500.vjm, structure, runs) for name, (method, structure) in methods.items()}
+    moved = all_deflections(kr500.vjm, [*estimates.values()], runs)
+    left = {name: runs.deflection - own for name, own in zip(estimates, moved, strict=True)}
+    return runs, estimates, left
+
+
+@pytest.fixture(scope="module")
+def details(kr500, fitted):
+    """The same as figures have it, read from report.json."""
+    runs, estimates, left = fitted
+    found = fit_details(kr500.vjm, runs, estimates, left, cad_prior(kr500.arm), 0.3)
+    return rows(json.loads(json.dumps(plain(found), allow_nan=False)))
+
+
+@pytest.mark.parametrize(("n", "critical", "within"), [(20, 0.190, 0.004), (400, 0.886 / 20, 0.0012)])
+def test_lilliefors_rejects_beyond_the_published_distance(n, critical, within):
+    """Lilliefors 1967, table 1: 0.190 for 20 residuals at 5 %, 0.886 over the root of n for many."""
+    rng = np.random.default_rng(8)
+    samples = [3 + 2 * rng.standard_normal(n) for _ in range(100)]
+    distance = np.array([kstest(x, norm(x.mean(), x.std(ddof=1)).cdf).statistic for x in samples])
+    p = np.array([lilliefors(x) for x in samples])
+    assert distance[p < 0.05].min() > critical - within
+    assert distance[p >= 0.05].max() < critical + within
+    assert (np.diff(p[np.argsort(distance)]) <= 0).all()
+
+
+def test_lilliefors_tells_a_flat_distribution_and_refuses_what_is_none():
+    assert lilliefors(np.linspace(-1, 1, 400)) < 0.01
+    for wrong in (np.ones(9), np.arange(4.0)):
+        with pytest.raises(BenchError, match="residuals"):
+            lilliefors(wrong)
+
+
+def test_eigenvalues_are_those_of_every_block_in_one_unit_and_signs_say_what_is_conservative(
+    kr500, fitted, details
+):
+    arm, estimates = kr500.arm, fitted[1]
+    s = np.array([LENGTH] * 3 + [1.0] * 3)
+    for name, estimate in estimates.items():
+        parts = {row.part: row.urad_per_Nm for row in details.eigenvalues[name]}
+        assert [*parts] == [part.name for part in (*arm.links, *arm.joints)]
+        for k, link in enumerate(arm.links):
+            block = estimate.C_theta[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
+            own = np.sort(np.linalg.eigvals(1e6 * block / np.outer(s, s)).real)
+            np.testing.assert_allclose(parts[link.name], own, rtol=1e-4, atol=1e-8 * (np.abs(own).max() or 1))
+        springs = 1e6 * np.diag(estimate.C_theta)[6 * len(arm.links) : arm.n_theta]
+        np.testing.assert_allclose([parts[joint.name][0] for joint in arm.joints], springs, rtol=1e-4)
+        assert all(x >= 0 for own in parts.values() for x in own) == estimate.conservative
+    assert not estimates["MLS56"].conservative
+
+
+def test_the_parts_of_every_run_sum_to_its_whole_deflection(kr500, fitted):
+    runs, estimates, _ = fitted
+    for name in ("MLS56", TAKEN):
+        one = sag_by_part(kr500.vjm, estimates[name], in_order(runs, np.array([3])))
+        assert sum(row.share_percent for row in one) == pytest.approx(100)
+    where = chain(kr500.vjm, runs.q[3:4])
+    theta = (estimates["MLS56"].C_theta @ generalised_load(where, runs.wrench[3:4], runs.point[3:4])).T
+    joint = one_by_difference(kr500, runs, joint_law_rotations(kr500.vjm, theta))
+    own = sag_by_part(kr500.vjm, estimates["MLS56"], in_order(runs, np.array([3])))
+    assert {row.part: row.share_percent for row in own}["link_2"] == pytest.approx(joint, rel=1e-3)
+
+
+def one_by_difference(cell, runs, theta):
+    """Share of link 2 in the deflection of the load, by moving the chain a little, per cent."""
+    step, place = 1e-4, slice(12, 18)
+
+    def at(turns):
+        where = chain(cell.vjm, runs.q[3:4], turns)
+        return where.position[0] + where.rotation[0] @ runs.point[3]
+
+    still = at(0 * theta)
+    alone = np.zeros_like(theta)
+    alone[:, place] = theta[:, place]
+    whole, part = ((at(step * turns) - still) / step for turns in (theta, alone))
+    return 100 * float(whole @ part / (whole @ whole))
+
+
+def test_residuals_predictions_and_directions_count_every_reading(kr500, fitted, details):
+    runs, estimates, left = fitted
+    for row in details.residuals:
+        own = 1e6 * left[row.name].ravel()
+        assert (row.n, sum(row.counts)) == (own.size, own.size)
+        assert (row.mean_um, row.deviation_um) == pytest.approx((own.mean(), own.std(ddof=1)))
+        assert row.counts == np.histogram(own, row.edges_um)[0].tolist()
+    assert details.residuals[0].edges_um == details.residuals[-1].edges_um
+    sizes = 1e3 * np.linalg.norm(runs.deflection, axis=-1).ravel()
+    assert details.predictions.measured_mm == pytest.approx(sizes, rel=1e-4)
+    predicted = 1e3 * np.linalg.norm(runs.deflection - left["MLS56"], axis=-1).ravel()
+    assert details.predictions.predicted_mm["MLS56"] == pytest.approx(predicted, rel=1e-4)
+    s = np.array(details.singular_values)
+    assert (np.diff(s) <= 0).all()
+    assert (s > 1e-9 * s[0]).sum() == estimates[TAKEN].of_compliances.rank
+
+
+def test_a_joint_is_as_stiff_as_the_folder_says_before_and_its_interval_holds_the_truth_after(kr500, details):
+    arm = kr500.arm
+    for k, (row, joint) in enumerate(zip(details.joints, arm.joints, strict=True)):
+        axis = kr500.vjm.beam_axes[k]
+        compliance = joint.compliance + axis @ arm.links[k].compliance[3:, 3:] @ axis
+        assert row.prior.middle == pytest.approx(1e-6 / compliance)
+        assert row.prior.low < row.prior.middle < (row.prior.high or np.inf)
+        assert (
+            row.posterior.low < 1e-6 / compliance < (row.posterior.high or np.inf)
+        )  # the truth is the folder
+    width = {
+        row.joint: row.posterior.high / row.posterior.low for row in details.joints if row.posterior.high
+    }
+    assert width["joint_3"] < 2.5  # the readings tell it
+    assert "joint_1" not in width or width["joint_1"] > width["joint_3"]  # a weight does not turn joint 1
+
+
+def test_the_figure_of_eigenvalues_draws_each_and_crosses_the_negative_ones_in_red(details):
+    figure = eigenvalue_figure(details, LOOKS, [*LOOKS])
+    figure.draw_without_rendering()
+    check_legible(figure)
+    for axes, name in zip(figure.axes, LOOKS, strict=True):
+        given = [(y, x) for y, row in enumerate(details.eigenvalues[name]) for x in row.urad_per_Nm]
+        red = hexadecimal(NEGATIVE)
+        lines = [line for line in axes.get_lines() if line.get_linestyle() == "None"]
+        crosses = [line for line in lines if (line.get_marker(), line.get_color()) == ("X", red)]
+        others = [line for line in lines if line not in crosses]
+        assert sorted(marks(crosses)) == sorted(pair for pair in given if pair[1] < 0)
+        assert sorted(marks(others)) == sorted(pair for pair in given if pair[1] >= 0)
+        assert {line.get_color() for line in others} == {LOOKS[name].hex}
+        low, high = axes.get_xlim()
+        assert all(low <= x <= high for _, x in given)
+        bad = sum(x < 0 for _, x in given)
+        assert axes.get_title() == f"{name}: {f'{bad} of {len(given)} negative' if bad else 'none negative'}"
+    assert figure.get_suptitle().startswith("Not conservative: MLS56 (")
+    assert [text.get_text() for text in figure.axes[0].get_yticklabels()][:2] == ["link_0", "link_1"]
+
+
+def marks(lines):
+    return [(y, x) for line in lines for x, y in zip(*line.get_data(), strict=True)]
+
+
+def test_the_figure_of_residuals_draws_both_histograms_their_normal_curves_and_predictions(details):
+    figure = residual_figure(details, LOOKS, ("MGCO56", "MLS56"), ("MLS56", TAKEN), "true")
+    figure.draw_without_rendering()
+    check_legible(figure)
+    by_name = {row.name: row for row in details.residuals}
+    for axes, name in zip(figure.axes, ("MGCO56", "MLS56"), strict=False):
+        check_residuals(axes, by_name[name], LOOKS[name])
+    check_predictions(figure.axes[-1], details.predictions, ("MLS56", TAKEN))
+    normal = [name for name in ("MGCO56", "MLS56") if by_name[name].lilliefors_p >= 0.05]
+    assert all((name in figure.get_suptitle()) == (name in normal) for name in ("MGCO56", "MLS56"))
+
+
+def check_residuals(axes, row, look):
+    """Bars, the normal curve and words of a histogram."""
+    bars, _ = axes.patches
+    np.testing.assert_array_equal(bars.get_data().values, row.counts)
+    np.testing.assert_allclose(bars.get_data().edges, row.edges_um)
+    assert to_hex(bars.get_facecolor()).upper() == look.hex
+    [curve] = axes.get_lines()
+    x, y = curve.get_data()
+    area = row.n * (row.edges_um[1] - row.edges_um[0])
+    np.testing.assert_allclose(y, area * norm(row.mean_um, row.deviation_um).pdf(x))
+    [text] = axes.texts
+    said = text.get_text()
+    assert f"n {row.n}," in said
+    assert f"deviation {row.deviation_um:.0f} µm" in said
+    assert ("not normal" in said) == (row.lilliefors_p < 0.05)
+
+
+def check_predictions(axes, found, names):
+    """Dots of every model against what was measured."""
+    *dots, line = axes.get_lines()
+    assert [own.get_label() for own in dots] == [*names]
+    for own in dots:
+        np.testing.assert_array_equal(own.get_xdata(), found.measured_mm)
+        np.testing.assert_array_equal(own.get_ydata(), found.predicted_mm[own.get_label()])
+    np.testing.assert_array_equal(*line.get_data())
+
+
+@pytest.fixture(scope="module")
+def f(details):
+    """Numbers of `identify`."""
+    models = [
+        Row(
+            name=n,
+            structure=n.split()[0],
+            constraint="none" if n == "MLS56" else "psd",
+            prior=n == TAKEN,
+            rms=k,
+        )
+        for k, n in enumerate(LOOKS, 1)
+    ]
+    rng = np.random.default_rng(2)
+    errors = {name: rng.uniform(1, 2, 8) * k for name, k in zip(LOOKS, (3, 2, 1), strict=True)}
+    over = ratios(TAKEN, {name: (errors[TAKEN], own, None) for name, own in errors.items() if name != TAKEN})
+    blocks = [Row(part=row.part, told_percent=5.0 * k) for k, row in enumerate(details.sag)]
+    return Row(
+        models=models, recommended=TAKEN, details=details, over=over, seen=Row(blocks=blocks), errors=errors
+    )
+
+
+def test_the_figure_of_a_fit_has_models_ratios_with_intervals_residuals_and_runs(f):
+    name, rms = TableColumn("name", "model"), TableColumn("rms", "RMS", "mm")
+    own = [ModelLine(TAKEN, LOOKS[TAKEN], np.array([0.1, 0.3, 0.2]))]
+    seen = PageContent(
+        runs=[RunChart("Left (mm)", 0, "run", "abc", own)], tables=[Table((name, rms), f.models, bold=TAKEN)]
+    )
+    figure = fit_figure(report(), seen, f, LOOKS)
+    figure.draw_without_rendering()
+    check_legible(figure)
+    forest, ratio, *others, runs = figure.axes
+    order = [text.get_text().rsplit(maxsplit=1)[0] for text in forest.get_yticklabels()]
+    assert order == [TAKEN, "MLS56", "MGCO56"]
+    dots = [line for line in ratio.get_lines() if line.get_marker() not in ("None", None)]
+    by_name = {row.name: row.ratio for row in f.over}
+    middles = [float(np.ravel(line.get_xdata())[0]) for line in dots]
+    assert middles == pytest.approx([getattr(by_name[name], "median", by_name[name]) for name in order])
+    spans = [
+        tuple(line.get_xdata()) for line in ratio.get_lines() if len(line.get_xdata()) == 2 and near_row(line)
+    ]
+    for name in ("MLS56", "MGCO56"):
+        low, high = by_name[name].p05, by_name[name].p95
+        assert (low, high) in spans
+        assert low <= np.median(f.errors[name] / f.errors[TAKEN]) <= high
+    by_name = {row.name: row for row in f.details.residuals}
+    for axes, model in zip(others, compared(f), strict=False):
+        check_residuals(axes, by_name[model], LOOKS[model])
+    check_predictions(others[-1], f.details.predictions, compared(f))
+    assert runs.get_lines()[0].get_ydata() == pytest.approx([0.1, 0.3, 0.2])
+
+
+def near_row(line):
+    return len(set(line.get_ydata())) == 1
+
+
+def report():
+    words = {name: Markdown("One. Two.") for name in ("question", "title", "answer")}
+    return Report(scenario="identify", numbers={}, tables={}, body=[], **words)
+
+
+def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_tell(f):
+    proposals = [Row(place=k, measure=f"way {k}", rank=9, expected_error_mm=0.1 * k) for k in (1, 2, 3)]
+    assert len(model_figure(f, LOOKS).axes) == 6
+    figure = model_figure(Row(f, identifiability=Row(help=proposals)), LOOKS)
+    figure.draw_without_rendering()
+    check_legible(figure)
+    first, second, sag, stiff, told, parts, *more = figure.axes
+    assert [axes.get_title().split(":")[0] for axes in (first, second)] == ["MLS56", TAKEN]
+    assert [bar.get_width() for bar in sag.patches] == [row.share_percent for row in f.details.sag]
+    whiskers = [tuple(line.get_xdata()) for line in sag.get_lines()]
+    assert whiskers == [(row.least_percent, row.most_percent) for row in f.details.sag]
+    shares = [row.share_percent for row in f.details.sag]
+    assert shares == sorted(shares, reverse=True)
+    drawn = {
+        x for line in stiff.get_lines() if len(line.get_xdata()) == 1 for x in np.ravel(line.get_xdata())
+    }
+    assert drawn == {own.middle for row in f.details.joints for own in (row.prior, row.posterior)}
+    dots, _ = told.get_lines()
+    np.testing.assert_allclose(dots.get_ydata(), np.maximum(f.details.singular_values, 1e-4))
+    decided = sum(x > 1 for x in f.details.singular_values)
+    assert told.get_title() == f"Readings decide {decided} of 153 directions"
+    assert [bar.get_width() for bar in parts.patches] == [row.told_percent for row in f.seen.blocks]
+    [last] = more
+    assert [bar.get_width() for bar in last.patches] == pytest.approx([0.1, 0.2, 0.3])
+    assert figure.get_suptitle().startswith(f"{TAKEN} is conservative; {f.details.sag[0].part} causes")

@@ -1,0 +1,148 @@
+"""Maps of errors: slices that hold every place next to them, on one scale, with the arm."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from legible import check_legible
+from made_up_run import made_up_run
+from matplotlib.colors import to_hex
+
+from testbench.report.colours import look
+from testbench.report.figures_map import error_map, silhouette, slice_of
+from testbench.report.scene import ModelLine, PageContent, PlaceMap
+
+RNG = np.random.default_rng(3)
+AT = RNG.uniform(-2, 2, (60, 3))
+MAPS = {"MLS56": RNG.uniform(0.5, 1.5, 60), "MGCO56": RNG.uniform(0.01, 0.03, 60)}
+MAPS["MLS56"][17] = 4.0
+ARM = np.array([[0, 0, 0], [0, 0, 1.0], [1, 0.2, 1.5]])
+LEVELS = {1: 0.0, 2: float(np.median(AT[:, 2]))}
+"""Where slices are, by the axis on which they stand: through the base, and at half of the places."""
+
+
+def mapped(at=AT, **values):
+    """Two maps, or what else is given."""
+    lines = [ModelLine(name, look(name, "psd"), mm) for name, mm in (values or MAPS).items()]
+    without = "" if all(np.isfinite(line.values).all() for line in lines) else "no bound"
+    return PlaceMap("Error of the tool (mm)", 0, at, lines, "Where it errs", without)
+
+
+def test_a_slice_has_the_error_of_each_place_on_it_and_nothing_far_from_all_places():
+    ends = np.array([[-1.0, -1, -1], [1, 1, 1]])
+    side = np.linspace(-1, 1, 9)
+    x, z = (own.ravel() for own in np.meshgrid(side, side))
+    left = x <= 0  # no place is on the right
+    at = np.column_stack([x, np.zeros(len(x)), z])[left]
+    values = 1 + at[:, 0] ** 2 + at[:, 2]
+    cut = slice_of(at, 1, 0.0, ends)
+    found = cut.interpolate(values)
+    assert cut.near.all()
+    corners = [(0, 0), (-1, 0)]  # grid points that are places
+    for row, column in corners:
+        assert found[row, column] == pytest.approx(1 + cut.x[column] ** 2 + cut.y[row], abs=1e-6)
+    assert np.isnan(found[:, cut.x > 0.6]).all()
+    known = found[np.isfinite(found)]
+    assert values.min() <= known.min() <= known.max() <= values.max()
+    np.testing.assert_allclose(cut.interpolate(np.full(len(at), 3.0))[np.isfinite(found)], 3.0)
+    lost = np.where(at[:, 2] > 0, np.nan, values)
+    assert np.nanmax(np.abs(cut.interpolate(lost)[cut.y < -0.4] - found[cut.y < -0.4])) < 0.1
+    assert np.isnan(cut.interpolate(lost)[cut.y > 0.6]).all()
+
+
+def test_a_map_has_two_slices_in_one_scale_the_arm_and_the_worst_place():
+    figure = error_map(mapped(), "arm under 9 kg", ARM)
+    every = np.concatenate([*MAPS.values()])
+    limits = np.quantile(every, (0.02, 0.98))
+    for k, axes in enumerate(figure.axes[:4]):
+        name, across = list(MAPS)[k % 2], 1 if k < 2 else 2
+        shown = [0, 3 - across]
+        cut = slice_of(AT, across, LEVELS[across], np.array([AT.min(axis=0), AT.max(axis=0)]))
+        [image] = axes.images
+        np.testing.assert_allclose(
+            image.get_array().filled(np.nan), np.exp(cut.interpolate(np.log(MAPS[name])))
+        )
+        [dots] = axes.collections
+        near = cut.near
+        assert 0 < near.sum() < len(AT)
+        np.testing.assert_allclose(dots.get_offsets(), AT[near][:, shown])
+        np.testing.assert_allclose(dots.get_array(), MAPS[name][near])
+        assert image.get_clim() == dots.get_clim() == pytest.approx(tuple(limits))
+        worst = int(MAPS[name].argmax())
+        ring, *arm = axes.get_lines()
+        assert np.ravel(ring.get_xydata()) == pytest.approx(AT[worst, shown])
+        assert axes.texts[0].get_text() == f"{MAPS[name][worst]:.3g} mm"
+        for line in arm:
+            np.testing.assert_allclose(line.get_xydata(), ARM[:, shown])
+        assert len(arm) == 2
+        if k < 2:
+            assert axes.get_title() == f"{name}: median {np.median(MAPS[name]):.3f} mm"
+        where = f"at {'xyz'[across]} = {LEVELS[across]:.1f} m\n{'xyz'[shown[1]]} [m]"
+        assert axes.get_ylabel() == ("" if k % 2 else where)
+    assert figure.axes[-1].get_ylabel() == "error [mm, logarithmic]"
+    title, caption = (text.replace("\n", " ") for text in (figure.get_suptitle(), figure.get_supxlabel()))
+    x, y, z = AT[17]
+    assert title.startswith("arm under 9 kg, error: at most MLS56 4.000 mm, MGCO56 0.0")
+    assert f"MLS56 at x {x:.2f}, y {y:.2f}, z {z:.2f} m" in caption
+
+
+def test_the_last_pane_is_in_the_colour_of_the_one_that_errs_less():
+    rng = np.random.default_rng(4)
+    values = {
+        "MLS56": rng.uniform(1, 2, 60),
+        "Joints": np.where(AT[:, 0] > 0, 1.0, 0.1),
+        "MGCO56": np.full(60, 0.5),
+    }
+    made = mapped(**values)
+    figure = error_map(made, "arm under 9 kg")
+    ours, joints = made.difference
+    less = values["MGCO56"] <= values["Joints"]
+    for axes in (figure.axes[3], figure.axes[7]):
+        [image] = axes.images
+        shades = [to_hex(image.get_cmap()(own)).upper() for own in (0.0, 1.0)]
+        assert shades == [ours.look.hex, joints.look.hex]
+        x = np.linspace(*image.get_extent()[:2], image.get_array().shape[1] + 1)
+        x = (x[1:] + x[:-1]) / 2
+        array = image.get_array().filled(np.nan)
+        assert np.nanmean(array[:, x > 1]) < 0.1 < 0.9 < np.nanmean(array[:, x < -1])
+    assert figure.axes[3].get_title() == f"MGCO56 minus Joints:\nless in {less.sum()} of 60"
+    assert [text.get_text() for text in figure.axes[7].get_legend().get_texts()] == [
+        "MGCO56 errs less",
+        "Joints errs less",
+    ]
+
+
+def test_places_without_a_bound_are_rings_and_a_map_without_any_says_so():
+    mm = MAPS["MLS56"].copy()
+    near = np.flatnonzero(slice_of(AT, 1, 0.0, np.array([AT.min(axis=0), AT.max(axis=0)])).near)[:2]
+    mm[near] = np.nan
+    figure = error_map(mapped(MLS56=mm, MGCO56=np.full(60, np.nan)), "arm")
+    first, nowhere = figure.axes[:2]
+    rings, _ = first.get_lines()
+    np.testing.assert_allclose(rings.get_xydata(), AT[near][:, [0, 2]])
+    assert nowhere.get_title() == "MGCO56: no bound"
+    assert "Grey rings: no bound." in figure.get_supxlabel().replace("\n", " ")
+
+
+@pytest.mark.parametrize("still", [[0], [0, 1, 2]])
+def test_arms_that_move_in_a_plane_on_a_line_or_not_at_all_have_panes_too(still):
+    at = AT.copy()
+    at[:, still] = 0.3
+    figure = error_map(mapped(at), "arm", ARM)
+    figure.draw_without_rendering()
+    assert figure.get_figheight() < 2 * figure.get_figwidth()
+    for axes in figure.axes[:4]:
+        assert min(axes.get_position().size) > 0.01
+
+
+def test_the_arm_is_drawn_where_it_reaches_forward_at_a_typical_distance(arm_6r):
+    tools = np.array([[3, 0, 1], [2, 0.1, 1], [-2, 0, 1], [0, 2, 1], [1, 0, 1.0]])
+    positions = np.stack([np.zeros((5, 3)), np.ones((5, 3)), tools], axis=1)
+    group = SimpleNamespace(rigid=SimpleNamespace(positions=positions))
+    bodies = silhouette(PageContent(scene=SimpleNamespace(groups=[group])), mapped())
+    np.testing.assert_array_equal(bodies, positions[1, 1:])  # the world's origin is no body
+    assert silhouette(PageContent(), mapped()) is None
+    seen = made_up_run(arm_6r)
+    check = error_map(seen.map, "arm", silhouette(seen, seen.map))
+    check.draw_without_rendering()
+    check_legible(check)
