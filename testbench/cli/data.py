@@ -21,9 +21,10 @@ from testbench.files.read_series import read_series
 from testbench.identify.registered import RegisteredDataset
 from testbench.plant.shapes import rigid_frames
 from testbench.report import scene as draw
-from testbench.report.colours import LOAD, MEASURED, NOMINAL, SERIES, Look
+from testbench.report.colours import MEASURED, NOMINAL, SERIES, Look
 from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
+from testbench.report.loads import loads, trackers
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.report import Report, bullets, say
 from testbench.report.schema import NUMBER, Table, plain, show, written_out
@@ -49,7 +50,7 @@ from testbench.workflows.rows import MM, UM
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
 MAX_LISTED = 6  #: Loads and names that are listed.
-SHARE, ARROW = 0.15, 0.2  #: Length of deflections and of the load's arrow over the reach [1].
+SHARE = 0.15  #: Length of deflections over the reach [1].
 COLUMNS = columns("quantity file_columns unit values rows")
 LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's joints, if apart.")]
 LayoutName = Annotated[
@@ -274,7 +275,7 @@ def seen(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
             ("Unloaded reading from where the arm without sag has the target (mm)", away),
         )
     ]
-    title = f"Deflections x {M:g}; loads are arrows of one length."
+    title = f"Deflections x {M:g}."
     return draw.PageContent(scene=draw.Scene(cell, title, [_runs(cell, registered, some, M)]), runs=charts)
 
 
@@ -282,18 +283,16 @@ def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> dra
     """The arm in its runs, its targets where they should be, were read, and went under load."""
     data, registration, row = registered.data, registered.registration, shown_runs(registered, some)
     tool = np.broadcast_to(row.tool, row.nominal.shape)
-    hung = row.hook + ARROW * cell.vjm.reach * row.way
     layers = [
         draw.Layer("targets of the arm without sag", NOMINAL, "dots", row.nominal),
         draw.Layer("from the tool", NOMINAL, "lines", tool, row.nominal),
         draw.Layer("read unloaded", MEASURED, "dots", row.before),
         draw.Layer("deflection", MEASURED, "arrows", row.before, row.before + M * data.deflection[some]),
-        draw.Layer("load", LOAD, "arrows", row.hook, hung),
+        *loads(row.hook[:, 0], data.wrench[some, :3], cell.vjm.reach),
     ]
     if registered.frame == "tracker" and registration is not None:
         stands = np.array([-frame.rotation.T @ frame.translation for frame in registration.frames.values()])
-        names = [f"tracker {k + 1}" for k in range(len(stands))]
-        layers.append(draw.Layer("tracker", MEASURED, "dots", stands[None], labels=names))
+        layers.append(trackers(stands, [f"tracker {k + 1}" for k in range(len(stands))]))
     return draw.PoseGroup(
         name="Runs",
         names=[f"Run {run}, pose {pose}" for run, pose in zip(data.run[some], data.pose[some], strict=True)],

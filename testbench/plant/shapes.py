@@ -60,6 +60,11 @@ class BodyFrames:
     rotations: Array  #: World from body, (runs, bodies, 3, 3) [1].
 
 
+def of_rows(frames: BodyFrames, rows: Ids) -> BodyFrames:
+    """Select rows of frames, in their order; a row may stand in it more than once."""
+    return BodyFrames(frames.positions[rows], frames.rotations[rows])
+
+
 def origins(site: Site, names: Sequence[str], frames: BodyFrames) -> Array:
     """Return the origins of named bodies.
 

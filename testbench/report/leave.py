@@ -58,7 +58,7 @@ def write_run(out: Path, run_request: RunRequest, report: Report, page: PageCont
         )
         views: list[Callable[[], object]] = [
             lambda: save(overview(report, drawn), picture),
-            lambda: write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture}),
+            lambda: write_run(folder / "recording.rrd", header, report, drawn, {}),
             lambda: write_page(folder, f"{run_request.command}: {run_request.name}", report, drawn),
         ]
         if run_request.map and page.map and any(np.isfinite(line.values).any() for line in page.map.lines):

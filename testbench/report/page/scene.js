@@ -199,7 +199,8 @@ function ofPose(rows, pose) {
   return rows[rows.length === 1 ? 0 : pose];
 }
 
-const DOTS = { dots: 4.5, specks: 1.6 };
+const DOTS = { dots: 4.5, specks: 1.6, trackers: 7 };
+const WIDTHS = { lines: 1.5, weights: 1.5, tubes: 6 };
 
 /** Dots, arrows or lines of one pose, over everything else. */
 function drawLayer(pen, project, layer, pose, ratio, taken) {
@@ -209,9 +210,11 @@ function drawLayer(pen, project, layer, pose, ratio, taken) {
     project(from[k] / 1e4, from[k + 1] / 1e4, from[k + 2] / 1e4, out, 0);
     if (to) project(to[k] / 1e4, to[k + 1] / 1e4, to[k + 2] / 1e4, out, 3);
     const end = to ? 3 : 0;
-    if (layer.labels.length) written(pen, layer.labels[k / 3], out[end] + 7 * ratio, out[end + 1] - 5 * ratio, ratio, taken);
-    pen.strokeStyle = pen.fillStyle = layer.colour;
-    pen.lineWidth = (layer.kind === "lines" ? 1.5 : 2.6) * ratio;
+    const aside = layer.kind === "weights" ? 24 : 7; // the weight's own width
+    if (layer.labels.length) written(pen, layer.labels[k / 3], out[end] + aside * ratio, out[end + 1] - 5 * ratio, ratio, taken);
+    pen.strokeStyle = pen.fillStyle = layer.colours ? layer.colours[k / 3] : layer.colour;
+    pen.lineWidth = (WIDTHS[layer.kind] || 2.6) * ratio;
+    pen.lineCap = layer.kind === "tubes" ? "round" : "butt";
     pen.beginPath();
     if (layer.kind in DOTS) {
       pen.arc(out[0], out[1], DOTS[layer.kind] * ratio, 0, 7);
@@ -222,6 +225,33 @@ function drawLayer(pen, project, layer, pose, ratio, taken) {
     pen.lineTo(out[3], out[4]);
     pen.stroke();
     if (layer.kind === "arrows") head(pen, out, ratio);
+    if (layer.kind === "weights") weight(pen, project, to.slice(k, k + 3).map((part) => part / 1e4), layer.radius);
+  }
+  if (layer.legs) tripods(pen, project, layer.legs, ratio);
+}
+
+/** A cylinder that hangs below a place, as high as wide. */
+function weight(pen, project, [x, y, z], radius) {
+  const out = new Float32Array(12);
+  [[x, y, z], [x, y, z - 2 * radius], [x + radius, y, z], [x, y + radius, z]].forEach((place, k) => project(...place, out, 3 * k));
+  const wide = Math.max(Math.hypot(out[6] - out[0], out[7] - out[1]), Math.hypot(out[9] - out[0], out[10] - out[1]));
+  pen.beginPath();
+  pen.ellipse(out[3], out[4], wide, 0.25 * wide, 0, 0, Math.PI);
+  pen.ellipse(out[0], out[1], wide, 0.25 * wide, 0, Math.PI, 0);
+  pen.fill();
+}
+
+/** Legs of trackers, from their heads down. */
+function tripods(pen, project, legs, ratio) {
+  const out = new Float32Array(6);
+  for (let k = 0; k < legs.length; k += 6) {
+    project(legs[k] / 1e4, legs[k + 1] / 1e4, legs[k + 2] / 1e4, out, 0);
+    project(legs[k + 3] / 1e4, legs[k + 4] / 1e4, legs[k + 5] / 1e4, out, 3);
+    pen.lineWidth = 1.5 * ratio;
+    pen.beginPath();
+    pen.moveTo(out[0], out[1]);
+    pen.lineTo(out[3], out[4]);
+    pen.stroke();
   }
 }
 
