@@ -2,6 +2,7 @@
 
 const BENT = [159, 85, 8];
 const SHIFT = 40; // a body that bends by less than 4 mm is drawn once
+const INSET = 2; // width over height of what is seen from near
 const CLEAR = 1.004; // what is nearer by less is as near: surfaces that nearly coincide would show as stripes
 
 /** The arm in its poses. */
@@ -14,6 +15,8 @@ class Scene {
     this.picture = document.createElement("canvas");
     this.hidden = new Set(data.groups.flatMap((group) => group.layers.filter((layer) => !layer.shown).map((layer) => layer.name)));
     this.camera = this.framed(data.groups[0], data.groups[0].first);
+    this.insets = data.groups.filter((group) => group.near).map((group) => ({ group, camera: this.framed(group, 0, {}, INSET), canvas: make("canvas", { "aria-label": group.name }) }));
+    if (this.insets.length) place.append(make("div", { class: "insets" }, ...this.insets.map(({ group, canvas }) => make("figure", {}, canvas, make("figcaption", {}, group.name)))));
     this.controls(place);
     turnable(this.canvas, this.camera, () => this.ask());
     new ResizeObserver(() => this.ask()).observe(this.canvas);
@@ -34,8 +37,8 @@ class Scene {
   }
 
   /** A camera that sees a pose of a group from an angle. */
-  framed(own, pose, { yaw, pitch } = {}) {
-    return Camera.around(this.points(own, pose), own.near && yaw === undefined ? own.near.yaw : yaw, own.near && pitch === undefined ? own.near.pitch : pitch);
+  framed(own, pose, { yaw, pitch } = {}, aspect = 1) {
+    return Camera.around(this.points(own, pose), own.near && yaw === undefined ? own.near.yaw : yaw, own.near && pitch === undefined ? own.near.pitch : pitch, aspect);
   }
 
   /** Whether a pose is in view as the camera stands. */
@@ -110,20 +113,23 @@ class Scene {
   }
 
   draw() {
-    const box = this.canvas.getBoundingClientRect();
-    const ratio = Math.min(2, Math.max(1, window.devicePixelRatio));
-    const [width, height] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
+    const { pen, width, height, ratio } = cleared(this.canvas);
     if (!width || !height) return;
-    if (this.canvas.width !== width) this.canvas.width = width;
-    if (this.canvas.height !== height) this.canvas.height = height;
-    const pen = this.canvas.getContext("2d");
-    pen.clearRect(0, 0, width, height);
     const project = this.camera.projector(width, height);
     this.floor(pen, project);
     this.arm(pen, project, width, height);
     const own = this.data.groups[this.group];
     const taken = [];
     for (const layer of own.layers) if (!this.hidden.has(layer.name)) drawLayer(pen, project, layer, this.pose, ratio, taken);
+    for (const inset of this.insets) this.inset(inset);
+  }
+
+  /** What is near in the pose shown, without the arm, which would hide it. */
+  inset({ group, camera, canvas }) {
+    const { pen, width, height, ratio } = cleared(canvas);
+    if (!width || !height) return;
+    const project = camera.projector(width, height), taken = [];
+    for (const layer of group.layers) if (!this.hidden.has(layer.name)) drawLayer(pen, project, layer, Math.min(this.pose, group.names.length - 1), ratio, taken);
   }
 
   floor(pen, project) {
@@ -187,6 +193,18 @@ class Scene {
     this.picture.getContext("2d").putImageData(image, 0, 0);
     pen.drawImage(this.picture, 0, 0);
   }
+}
+
+/** A canvas as large as it is on the screen, without what was drawn before. */
+function cleared(canvas) {
+  const box = canvas.getBoundingClientRect();
+  const ratio = Math.min(2, Math.max(1, window.devicePixelRatio));
+  const [width, height] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
+  if (canvas.width !== width) canvas.width = width;
+  if (canvas.height !== height) canvas.height = height;
+  const pen = canvas.getContext("2d");
+  pen.clearRect(0, 0, width, height);
+  return { pen, width, height, ratio };
 }
 
 function shifted(rigid, bent, at) {

@@ -22,7 +22,6 @@ WIDE, HIGH = 160.0, 100.0  #: Of the part inside of the axes, in units of the vi
 LETTER, LINE = 3.9, 8.0  #: Room for a letter and for a line of text, in the same units.
 DOT, STROKE = 0.25, 0.25  #: Radius of a dot and of a line over its size or width [1/pt].
 GREYS = (0.25, 0.75)  #: Brightness beyond which a grey is not seen on a dark or on a light ground [1].
-PER_ROW = 4  #: Names side by side in a key.
 LETTERS = 30  #: Most letters of a name beside an axis.
 THIN = 0.15  #: Radius of an outline.
 NOTHING = ("None", "", " ", None)  #: Styles of lines and markers that are not drawn.
@@ -98,8 +97,8 @@ def _around(pen: Pen, path: str, axes: Axes, names: Sequence[str]) -> rrb.Spatia
 def _ticks(axis: Axis) -> tuple[Array, list[str]]:
     """Where ticks of an axis are and what stands at them, those inside of it."""
     low, high = sorted(axis.get_view_interval().tolist())
-    at = axis.get_majorticklocs()
-    words = [" ".join(text.get_text().split()) for text in axis.get_majorticklabels()]
+    at = np.asarray(axis.get_majorticklocs())
+    words = [" ".join(text.split()) for text in axis.get_major_formatter().format_ticks(at.tolist())]
     inside = [k for k, place in enumerate(at.tolist()) if low <= place <= high and words[k]]
     return at[inside], [words[k] for k in inside]
 
@@ -108,9 +107,11 @@ def _key(pen: Pen, path: str, axes: Axes) -> float:
     """Names of lines in their colours; how high that is."""
     named = [(text, handle) for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)]
     lines = [(text, handle) for text, handle in named if isinstance(handle, Line2D)]
-    rows = -(-len(lines) // PER_ROW)
+    longest = max((len(text) for text, _ in lines), default=1)
+    across = max(1, int(WIDE / (LETTER * (longest + 1))))
+    rows = -(-len(lines) // across)
     for k, (text, line) in enumerate(lines):
-        at = np.array([[WIDE * (k % PER_ROW + 0.5) / PER_ROW, -LINE * (rows - k // PER_ROW) - 2]])
+        at = np.array([[WIDE * (k % across + 0.5) / across, -LINE * (rows - k // across) - 2]])
         pen.names(f"{path}/key_{k}", at, [text], _seen(to_rgb(line.get_color())))
     return LINE * rows
 

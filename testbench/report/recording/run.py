@@ -432,6 +432,8 @@ def _eye(group: _Group, aspect: float) -> tuple[Array, Array]:
     points = poses.near
     if points is None:
         moved = [layer.at[min(k, len(layer.at) - 1)] for layer in poses.layers if layer.kind != "specks"]
+        hung = [(own.to, own.radius) for own in poses.layers if own.kind == "weights" and own.to is not None]
+        moved += [to[min(k, len(to) - 1)] - np.array([0, 0, 2 * radius]) for to, radius in hung]
         bent = [] if poses.bent is None else [poses.bent.positions[k, 1:]]
         points = np.vstack([poses.rigid.positions[k, 1:], *bent, *moved])
         points = points[np.isfinite(points).all(axis=1)]

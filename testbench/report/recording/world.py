@@ -129,14 +129,12 @@ def write_layer(rows: Pen, path: str, layer: Layer, size: float, scale: ErrorSca
     else:
         rows.still(path, kind.from_fields(**look, **parts))
     if layer.kind == "weights":
-        low = layer.to - [0, 0, layer.radius] if layer.to is not None else layer.at
         size_of = {"lengths": 2 * layer.radius, "radii": layer.radius}
-        rows.still(
-            f"{path}_body",
-            rr.Cylinders3D.from_fields(**size_of, colors=layer.colour, fill_mode=FillMode.Solid),
-        )
-        rows.rows(f"{path}_body", rr.Cylinders3D.columns(centers=low[known]).partition(counts))
-        layer = replace(layer, at=low - [0, 0, layer.radius])  # the mass is written below it
+        solid = rr.Cylinders3D.from_fields(**size_of, colors=layer.colour, fill_mode=FillMode.Solid)
+        rows.still(f"{path}_body", solid)
+        down = np.array([0, 0, layer.radius])
+        rows.rows(f"{path}_body", rr.Cylinders3D.columns(centers=to - down).partition(counts))
+        layer = replace(layer, at=ends - 2 * down)  # the mass is written below it
     _write_names(rows, f"{path}_names", layer)
 
 
