@@ -61,7 +61,15 @@ class BodyFrames:
 
 
 def of_rows(frames: BodyFrames, rows: Ids) -> BodyFrames:
-    """Select rows of frames, in their order; a row may stand in it more than once."""
+    """Select poses of bodies.
+
+    Args:
+        frames: Places of all bodies.
+        rows: Numbers of the poses, in the order wanted; one may stand in it more than once.
+
+    Returns:
+        The places in these poses.
+    """
     return BodyFrames(frames.positions[rows], frames.rotations[rows])
 
 

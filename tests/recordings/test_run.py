@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from testbench.report.colours import GREY, SCALE, hexadecimal, look
 from testbench.report.loads import legs, loads
 from testbench.report.page.page import seen_plain
-from testbench.report.recording.plot import _seen
+from testbench.report.recording.figure_panes import _seen
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.run_figure import overview

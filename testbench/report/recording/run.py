@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from matplotlib.figure import Figure
 
 from testbench.errors import Array, Ids
 from testbench.plant.shapes import BodyFrames, of_rows
@@ -28,9 +27,9 @@ from testbench.report.colours import (
     TASK,
     Colour,
 )
-from testbench.report.figure import forest_pane, log_ticks
+from testbench.report.figure import Figure, forest_pane, log_ticks
 from testbench.report.markdown import ReportWords, as_markdown, grid
-from testbench.report.recording.plot import panes_of, rows_of, write_pane
+from testbench.report.recording.figure_panes import panes_of, rows_of, write_pane
 from testbench.report.recording.stream import Pen, RecordingHeader, recording, snake, text_view
 from testbench.report.recording.world import (
     ASPECT,
