@@ -15,10 +15,11 @@ from testbench.cli.arguments import ShownFolder
 from testbench.errors import Array, shell_word
 from testbench.files.elastic_mjcf import write_elastic
 from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
-from testbench.plant.shapes import RING, elastic_frames, rigid_frames
-from testbench.report.colours import GREY, LOAD, NOMINAL
+from testbench.plant.shapes import RING, BodyFrames, elastic_frames, rigid_frames
+from testbench.report.colours import GREY, NOMINAL
 from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
+from testbench.report.loads import loads, on_tool
 from testbench.report.markdown import Markdown, ended
 from testbench.report.report import Report, bullets, say
 from testbench.report.scene import Layer, PageContent, PoseGroup, Scene, arrow_scale
@@ -33,7 +34,7 @@ from testbench.workflows.options import Force, takes
 COMMAND = "testbench check"  #: As manifest.json names it.
 ELASTIC = Kind("an elastic arm", rb"<mujoco [^>]*model=\"[^\"]*_elastic\"")
 MIN_SHOWN_SHARE = 0.01  #: Least contribution to the sag of what is listed [1].
-BENT, ARROW, AXIS = 0.12, 0.2, 0.12  #: Lengths of sag, of the load's arrow and of axes over the reach [1].
+BENT, AXIS = 0.12, 0.12  #: Lengths of sag and of the base's axes over the reach [1].
 SPOKES = 4  #: Lines along a tube.
 
 
@@ -194,13 +195,14 @@ def seen(checked: Checked) -> PageContent:
     M = arrow_scale(moved, BENT * cell.vjm.reach)
     said = f"joints at {cell.arm.words(q[0])}", f"joints at {cell.arm.words(q[1])}"
     payload = "1 kg" if cell.arm.payload is None else f"{cell.arm.payload:g} kg"
+    bent = elastic_frames(cell.plant, q, M * theta)
     group = PoseGroup(
         name="Poses",
         names=["Zero, or as near as the limits let", "Pose of median sag"],
         words=[f"{words[0].upper()}{words[1:]}." for words in said],
         rigid=straight,
-        bent=elastic_frames(cell.plant, q, M * theta),
-        layers=[*_beams(checked), *_tool(checked)],
+        bent=bent,
+        layers=[*_beams(checked), *_tool(checked, bent)],
         first=1,
     )
     title = f"Sag under {payload} by the folder's compliances x {M:g}. Tubes at their true diameter."
@@ -239,15 +241,15 @@ def _flat(*points: Array) -> Array:
     return np.concatenate([part.reshape(len(part), -1, 3) for part in points], axis=1)
 
 
-def _tool(checked: Checked) -> list[Layer]:
-    """Markers, payload, and the axes of the base."""
+def _tool(checked: Checked, bent: BodyFrames) -> list[Layer]:
+    """Markers, the payload on the bent arm, and the axes of the base."""
     cell, reach = checked.cell, checked.vjm.reach
-    hook = tool_points(cell.vjm, checked.poses, cell.vjm.load[None])
+    hook = on_tool(cell, bent, np.tile(cell.vjm.load, (len(checked.poses), 1)))
     base, out = cell.vjm.base[:3, 3], AXIS * reach * cell.vjm.base[:3, :3].T
-    payload = "payload not stated" if cell.arm.payload is None else f"payload {cell.arm.payload:g} kg"
+    force = np.tile([0, 0, -GRAVITY * (cell.arm.payload or 0.0)], (len(hook), 1))
     markers = tool_points(cell.vjm, checked.poses, cell.vjm.markers)
     return [
         Layer("markers", NOMINAL, "dots", markers, labels=cell.arm.markers),
-        Layer(payload, LOAD, "arrows", hook, hook - np.array([0, 0, ARROW * reach])),
+        *loads(hook, force, reach),
         Layer("axes of the base", GREY, "arrows", np.tile(base, (1, 3, 1)), (base + out)[None], labels="xyz"),
     ]

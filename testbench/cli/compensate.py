@@ -12,14 +12,15 @@ import typer
 from testbench.cli.arguments import ArmCheck, plain
 from testbench.correct.newton import Asked as Meant
 from testbench.correct.newton import Hold
-from testbench.errors import BenchError, Ids
+from testbench.errors import Array, BenchError, Ids
 from testbench.files.program import read_program
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report import scene as draw
 from testbench.report.badge import Badge, decide
-from testbench.report.colours import GCO, LOAD, MEASURED, TASK, Look
+from testbench.report.colours import GCO, MEASURED, TASK, Look
 from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
+from testbench.report.loads import loads
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.markdown import counted as number_of
 from testbench.report.report import Report, say
@@ -46,8 +47,7 @@ SURE_PROBABILITY = 0.95
 BEFORE, CORRECTED = "uncorrected program", "corrected program"
 WITHIN, EXPECTED, AFTER = f"{BEFORE}, within (95 %)", f"{BEFORE}, expected", f"{CORRECTED}, within (95 %)"
 LOOKS = dict.fromkeys((EXPECTED, WITHIN), Look(MEASURED, 1, prior=True)) | {AFTER: Look(GCO, 0, prior=True)}
-#: Most errors over the path's size, its least [m], the force's arrow.
-ERROR_LENGTH, MIN_ERROR_LENGTH, FORCE_LENGTH = 0.15, 0.3, 0.25
+ERROR_LENGTH, MIN_ERROR_LENGTH = 0.15, 0.3  #: Most errors over the path's size [1], its least [m].
 
 
 @dataclass(frozen=True)
@@ -236,52 +236,76 @@ def seen(cell: Cell, found: CorrectedProgram, said: Report) -> draw.PageContent:
     note, labels = draw.of_all(len(some), len(points), "points"), [row.label for row in rows]
     off, limit = "How far the loaded tool is off at each point (mm)", tolerance and tolerance.mm
     runs = [draw.RunChart(off, 0, "point", labels, errors, limit, note, limit_is="tolerance")]
-    scale, near = _path(cell, found, rows, some)
-    groups = [replace(near, bent=None), replace(near, name="Whole arm", near=None)]
-    title = f"What is off, and how the arm bends, x {scale:g}."
+    scale, groups = _path(cell, found, rows, some, [line.values for line in errors])
+    title = f"Offsets of the path, and how the arm bends, x {scale:g}."
     return draw.PageContent(draw.Scene(cell, title, groups), runs=runs)
 
 
 def _path(
-    cell: Cell, found: CorrectedProgram, rows: Sequence[Row], some: Ids
-) -> tuple[float, draw.PoseGroup]:
-    """The arm along its program, seen from near; how much is magnified."""
+    cell: Cell, found: CorrectedProgram, rows: Sequence[Row], some: Ids, sizes: Sequence[Array]
+) -> tuple[float, list[draw.PoseGroup]]:
+    """The arm along its program, and from near the path before and after; how much is magnified.
+
+    Args:
+        cell: The arm.
+        found: The corrected program.
+        rows: What is said of the points.
+        some: Which they are.
+        sizes: Errors before and after that colour both paths, (points,) each [mm]; NaN where there is none.
+    """
     compensated, q = found.found, found.found.start[some]
     asked = compensated.target.position[some]
     size = max(MIN_ERROR_LENGTH, float(np.linalg.norm(np.ptp(asked, axis=0))))
     M = draw.arrow_scale(compensated.before[some], ERROR_LENGTH * size)
     off, back = (asked + M * metres[some] for metres in (compensated.before, compensated.after))
     force = np.sum([load.wrench[some, :3] for load in found.loads], axis=0)
-    most = float(np.linalg.norm(force, axis=1).max()) or 1.0
-    ways = {"path asked": (asked, TASK), BEFORE: (off, MEASURED), f"{CORRECTED}, by the model": (back, GCO)}
+    before, after = (
+        draw.Layer(name, colour, "tubes", x[None, :-1], x[None, 1:], values=np.fmax(mm[:-1], mm[1:]))
+        for name, colour, x, mm in zip(
+            (BEFORE, f"{CORRECTED}, by the model"), (MEASURED, GCO), (off, back), sizes, strict=True
+        )
+    )
+    path = draw.Layer("path asked", TASK, "lines", asked[None, :-1], asked[None, 1:])
     half = M * np.where(np.isfinite(compensated.half_width[some]), compensated.half_width[some], np.nan)
     spans = half[:, None, :] * np.eye(3)  # along each axis of the world
     low, high = ((back[:, None] + side * spans).reshape(1, -1, 3) for side in (-1, 1))
-    layers = [
-        draw.Layer("where it may be, 95 %", (150, 205, 190), "lines", low, high),
-        *(draw.Layer(name, colour, "lines", x[None, :-1], x[None, 1:]) for name, (x, colour) in ways.items()),
-        draw.Layer("tool asked", TASK, "dots", asked[:, None]),
-        draw.Layer("tool drawn off", MEASURED, "arrows", asked[:, None], off[:, None]),
-        draw.Layer(
-            "force", LOAD, "arrows", (off - FORCE_LENGTH * size / most * force)[:, None], off[:, None]
-        ),
-    ]
+    spread = draw.Layer("where it may be, 95 %", (150, 205, 190), "lines", low, high)
+    drawn_off = draw.Layer("tool drawn off", MEASURED, "arrows", asked[:, None], off[:, None])
+    tool = draw.Layer("tool asked", TASK, "dots", asked[:, None])
+    left = [spread, path, after]
     for verdict, colour in (("pass", GCO), ("fail", MEASURED)):
         if judged := [k for k, row in enumerate(rows) if row.verdict == verdict]:
             name, at = f"{CORRECTED}, points that {verdict}", asked[None, judged]
-            layers.append(draw.Layer(name, colour, "specks" if verdict == "pass" else "dots", at))
-    return M, draw.PoseGroup(
-        name="Path, from near",
+            left.append(draw.Layer(name, colour, "specks" if verdict == "pass" else "dots", at))
+    whole = draw.PoseGroup(
+        name="Whole arm",
         names=[f"Point {row.label}, line {row.line}" for row in rows],
         words=[_words(row) for row in rows],
         rigid=rigid_frames(cell.room, q),
         bent=elastic_frames(cell.plant, q, M * counted.predicted_bending(found, some)),
-        layers=layers,
+        layers=[path, before, after, tool, *loads(off, force, cell.vjm.reach)],
         first=int(np.argmax([row.before_mm for row in rows])),
-        near=np.vstack(
-            [asked, off, asked.mean(axis=0) + MIN_ERROR_LENGTH / 2 * np.vstack([np.eye(3), -np.eye(3)])]
-        ),
+        ordered=True,
+        fixed=True,
     )
+    around = asked.mean(axis=0) + MIN_ERROR_LENGTH / 2 * np.vstack([np.eye(3), -np.eye(3)])
+    inset = replace(whole, bent=None, near=np.vstack([asked, off, back, around]))
+    insets = (
+        (BEFORE, [path, before, drawn_off, *_largest(off, sizes[0])]),
+        (CORRECTED, [*left, *_largest(back, sizes[1])]),
+    )
+    return M, [
+        whole,
+        *(replace(inset, name=f"{name.capitalize()}, from near", layers=layers) for name, layers in insets),
+    ]
+
+
+def _largest(at: Array, mm: Array) -> list[draw.Layer]:
+    """The largest error of a path, (points, 3) [m], written beside it."""
+    if not np.isfinite(mm).any():
+        return []
+    k = int(np.nanargmax(mm))
+    return [draw.Layer("largest", MEASURED, "dots", at[None, [k]], labels=[f"at most {mm[k]:.3f} mm"])]
 
 
 def _words(row: Row) -> str:

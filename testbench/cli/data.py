@@ -19,8 +19,9 @@ from testbench.files.read_series import read_series
 from testbench.identify.registered import RegisteredDataset
 from testbench.plant.shapes import rigid_frames
 from testbench.report import scene as draw
-from testbench.report.colours import LOAD, MEASURED, NOMINAL, SERIES, Look
+from testbench.report.colours import MEASURED, NOMINAL, SERIES, Look
 from testbench.report.leave import RunRequest, write_run
+from testbench.report.loads import loads, trackers
 from testbench.report.readings import column_lines, file_lines, report, written
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
@@ -43,7 +44,7 @@ from testbench.workflows.rows import MM
 
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
-SHARE, ARROW = 0.15, 0.2  #: Length of deflections and of the load's arrow over the reach [1].
+SHARE = 0.15  #: Length of deflections over the reach [1].
 LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's joints, if apart.")]
 LayoutName = Annotated[
     str | None, typer.Option(metavar="NAME", help="Layout of the file; default: the one that fits.")
@@ -203,7 +204,7 @@ def seen(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
             ("Unloaded reading from where the arm without sag has the target (mm)", away),
         )
     ]
-    title = f"Deflections x {M:g}; loads are arrows of one length."
+    title = f"Deflections x {M:g}."
     return draw.PageContent(scene=draw.Scene(cell, title, [_runs(cell, registered, some, M)]), runs=charts)
 
 
@@ -211,18 +212,16 @@ def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> dra
     """The arm in its runs, its targets where they should be, were read, and went under load."""
     data, registration, row = registered.data, registered.registration, shown_runs(registered, some)
     tool = np.broadcast_to(row.tool, row.nominal.shape)
-    hung = row.hook + ARROW * cell.vjm.reach * row.way
     layers = [
         draw.Layer("targets of the arm without sag", NOMINAL, "dots", row.nominal),
         draw.Layer("from the tool", NOMINAL, "lines", tool, row.nominal),
         draw.Layer("read unloaded", MEASURED, "dots", row.before),
         draw.Layer("deflection", MEASURED, "arrows", row.before, row.before + M * data.deflection[some]),
-        draw.Layer("load", LOAD, "arrows", row.hook, hung),
+        *loads(row.hook[:, 0], data.wrench[some, :3], cell.vjm.reach),
     ]
     if registered.frame == "tracker" and registration is not None:
         stands = np.array([-frame.rotation.T @ frame.translation for frame in registration.frames.values()])
-        names = [f"tracker {k + 1}" for k in range(len(stands))]
-        layers.append(draw.Layer("tracker", MEASURED, "dots", stands[None], labels=names))
+        layers.append(trackers(stands, [f"tracker {k + 1}" for k in range(len(stands))]))
     return draw.PoseGroup(
         name="Runs",
         names=[f"Run {run}, pose {pose}" for run, pose in zip(data.run[some], data.pose[some], strict=True)],

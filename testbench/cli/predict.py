@@ -13,13 +13,15 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.cli.arguments import ArmCheck, plain
 from testbench.correct.newton import equilibrium
 from testbench.errors import Array, Ids
+from testbench.model.load import Load
 from testbench.model.poses import WorkArea
 from testbench.model.vjm import joint_law_rotations
-from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.plant.shapes import BodyFrames, elastic_frames, rigid_frames
 from testbench.report import scene as draw
 from testbench.report.colours import GCO, MEASURED, NOMINAL, Look
 from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
+from testbench.report.loads import loads, on_tool
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.report import Report, say
 from testbench.report.schema import Table
@@ -28,6 +30,7 @@ from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import claim_folder
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.campaign_flags import MapFile, Payload
+from testbench.workflows.cell import Cell
 from testbench.workflows.masses import overload_warnings, payload_of
 from testbench.workflows.options import Force, takes
 from testbench.workflows.plan_input import parse_work_area
@@ -206,6 +209,8 @@ def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
     end = start + M * prediction.deflection[some]
     ways = G * made.map.force * (tool.displacement_per_force[some][:, None] * tool.axes[some])
     ways = ways.transpose(0, 2, 1)  # a row an axis
+    bent = elastic_frames(made.cell.plant, q, M * joint_law_rotations(state.vjm, theta))
+    acting = [own for load in made.asked.loads for own in _acting(made.cell, bent, load.of(some))]
     words = [
         f"The tool moves {MM * prediction.size[k, 0]:.3f} mm, {_bound(MM * prediction.widest[k, 0])}. "
         f"{made.map.force:,.0f} N move it up to "
@@ -218,14 +223,20 @@ def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
         names=[f"Pose {made.asked.labels[k]}" for k in some],
         words=words,
         rigid=rigid_frames(made.cell.room, q),
-        bent=elastic_frames(made.cell.plant, q, M * joint_law_rotations(state.vjm, theta)),
+        bent=bent,
         layers=[
+            *acting,
             draw.Layer("tool and markers, unloaded", NOMINAL, "dots", start),
             draw.Layer("deflection", MEASURED, "arrows", start, end),
             draw.Layer("where a force moves it", GCO, "lines", end[:, :1] - ways, end[:, :1] + ways),
         ],
         first=int(prediction.size[some, 0].argmax()),
     )
+
+
+def _acting(cell: Cell, bent: BodyFrames, load: Load) -> list[draw.Layer]:
+    """A load on the bent arm."""
+    return loads(on_tool(cell, bent, load.point), load.wrench[:, :3], cell.vjm.reach)
 
 
 def _bound(half: float) -> str:

@@ -60,6 +60,19 @@ class BodyFrames:
     rotations: Array  #: World from body, (runs, bodies, 3, 3) [1].
 
 
+def of_rows(frames: BodyFrames, rows: Ids) -> BodyFrames:
+    """Select poses of bodies.
+
+    Args:
+        frames: Places of all bodies.
+        rows: Numbers of the poses, in the order wanted; one may stand in it more than once.
+
+    Returns:
+        The places in these poses.
+    """
+    return BodyFrames(frames.positions[rows], frames.rotations[rows])
+
+
 def origins(site: Site, names: Sequence[str], frames: BodyFrames) -> Array:
     """Return the origins of named bodies.
 

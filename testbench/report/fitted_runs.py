@@ -10,6 +10,7 @@ from testbench.model.laws import for_load_history, model_for
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.colours import MEASURED, NOMINAL, look
+from testbench.report.loads import loads, on_tool
 from testbench.report.scene import (
     Layer,
     ModelLine,
@@ -19,6 +20,7 @@ from testbench.report.scene import (
     RunChart,
     Scene,
     arrow_scale,
+    at_one_target,
     largest_and_even,
     of_all,
     workspace,
@@ -32,8 +34,8 @@ from testbench.workflows.workspace_errors import ErrorPlaces
 
 MOVED, LEFT = 0.12, 0.2  #: Length of most arrows of deflections and of errors over the reach [1].
 LEFT_MM = "What is left in each run, at the target where it is worst (mm)"
-ASIDE = 0.012  #: Arrows of two models start so far apart over the reach, as one would hide the other [1].
 NOWHERE = "no bound"
+NEXT = "Measure next"  #: What is written where the chosen model is least sure.
 
 
 def seen(cell: Cell, identified: IdentifyResult, f: Row, left: Mapping[str, Array]) -> PageContent:
@@ -85,29 +87,26 @@ def _runs(
     M, A = arrow_scale(moved, MOVED * reach), arrow_scale(off[taken], LEFT * reach)
     before = data.before[some] + hidden
     at = before + M * moved
+    start, one = at_one_target(at, off, taken)
     vjm = model_for(cell.vjm, identified.taken.structure)
     where = chain(for_load_history(vjm, data.taken_off, some), data.q[some])
     load = generalised_load(where, data.wrench[some], data.point[some])
     theta = joint_law_rotations(vjm, (identified.taken.C_theta @ load).T)  # Eq. (6)
     rows = [f.residuals[k] for k in some]
-    aside = ASIDE * reach * np.eye(3)[0] * (np.arange(len(off)) - (len(off) - 1) / 2)[:, None]
+    bent = elastic_frames(cell.plant, data.q[some], M * theta)
+    looks = {name: _line(f, name, at).look for name in one}
     errors = [
-        Layer(
-            f"error of {name}",
-            (drawn := _line(f, name, at).look).colour,
-            drawn.stroke,
-            start,
-            start - A * own,
-        )
-        for (name, own), start in zip(off.items(), at + aside[:, None, None], strict=True)
+        Layer(f"error of {name}", looks[name].colour, looks[name].stroke, start, start - A * own)
+        for name, own in one.items()
     ]
     poses = PoseGroup(
         name="Runs, against their readings",
         names=[f"Run {row.which_run}" for row in rows],
         words=[_said(row, list(left), cell.arm.words(data.q[k])) for row, k in zip(rows, some, strict=True)],
         rigid=rigid_frames(cell.room, data.q[some]),
-        bent=elastic_frames(cell.plant, data.q[some], M * theta),
+        bent=bent,
         layers=[
+            *loads(on_tool(cell, bent, data.point[some]), data.wrench[some, :3], reach),
             Layer("targets read unloaded", NOMINAL, "dots", before),
             Layer("read under load", MEASURED, "dots", at),
             Layer("deflection as read", MEASURED, "lines", before, at),
@@ -115,7 +114,7 @@ def _runs(
         ],
         first=int(largest_vector(left[taken])[some].argmax()),
     )
-    return poses, f"Deflections x {M:g}, arrows of errors from reading to model x {A:g}."
+    return poses, f"Deflections x {M:g}; arrows: errors at the worst target, from reading to model, x {A:g}."
 
 
 def _said(row: Row, names: list[str], joints: str) -> str:
@@ -130,7 +129,9 @@ def _places(cell: Cell, errors: ErrorPlaces, taken: str) -> PoseGroup:
     words = [f"The tool moves {moved:.3f} mm, {_bound(mm)} (95 %). {joints}." for moved, mm, joints in sizes]
     tool = Layer("tool", MEASURED, "dots", np.array(errors.position_m)[:, None])
     first = int(np.nan_to_num(half).argmax())
-    return replace(workspace(cell, q, words, [tool], first), name="Workspace, under the largest load")
+    words[first] = f"{NEXT}: here the model is least sure. {words[first]}"
+    poses = workspace(cell, q, words, [tool], first)
+    return replace(poses, name="Workspace, under the largest load", fixed=True)
 
 
 def _bound(mm: float) -> str:
@@ -148,4 +149,5 @@ def _map(f: Row, group: int) -> PlaceMap:
         [_line(f, name, mm) for name, mm in half.items()],
         heading="How sure it is elsewhere",
         without="" if all(np.isfinite(mm).all() for mm in half.values()) else NOWHERE,
+        worst_is="next: +-",
     )

@@ -65,7 +65,6 @@ def write_run(out: Path, run_request: RunRequest, report: Report, page: PageCont
         found = (run_request.more(folder) if run_request.more else None) or {}
         files.write_json(report.json(), folder / f"{run_request.stem}.json")
         (folder / f"{run_request.stem}.md").write_text(report.whole(), encoding="utf-8")
-        picture = folder / run_request.picture
         tables = page.tables or [table for table in report.tables.values() if table.rows]
         drawn = typical_first(replace(page, tables=tables))
         header = RecordingHeader(
@@ -82,7 +81,7 @@ def write_run(out: Path, run_request: RunRequest, report: Report, page: PageCont
 
         views: list[Callable[[], object]] = [
             write_figures,
-            lambda: write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture}),
+            lambda: write_run(folder / "recording.rrd", header, report, drawn, {}),
             lambda: write_page(folder, f"{run_request.command}: {run_request.name}", report, drawn),
         ]
         if run_request.map and page.map and any(np.isfinite(line.values).any() for line in page.map.lines):

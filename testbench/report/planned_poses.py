@@ -10,8 +10,9 @@ from testbench.design.planning import Plan
 from testbench.errors import Array
 from testbench.model.vjm import chain, tool_points
 from testbench.plant.shapes import rigid_frames
-from testbench.report.colours import GREY, LOAD, MEASURED, NOMINAL, TASK, Look
+from testbench.report.colours import GREY, MEASURED, NOMINAL, TASK, Look
 from testbench.report.colours import look as look_of
+from testbench.report.loads import loads, trackers
 from testbench.report.scene import (
     Layer,
     ModelLine,
@@ -31,9 +32,8 @@ from testbench.workflows.plan import Planned
 from testbench.workflows.workspace_errors import ErrorPlaces
 
 OURS, WORK = look_of("ALL153", "psd", prior=True), Look(TASK, 1, prior=True)
-ORDER, UNSCALED = "Plan, in the order of measuring", "Nothing is magnified; loads are arrows of one length."
+ORDER, UNSCALED = "Plan, in the order of measuring", "Nothing is magnified; weights have the size of steel."
 SPECKS, NUMBERED = 600, 20  #: Candidates that are drawn, and planned poses whose number is, at most.
-FORCE = 0.2  #: Length of a load's arrow over the reach [1].
 NOWHERE = "no bound"
 
 
@@ -48,7 +48,14 @@ class World:
     candidates: Array  #: Tools of the feasible poses, (c, 3) [m].
 
     def poses(
-        self, name: str, named: Mapping[str, str], q: Array, layers: Sequence[Layer], first: int = 0
+        self,
+        name: str,
+        named: Mapping[str, str],
+        q: Array,
+        layers: Sequence[Layer],
+        first: int = 0,
+        *,
+        ordered: bool = False,
     ) -> PoseGroup:
         """Draw the arm in poses, with what is said of each by its name.
 
@@ -58,13 +65,15 @@ class World:
             q: Poses, (poses, n) [rad, m].
             layers: What is drawn beside the arm.
             first: Pose that is shown first.
+            ordered: Whether the poses follow each other.
 
         Returns:
             The group.
         """
         every = [*layers, *self._still()]
         frames = rigid_frames(self.cell.room, q)
-        return PoseGroup(name, list(named), list(named.values()), frames, None, every, first)
+        words = list(named.values())
+        return PoseGroup(name, list(named), words, frames, None, every, first, ordered=ordered)
 
     def measured(self, q: Array, force: Array) -> list[Layer]:
         """Draw markers, lines of sight and loads of poses that are measured.
@@ -84,7 +93,7 @@ class World:
         return [*layers, *self.pulled(q, force)]
 
     def pulled(self, q: Array, force: Array) -> list[Layer]:
-        """Draw what hangs or pulls, all arrows of one length.
+        """Draw what hangs or pulls.
 
         Args:
             q: Poses, (poses, n) [rad, m].
@@ -93,12 +102,8 @@ class World:
         Returns:
             The layers.
         """
-        if not force.any():
-            return []
-        hook = tool_points(self.cell.vjm, q, self.cell.vjm.load[None])
-        size = np.linalg.norm(force, axis=1, keepdims=True)
-        way = np.divide(force, size, out=np.full(force.shape, np.nan), where=size > 0)
-        return [Layer("load", LOAD, "arrows", hook, hook + FORCE * self.cell.vjm.reach * way[:, None])]
+        hook = tool_points(self.cell.vjm, q, self.cell.vjm.load[None])[:, 0]
+        return loads(hook, force, self.cell.vjm.reach)
 
     def all_over(self, q: Array, words: Sequence[str], first: int = 0) -> PoseGroup:
         """Draw the arm all over the workspace.
@@ -125,7 +130,7 @@ class World:
         if len(self.tasks):
             layers.append(Layer("tasks", TASK, "dots", self.tasks[None]))
         if self.station is not None:
-            layers.append(Layer("tracker", MEASURED, "dots", np.array([[self.station]]), labels=["tracker"]))
+            layers.append(trackers(np.array(self.station)))
         return layers
 
 
@@ -144,7 +149,7 @@ def seen(made: Planned, f: Row) -> PageContent:
     world = World(cell, f.tracker_m, plan, work, chain(cell.vjm, made.found.q).position)
     force = np.array([row.get("pull_N") or [0, 0, -GRAVITY * row.get("load_kg", 0.0)] for row in f.plan])
     named = {f"Run {row.run}": _said(cell, row, q) for row, q in zip(f.plan, made.plan.q, strict=True)}
-    groups = [world.poses(ORDER, named, made.plan.q, world.measured(made.plan.q, force))]
+    groups = [world.poses(ORDER, named, made.plan.q, world.measured(made.plan.q, force), ordered=True)]
     charts = [_chart(0, f.plan)]
     if isinstance(made.plan, Plan):
         every = made.plan.specification.tasks.q

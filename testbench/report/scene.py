@@ -1,16 +1,17 @@
 """Contents of pictures, pages and recordings of a run: arms in poses, layers, charts, maps."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from testbench.errors import Array, Ids
 from testbench.model.structure import JOINTS
 from testbench.plant.shapes import BodyFrames, rigid_frames
-from testbench.report.colours import Colour, Look
+from testbench.report.colours import GREY, SCALE, Colour, Look
 from testbench.report.schema import Table
 
 if TYPE_CHECKING:
@@ -25,15 +26,20 @@ DEEP = 1e-3  #: Least error on a logarithmic scale over the greatest [1].
 
 @dataclass(frozen=True)
 class Layer:
-    """Dots, small ones, arrows or lines, the same number in every pose, or the same in all of them."""
+    """Marks of one kind, the same number in every pose, or the same in all of them.
+
+    Dots, small ones, arrows, lines; tubes, coloured by a number each; weights on cords; trackers on tripods.
+    """
 
     name: str  #: For the legend.
     colour: Colour
-    kind: Literal["dots", "specks", "arrows", "lines"]
+    kind: Literal["dots", "specks", "arrows", "lines", "tubes", "weights", "trackers"]
     at: Array  #: Where they are or begin, (poses, k, 3), of what stands still (1, k, 3) [m]; NaN: none.
-    to: Array | None = None  #: Where arrows and lines end, as many [m].
+    to: Array | None = None  #: Where arrows, lines, tubes and the cords of weights end, as many [m].
     labels: Sequence[str] = ()  #: What stands beside each, (k,); none if empty.
     shown: bool = True  #: Whether it is visible at first.
+    values: Array | None = None  #: Of tubes, on one scale in the scene, (k,) [mm]; NaN where there is none.
+    radius: float = 0.0  #: Of weights: cylinders, as high as wide [m].
 
 
 @dataclass(frozen=True)
@@ -48,8 +54,12 @@ class PoseGroup:
     layers: Sequence[Layer] = ()
     first: int = 0  #: Index of the pose that is shown first.
     worst: int | None = None  #: Index of the worst, where the first is typical: see `typical_first`.
-    #: What the eye sees from the broad side, (n, 3) [m]; all that is drawn if None.
+    #: What the eye sees from the broad side, (n, 3) [m]; all that is drawn if None. Groups of the first one's
+    #: poses with this are insets beside it.
     near: Array | None = None
+    ordered: bool = False  #: Whether the poses follow each other, as along a path.
+    #: Whether a reader lands on the first whatever its errors are: see `typical_first`.
+    fixed: bool = False
 
 
 def workspace(
@@ -67,6 +77,18 @@ class Scene:
     cell: "Cell"
     title: str  #: What is magnified, and how much.
     groups: Sequence[PoseGroup]  #: The first one is shown first.
+
+    @property
+    def insets(self) -> list[PoseGroup]:
+        """The groups that show parts of the first one from near."""
+        first, *others = self.groups
+        return [group for group in others if group.near is not None and group.rigid is first.rigid]
+
+    @property
+    def tube_scale(self) -> "ErrorScale | None":
+        """What the colours of all tubes mean; None where there are none."""
+        sizes = [layer.values for group in self.groups for layer in group.layers if layer.values is not None]
+        return scale_of(*sizes) if any(np.isfinite(mm).any() for mm in sizes) else None
 
 
 @dataclass(frozen=True)
@@ -104,6 +126,7 @@ class PlaceMap:
     lines: Sequence[ModelLine]
     heading: str = "Where it errs"
     without: str = ""  #: What a ring means, a place without a value.
+    worst_is: str = "worst"  #: What is written at the largest number of the last line.
 
     @property
     def difference(self) -> tuple[ModelLine, ModelLine] | None:
@@ -145,6 +168,9 @@ def typical_first(page: PageContent) -> PageContent:
         return page
     groups = []
     for k, pose_group in enumerate(page.scene.groups):
+        if pose_group.fixed:
+            groups.append(pose_group)
+            continue
         lead = sorting_numbers(pose_group, charts_of(page, k))[-1:]
         order = [k for size in lead for k in np.argsort(size, kind="stable") if np.isfinite(size[k])]
         middle = int(order[(len(order) - 1) // 2]) if order else pose_group.first
@@ -181,6 +207,24 @@ def of_all(shown: int, total: int, noun: str) -> str:
     return "" if shown == total else f"{shown} of {total:,} {noun}, the worst among them"
 
 
+def at_one_target(at: Array, errors: Mapping[str, Array], lead: str) -> tuple[Array, dict[str, Array]]:
+    """Errors of models at one target a pose: that where a model errs most. Arrows of more are a tangle.
+
+    Args:
+        at: Where arrows begin, (poses, m, 3) [m].
+        errors: Of models, (poses, m, 3) [m]; NaN where a target was not read.
+        lead: The model.
+
+    Returns:
+        Where they begin and the errors there, (poses, 1, 3) [m].
+    """
+    size = np.linalg.norm(errors[lead], axis=-1)
+    one = np.nan_to_num(size, nan=-1.0).argmax(axis=-1)[:, None, None]
+    return np.take_along_axis(at, one, 1), {
+        name: np.take_along_axis(off, one, 1) for name, off in errors.items()
+    }
+
+
 def arrow_scale(vectors: Array, longest: float) -> float:
     """Magnification by which 95 % of arrows, (..., 3) [m], are drawn no longer than that [m]; NaN: none.
 
@@ -199,7 +243,7 @@ def arrow_scale(vectors: Array, longest: float) -> float:
 
 @dataclass(frozen=True)
 class ErrorScale:
-    """What colours and sizes mean, the same in all maps that stand side by side."""
+    """What colours and sizes mean, the same in all maps or tubes that stand side by side."""
 
     ends: tuple[float, float]  #: Least and greatest error; what is less is drawn as the least [mm].
     logarithmic: bool
@@ -237,3 +281,20 @@ def scale_of(*errors_mm: Array) -> ErrorScale:
     low, high = float(every.min()), float(every.max())
     far = high > APART * min(float(np.median(mm)) for mm in errors_mm)
     return ErrorScale((max(low, DEEP * high) if far else low, high), far)
+
+
+def shades(share: Array) -> npt.NDArray[np.uint8]:
+    """Colours of places on a scale, 0 to 1, (n,) to (n, 3): the greater the error, the brighter."""
+    at = np.linspace(0, 1, len(SCALE))
+    parts = [np.rint(np.interp(share, at, part)) for part in zip(*SCALE, strict=True)]
+    return np.column_stack(parts).astype(np.uint8)
+
+
+def tube_colours(layer: Layer, scale: ErrorScale | None) -> npt.NDArray[np.uint8]:
+    """Colours of the parts of a tube on the scale of all, (k, 3); grey where there is no error."""
+    values = np.full(layer.at.shape[1], np.nan) if layer.values is None else layer.values
+    colours = np.tile(np.array(GREY, dtype=np.uint8), (len(values), 1))
+    known = np.isfinite(values)
+    if scale is not None and known.any():
+        colours[known] = shades(scale.shares(values[known]))
+    return colours

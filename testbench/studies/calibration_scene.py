@@ -10,7 +10,8 @@ from testbench.errors import Array
 from testbench.files.read_pairs import from_text
 from testbench.files.write import write_csv
 from testbench.plant.shapes import elastic_frames, origins, rigid_frames
-from testbench.report.colours import LOAD, MEASURED, Look, look_of
+from testbench.report.colours import MEASURED, Look, look_of
+from testbench.report.loads import loads, on_tool
 from testbench.report.scene import (
     Layer,
     ModelLine,
@@ -20,6 +21,7 @@ from testbench.report.scene import (
     RunChart,
     Scene,
     arrow_scale,
+    at_one_target,
     largest_and_even,
     of_all,
 )
@@ -28,8 +30,7 @@ from testbench.studies.study import AnyRun
 from testbench.workflows.cell import Cell, Setup, settle_both
 from testbench.workflows.rows import MM
 
-ARROWS = 0.25  #: Length of an arrow longer than 95 % of all over the reach of the arm [1].
-FORCE = 0.2  #: Length of the arrow of the largest force over the reach [1].
+ARROWS = 0.25  #: Length of an arrow longer than 95 % of those of a model over the reach of the arm [1].
 LONGEST = 0.3  #: The same of errors alone.
 OVER = "Error in each pose, against the truth, RMS over the markers (mm)"
 LEFT = "What is left in each run, against its readings, RMS over the markers (mm)"
@@ -38,11 +39,11 @@ LEFT = "What is left in each run, against its readings, RMS over the markers (mm
 def with_errors(
     poses: PoseGroup, at: Array, errors: Mapping[str, Array], looks: Mapping[str, Look], scale: float
 ) -> tuple[PoseGroup, list[ModelLine]]:
-    """Add the errors of models to poses as arrows and in words; and make lines of them.
+    """Add the errors of models to poses as arrows at one point and in words; and make lines of them.
 
     Args:
         poses: All else that is drawn.
-        at: Where arrows begin, (poses, m, 3) [m].
+        at: Where arrows may begin, (poses, m, 3) [m].
         errors: Of models, where the last one errs most is shown first, (poses, m, 3) [m].
         looks: Of the models.
         scale: Magnification of the arrows.
@@ -58,9 +59,10 @@ def with_errors(
         ", ".join(f"{model_line.name} {model_line.values[k]:.3f} mm" for model_line in lines)
         for k in range(len(at))
     ]
+    start, one = at_one_target(at, errors, next(reversed(errors)))
     arrows = [
-        Layer(f"error of {name}", looks[name].colour, looks[name].stroke, at, at + scale * off)
-        for name, off in errors.items()
+        Layer(f"error of {name}", looks[name].colour, looks[name].stroke, start, start + scale * off)
+        for name, off in one.items()
     ]
     drawn = replace(
         poses,
@@ -155,7 +157,8 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Pag
         for run, kind, pose in zip(measured.run.tolist(), kinds, measured.pose.tolist(), strict=True)
     ]
     reach = float(np.linalg.norm(over.before[:, 0], axis=-1).max())
-    scale = arrow_scale(np.array([*wrong.values()]), ARROWS * reach)
+    each = sorted(arrow_scale(off, ARROWS * reach) for off in wrong.values())
+    scale = each[(len(each) - 1) // 2]  # that of a model in the middle: the worst one has longer arrows
     (poses, by_place), (runs, by_run) = (
         with_errors(*_poses(cell, setup, data, of, size), errors, looks, scale)
         for data, of, errors in (
@@ -163,8 +166,11 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Pag
             (measured, ("Runs, against their readings", said), left),
         )
     )
+    title = (
+        f"Deflections x {size:g}; arrows: errors at the marker where the last model errs most, x {scale:g}."
+    )
     return PageContent(
-        scene=Scene(cell, f"Deflections x {size:g}, arrows of errors x {scale:g}.", [poses, runs]),
+        scene=Scene(cell, title, [poses, runs]),
         map=PlaceMap(OVER, 0, np.array(f.map.position_m), by_place),
         runs=[RunChart(LEFT, 1, "run", [str(run) for run in measured.run], by_run)],
     )
@@ -183,9 +189,8 @@ def _poses(
         M: Magnification.
     """
     before, after = settle_both(cell.plant, setup.truth, data.q, data.wrench, data.point)
-    at, load = before.markers + M * data.deflection, data.wrench[:, :3]
-    hook = before.tool + np.einsum("rxy,ry->rx", before.rotation, data.point)
-    force = FORCE * np.linalg.norm(before.tool, axis=1).max() * load / (np.abs(load).max() or 1.0)
+    at = before.markers + M * data.deflection
+    bent = elastic_frames(cell.plant, data.q, M * (after.theta - before.theta))
     moved = MM * np.linalg.norm(data.deflection, axis=-1).max(axis=1)
     poses = PoseGroup(
         *of,
@@ -194,10 +199,10 @@ def _poses(
             for mm, q in zip(moved.tolist(), data.q, strict=True)
         ],
         rigid=rigid_frames(cell.room, data.q),
-        bent=elastic_frames(cell.plant, data.q, M * (after.theta - before.theta)),
+        bent=bent,
         layers=[
             Layer("markers under load", MEASURED, "dots", at),
-            Layer("force", LOAD, "arrows", hook[:, None], (hook + force)[:, None]),
+            *loads(on_tool(cell, bent, data.point), data.wrench[:, :3], cell.vjm.reach),
         ],
     )
     return poses, at

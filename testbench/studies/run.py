@@ -130,11 +130,9 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     names = [*figures, *study.extra]
     if "data_file" in (first := found.first):
         (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")
-    page = typical_first(study.write(found) or PageContent())
-    write_run(
-        folder / "recording.rrd", found.header, report, page, {titled(name): folder / name for name in names}
-    )
-    write_page(folder, titled(study.name), report, replace(page, tables=_shown(study, report)))
+    page = typical_first(replace(study.write(found) or PageContent(), tables=_shown(study, report)))
+    write_run(folder / "recording.rrd", found.header, report, page, figures)
+    write_page(folder, titled(study.name), report, page)
     return names
 
 

@@ -136,17 +136,14 @@ def shown_runs(registered: RegisteredDataset, some: Ids) -> Row:
 
     Returns:
         Targets of the rigid arm (`nominal`) and as read unloaded (`before`), (runs, m, 3) [m]; tool position
-        `tool` and load point `hook`, (runs, 1, 3) [m]; direction of the force `way`, (runs, 1, 3).
+        `tool` and load point `hook`, (runs, 1, 3) [m].
     """
     data = registered.data
     hidden = np.where(data.seen[some], 0.0, np.nan)[..., None]
     position, rotation = tool_pose(registered.vjm, data.q[some])
-    force = data.wrench[some, :3]
-    size = np.linalg.norm(force, axis=1, keepdims=True)
     return Row(
         nominal=nominal_targets(registered)[some] + hidden,
         before=data.before[some] + hidden,
         tool=position[:, None],
         hook=(position + np.matvec(rotation, data.point[some]))[:, None],
-        way=np.divide(force, size, out=np.full(force.shape, np.nan), where=size > 0)[:, None],
     )

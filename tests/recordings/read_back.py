@@ -31,11 +31,11 @@ def on(chunks, timeline):
     return [c for c in chunks if c.is_static or timeline in c.timeline_names]
 
 
-def series(chunks, path, timeline="worst_first"):
-    """Scalars of an entity, sorted by a timeline; NaN where there is none."""
+def series(chunks, path, timeline="typical_first"):
+    """Scalars of an entity along a timeline from 1 on, NaN where there is none; at 0 one stands once more."""
     data = columns(on(chunks, timeline), path)
     rows = sorted(zip(data[timeline], data["Scalars:scalars"], strict=True))
-    return [v[0] if v else np.nan for _, v in rows]
+    return [v[0] if v else np.nan for at, v in rows if at > 0]
 
 
 def document(chunks, path):
@@ -80,7 +80,7 @@ def rerun(*args):
     return done.returncode, done.stdout + done.stderr
 
 
-BUDGET = 2 * 2**20
+BUDGET, TABS = 1_500_000, 4  #: Most bytes, and tabs: a question each.
 
 
 def sound(file, answer):
@@ -92,10 +92,15 @@ def sound(file, answer):
     assert "1 file verified without error" in rerun("verify", file)[1]
     assert file.stat().st_size < BUDGET
     chunks = chunks_of(file)
-    landed = on(chunks, "worst_first")
+    landed = on(chunks, "typical_first")
     for origin, kind, name in views(file):
         assert [c for c in landed if f"{c.entity_path}/".startswith(f"/{origin}/")], (origin, name)
         assert kind not in ("3D", "TimeSeries") or re.search(r"\((m|mm|um|urad|deg)[,)]", name), name
     assert max(panes(file)) <= 8
+    assert len(panes(file)) <= TABS
+    assert not [
+        chunk for chunk in chunks if any("Image" in name for name in chunk.to_record_batch().schema.names)
+    ]
+    assert {name for chunk in chunks for name in chunk.timeline_names} <= {"typical_first"}
     assert answer in document(chunks, "/summary")
     return chunks

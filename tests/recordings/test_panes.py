@@ -5,7 +5,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from testbench.report.colours import Look
-from testbench.report.recording.stream import RecordingHeader, layout, recording, text_view
+from testbench.report.recording.stream import RecordingHeader, recording, text_view
 
 ROWS = np.arange(3)
 RED = (200, 60, 20)
@@ -16,8 +16,9 @@ def written(path, *timelines):
     chart = rrb.TimeSeriesView(origin="chart", name="Chart")
     shown = rrb.Vertical(chart, text_view("text", "Text"), name="Charts")
     world = rrb.Spatial3DView(origin="world", name="Arm")
-    blueprint = layout(rrb.Horizontal(world, name="World"), shown, timeline="run", places=3)
-    with recording(path, RecordingHeader(path.stem, "{}", 1), blueprint) as pen:
+    tabs = rrb.Horizontal(world, name="World"), shown
+    with recording(path, RecordingHeader(path.stem, "{}", 1)) as pen:
+        pen.layout(*tabs, timeline="run", places=3)
         pen.still("world/arm/link", rr.Boxes3D(half_sizes=[0.1, 0.1, 0.5], colors=RED, fill_mode="solid"))
         for timeline in ("run", "load"):
             own = pen.on(rr.TimeColumn(timeline, sequence=ROWS))

@@ -6,17 +6,21 @@ import numpy as np
 import pytest
 import rerun as rr
 from made_up_run import LOOK, REPORT, made_up_run
-from PIL import Image
-from read_back import chunks_of, columns, document, on, rerun, series, sound, views
+from matplotlib.figure import Figure
+from read_back import chunks_of, columns, document, panes, rerun, series, sound, views
 from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
-from testbench.report.colours import SCALE, look
+from testbench.report.colours import GREY, SCALE, hexadecimal, look
+from testbench.report.loads import legs, loads
 from testbench.report.page.page import seen_plain
+from testbench.report.recording.figure_panes import _seen
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.run_figure import overview
-from testbench.report.scene import ModelLine, PageContent, typical_first
+from testbench.report.scene import ModelLine, PageContent, at_one_target, typical_first
+from testbench.report.schema import Table, TableColumn
+from testbench.report.table import Row
 
 
 @pytest.fixture(scope="module")
@@ -30,10 +34,17 @@ def written(path, seen, **figures):
 
 
 @pytest.fixture(scope="module")
-def chart(tmp_path_factory):
-    path = tmp_path_factory.mktemp("chart") / "chart.png"
-    Image.new("RGB", (40, 20)).save(path)
-    return path
+def chart():
+    """A figure of two panes side by side that share the names of their rows, and of a bar of colours."""
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    left.plot([1.0, 2.0], [0, 1], "o-", color="#C88304", label="MLS56")
+    left.barh([0, 1], [1.0, 2.0], 0.5, color="#43835C")
+    left.set_yticks([0, 1], ["MLS56  1.00", "Joints  2.00"])
+    right.set_yticks([0, 1], ["3.00", "4.00"])
+    for axes, title in ((left, "check"), (right, "workspace")):
+        axes.set(xlabel="error [mm]", title=title, xlim=(0, 2), ylim=(-0.5, 1.5))
+    return figure
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +57,9 @@ def chunks(file):
     return chunks_of(file)
 
 
-#: Pose 3 is worst, then 4, 0, 1; the pose without a number is last.
+#: Pose 3 is worst, then 4, 0, 1; the pose without a number is last. A reader lands on the first of the page.
 ORDER = [3, 4, 0, 1, 2]
+SHOWN = [3, *ORDER]
 
 
 def test_equal_runs_are_equal_recordings(file, seen, chart, tmp_path):
@@ -60,8 +72,7 @@ def test_it_is_whole_and_every_view_has_data_where_the_reader_lands(file):
     names = {name for _, _, name in views(file)}
     assert {
         "Runs (m): Errors x 10.",
-        "Left (mm), by run, a typical one, then the worst first",
-        "Error (mm), by pose, in order",  # its first pose is not the worst
+        "Left (mm), by run, the worst first",
     } <= names
 
 
@@ -74,12 +85,16 @@ def test_a_reader_lands_on_the_pose_of_median_error_then_on_the_worst(seen, tmp_
     assert (size[own.first], own.worst) == (known[(len(known) - 1) // 2], ORDER[0])
     assert seen_plain(drawn)["scene"]["groups"][0]["first"] == own.first
     chunks = chunks_of(written(tmp_path / "typical.rrd", drawn))
-    found = series(chunks, "/charts/runs/left_mm/one", "typical_first")
-    order = [own.first, *(k for k in ORDER if k != own.first)]
-    assert np.array(found, float) == pytest.approx(seen.runs[0].lines[-1].values[order], nan_ok=True)
-    assert np.array(series(chunks, "/charts/runs/left_mm/one"), float) == pytest.approx(
-        size[ORDER], nan_ok=True
-    )  # worst_first stays sorted
+    data = columns(chunks, "/here/runs")
+    texts = [t[0] for _, t in sorted(zip(data["typical_first"], data["TextDocument:text"], strict=True))]
+    assert [text.partition("**")[2][0] for text in texts] == ["abcde"[k] for k in (own.first, *ORDER)]
+    found = series(chunks, "/charts/runs/left_mm/one")
+    assert np.array(found, float) == pytest.approx(size[ORDER], nan_ok=True)
+    starts = zip(
+        *map(columns(chunks, "/charts/runs/left_mm/one").get, ("typical_first", "Scalars:scalars")),
+        strict=True,
+    )
+    assert dict(starts)[0] == []  # the typical one stands once in the curve, at its place
     left, right = overview_panes(drawn)
     assert left.startswith(f"{own.names[own.first]}, typical")
     assert right.startswith(f"{own.names[own.worst]}, worst")
@@ -97,29 +112,29 @@ def test_the_arm_and_its_ghost_stand_in_every_pose_worst_first(chunks, seen):
         moved = [
             c.entity_path for c in chunks if c.entity_path.startswith(f"/world/{root}/") and not c.is_static
         ]
-        data = columns(on(chunks, "worst_first"), sorted(set(moved))[-1])
-        keys = ("worst_first", "Transform3D:translation", "Transform3D:quaternion")
+        data = columns(chunks, sorted(set(moved))[-1])
+        keys = ("typical_first", "Transform3D:translation", "Transform3D:quaternion")
         _, at, turn = zip(*sorted(zip(*map(data.get, keys), strict=True)), strict=True)
-        apart = np.abs(np.reshape(at, (-1, 1, 3)) - frames.positions[ORDER]).max(axis=(0, 2))
+        apart = np.abs(np.reshape(at, (-1, 1, 3)) - frames.positions[SHOWN]).max(axis=(0, 2))
         assert apart.min() < 1e-6
         turned = Rotation.from_quat(np.reshape(turn, (-1, 4))).as_matrix()
-        assert turned == pytest.approx(frames.rotations[ORDER][:, apart.argmin()], abs=1e-6)
+        assert turned == pytest.approx(frames.rotations[SHOWN][:, apart.argmin()], abs=1e-6)
         assert [c.entity_path for c in chunks if c.entity_path.startswith("/world/arm_1/")]  # of the places
 
 
 def test_layers_are_where_the_page_has_them_and_what_was_lost_is_left_out(chunks, seen):
     dots, arrows, lines, _ = seen.scene.groups[0].layers
     data = columns(chunks, "/world/runs/target_as_read")
-    for rank, at in zip(data["worst_first"], data["Points3D:positions"], strict=True):
-        own = dots.at[ORDER[rank]]
+    for rank, at in zip(data["typical_first"], data["Points3D:positions"], strict=True):
+        own = dots.at[SHOWN[rank]]
         assert np.array(at) == pytest.approx(own[np.isfinite(own).all(axis=1)], abs=1e-6)
     data = columns(chunks, "/world/runs/error_of_one")
     for rank, start, way in zip(
-        data["worst_first"], data["Arrows3D:origins"], data["Arrows3D:vectors"], strict=True
+        data["typical_first"], data["Arrows3D:origins"], data["Arrows3D:vectors"], strict=True
     ):
-        known = np.isfinite(arrows.at[ORDER[rank]]).all(axis=1)
-        assert np.array(start) == pytest.approx(arrows.at[ORDER[rank]][known], abs=1e-6)
-        assert np.array(start) + np.array(way) == pytest.approx(arrows.to[ORDER[rank]][known], abs=1e-6)
+        known = np.isfinite(arrows.at[SHOWN[rank]]).all(axis=1)
+        assert np.array(start) == pytest.approx(arrows.at[SHOWN[rank]][known], abs=1e-6)
+        assert np.array(start) + np.array(way) == pytest.approx(arrows.to[SHOWN[rank]][known], abs=1e-6)
     [strips] = columns(chunks, "/world/runs/path_asked")["LineStrips3D:strips"]
     assert np.array(strips) == pytest.approx(np.stack([lines.at[0], lines.to[0]], axis=1), abs=1e-6)
     names = columns(chunks, "/world/runs/target_as_read_names")
@@ -139,9 +154,9 @@ def test_charts_hold_the_numbers_largest_first_with_their_intervals(chunks, seen
 
 
 def test_words_say_which_pose_is_shown_and_what_colours_are(chunks):
-    data = columns(on(chunks, "worst_first"), "/here/runs")
-    texts = [t[0] for _, t in sorted(zip(data["worst_first"], data["TextDocument:text"], strict=True))]
-    assert [text.partition("\n")[0] for text in texts] == [f"**{'abcde'[k]}** {k} mm off" for k in ORDER]
+    data = columns(chunks, "/here/runs")
+    texts = [t[0] for _, t in sorted(zip(data["typical_first"], data["TextDocument:text"], strict=True))]
+    assert [text.partition("\n")[0] for text in texts] == [f"**{'abcde'[k]}** {k} mm off" for k in SHOWN]
     assert all(f"{x}: " in texts[0] for x in ("rust dots", "green arrows", "green lines"))
     assert "hidden" not in texts[0]
     text = document(chunks, "/summary")
@@ -170,8 +185,6 @@ def test_a_map_has_a_ball_a_place_the_larger_and_brighter_the_more(chunks, seen)
     assert len(columns(chunks, "/world/map/one/none")["Ellipsoids3D:centers"][0]) == 1
     x, y, z = seen.map.at[k]
     assert f"- one: 5.000 mm, E, x {x:.2f}, y {y:.2f}, z {z:.2f} m" in document(chunks, "/map_words")
-    shown = series(chunks, "/charts/places/error_mm/one")
-    assert np.array(shown, float) == pytest.approx(mm, nan_ok=True)
 
 
 def test_the_winner_less_joint_stiffness_has_the_colour_of_the_one_that_errs_less(seen, tmp_path):
@@ -247,6 +260,128 @@ def test_seed_scenario_and_versions_are_properties(chunks):
     assert {"testbench", "mujoco", "pin", "rerun-sdk", "numpy"} <= set(versions)
 
 
-def test_a_run_without_a_scene_has_its_figures_and_tables(chart, tmp_path):
-    kinds = {kind for _, kind, _ in views(written(tmp_path / "a.rrd", PageContent(), Chart=chart))}
-    assert kinds == {"2D", "TextDocument"}
+def test_a_run_without_a_scene_opens_on_its_figures_drawn_anew(chart, tmp_path):
+    file = written(tmp_path / "a.rrd", PageContent(), Chart=chart)
+    chunks = sound(file, "It is 3.000 mm off.")
+    assert {kind for _, kind, _ in views(file)} == {"2D", "TextDocument"}
+    assert {"check", "workspace"} <= {name for *_, name in views(file)}
+    rows = [columns(chunks, f"/figures/chart_{k}/y_numbers")["Points2D:labels"] for k in (0, 1)]
+    assert rows == [[["MLS56 1.00", "Joints 2.00"]], [["MLS56 3.00", "Joints 4.00"]]]
+    assert columns(chunks, "/figures/chart_0/x_name")["Points2D:labels"] == [["error [mm]"]]
+    dots = np.array(columns(chunks, "/figures/chart_0/dots")["Points2D:positions"][0])
+    assert dots == pytest.approx(np.array([[80.0, 75.0], [160.0, 25.0]]))  # 160 wide, 100 high, downwards
+    strips = columns(chunks, "/figures/chart_0/lines")["LineStrips2D:strips"][0]
+    joined, *bars = [np.array(strip) for strip in strips]
+    assert joined == pytest.approx(dots)
+    assert [(bar[0, 0], bar[1, 0]) for bar in bars] == [
+        pytest.approx((12.5, 67.5)),
+        pytest.approx((12.5, 147.5)),
+    ]
+    assert columns(chunks, "/figures/chart_0/key_0")["Points2D:labels"] == [["MLS56"]]
+
+
+def test_what_is_dark_or_pale_on_paper_is_seen_on_any_ground():
+    assert _seen((0.1, 0.1, 0.1)) == _seen((1.0, 1.0, 1.0)) == GREY
+    assert _seen((1.0, 0.5, 0.0)) == (255, 128, 0)
+
+
+def test_models_are_bars_from_zero_each_with_its_name_and_number(seen, tmp_path):
+    rows = [Row(name=own.name, structure="MGCO56", constraint="psd", prior=own.name == "one", error=x)
+            for own, x in zip(seen.runs[0].lines, (0.4, 0.1), strict=True)]  # fmt: skip
+    table = Table(
+        (TableColumn("name", "model"), TableColumn("error", "error", "mm")), rows, "Models", "one", "error"
+    )
+    chunks = sound(written(tmp_path / "a.rrd", replace(seen, tables=[table])), "It is 3.000 mm off.")
+    assert columns(chunks, "/models/y_numbers")["Points2D:labels"] == [["one", "other"]]  # the best first
+    assert columns(chunks, "/models/texts")["Points2D:labels"] == [["0.100", "0.400"]]
+    ends = [
+        np.array(strip)[:, 0].max() for strip in columns(chunks, "/models/lines")["LineStrips2D:strips"][0]
+    ]
+    radii = columns(chunks, "/models/lines")["LineStrips2D:radii"][0]
+    reached = [end + radius for end, radius in zip(ends, radii, strict=True)]
+    assert reached[1] / reached[0] == pytest.approx(4.0)
+
+
+BEFORE, AFTER = np.array([4.0, 3, 2, np.nan]), np.array([1.0, 1, 1, 1])
+
+
+def test_a_path_has_its_order_its_colours_on_one_scale_and_its_insets_in_the_first_tab(seen, tmp_path):
+    first = seen.scene.groups[0]
+    path = np.linspace([1.0, 0, 1], [1.0, 1, 1], 5)[None]
+    tube = replace(first.layers[2], kind="tubes", at=path[:, :-1], to=path[:, 1:], labels=())
+    parts = [replace(tube, name=name, values=mm) for name, mm in (("before", BEFORE), ("after", AFTER))]
+    whole = replace(first, ordered=True, layers=parts)
+    insets = [replace(whole, name=part.name, layers=[part], near=path[0], bent=None) for part in parts]
+    page = replace(seen, scene=replace(seen.scene, groups=[whole, *insets]), map=None)
+    file = written(tmp_path / "path.rrd", page)
+    chunks = sound(file, "It is 3.000 mm off.")
+    assert page.scene.insets == insets
+    assert len(panes(file)) == 2  # that of the arm, and the tables
+    assert page.scene.tube_scale.ends == (1.0, 4.0)
+    shades = {}
+    for name in ("before", "after"):
+        colours = columns(chunks, f"/world/{name}/{name}")["LineStrips3D:colors"][0]
+        shades[name] = [(c >> 24, c >> 16 & 255, c >> 8 & 255) for c in colours]
+    assert shades["before"][0] == SCALE[-1]
+    assert shades["before"][-1] == GREY
+    assert shades["after"] == [SCALE[0]] * 4
+    found = series(chunks, "/charts/runs/left_mm/one")
+    assert np.array(found, float) == pytest.approx(seen.runs[0].lines[-1].values, nan_ok=True)
+    drawn = seen_plain(page)["scene"]["groups"][0]["layers"]
+    assert drawn[0]["colours"][0] == hexadecimal(SCALE[-1])
+    assert drawn[1]["colours"] == [hexadecimal(SCALE[0])] * 4
+
+
+def test_a_weight_hangs_below_its_hook_as_large_as_steel_and_a_force_is_an_arrow_of_its_length(
+    seen, tmp_path
+):
+    hook = np.array([[1.0, 0, 2], [2.0, 0, 1], [0.0, 1, 1], [1.0, 1, 1], [1.0, 0, 1]])
+    force = np.array([[0, 0, -981.0], [0, 0, -981.0], [300.0, 0, 0], [-300.0, 0, 0], [0, 0, 0]])
+    weight, push = loads(hook, force, reach=3.0)
+    assert (weight.kind, weight.labels, push.kind, push.labels) == (
+        "weights",
+        ["100 kg"],
+        "arrows",
+        ["300 N"],
+    )
+    assert 2 * np.pi * weight.radius**3 * 7850 == pytest.approx(100, rel=1e-6)
+    assert np.isfinite(weight.at[:, 0, 0]).tolist() == [True, True, False, False, False]
+    assert np.isfinite(push.at[:, 0, 0]).tolist() == [False, False, True, True, False]
+    assert (push.to - push.at)[2:4, 0] == pytest.approx(0.2 * 3 * force[2:4] / 981)
+    assert push.to[3, 0] == pytest.approx(hook[3])  # into the arm: it ends there, or the arm would hide it
+    own = replace(seen.scene.groups[0], layers=[weight, push])
+    file = written(tmp_path / "a.rrd", replace(seen, scene=replace(seen.scene, groups=[own]), map=None))
+    chunks = sound(file, "It is 3.000 mm off.")
+    bodies = columns(chunks, "/world/runs/load_body")
+    for rank, at in zip(bodies["typical_first"], bodies["Cylinders3D:centers"], strict=True):
+        here = np.isfinite(weight.at[SHOWN[rank], 0, 0])
+        below = weight.to[SHOWN[rank]] - [0, 0, weight.radius]
+        assert np.array(at or np.zeros((0, 3))) == pytest.approx(
+            below if here else np.zeros((0, 3)), abs=1e-6
+        )
+
+
+def test_masses_and_forces_that_differ_are_told_apart():
+    hook, down = np.ones((6, 3)), np.array([0, 0, -9.81])
+    several = loads(hook, np.outer([1, 1, 2, 2, 3, 3], down), 1.0)
+    assert [own.labels for own in several] == [["1 kg"], ["2 kg"], ["3 kg"]]
+    assert several[0].radius < several[2].radius
+    [many] = loads(hook, np.outer(np.arange(1, 7), down), 1.0)
+    assert (many.name, many.labels) == ("load, 1 to 6 kg", ())
+    assert loads(hook, np.zeros((6, 3)), 1.0) == []
+
+
+def test_a_tracker_stands_on_the_floor_where_that_is_near():
+    feet = legs(np.array([[1.0, 2, 1.5], [0.0, 0, -3]]))[:, 1]
+    assert feet[:3, 2] == pytest.approx(0.0)
+    assert (feet[3:, 2] < -3).all()
+
+
+def test_errors_are_drawn_at_the_target_where_the_model_errs_most():
+    at = np.arange(18.0).reshape(2, 3, 3)
+    errors = {"a": np.ones((2, 3, 3)), "b": np.zeros((2, 3, 3))}
+    errors["b"][0, 1], errors["b"][1, 2], errors["b"][1, 0] = 1.0, 2.0, np.nan
+    start, one = at_one_target(at, errors, "b")
+    assert start[:, 0] == pytest.approx(at[[0, 1], [1, 2]])
+    assert one["b"][:, 0] == pytest.approx(np.array([[1.0] * 3, [2.0] * 3]))
+    assert one["a"].shape == (2, 1, 3)

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from read_back import chunks_of, columns
 
 from testbench.plant.shapes import elastic_frames, join_meshes, rigid_frames, visual_shapes
-from testbench.report.recording.stream import RecordingHeader, layout, recording
+from testbench.report.recording.stream import RecordingHeader, recording
 from testbench.report.recording.world import reach, write_arm
 from testbench.workflows.cell import build_cell, settle_both
 
@@ -106,8 +106,8 @@ def test_joined_meshes_keep_their_triangles(mesh_arm):
 
 def drawn(cell, tmp_path):
     """The arm in a recording, by entity."""
-    view = layout(rrb.Spatial3DView(origin="world"), timeline="pose", places=1)
-    with recording(tmp_path / "arm.rrd", RecordingHeader("arm", "{}", 1), view) as pen:
+    with recording(tmp_path / "arm.rrd", RecordingHeader("arm", "{}", 1)) as pen:
+        pen.layout(rrb.Spatial3DView(origin="world"), timeline="pose", places=1)
         frames = rigid_frames(cell.room, np.zeros((1, cell.arm.n_joints)))
         write_arm(pen.on(rr.TimeColumn("pose", sequence=[1])), cell, "arm", frames, None)
     return chunks_of(tmp_path / "arm.rrd")

@@ -7,12 +7,16 @@ import numpy as np
 import pytest
 from campaign_rows import COVERED, EXPECTED, GRIDS, MODELS, TRIALS
 from checks import check_spread, curves
+from read_back import sound, views
 from reports import check, table_of
 
 from testbench.plant.true_arms import CALLED, HELD_OUT
 from testbench.report.badge import LEAST_SQUARES
 from testbench.report.columns import KNOWN
+from testbench.report.recording.run import write_run
+from testbench.report.recording.stream import RecordingHeader
 from testbench.report.report import read
+from testbench.report.scene import PageContent
 from testbench.report.table import SHARED
 from testbench.runs.spread import Spread, middle
 from testbench.studies.campaign import family, grids
@@ -141,6 +145,20 @@ def test_figures_are_drawn_alike_from_the_report_and_from_what_is_read_back(whol
             assert lines[0]
             for x, y in zip(*lines, strict=True):
                 np.testing.assert_allclose(x, y, rtol=1e-3)  # dots of tables have four digits
+
+
+def test_a_recording_opens_on_the_panes_of_the_figures_and_no_view_is_an_image(whole, tmp_path):
+    figures = whole.study.figures(whole.found)
+    tables = [whole.found.tables[name] for name in whole.study.printed]
+    file = tmp_path / "recording.rrd"
+    write_run(file, RecordingHeader(whole.name, "{}", 1), whole.found, PageContent(tables=tables), figures)
+    sound(file, whole.found.block("question"))
+    titles = [" ".join(own.get_title().split()) for figure in figures.values() for own in figure.axes]
+    kinds = [(kind, name) for _, kind, name in views(file)]
+    assert {kind for kind, _ in kinds} == {"2D", "TextDocument"}
+    shown = [name for kind, name in kinds if kind == "2D"]
+    assert shown
+    assert set(shown) <= set(titles)
 
 
 def test_noise_costs_what_it_adds_in_quadrature_and_the_figure_shows_both_arms():

@@ -196,11 +196,19 @@ def test_what_is_drawn_of_a_plan_are_its_poses_loads_and_errors(made, f, kr500):
     sights = layers["lines of sight"]
     np.testing.assert_allclose(sights.at, np.broadcast_to(f.tracker_m, sights.at.shape))
     np.testing.assert_allclose(sights.to, tool_points(kr500.vjm, q, kr500.vjm.markers))
-    load = layers["load"]
-    np.testing.assert_allclose(load.at, tool_points(kr500.vjm, q, kr500.vjm.load[None]))
+    hook = tool_points(kr500.vjm, q, kr500.vjm.load[None])
+    hangs = np.array([not row.pull_N for row in f.plan])
     ways = np.array([row.pull_N or [0, 0, -1] for row in f.plan], dtype=float)
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    np.testing.assert_allclose((load.to - load.at)[:, 0], 0.2 * kr500.vjm.reach * ways, atol=1e-12)
+    there = np.zeros(len(f.plan), dtype=int)
+    for load in (own for own in order.layers if own.name.startswith(("load", "force"))):
+        here = np.isfinite(load.at[:, 0, 0])
+        there += here
+        assert (hangs[here] == (load.kind == "weights")).all()
+        way = (load.to - load.at)[here, 0]
+        np.testing.assert_allclose(way / np.linalg.norm(way, axis=1)[:, None], ways[here], atol=1e-9)
+        assert (np.isclose(load.at[here], hook[here]) | np.isclose(load.to[here], hook[here])).all()
+    assert (there == 1).all()  # each pose has its own load
     at_tasks, at_poses = drawn.runs
     assert [chart.group for chart in drawn.runs] == [1, 0]
     for chart, rows, own in ((at_tasks, f.tasks, WORK), (at_poses, f.plan, OURS)):

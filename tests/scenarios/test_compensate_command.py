@@ -34,7 +34,7 @@ from testbench.workflows.program import correct_program
 
 TIP, SPINDLE = np.array([0.1, 0.0, 0.05]), np.array([1.0, 0.0, 0.0])
 FEED, CROSS, AXIAL = -700.0, 500.0, -900.0
-OFF = "/charts/path_from_near/how_far_the_loaded_tool_is_off_at_each_point_mm"
+OFF = "/charts/whole_arm/how_far_the_loaded_tool_is_off_at_each_point_mm"
 START = np.array([0.3, -1.2, 1.6, 0.3, -0.5, 0.1])
 POINTS = 12
 
@@ -267,12 +267,12 @@ def test_page_and_recording_draw_where_the_corrected_tool_may_be(bounded):
     half = [[float(row[f"half_95_{x}_mm"]) / 1e3 for x in "xyz"] for row in table(out / "right.csv")]
     page = drawn_in(out / "right_report" / "report.html")["scene"]
     [times] = times_of(page["title"])
-    [layer] = [own for own in page["groups"][0]["layers"] if own["name"].startswith("where it may be")]
+    [layer] = [own for own in page["groups"][2]["layers"] if own["name"].startswith("where it may be")]
     at, to = (np.array(layer[key][0]).reshape(-1, 3, 3) / 1e4 for key in ("at", "to"))
     wanted = 2 * np.array(half)[:, :, None] * np.eye(3)
     np.testing.assert_allclose((to - at) / times, wanted, atol=2e-4 / times)
-    chunks = on(sound(out / "right_report" / "recording.rrd", "mm as programmed"), "worst_first")
-    lines = columns(chunks, "/world/path_from_near/where_it_may_be_95")["LineStrips3D:strips"][0]
+    chunks = on(sound(out / "right_report" / "recording.rrd", "mm as programmed"), "typical_first")
+    lines = columns(chunks, "/world/corrected_program_from_near/where_it_may_be_95")["LineStrips3D:strips"][0]
     strips = np.array(lines).reshape(-1, 3, 2, 3)
     np.testing.assert_allclose((strips[:, :, 1] - strips[:, :, 0]) / times, wanted, atol=1e-6)
 
@@ -286,9 +286,9 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
     assert report["said"]["answer"].endswith(bounds)  # bound beside bound
     within = {"uncorrected_program_within_95": "before_most_mm", "corrected_program_within_95": "most_mm"}
     for name, key in within.items():  # a bound beside a bound
-        found = series(chunks, f"{OFF}/{name}", "pose")
+        found = series(chunks, f"{OFF}/{name}")
         np.testing.assert_allclose(found, [row[key] for row in report["rows"]], rtol=1e-6)
-    assert {c.entity_path for c in chunks if c.entity_path.startswith("/charts/path")} == {
+    assert {c.entity_path for c in chunks if c.entity_path.startswith("/charts")} == {
         f"{OFF}/{name}" for name in within
     }
     unseen = fine("compensate", folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")

@@ -21,8 +21,9 @@ from testbench.files.robot.meshes import decimated, hull_of
 from testbench.files.robot.robot import Surface
 from testbench.plant.shapes import BodyFrames, Shape, corners, quaternions, visual_shapes
 from testbench.report.colours import SCALE, Look, hexadecimal
+from testbench.report.loads import legs
 from testbench.report.markdown import ReportWords, as_plain
-from testbench.report.scene import PageContent, PoseGroup
+from testbench.report.scene import ErrorScale, PageContent, PoseGroup, tube_colours
 from testbench.report.schema import Table, TableColumn, brackets, looks
 from testbench.runs import provenance as files
 from testbench.runs.spread import Spread, dotted, inner
@@ -183,7 +184,7 @@ def seen_plain(page: PageContent) -> Json:
     scene = page.scene and {
         "title": page.scene.title,
         "solids": [_solid(shape) for shape in visual_shapes(page.scene.cell.room)],
-        "groups": [_group(pose_group) for pose_group in page.scene.groups],
+        "groups": [_group(pose_group, page.scene.tube_scale) for pose_group in page.scene.groups],
     }
     parts = {"map": _map(page), "runs": plain(page.runs), "tables": [grid(table) for table in page.tables]}
     return {"scene": scene, **parts, "ramp": SCALE}
@@ -198,8 +199,13 @@ def _map(page: PageContent) -> Json | None:
     return {**plain(page.map), "difference": both and [lines.index(model_line) for model_line in both]}
 
 
-def _group(pose_group: PoseGroup) -> Json:
-    found: Json = plain(replace(pose_group, near=None))
+def _group(pose_group: PoseGroup, scale: ErrorScale | None) -> Json:
+    found = plain(replace(pose_group, near=None))
+    for layer, own in zip(pose_group.layers, found["layers"], strict=True):
+        if layer.kind == "tubes":
+            own["colours"] = [hexadecimal(tuple(map(int, each))) for each in tube_colours(layer, scale)]
+        if layer.kind == "trackers":
+            own["legs"] = _whole(legs(layer.at[0]))
     return found if pose_group.near is None else {**found, "near": _near(pose_group.near)}
 
 

@@ -10,14 +10,14 @@ class Camera {
   }
 
   /** A camera that has all points in view, x, y, z one after the other. */
-  static around(points, yaw, pitch) {
+  static around(points, yaw, pitch, aspect = 1) {
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     points.forEach((x, k) => ((low[k % 3] = Math.min(low[k % 3], x)), (high[k % 3] = Math.max(high[k % 3], x))));
     const camera = new Camera(low.map((x, k) => (x + high[k]) / 2), NEAR, yaw, pitch);
     const [right, up, back] = camera.axes(), along = (axis, p) => axis[0] * p[0] + axis[1] * p[1] + axis[2] * p[2];
     for (let k = 0; k < points.length; k += 3) {
       const p = camera.target.map((x, i) => points[k + i] - x);
-      const needed = along(back, p) + 1.08 * FOCAL * Math.max(Math.abs(along(right, p)), Math.abs(along(up, p)));
+      const needed = along(back, p) + 1.08 * FOCAL * Math.max(Math.abs(along(right, p)) / aspect, Math.abs(along(up, p)));
       camera.distance = Math.max(camera.distance, needed);
     }
     camera.home.distance = camera.distance;

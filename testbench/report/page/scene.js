@@ -2,6 +2,7 @@
 
 const BENT = [159, 85, 8];
 const SHIFT = 40; // a body that bends by less than 4 mm is drawn once
+const INSET = 2; // width over height of what is seen from near
 const CLEAR = 1.004; // what is nearer by less is as near: surfaces that nearly coincide would show as stripes
 
 /** The arm in its poses. */
@@ -14,6 +15,8 @@ class Scene {
     this.picture = document.createElement("canvas");
     this.hidden = new Set(data.groups.flatMap((group) => group.layers.filter((layer) => !layer.shown).map((layer) => layer.name)));
     this.camera = this.framed(data.groups[0], data.groups[0].first);
+    this.insets = data.groups.filter((group) => group.near).map((group) => ({ group, camera: this.framed(group, 0, {}, INSET), canvas: make("canvas", { "aria-label": group.name }) }));
+    if (this.insets.length) place.append(make("div", { class: "insets" }, ...this.insets.map(({ group, canvas }) => make("figure", {}, canvas, make("figcaption", {}, group.name)))));
     this.controls(place);
     turnable(this.canvas, this.camera, () => this.ask());
     new ResizeObserver(() => this.ask()).observe(this.canvas);
@@ -34,8 +37,8 @@ class Scene {
   }
 
   /** A camera that sees a pose of a group from an angle. */
-  framed(own, pose, { yaw, pitch } = {}) {
-    return Camera.around(this.points(own, pose), own.near && yaw === undefined ? own.near.yaw : yaw, own.near && pitch === undefined ? own.near.pitch : pitch);
+  framed(own, pose, { yaw, pitch } = {}, aspect = 1) {
+    return Camera.around(this.points(own, pose), own.near && yaw === undefined ? own.near.yaw : yaw, own.near && pitch === undefined ? own.near.pitch : pitch, aspect);
   }
 
   /** Whether a pose is in view as the camera stands. */
@@ -110,20 +113,23 @@ class Scene {
   }
 
   draw() {
-    const box = this.canvas.getBoundingClientRect();
-    const ratio = Math.min(2, Math.max(1, window.devicePixelRatio));
-    const [width, height] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
+    const { pen, width, height, ratio } = cleared(this.canvas);
     if (!width || !height) return;
-    if (this.canvas.width !== width) this.canvas.width = width;
-    if (this.canvas.height !== height) this.canvas.height = height;
-    const pen = this.canvas.getContext("2d");
-    pen.clearRect(0, 0, width, height);
     const project = this.camera.projector(width, height);
     this.floor(pen, project);
     this.arm(pen, project, width, height);
     const own = this.data.groups[this.group];
     const taken = [];
     for (const layer of own.layers) if (!this.hidden.has(layer.name)) drawLayer(pen, project, layer, this.pose, ratio, taken);
+    for (const inset of this.insets) this.inset(inset);
+  }
+
+  /** What is near in the pose shown, without the arm, which would hide it. */
+  inset({ group, camera, canvas }) {
+    const { pen, width, height, ratio } = cleared(canvas);
+    if (!width || !height) return;
+    const project = camera.projector(width, height), taken = [];
+    for (const layer of group.layers) if (!this.hidden.has(layer.name)) drawLayer(pen, project, layer, Math.min(this.pose, group.names.length - 1), ratio, taken);
   }
 
   floor(pen, project) {
@@ -189,6 +195,18 @@ class Scene {
   }
 }
 
+/** A canvas as large as it is on the screen, without what was drawn before. */
+function cleared(canvas) {
+  const box = canvas.getBoundingClientRect();
+  const ratio = Math.min(2, Math.max(1, window.devicePixelRatio));
+  const [width, height] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
+  if (canvas.width !== width) canvas.width = width;
+  if (canvas.height !== height) canvas.height = height;
+  const pen = canvas.getContext("2d");
+  pen.clearRect(0, 0, width, height);
+  return { pen, width, height, ratio };
+}
+
 function shifted(rigid, bent, at) {
   for (let k = at; k < at + 7; k++) if (Math.abs(rigid[k] - bent[k]) > SHIFT) return true;
   return false;
@@ -199,7 +217,8 @@ function ofPose(rows, pose) {
   return rows[rows.length === 1 ? 0 : pose];
 }
 
-const DOTS = { dots: 4.5, specks: 1.6 };
+const DOTS = { dots: 4.5, specks: 1.6, trackers: 7 };
+const WIDTHS = { lines: 1.5, weights: 1.5, tubes: 6 };
 
 /** Dots, arrows or lines of one pose, over everything else. */
 function drawLayer(pen, project, layer, pose, ratio, taken) {
@@ -209,9 +228,11 @@ function drawLayer(pen, project, layer, pose, ratio, taken) {
     project(from[k] / 1e4, from[k + 1] / 1e4, from[k + 2] / 1e4, out, 0);
     if (to) project(to[k] / 1e4, to[k + 1] / 1e4, to[k + 2] / 1e4, out, 3);
     const end = to ? 3 : 0;
-    if (layer.labels.length) written(pen, layer.labels[k / 3], out[end] + 7 * ratio, out[end + 1] - 5 * ratio, ratio, taken);
-    pen.strokeStyle = pen.fillStyle = layer.colour;
-    pen.lineWidth = (layer.kind === "lines" ? 1.5 : 2.6) * ratio;
+    const aside = layer.kind === "weights" ? 24 : 7; // the weight's own width
+    if (layer.labels.length) written(pen, layer.labels[k / 3], out[end] + aside * ratio, out[end + 1] - 5 * ratio, ratio, taken);
+    pen.strokeStyle = pen.fillStyle = layer.colours ? layer.colours[k / 3] : layer.colour;
+    pen.lineWidth = (WIDTHS[layer.kind] || 2.6) * ratio;
+    pen.lineCap = layer.kind === "tubes" ? "round" : "butt";
     pen.beginPath();
     if (layer.kind in DOTS) {
       pen.arc(out[0], out[1], DOTS[layer.kind] * ratio, 0, 7);
@@ -222,6 +243,33 @@ function drawLayer(pen, project, layer, pose, ratio, taken) {
     pen.lineTo(out[3], out[4]);
     pen.stroke();
     if (layer.kind === "arrows") head(pen, out, ratio);
+    if (layer.kind === "weights") weight(pen, project, to.slice(k, k + 3).map((part) => part / 1e4), layer.radius);
+  }
+  if (layer.legs) tripods(pen, project, layer.legs, ratio);
+}
+
+/** A cylinder that hangs below a place, as high as wide. */
+function weight(pen, project, [x, y, z], radius) {
+  const out = new Float32Array(12);
+  [[x, y, z], [x, y, z - 2 * radius], [x + radius, y, z], [x, y + radius, z]].forEach((place, k) => project(...place, out, 3 * k));
+  const wide = Math.max(Math.hypot(out[6] - out[0], out[7] - out[1]), Math.hypot(out[9] - out[0], out[10] - out[1]));
+  pen.beginPath();
+  pen.ellipse(out[3], out[4], wide, 0.25 * wide, 0, 0, Math.PI);
+  pen.ellipse(out[0], out[1], wide, 0.25 * wide, 0, Math.PI, 0);
+  pen.fill();
+}
+
+/** Legs of trackers, from their heads down. */
+function tripods(pen, project, legs, ratio) {
+  const out = new Float32Array(6);
+  for (let k = 0; k < legs.length; k += 6) {
+    project(legs[k] / 1e4, legs[k + 1] / 1e4, legs[k + 2] / 1e4, out, 0);
+    project(legs[k + 3] / 1e4, legs[k + 4] / 1e4, legs[k + 5] / 1e4, out, 3);
+    pen.lineWidth = 1.5 * ratio;
+    pen.beginPath();
+    pen.moveTo(out[0], out[1]);
+    pen.lineTo(out[3], out[4]);
+    pen.stroke();
   }
 }
 

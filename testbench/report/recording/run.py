@@ -1,7 +1,7 @@
 """The recording of any run, made of what its page draws: arms in poses, charts, maps, figures, words.
 
-Every group of poses has a tab. All are on three timelines: `typical_first`, where a reader lands, then the
-worst; `worst_first`; and `pose` in the order of the page.
+A tab answers one question: what happens in the poses, where it errs, what all numbers are. All is on one
+timeline: a typical pose, then all poses, the worst first, or along their path.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,6 +13,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from testbench.errors import Array, Ids
+from testbench.plant.shapes import BodyFrames, of_rows
 from testbench.report.colours import (
     GCO,
     GREY,
@@ -26,9 +27,12 @@ from testbench.report.colours import (
     TASK,
     Colour,
 )
+from testbench.report.figure import Figure, forest_pane, log_ticks
 from testbench.report.markdown import ReportWords, as_markdown, grid
-from testbench.report.recording.stream import Pen, RecordingHeader, layout, recording, snake, text_view
+from testbench.report.recording.figure_panes import panes_of, rows_of, write_pane
+from testbench.report.recording.stream import Pen, RecordingHeader, recording, snake, text_view
 from testbench.report.recording.world import (
+    ASPECT,
     SIDE,
     frame,
     map_tab,
@@ -38,7 +42,9 @@ from testbench.report.recording.world import (
     write_layer,
     write_map,
 )
+from testbench.report.run_figure import headline
 from testbench.report.scene import (
+    ErrorScale,
     Layer,
     ModelLine,
     PageContent,
@@ -48,10 +54,11 @@ from testbench.report.scene import (
     charts_of,
     sorting_numbers,
 )
-from testbench.workflows.cell import Cell
+from testbench.report.schema import Table, show
+from testbench.runs.spread import middle
 
-TYPICAL, WORST, POSE = "typical_first", "worst_first", "pose"
-"""Timelines: the one that a reader lands on, the sorted one, and the order of the page, from 1."""
+TYPICAL = "typical_first"
+"""The timeline: the pose that a reader lands on, then all from 1 on, the worst first or in their order."""
 HUES: Mapping[str, Colour] = {
     "sky blue": NOMINAL,
     "rust": MEASURED,
@@ -83,39 +90,22 @@ HUES: Mapping[str, Colour] = {
 }
 """Colours by name."""
 STEEP = 0.8  #: How steeply a path is looked down on, over how far the eye is ahead and aside [1].
-VIEW_MARGIN = 0.16  #: Room around what is in view, over its size [1].
+VIEW_MARGIN, NEAR_MARGIN = 0.16, 0.03  #: Room around the arm and around what is near, over its size [1].
+WIDE = 1.9  #: Width over height of panes above each other [1].
+COLUMN, LEAST_ROWS = 24, 8  #: Rows of names that a column has room for, and those of the smallest pane.
+FAR, BAR = 30.0, 0.45
+"""Times the least number from which models are dots on a logarithmic axis; height of bars [1]."""
 
 
 @dataclass(frozen=True)
 class _Group:
-    """A group of poses, and where its parts are in the recording."""
+    """A group of poses as the timeline has it, and where its parts are in the recording."""
 
-    poses: PoseGroup
+    poses: PoseGroup  #: That of the page: the pose shown first, then all in their order.
     name: str  #: Of its entities.
     arm: str  #: Root of its arm's bodies; groups of the same poses share one.
     charts: Sequence[RunChart]  #: Its map as one, where it has no other.
-
-    @property
-    def leads(self) -> list[Array]:
-        """Numbers of lines that are largest in the worst pose, (poses,) each."""
-        return sorting_numbers(self.poses, self.charts)
-
-    @property
-    def rank(self) -> Ids:
-        """Place of every pose in worst_first, (poses,): by the last line that is largest at the first."""
-        count, first, leads = len(self.poses.names), self.poses.first, self.leads
-        order = np.argsort(-leads[-1], kind="stable") if leads else np.roll(np.arange(count), -first)
-        found = np.empty(count, dtype=int)
-        found[order] = np.arange(count)
-        return found
-
-    @property
-    def typical(self) -> Ids:
-        """Place of every pose in typical_first, (poses,): what is shown first, then the worst first."""
-        found, first = self.rank.copy(), self.poses.first
-        found[found < found[first]] += 1
-        found[first] = 0
-        return found
+    sorted: bool  #: Whether the worst pose is the first of the others.
 
     @property
     def size(self) -> float:
@@ -129,36 +119,120 @@ class _Group:
 
 
 def write_run(
-    path: Path, header: RecordingHeader, words: ReportWords, page: PageContent, figures: Mapping[str, Path]
+    path: Path, header: RecordingHeader, words: ReportWords, page: PageContent, figures: Mapping[str, Figure]
 ) -> None:
-    """Write a run for the Rerun viewer; an existing file is replaced only by a whole one."""
+    """Write a run for the Rerun viewer; an existing file is replaced only by a whole one.
+
+    Args:
+        path: The .rrd file.
+        header: What identifies it.
+        words: What the report says.
+        page: What is drawn of it.
+        figures: Figures that the run has beside those of the page, by name: their panes are drawn anew.
+    """
     if page.map and not any(np.isfinite(line.values).any() for line in page.map.lines):
         page = replace(page, map=None)  # nowhere is there a bound
     groups = _groups(page)
-    tabs = [_tab(page.scene, group, first=group is groups[0]) for group in groups] if page.scene else []
-    names, arm, body, size = _around_map(page, groups)
-    where = [map_tab(page.map, arm, body, size)] if page.map else []
-    pictures: list[rrb.Container | rrb.View] = [
-        rrb.Spatial2DView(origin=f"figure/{snake(name)}", name=name) for name in figures
-    ]
-    if pictures and not tabs:
-        pictures[0] = _beside(pictures[0], name="Overview")
-    lead = [] if tabs or pictures else [text_view("summary", "Summary")]
-    front, back = (tabs, pictures) if tabs else (pictures, [])
-    views = [*lead, *front, *where, *back, text_view("tables", "Tables")]
-    places = len(groups[0].poses.names) if groups else 1
-    documents = {"summary": summary(words), "tables": _tables(words, page)}
     titles = [own.title for own in (page.scene, page.map, *page.runs) if own]
-    with recording(
-        path, header, layout(*views, timeline=TYPICAL, places=places), [*documents.values(), *titles]
-    ) as pen:
+    documents = {"summary": summary(words), "tables": _tables(words, page)}
+    places = len(groups[0].poses.names) if groups else 1
+    with recording(path, header, [*documents.values(), *titles]) as pen:
         pen.documents(documents)
         if page.scene:
-            _write_scene(pen, page.scene.cell, groups)
+            _write_scene(pen, page.scene, groups)
+        names, arm, body, size = _around_map(page, groups)
         if page.map:
             write_map(pen, page.map, names, size)
-        for name, png in figures.items():
-            pen.still(f"figure/{snake(name)}", rr.EncodedImage(path=png))
+        models = _models(pen, page.tables)
+        panes = _panes(pen, figures, COLUMN if page.scene else 2 * COLUMN)
+        tabs = _scene_tabs(page, groups, models) if page.scene else [_answer(panes or models)]
+        if page.map:
+            here = [f"here/{groups[page.map.group].name}"] if groups else []
+            tabs.append(map_tab(page.map, arm, body, size, here))
+        tables = text_view("tables", "Tables")
+        tabs.append(_columns([tables], panes, "Tables") if page.scene and panes else tables)
+        pen.layout(*tabs, timeline=TYPICAL if groups else None, places=places)
+
+
+def _scene_tabs(page: PageContent, groups: Sequence[_Group], models: list[rrb.View]) -> list[rrb.Container]:
+    """A tab a group, the answer beside the first one; insets are in that, the map's group is in its tab."""
+    assert page.scene
+    near = [group.name for group in page.scene.insets]
+    insets = [group for group in groups if group.poses.name in near]
+    first, *others = (group for group in groups if group not in insets)
+    on_map = groups[page.map.group] if page.map else None
+    front = _columns(
+        [
+            _world(page.scene, first, aspect=WIDE if insets else ASPECT),
+            *[rrb.Horizontal(*(_world(page.scene, own, aspect=WIDE) for own in insets))] * bool(insets),
+        ],
+        [text_view("summary", "Summary"), *models, *_charts(first)],
+        first.poses.name,
+        text_view(f"here/{first.name}", "What is shown"),
+    )
+    more = [
+        _columns(
+            [_world(page.scene, own)],
+            _charts(own),
+            own.poses.name,
+            text_view(f"here/{own.name}", "What is shown"),
+        )
+        for own in others
+        if own is not on_map
+    ]
+    return [front, *more]
+
+
+def _answer(panes: list[rrb.View]) -> rrb.Container:
+    """Figures beside the answer."""
+    summary = text_view("summary", "Summary")
+    across = 1 if len(panes) < 3 else 2
+    grid = rrb.Grid(*panes, grid_columns=across) if panes else rrb.Vertical(text_view("tables", "Tables"))
+    return rrb.Horizontal(grid, summary, column_shares=[5, 2], name="Answer")
+
+
+def _models(pen: Pen, tables: Sequence[Table]) -> list[rrb.View]:
+    """The models of the first table that has some, sorted by what it is about; which are not conservative."""
+    if not (found := headline(tables)):
+        return []
+    table, column = found
+    axes, name = Figure().subplots(), table.columns[0]
+    forest_pane(axes, table, column)
+    low, high = axes.dataLim.intervalx.tolist()
+    sizes = [middle(column.value(row)) for row in table.rows]
+    if high > FAR * low > 0:
+        log_ticks(axes, "x", low, high)
+    else:
+        colours = [table.looks[name.cell(row)].hex for row in table.rows]
+        axes.barh(range(len(sizes)), sizes, BAR, color=colours)
+        axes.set_xlim(min(0.0, low), 1.03 * high)
+    axes.set_yticks(range(len(sizes)), [name.cell(row) for row in table.rows])
+    held = next((own.value for own in table.columns if own.key == "conservative"), lambda _: None)
+    for y, (size, row) in enumerate(zip(sizes, table.rows, strict=True)):
+        words = f"{column.text(size)}, not conservative" if held(row) is False else column.text(size)
+        axes.text(1.01, y, words, transform=axes.get_yaxis_transform())
+    axes.set_title(table.title or "Models")
+    return [write_pane(pen, "models", axes)]
+
+
+def _panes(pen: Pen, figures: Mapping[str, Figure], room: int) -> list[rrb.View]:
+    """The first panes of figures, as many as have room for all their rows, at least one.
+
+    Panes side by side share the names of their rows; each view has them.
+    """
+    panes: list[rrb.View] = []
+    for name, figure in figures.items():
+        every = panes_of(figure.axes)
+        heads = [text.rpartition(" ")[0] for text in rows_of(every[0])] if every else []
+        for k, axes in enumerate(every):
+            rows = rows_of(axes)
+            room -= max(len(rows), LEAST_ROWS)
+            if room < 0 and panes:
+                return panes
+            bare = k > 0 and len(rows) == len(heads) and not any(" " in own for own in rows)
+            names = [f"{head} {own}" for head, own in zip(heads, rows, strict=True)] if bare else []
+            panes.append(write_pane(pen, f"figures/{snake(name)}_{k}", axes, names))
+    return panes
 
 
 def summary(words: ReportWords) -> str:
@@ -178,48 +252,96 @@ def _tables(words: ReportWords, page: PageContent) -> str:
 
 
 def _groups(page: PageContent) -> list[_Group]:
-    """Groups of the scene with their names; those of the same poses have one arm and one set of charts."""
-    arms: dict[int, str] = {}
+    """Groups of the scene in their orders; those of the same poses have one order, arm and set of charts."""
+    found: dict[int, tuple[str, Ids, bool, BodyFrames]] = {}
     groups: list[_Group] = []
     every = page.scene.groups if page.scene else ()
     for k, poses in enumerate(every):
-        arm = arms.setdefault(id(poses.rigid), f"arm_{k}" if k else "arm")
-        groups.append(_Group(poses, snake(poses.name), arm, charts_of(page, k)))
+        charts = [] if page.scene and poses in page.scene.insets else charts_of(page, k)
+        if id(poses.rigid) not in found:
+            leads = [] if poses.ordered else sorting_numbers(poses, charts)
+            order = np.argsort(-leads[-1], kind="stable") if leads else np.arange(len(poses.names))
+            shown = np.array([poses.first, *order])
+            found[id(poses.rigid)] = (
+                f"arm_{k}" if k else "arm",
+                shown,
+                bool(leads),
+                of_rows(poses.rigid, shown),
+            )
+        arm, shown, by_size, rigid = found[id(poses.rigid)]
+        lines = [replace(chart, lines=[_of_rows(line, shown) for line in chart.lines]) for chart in charts]
+        groups.append(_Group(_shown(poses, shown, rigid), snake(poses.name), arm, lines, by_size))
     return groups
+
+
+def _shown(poses: PoseGroup, rows: Ids, rigid: BodyFrames) -> PoseGroup:
+    """Poses in the order of the timeline."""
+    layers = [
+        replace(
+            layer,
+            at=layer.at[rows] if len(layer.at) == len(poses.names) else layer.at,
+            to=layer.to if layer.to is None or len(layer.to) != len(poses.names) else layer.to[rows],
+        )
+        for layer in poses.layers
+    ]
+    return replace(
+        poses,
+        names=[poses.names[k] for k in rows],
+        words=[poses.words[k] for k in rows],
+        rigid=rigid,
+        bent=None if poses.bent is None else of_rows(poses.bent, rows),
+        layers=layers,
+        first=0,
+    )
+
+
+def _of_rows(line: ModelLine, rows: Ids) -> ModelLine:
+    """Numbers in the order of the timeline; none at its start, where a pose stands for the second time."""
+    values, *ends = (np.append(np.nan, own[rows[1:]]) for own in (line.values, *(line.ends or ())))
+    return replace(line, values=values, ends=(ends[0], ends[1]) if ends else None)
 
 
 def _around_map(page: PageContent, groups: Sequence[_Group]) -> tuple[Sequence[str], str, Array, float]:
     """Names of the places of the map, the arm beside them, its points (n, 3) [m], size of all that [m]."""
-    if page.map and groups:
-        group = groups[page.map.group]
-        return group.poses.names, group.arm, group.poses.rigid.positions[0, 1:], group.size
+    if page.map and page.scene:
+        group, names = groups[page.map.group], page.scene.groups[page.map.group].names
+        return names, group.arm, group.poses.rigid.positions[0, 1:], group.size
     at = page.map.at if page.map else np.zeros((1, 3))
     size = float(np.nanmax(np.linalg.norm(at, axis=1)))
     return [f"place {k}" for k in range(1, len(at) + 1)], "", np.zeros((1, 3)), size
 
 
-def _write_scene(pen: Pen, cell: Cell, groups: Sequence[_Group]) -> None:
+def _write_scene(pen: Pen, scene: Scene, groups: Sequence[_Group]) -> None:
     """Arms, layers, words and charts of every group."""
     drawn: set[str] = set()
     for group in groups:
-        times = {TYPICAL: group.typical, WORST: group.rank, POSE: 1 + np.arange(len(group.poses.names))}
-        rows = pen.on(*(rr.TimeColumn(name, sequence=at) for name, at in times.items()))
+        rows = pen.on(rr.TimeColumn(TYPICAL, sequence=np.arange(len(group.poses.names))))
         if group.arm not in drawn:
             drawn.add(group.arm)
             bent = next((g.poses.bent for g in groups if g.arm == group.arm and g.poses.bent), None)
-            write_arm(rows, cell, group.arm, group.poses.rigid, bent)
+            write_arm(rows, scene.cell, group.arm, group.poses.rigid, bent)
         pairs = zip(group.poses.names, group.poses.words, strict=True)
-        key = _colours(group.poses.layers)
+        key = "; ".join(
+            filter(None, [_colours(group.poses.layers), _tubes(scene.tube_scale, group.poses.layers)])
+        )
         texts = [f"**{as_markdown(name)}** {as_markdown(text)}\n\n{key}" for name, text in pairs]
         rows.texts(f"here/{group.name}", texts)
         for layer in group.poses.layers:
-            write_layer(rows, f"world/{group.name}/{snake(layer.name)}", layer, group.size)
+            write_layer(rows, f"world/{group.name}/{snake(layer.name)}", layer, group.size, scene.tube_scale)
         for chart in group.charts:
             for line in chart.lines:
                 _write_line(rows, group.path(chart, line.name), line, lead=line is chart.lines[-1])
             if chart.limit is not None and np.isfinite(chart.limit):
                 level = np.full(len(group.poses.names), chart.limit)
                 rows.line(group.path(chart, chart.limit_is), chart.limit_is, None, level)
+
+
+def _tubes(scale: ErrorScale | None, layers: Sequence[Layer]) -> str:
+    """What the colours of tubes mean, in words."""
+    if scale is None or all(layer.kind != "tubes" for layer in layers):
+        return ""
+    low, high = scale.ends
+    return f"tubes from dark blue, {show(low)} mm, to yellow, {show(high)} mm"
 
 
 def _colours(layers: Sequence[Layer]) -> str:
@@ -242,38 +364,50 @@ def _write_line(rows: Pen, path: str, line: ModelLine, *, lead: bool) -> None:
             rows.line(f"{path}_{name}", f"{line.name}, {name} end", None, values)
 
 
-def _tab(scene: Scene, group: _Group, *, first: bool) -> rrb.Container:
-    """The arm and what is shown; at the right of the first tab the summary, and the group's charts."""
-    charts = [
+def _charts(group: _Group) -> list[rrb.View]:
+    """Numbers of each pose, a chart a view."""
+    order = "the worst first" if group.sorted else "in order"
+    return [
         rrb.TimeSeriesView(
             origin=group.path(chart),
-            name=f"{chart.title}, by {chart.across}{_order(group)}",
+            name=f"{chart.title}, by {chart.across}, {order}",
             axis_x=_beyond(len(group.poses.names)),
             axis_y=_from_zero(chart),
             plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
         )
         for chart in group.charts
     ]
+
+
+def _world(scene: Scene, group: _Group, aspect: float = ASPECT) -> rrb.Spatial3DView:
+    """The arm and what is drawn in its poses; from near without the arm, which would hide it."""
     bodies = [f"+ $origin/{group.arm}/**", f"+ $origin/{group.arm}_deflected/**"]
-    world = rrb.Spatial3DView(
+    near = group.poses.near is not None
+    return rrb.Spatial3DView(
         origin="world",
-        name=f"{group.poses.name} (m): {scene.title}",
-        contents=[f"+ $origin/{group.name}/**", *(bodies if group.poses.near is None else [])],
-        eye_controls=orbit(*_eye(group)),
+        name=f"{group.poses.name} (m)" if near else f"{group.poses.name} (m): {scene.title}",
+        contents=[f"+ $origin/{group.name}/**", *([] if near else bodies)],
+        eye_controls=orbit(*_eye(group, aspect)),
         overrides={
             f"world/{group.name}/{snake(layer.name)}": rrb.EntityBehavior(visible=False)
             for layer in group.poses.layers
             if not layer.shown
         },
     )
-    here = text_view(f"here/{group.name}", "What is shown")
-    main = rrb.Vertical(world, here, row_shares=[6, 1], name=group.poses.name)
-    return _beside(main, *charts, name=group.poses.name, summary=first)
 
 
-def _order(group: _Group) -> str:
-    """In which order the timeline that a reader lands on has a group's poses."""
-    return ", a typical one, then the worst first" if group.leads else ", in order"
+def _columns(
+    left: Sequence[rrb.Container | rrb.View],
+    right: Sequence[rrb.View],
+    name: str,
+    words: rrb.View | None = None,
+) -> rrb.Container:
+    """Views one above the other, in two columns; what is shown is said below the left one."""
+    shares = [4, *[2] * (len(left) - 1)]
+    main = rrb.Vertical(*left, *([words] if words else []), row_shares=[*shares, *([1] if words else [])])
+    if not right:
+        return rrb.Horizontal(main, name=name)
+    return rrb.Horizontal(main, rrb.Vertical(*right), column_shares=[3, 2], name=name)
 
 
 def _from_zero(chart: RunChart) -> rrb.archetypes.ScalarAxis:
@@ -291,24 +425,14 @@ def _beyond(count: int) -> rrb.archetypes.TimeAxis:
     return rrb.archetypes.TimeAxis(view_range=rr.TimeRange(low, high))
 
 
-def _beside(
-    main: rrb.Container | rrb.View, *charts: rrb.View, name: str, summary: bool = True
-) -> rrb.Container:
-    """A view and beside it the summary and charts."""
-    words = [text_view("summary", "Summary")] if summary else []
-    right = [*words, *charts]
-    if not right:
-        return rrb.Horizontal(main, name=name)
-    shares = [*[4] * len(words), *[3] * len(charts)]
-    return rrb.Horizontal(main, rrb.Vertical(*right, row_shares=shares), column_shares=[3, 2], name=name)
-
-
-def _eye(group: _Group) -> tuple[Array, Array]:
+def _eye(group: _Group, aspect: float) -> tuple[Array, Array]:
     """Eye and target: all that is near, or the arm in the pose shown first and all that moves there."""
     poses, k = group.poses, group.poses.first
     points = poses.near
     if points is None:
         moved = [layer.at[min(k, len(layer.at) - 1)] for layer in poses.layers if layer.kind != "specks"]
+        hung = [(own.to, own.radius) for own in poses.layers if own.kind == "weights" and own.to is not None]
+        moved += [to[min(k, len(to) - 1)] - np.array([0, 0, 2 * radius]) for to, radius in hung]
         bent = [] if poses.bent is None else [poses.bent.positions[k, 1:]]
         points = np.vstack([poses.rigid.positions[k, 1:], *bent, *moved])
         points = points[np.isfinite(points).all(axis=1)]
@@ -319,5 +443,5 @@ def _eye(group: _Group) -> tuple[Array, Array]:
         across = across if across @ tool > 0 else -across
         turn = np.arctan2(SIDE[1], SIDE[0])
         tool = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ across
-    above = SIDE[2] if poses.near is None else STEEP
-    return frame(points, np.full(len(points), VIEW_MARGIN * group.size), tool, above=above)
+    above, margin = (SIDE[2], VIEW_MARGIN) if poses.near is None else (STEEP, NEAR_MARGIN)
+    return frame(points, np.full(len(points), margin * group.size), tool, aspect, above)

@@ -18,7 +18,7 @@ from testbench.runs.provenance import versions
 
 SCRUB = 10.0  #: How long the timeline that a reader lands on is played [s].
 MARKDOWN = "text/markdown"
-MANY = 60  #: Rows beyond which dots of a plot are small.
+MANY = 60  #: Rows beyond which dots of a plot are small, and lines join those of the first model alone.
 SHAPES = (
     MarkerShape.Circle,
     MarkerShape.Square,
@@ -68,6 +68,10 @@ class Pen:
         """A row a time."""
         self.stream.send_columns(path, self.times, columns)
 
+    def layout(self, *tabs: rrb.Container | rrb.View, timeline: str | None, places: int) -> None:
+        """Embed the layout; see `layout`."""
+        self.stream.send_blueprint(layout(*tabs, timeline=timeline, places=places))
+
     def texts(self, path: str, texts: Sequence[str]) -> None:
         """Markdown, one a time."""
         self.rows(path, rr.TextDocument.columns(text=texts, media_type=[MARKDOWN] * len(texts)))
@@ -75,10 +79,12 @@ class Pen:
     def line(self, path: str, name: str, look: Look | None, values: Array, *, lead: bool = False) -> None:
         """A line of a plot, a value a time, NaN for none; without a look it is thin and grey."""
         colour, width = (look.colour, 3.5 if lead else 2.0) if look else (GREY, 1.0)
-        self.still(path, rr.SeriesLines(colors=colour, widths=width, names=name))
+        many = len(values) > MANY
+        if lead or look is None or not many:
+            self.still(path, rr.SeriesLines(colors=colour, widths=width, names=name))
         if look is not None:
             shape = MarkerShape.Cross if look.prior else SHAPES[look.place % len(SHAPES)]
-            size = 4.0 if len(values) <= MANY else 2.0
+            size = 2.5 if many else 4.0
             self.still(path, rr.SeriesPoints(colors=colour, markers=shape, names=name, marker_sizes=size))
         known = np.isfinite(values)
         self.rows(path, rr.Scalars.columns(scalars=values[known]).partition(known.astype(int)))
@@ -95,9 +101,7 @@ def text_view(origin: str, name: str) -> rrb.TextDocumentView:
 
 
 @contextlib.contextmanager
-def recording(
-    path: Path, header: RecordingHeader, blueprint: rrb.Blueprint, words: Sequence[str] = ()
-) -> Iterator[Pen]:
+def recording(path: Path, header: RecordingHeader, words: Sequence[str] = ()) -> Iterator[Pen]:
     """A stream in memory, closed in any case; without an error it is written to `path`, whole.
 
     A stream into a file would only print that the disk is full, and leave half of it.
@@ -105,7 +109,6 @@ def recording(
     Args:
         path: The .rrd file.
         header: What identifies it.
-        blueprint: Its layout, embedded.
         words: What else tells it from recordings of another layout: the viewer keeps one an application id.
     """
     strict = rr.strict_mode()
@@ -125,7 +128,6 @@ def recording(
             stream.set_log_time_enabled(False)
             stream.set_log_tick_enabled(False)
             memory = stream.memory_recording()
-            stream.send_blueprint(blueprint)
             _write_properties(stream, header)
             yield Pen(stream)
             path.write_bytes(memory.drain_as_bytes())
@@ -141,15 +143,17 @@ def _write_properties(stream: rr.RecordingStream, header: RecordingHeader) -> No
     stream.send_property("versions", rr.AnyValues(drop_untyped_nones=True, **versions()))
 
 
-def layout(*tabs: rrb.Container | rrb.View, timeline: str, places: int) -> rrb.Blueprint:
-    """The blueprint of a study: tabs, the first in front, and the timeline that a reader lands on.
+def layout(*tabs: rrb.Container | rrb.View, timeline: str | None, places: int) -> rrb.Blueprint:
+    """The blueprint of a study: tabs, the first in front, and the timeline that a reader lands on, if any.
 
     That many places on the timeline are played in SCRUB seconds.
     """
     fps = max(1.0, places / SCRUB)
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
-        rrb.TimePanel(timeline=timeline, state="collapsed", play_state="paused", fps=fps),
+        rrb.TimePanel(
+            timeline=timeline, state="collapsed" if timeline else "hidden", play_state="paused", fps=fps
+        ),
         auto_views=False,
         collapse_panels=True,
     )

@@ -1,10 +1,10 @@
 """The space of a recording: the arm, what is drawn in its poses, maps of errors, and the eye."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.components import FillMode
@@ -12,17 +12,19 @@ from rerun.components import FillMode
 from testbench.errors import Array
 from testbench.plant.shapes import BodyFrames, Shape, join_meshes, quaternions, visual_shapes
 from testbench.report.colours import GREY, MEASURED, SCALE, Colour
+from testbench.report.loads import legs
 from testbench.report.markdown import Markdown, as_markdown, place
 from testbench.report.recording.stream import Pen, snake, text_view
-from testbench.report.scene import ErrorScale, Layer, PlaceMap, scale_of
+from testbench.report.scene import ErrorScale, Layer, PlaceMap, scale_of, shades, tube_colours
 from testbench.report.schema import show
 from testbench.workflows.cell import Cell
 
 GHOST = (*MEASURED, 70)  #: The arm under load: seen through.
-THICK = {"dots": 0.008, "specks": 0.004, "arrows": 0.004, "lines": 0.0025}
+THICK = {"dots": 0.008, "specks": 0.004, "arrows": 0.004, "lines": 0.0025, "weights": 0.0025, "tubes": 0.012}
 """Radius of what is drawn over the size of what is in view [1]."""
 HALF_VIEW = np.tan(np.deg2rad(27.5))  #: Tangent of half the viewer's vertical angle of view.
 ASPECT = 1.25  #: Width over height of the narrowest pane that shows the arm [1].
+HEAD = 0.15  #: Width of the head of a tracker [m].
 SIDE = (0.35, 0.9, 0.25)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
 
 
@@ -108,8 +110,14 @@ def _mesh(shapes: Sequence[Shape], colours: Sequence[Colour]) -> rr.Mesh3D:
     )
 
 
-def write_layer(rows: Pen, path: str, layer: Layer, size: float) -> None:
-    """Dots, arrows or lines in every pose, those that are there; what stands still once."""
+def write_layer(rows: Pen, path: str, layer: Layer, size: float, scale: ErrorScale | None) -> None:
+    """What is in every pose, where it is there; what stands still once. Tubes have colours of the scale."""
+    if layer.kind == "trackers":
+        _write_trackers(rows, path, layer)
+        return
+    if layer.kind == "tubes":
+        _write_tubes(rows, path, layer, THICK[layer.kind] * size, scale)
+        return
     ends = layer.at if layer.to is None else layer.to
     known = np.isfinite(layer.at).all(axis=2) & np.isfinite(ends).all(axis=2)
     counts, at, to = known.sum(axis=1), layer.at[known], ends[known]
@@ -120,12 +128,43 @@ def write_layer(rows: Pen, path: str, layer: Layer, size: float) -> None:
         rows.rows(path, kind.columns(**parts).partition(counts))
     else:
         rows.still(path, kind.from_fields(**look, **parts))
+    if layer.kind == "weights":
+        size_of = {"lengths": 2 * layer.radius, "radii": layer.radius}
+        solid = rr.Cylinders3D.from_fields(**size_of, colors=layer.colour, fill_mode=FillMode.Solid)
+        rows.still(f"{path}_body", solid)
+        down = np.array([0, 0, layer.radius])
+        rows.rows(f"{path}_body", rr.Cylinders3D.columns(centers=to - down).partition(counts))
+        layer = replace(layer, at=ends - 2 * down)  # the mass is written below it
     _write_names(rows, f"{path}_names", layer)
+
+
+def _write_trackers(rows: Pen, path: str, layer: Layer) -> None:
+    """Heads on tripods, with their names above."""
+    [heads] = layer.at
+    half = np.array([HEAD / 2, HEAD / 2, HEAD])
+    box = rr.Boxes3D(
+        centers=heads + np.array([0, 0, HEAD]),
+        half_sizes=[half] * len(heads),
+        colors=layer.colour,
+        fill_mode=FillMode.Solid,
+    )
+    rows.still(path, box)
+    rows.still(f"{path}_legs", rr.LineStrips3D(legs(heads), colors=layer.colour, radii=HEAD / 10))
+    if layer.labels:
+        rows.names(f"{path}_names", heads + np.array([0, 0, 2 * HEAD]), list(layer.labels), layer.colour)
+
+
+def _write_tubes(rows: Pen, path: str, layer: Layer, radius: float, scale: ErrorScale | None) -> None:
+    """Parts of a path, coloured by the error there; grey where there is none."""
+    assert layer.to is not None  # by its kind
+    strips = np.stack([layer.at[0], layer.to[0]], axis=1)
+    colours = tube_colours(layer, scale)
+    rows.still(path, rr.LineStrips3D(strips, colors=colours, radii=radius))
 
 
 def _write_names(rows: Pen, path: str, layer: Layer) -> None:
     """What stands beside dots or where arrows and lines begin, in every pose."""
-    named = [k for k, text in enumerate(layer.labels) if text]
+    named = [k for k, text in enumerate(layer.labels) if text and np.isfinite(layer.at[:, k]).any()]
     if not named:
         return
     texts, poses = [layer.labels[k] for k in named], len(layer.at)
@@ -133,15 +172,17 @@ def _write_names(rows: Pen, path: str, layer: Layer) -> None:
         rows.names(path, layer.at[0, named], texts, layer.colour)
         return
     rows.still(path, rr.Points3D.from_fields(colors=layer.colour, radii=0.0, show_labels=True))
-    names = rr.Points3D.columns(positions=layer.at[:, named].reshape(-1, 3), labels=texts * poses)
-    rows.rows(path, names.partition([len(named)] * poses))
+    known = np.isfinite(layer.at[:, named]).all(axis=2)
+    there = [text for row in known for text, here in zip(texts, row, strict=True) if here]
+    names = rr.Points3D.columns(positions=layer.at[:, named][known], labels=there)
+    rows.rows(path, names.partition(known.sum(axis=1)))
 
 
 def _parts(kind: str, at: Array, to: Array) -> tuple[Any, dict[str, Array]]:
     """What draws a kind of layer, and its parts: where they begin (n, 3) and end (n, 3) [m]."""
     if kind == "arrows":
         return rr.Arrows3D, {"origins": at, "vectors": to - at}
-    if kind == "lines":
+    if kind in ("lines", "weights"):
         return rr.LineStrips3D, {"strips": np.stack([at, to], axis=1)}
     return rr.Points3D, {"positions": at}
 
@@ -180,17 +221,11 @@ def frame(
 
 
 MAX_MAPS, MAPS_PER_ROW = 4, 3  #: Maps at most, and side by side.
+TAB = 2.2  #: Width over height of a tab, above its words [1].
 BALL = 0.02  #: Radius of the largest ball of a map over the size of what is in view [1].
 SMALLEST = 0.4  #: Size of the ball of least error over that of the greatest [1]: colour is never alone.
 KEYS = 5  #: Errors of which the words say the colour.
 ROOT, WORDS, DIFFERENCE = "world/map", "map_words", "difference"
-
-
-def shades(share: Array) -> npt.NDArray[np.uint8]:
-    """Colours of places on the scale, (n,) to (n, 3): the greater the error, the brighter."""
-    at = np.linspace(0, 1, len(SCALE))
-    parts = [np.rint(np.interp(share, at, part)) for part in zip(*SCALE, strict=True)]
-    return np.column_stack(parts).astype(np.uint8)
 
 
 def sizes(share: Array) -> Array:
@@ -214,9 +249,9 @@ def write_map(pen: Pen, place_map: PlaceMap, names: Sequence[str], size: float) 
         if known.any():
             k = int(np.argmax(np.where(known, line.values, -np.inf)))
             own = f"{show(float(line.values[k]))} mm"
-            pen.names(
-                f"{path}/worst", place_map.at[[k]] + [0, 0, 3 * BALL * size], [f"worst {own}"], SCALE[-1]
-            )
+            word = place_map.worst_is if line is place_map.lines[-1] else "worst"
+            over = place_map.at[[k]] + [0, 0, 3 * BALL * size]
+            pen.names(f"{path}/worst", over, [f"{word} {own}"], SCALE[-1])
             said.append(
                 f"- {as_markdown(line.name)}: {own}, {as_markdown(names[k])}, {place(place_map.at[k])}"
             )
@@ -254,11 +289,24 @@ def _scale(place_map: PlaceMap) -> ErrorScale:
     return scale_of(*(line.values for line in place_map.lines[-MAX_MAPS:]))
 
 
-def map_tab(place_map: PlaceMap, arm: str, body: Array, size: float) -> rrb.Container:
-    """The maps side by side with an arm, its points (n, 3) [m], and words; all in view has this size [m]."""
+def map_tab(
+    place_map: PlaceMap, arm: str, body: Array, size: float, here: Sequence[str] = ()
+) -> rrb.Container:
+    """The maps side by side with an arm, and words.
+
+    Args:
+        place_map: The maps.
+        arm: Root of the arm's bodies; empty for none.
+        body: Points of the arm, (n, 3) [m].
+        size: Of all that is in view [m].
+        here: Where it is said what the arm does.
+    """
     at = place_map.at[np.isfinite(place_map.at).all(axis=1)]
     points = np.vstack([at, body])
-    eye = orbit(*frame(points, np.full(len(points), 0.04 * size), at[0, :2], aspect=1.1))
+    count = min(len(place_map.lines), MAX_MAPS) + bool(place_map.difference)
+    across = count if count <= MAPS_PER_ROW else -(-count // 2)
+    aspect = TAB * -(-count // across) / across
+    eye = orbit(*frame(points, np.full(len(points), 0.04 * size), at[0, :2], aspect=aspect))
     views = [
         rrb.Spatial3DView(
             origin="world",
@@ -278,12 +326,14 @@ def map_tab(place_map: PlaceMap, arm: str, body: Array, size: float) -> rrb.Cont
                 eye_controls=eye,
             )
         )
-    across = len(views) if len(views) <= MAPS_PER_ROW else -(-len(views) // 2)
-    words = text_view(WORDS, place_map.heading)
-    if len(views) % across:
-        return rrb.Grid(*views, words, grid_columns=across, name=place_map.heading)
+    words = [text_view(WORDS, place_map.heading), *(text_view(path, "What is shown") for path in here)]
+    if len(views) % across:  # a place is left
+        return rrb.Grid(*views, rrb.Vertical(*words), grid_columns=across, name=place_map.heading)
     return rrb.Vertical(
-        rrb.Grid(*views, grid_columns=across), words, row_shares=[13, 3], name=place_map.heading
+        rrb.Grid(*views, grid_columns=across),
+        rrb.Horizontal(*words),
+        row_shares=[13, 4],
+        name=place_map.heading,
     )
 
 

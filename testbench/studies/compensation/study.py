@@ -10,9 +10,10 @@ from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.plant.true_arms import FAMILY, TRUTH_WORDS, TRUTHS, true_arm_of_seed
 from testbench.report.badge import of_rivals
-from testbench.report.colours import CHOICE, LOAD, MEASURED, TASK, Look, look
+from testbench.report.colours import CHOICE, MEASURED, TASK, Look, look
 from testbench.report.columns import columns
 from testbench.report.figure import Figure, ranges
+from testbench.report.loads import loads
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
 from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, arrow_scale
@@ -45,7 +46,7 @@ DRAWN_AS = {
     "the default": LOOKS[DEFAULT],
 }
 """How the tool is drawn, not corrected and corrected by each model; what wins is last."""
-LONGEST, PER_NEWTON = 0.3, 1e-4  #: Most errors as they are drawn [m]; length of the force's arrow [m/N].
+LONGEST = 0.3  #: Most errors as they are drawn [m].
 FOUND = (
     "name arm campaign poses removed_percent worst_percent nine_percent worse before.median_mm "
     "after.median_mm after.p95_mm after.most_mm covered_percent unseen_percent buckled"
@@ -214,7 +215,7 @@ def seen(run: Run[s.CompensationSettings]) -> PageContent:
     bent, rest = (
         solve_equilibrium(true.plant, work.q, *load) for load in ((work.load.wrench, work.load.point), ())
     )
-    tip, force = where + M * before, PER_NEWTON * work.load.wrench[:, None, :3]
+    tip = (where + M * before)[:, 0]
     poses = PoseGroup(
         name="Jobs",
         names=labels,
@@ -223,7 +224,7 @@ def seen(run: Run[s.CompensationSettings]) -> PageContent:
         bent=elastic_frames(true.plant, work.q, M * (bent.theta - rest.theta)),
         layers=[
             Layer("tool asked, all points", TASK, "dots", where[None, :, 0]),
-            Layer("force", LOAD, "arrows", tip - force, tip),
+            *loads(tip, work.load.wrench[:, :3], true.vjm.reach),
         ],
     )
     drawn, lines = with_errors(poses, where, off, DRAWN_AS, M)

@@ -250,7 +250,7 @@ def write(run: Run[PlanningSettings]) -> PageContent:
     force = np.tile([0.0, 0.0, -GRAVITY * settings.scope.payload], (n, 1))
     named = {f"Run {k}": f"{cell.arm.words(own)}." for k, own in enumerate(q, start=1)}
     rest = [f"Error {mm:.3f} mm. {cell.arm.words(own)}." for own, mm in zip(places, left, strict=True)]
-    plan = world.poses(f"{ORDER}: test", named, q, world.measured(q, force))
+    plan = world.poses(f"{ORDER}: test", named, q, world.measured(q, force), ordered=True)
     over = "Error of the predicted deflection, median over the trials (mm)"
     return PageContent(
         scene=Scene(cell, UNSCALED, [plan, world.all_over(places, rest, int(left.argmax()))]),
