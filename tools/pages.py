@@ -105,11 +105,12 @@ def draw_leaderboard() -> Path:
     say(
         figure,
         "Errors of all entries over that of the incumbent: to the left is better",
-        "Dot: geometric mean over simulated tasks and arms. Line: its 95 % interval. Dotted: as good as the incumbent.",
+        "Dot: geometric mean over simulated tasks and arms. Line: its 95 % interval. "
+        "Dotted: as good as the incumbent.",
     )
     save(figure, picture)
-    command = re.search(r"^    (testbench bench .*)$", BOARD.with_suffix(".md").read_text(encoding="utf-8"), re.M)
-    stamp(picture, Stamp(command[1] if command else "", digest(BOARD)))
+    [command] = re.findall(r"^    (testbench bench .*)$", BOARD.with_suffix(".md").read_text(), re.MULTILINE)
+    stamp(picture, Stamp(command, digest(BOARD)))
     return picture
 
 

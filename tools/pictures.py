@@ -41,8 +41,9 @@ COMMANDS = {
     "six_dof_arm": "python scenarios/six_dof_arm.py --seed 1000 --seeds 1 --out runs/six_dof_arm",
     "checked": "testbench check kr500_l480 --out runs/checked",
     "seen": "testbench data check kr500_l480 runs/demo/dataset.csv --out runs/seen",
-    "no_prior": "testbench identify kr500_l480 runs/demo/dataset.csv --no-prior --out runs/no_prior",
-    "compared": "testbench compare runs/no_prior runs/model --out runs/compared",
+    "tracker": "python scenarios/gravity_calibration.py --seeds 20 --out runs/tracker",
+    "camera": "python scenarios/gravity_calibration.py --seeds 20 --sigma-um 150 --out runs/camera",
+    "compared": "testbench compare runs/tracker runs/camera --out runs/compared",
     "C": "testbench calibrate ur10 models/ur10/readings/series_C.csv --out runs/C",
 }
 """What makes a run, by its folder in runs; each may read those before it."""

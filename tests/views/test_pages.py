@@ -123,7 +123,10 @@ def test_readme_expects_what_the_tables_of_the_studies_hold():
 
 
 def test_who_cites_the_software_cites_its_version():
-    for name, line in (("CITATION.cff", f"version: {__version__}"), ("docs/article.md", f"version = {{{__version__}}}")):
+    for name, line in (
+        ("CITATION.cff", f"version: {__version__}"),
+        ("docs/article.md", f"version = {{{__version__}}}"),
+    ):
         assert re.search(rf"^ *{re.escape(line)},?$", (ROOT / name).read_text(), re.MULTILINE), name
 
 
