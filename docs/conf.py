@@ -1,7 +1,6 @@
 """The documentation site: `make docs` builds it and fails on a dead link or an undocumented public name."""
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,10 @@ from xml.etree import ElementTree
 from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx.errors import ExtensionError
+from typer.testing import CliRunner
 
 import testbench
+from testbench.cli.program import program
 
 HERE = Path(__file__).parent
 PROGRAM = Path(sys.executable).with_name("testbench")
@@ -40,14 +41,13 @@ napoleon_google_docstring = True
 
 
 def write_help(_: object) -> None:
-    """commands.txt: what every command says of itself."""
-    shown = {**os.environ, "COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
+    """Write commands.txt: the help of every command, as a terminal of 100 columns shows it."""
+    shown = {"COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
 
     def said(*words: str) -> str:
-        done = subprocess.run(
-            [PROGRAM, *words, "--help"], capture_output=True, text=True, check=True, env=shown
-        )
-        return f"$ testbench {' '.join(words)} --help\n{done.stdout.rstrip()}\n"
+        app, asked = program(words), [*words, "--help"]
+        done = CliRunner().invoke(app, asked, prog_name="testbench", env=shown, catch_exceptions=False)
+        return f"$ testbench {' '.join(asked)}\n{done.stdout.rstrip()}\n"
 
     commands = [
         "calibrate",
