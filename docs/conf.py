@@ -1,7 +1,6 @@
 """The documentation site: `make docs` builds it and fails on a dead link or an undocumented public name."""
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,10 @@ from xml.etree import ElementTree
 from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx.errors import ExtensionError
+from typer.testing import CliRunner
 
 import testbench
+from testbench.cli.program import program
 
 HERE = Path(__file__).parent
 PROGRAM = Path(sys.executable).with_name("testbench")
@@ -19,13 +20,20 @@ PROGRAM = Path(sys.executable).with_name("testbench")
 project = "testbench"
 author = "the testbench authors"
 copyright = "2026, the testbench authors"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.coverage", "sphinx.ext.napoleon"]
+extensions = ["myst_nb", "sphinx_design", "sphinx.ext.autodoc", "sphinx.ext.coverage", "sphinx.ext.napoleon"]
 coverage_show_missing_items = True
 exclude_patterns = ["_build", "README.md"]
 html_theme = "furo"
 html_title = "testbench"
+# Tutorials are run by the build, each in an empty folder; a cell that fails ends the build.
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_in_temp = True
+nb_execution_timeout = 300
+nb_merge_streams = True
+os.environ["PATH"] = f"{PROGRAM.parent}{os.pathsep}{os.environ['PATH']}"  # of the commands in tutorials
 myst_heading_anchors = 3
-myst_enable_extensions = ["deflist", "dollarmath"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 html_math_renderer = "mathml"
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
@@ -33,14 +41,13 @@ napoleon_google_docstring = True
 
 
 def write_help(_: object) -> None:
-    """commands.txt: what every command says of itself."""
-    shown = {**os.environ, "COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
+    """Write commands.txt: the help of every command, as a terminal of 100 columns shows it."""
+    shown = {"COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
 
     def said(*words: str) -> str:
-        done = subprocess.run(
-            [PROGRAM, *words, "--help"], capture_output=True, text=True, check=True, env=shown
-        )
-        return f"$ testbench {' '.join(words)} --help\n{done.stdout.rstrip()}\n"
+        app, asked = program(words), [*words, "--help"]
+        done = CliRunner().invoke(app, asked, prog_name="testbench", env=shown, catch_exceptions=False)
+        return f"$ testbench {' '.join(asked)}\n{done.stdout.rstrip()}\n"
 
     commands = [
         "calibrate",

@@ -21,7 +21,8 @@ from blocks import fill
 from stamps import Stamp, digest, stamp
 
 from testbench.errors import BenchError
-from testbench.report.figure import save
+from testbench.report.figure import log_ticks, quiet, save, say
+from testbench.report.figure import page as blank
 from testbench.report.markdown import capital, grid, titled
 from testbench.report.report import Report, read_report
 from testbench.report.schema import Table, TableColumn, with_fewer_columns
@@ -38,6 +39,9 @@ STUDIES = (
     "regimes", "real_ur10", "absolute_calibration", "compensation",
 )  # fmt: skip
 BENCH = "bench"  #: Its page is written by hand, around docs/leaderboard/*.csv.
+BOARD = PAGES.parent / "leaderboard"  #: Folder of its tables; its picture has the same name.
+RATIO = re.compile(r"([\d.]+)(?: \(([\d.]+) to ([\d.]+)\))?")
+"""A ratio of errors in its tables, with its 95 % interval, but for the incumbent's own."""
 ROWS = 9  #: Of the one table that a page shows, at most.
 FEWEST, WORDS = 3, 500  #: Rows that it keeps, and words of a page: longer ones have fewer rows.
 HAND = "<!-- by hand -->"  #: What follows on a study's page is not made of a run.
@@ -72,8 +76,42 @@ def main(
 def leaderboard(run: Path) -> None:
     """All tables of a run of the bench beside its page, which has parts of it."""
     found = read_report(run / "report.json")
-    for key, _ in _tables(found, PAGES.parent / "leaderboard"):
-        print(PAGES.parent / "leaderboard" / f"{key}.csv")
+    for key, _ in _tables(found, BOARD):
+        print(BOARD / f"{key}.csv")
+    draw_leaderboard()
+
+
+def draw_leaderboard() -> Path:
+    """Draw the errors of all entries from the tables beside the page, and stamp a digest of these.
+
+    Returns:
+        Path of the picture.
+    """
+    figure, picture = blank(6.6), BOARD.with_suffix(".png")
+    panes = {"with_prior": "with the prior, over the default", "without_prior": "without, over joints"}
+    for axes, (name, title) in zip(figure.subplots(1, 2), panes.items(), strict=True):
+        with (BOARD / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+            found = {row["model"]: row["error over the incumbent's"] for row in csv.DictReader(file)}
+        for y, text in enumerate(found.values()):
+            middle, *ends = (float(own) for own in RATIO.findall(text)[0] if own)
+            axes.plot(ends, [y] * len(ends), color="C0", linewidth=2.5)
+            axes.plot(middle, y, "o", color="C0" if ends else "0.3")
+        log_ticks(axes, "x", *axes.dataLim.intervalx)
+        axes.axvline(1.0, color="0.6", linewidth=0.8, linestyle=":")
+        axes.set_yticks(range(len(found)), list(found))
+        axes.set(ylim=(len(found) - 0.5, -0.5), xlabel="ratio of errors")
+        axes.set_title(title, fontsize="medium")
+        quiet(axes)
+    say(
+        figure,
+        "Errors of all entries over that of the incumbent: to the left is better",
+        "Dot: geometric mean over simulated tasks and arms. Line: its 95 % interval. "
+        "Dotted: as good as the incumbent.",
+    )
+    save(figure, picture)
+    [command] = re.findall(r"^    (testbench bench .*)$", BOARD.with_suffix(".md").read_text(), re.MULTILINE)
+    stamp(picture, Stamp(command, digest(BOARD)))
+    return picture
 
 
 def page(name: str, run: Path) -> None:

@@ -39,6 +39,11 @@ COMMANDS = {
     "predict": "testbench predict runs/model docs/tasks.csv --load 460 --out runs/predict",
     "corrected_report": "testbench compensate runs/model docs/program.csv --out runs/corrected.csv",
     "six_dof_arm": "python scenarios/six_dof_arm.py --seed 1000 --seeds 1 --out runs/six_dof_arm",
+    "checked": "testbench check kr500_l480 --out runs/checked",
+    "seen": "testbench data check kr500_l480 runs/demo/dataset.csv --out runs/seen",
+    "tracker": "python scenarios/gravity_calibration.py --seeds 20 --out runs/tracker",
+    "camera": "python scenarios/gravity_calibration.py --seeds 20 --sigma-um 150 --out runs/camera",
+    "compared": "testbench compare runs/tracker runs/camera --out runs/compared",
     "C": "testbench calibrate ur10 models/ur10/readings/series_C.csv --out runs/C",
 }
 """What makes a run, by its folder in runs; each may read those before it."""
@@ -68,6 +73,9 @@ PICTURES = {
     "recording_compensate": Picture("corrected_report"),
     "calibrate_ur10": Picture("C", figure="calibration.png", page="docs/calibration.md"),
     "recording_six_dof_arm": Picture("six_dof_arm"),
+    "arm": Picture("checked", figure="arm.png"),
+    "data": Picture("seen", figure="data.png"),
+    "compare": Picture("compared", figure="compare.png"),
 }
 """By name of the file in docs; those of studies bear the study's name, in docs/studies."""
 
@@ -79,14 +87,17 @@ def main(
     names: Annotated[list[str] | None, typer.Argument(help="Pictures, such as calibration; all.")] = None,
 ) -> None:
     """Draw pictures of the docs anew."""
-    known = (*PICTURES, *pages.STUDIES)
+    known = (*PICTURES, *pages.STUDIES, pages.BOARD.name)
     if wrong := [name for name in names or () if name not in known]:
         raise BenchError(f"no picture {wrong[0]!r}; pictures are {', '.join(known)}")
     wanted = names or known
     runs = {PICTURES[name].run for name in wanted if name in PICTURES}
     make(RUNS, [run for run in COMMANDS if run in needed(runs)])
     for name in wanted:
-        print(draw(name) if name in PICTURES else _of_study(name), flush=True)
+        if name == pages.BOARD.name:
+            print(_drawn(pages.draw_leaderboard()), flush=True)
+        else:
+            print(draw(name) if name in PICTURES else _of_study(name), flush=True)
 
 
 def needed(runs: set[str]) -> set[str]:
@@ -128,7 +139,7 @@ def draw(name: str) -> str:
             with Image.open(Path(made) / "shot.png") as screen:
                 shrink(screen.convert("RGB"), picture)
     stamp(picture, Stamp(COMMANDS[own.run], read_report(folder / "report.json").headline))
-    return f"{picture.relative_to(ROOT)}: {picture.stat().st_size // 1024} KiB"
+    return _drawn(picture)
 
 
 def _of_study(name: str) -> str:
@@ -140,6 +151,10 @@ def _of_study(name: str) -> str:
         needs = asked.replace(f"runs/{name}", f"runs/full/{name}")
         return f"{picture.relative_to(ROOT)}: left as it is; it needs {needs}"
     pages.draw(name, FULL / name)
+    return _drawn(picture)
+
+
+def _drawn(picture: Path) -> str:
     return f"{picture.relative_to(ROOT)}: {picture.stat().st_size // 1024} KiB"
 
 

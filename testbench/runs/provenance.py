@@ -18,7 +18,8 @@ from testbench.registry import Registry
 from testbench.runs.session import SESSION
 
 T = TypeVar("T")
-ROOT = Path(__file__).resolve().parents[1]  #: The checkout, where the package runs from one.
+PACKAGE = Path(__file__).resolve().parents[1]  #: Folder of testbench's modules.
+ROOT = PACKAGE.parent  #: The checkout, where the package runs from one.
 #: Size up to which a file has a digest [byte]: readings that were read before are smaller.
 MAX_DIGEST_BYTES = 10**11
 NUMBERS = re.compile(
@@ -105,10 +106,9 @@ def _version(package: str) -> str:
 
 def sources() -> str:
     """Compute the SHA-256 of this package's sources: its version number stays while they change."""
-    package = Path(__file__).parent
     whole = hashlib.sha256()
-    for file in sorted(package.rglob("*.py")):
-        whole.update(f"{file.relative_to(package).as_posix()}\n".encode() + file.read_bytes())
+    for file in sorted(PACKAGE.rglob("*.py")):
+        whole.update(f"{file.relative_to(PACKAGE).as_posix()}\n".encode() + file.read_bytes())
     return whole.hexdigest()
 
 

@@ -23,7 +23,7 @@ def of_scale(scale: LearntScale) -> Doubt:
     low, high = (scale.factor * math.exp(sign * 2 * scale.deviation) for sign in (-1, 1))
     beside = "the links" if scale.name == ALL_JOINTS else "the others of its kind"
     factor = f"{scale.factor:.2g} times ({low:.2g} to {high:.2g})"
-    words = f"the readings want {factor} the prior's compliance, beside {beside}: check the folder"
+    words = f"by the readings its compliance is {factor} the prior's, relative to {beside}: check the folder"
     return Doubt("prior", f"{scale.name}: {words}")
 
 

@@ -1,30 +1,64 @@
-"""The wheel, installed where the checkout is not: our arms, the templates and the demo come with it."""
+"""Wheel and sdist, installed where the checkout is not: arms, templates, demo and tutorials are in them."""
 
 import json
 import os
+import re
+import shutil
 import subprocess
 import sys
+import tarfile
 import venv
+import zipfile
 from pathlib import Path
 
 import pytest
+import run_cells
 
 ROOT = Path(__file__).resolve().parents[2]
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+BLOCK, PRINTED = re.search(
+    r"```python\n(.*?)```\n```text\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL
+).groups()
+PIP = ["-m", "pip", "--quiet", "--disable-pip-version-check", "--no-input"]
 pytest.importorskip("pip", reason="a wheel is built and installed by pip")
 
 
+def pythons():
+    """The oldest and the newest Python of this machine that the package allows, of pyenv's too."""
+    versions = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    found = {}
+    for minor in range(11, 15):
+        own = [sys.executable] if sys.version_info[1] == minor else []
+        own += [*map(str, versions.glob(f"3.{minor}.*/bin/python3")), shutil.which(f"python3.{minor}")]
+        for python in filter(None, own):
+            ask = [python, "-c", "import ensurepip, sys; print(sys.version_info[1])"]
+            done = subprocess.run(ask, capture_output=True, text=True, check=False)
+            if done.stdout.strip() == str(minor):
+                found[minor] = python
+                break
+    return [found[minor] for minor in sorted({min(found), max(found)})]
+
+
 @pytest.fixture(scope="module")
-def program(tmp_path_factory):
+def built(tmp_path_factory):
+    """The wheel and the sdist of the checkout."""
+    folder = tmp_path_factory.mktemp("built")
+    asked = ["wheel", "--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", folder, ROOT]
+    subprocess.run([sys.executable, *PIP, *asked], check=True)
+    sdist = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder]
+    subprocess.run(sdist, cwd=ROOT, check=True, capture_output=True)
+    [wheel], [archive] = folder.glob("*.whl"), folder.glob("*.tar.gz")
+    return wheel, archive
+
+
+@pytest.fixture(scope="module")
+def program(built, tmp_path_factory):
     """The command in a fresh venv that sees the packages of this interpreter, but not the checkout."""
     folder = tmp_path_factory.mktemp("wheel")
-    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check", "--no-input"]
-    build = ["wheel", "--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", folder, ROOT]
-    subprocess.run([*pip, *build], check=True)
-    [wheel] = folder.glob("*.whl")
     venv.create(folder / "venv", with_pip=False)
     python = folder / "venv" / "bin" / "python"
-    install = ["install", "--no-deps", "--no-index", "--no-compile", wheel]
-    subprocess.run([*pip, "--python", python, *install], check=True)
+    install = ["install", "--no-deps", "--no-index", "--no-compile", built[0]]
+    subprocess.run([sys.executable, *PIP, "--python", python, *install], check=True)
     [site] = (folder / "venv" / "lib").glob("python3.*/site-packages")
     others = [path for path in sys.path if "site-packages" in Path(path).parts]
     (site / "packages.pth").write_text("\n".join(others) + "\n")
@@ -33,8 +67,9 @@ def program(tmp_path_factory):
 
 def run(program, cwd, *args):
     clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    clean |= {"PATH": f"{program.parent}{os.pathsep}{clean['PATH']}", "MPLBACKEND": "Agg"}
     done = subprocess.run([program, *args], cwd=cwd, env=clean, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr
     return done.stdout
 
 
@@ -61,3 +96,43 @@ def test_the_demo_runs_from_any_folder(program, tmp_path):
     assert manifest["seed"] == 1
     assert set(manifest["models"]["kr500_l480"]) == {"elastic.toml", "rigid.xml"}
     assert sorted(p.name for p in tmp_path.iterdir()) == ["results"]
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_a_tutorial_runs_as_written_where_the_checkout_is_not(program, tmp_path, page):
+    pytest.importorskip("IPython", reason="tutorials are notebooks")
+    assert len(run_cells.cells(page)) > 5
+    run(program.with_name("python"), tmp_path, Path(run_cells.__file__), page)
+
+
+@pytest.mark.study
+def test_the_sdist_makes_the_wheel_of_the_checkout(built, tmp_path):
+    wheel, sdist = built
+    with tarfile.open(sdist) as archive:
+        archive.extractall(tmp_path, filter="data")
+    [source] = tmp_path.iterdir()
+    asked = ["wheel", "--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", tmp_path, source]
+    subprocess.run([sys.executable, *PIP, *asked], check=True)
+    names = [zipfile.ZipFile(own).namelist() for own in (wheel, tmp_path / wheel.name)]
+    assert names[0] == names[1]
+    assert {"testbench/models/ur10/rigid.xml", "testbench/entries/ridge.py"} <= set(names[0])
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("python", pythons(), ids=lambda path: Path(path).parts[-3])
+def test_readme_prints_what_it_says_in_a_fresh_venv_of_the_oldest_and_newest_python(built, tmp_path, python):
+    """Every dependency is downloaded, in the newest release that the wheel allows."""
+    subprocess.run([python, "-m", "venv", tmp_path / "venv"], check=True)
+    own = tmp_path / "venv" / "bin" / "python"
+    got = subprocess.run(
+        [own, *PIP, "install", "--no-compile", built[0]], capture_output=True, text=True, check=False
+    )
+    if re.search("ConnectionError|ConnectTimeout|Retrying", got.stderr):
+        pytest.skip("no package index can be reached")
+    assert got.returncode == 0, got.stderr
+    said, number = run(own, tmp_path, "-c", BLOCK), re.compile(r"\d+\.\d+")
+    assert number.sub("", said) == number.sub("", PRINTED)
+    shown, found = ([float(x) for x in number.findall(text)] for text in (PRINTED, said))
+    assert found == pytest.approx(shown, rel=0, abs=0.02)
+    assert "markers P1, P2, P3" in run(own.with_name("testbench"), tmp_path, "check", "kr500_l480")

@@ -12,6 +12,7 @@ from run_here import app_of, here
 from stamps import digest, read_stamp
 from words import sentences
 
+from testbench import __version__
 from testbench.errors import InputError
 from testbench.report.markdown import grid
 from testbench.report.report import read_report
@@ -119,3 +120,19 @@ def test_readme_expects_what_the_tables_of_the_studies_hold():
     assert cells == [
         rows[name] for name in ("ALL153 + prior", "LS153 + prior", "Joints", "MLS56 + prior", "MLS56")
     ]
+
+
+def test_who_cites_the_software_cites_its_version():
+    for name, line in (
+        ("CITATION.cff", f"version: {__version__}"),
+        ("docs/article.md", f"version = {{{__version__}}}"),
+    ):
+        assert re.search(rf"^ *{re.escape(line)},?$", (ROOT / name).read_text(), re.MULTILINE), name
+
+
+def test_verdicts_of_the_article_are_those_of_the_studies():
+    """Between marks that `make paper` fills."""
+    found = re.findall(r"<!-- from (\w+): badge -->\n(.*?)\n", (ROOT / "docs/article.md").read_text())
+    assert len(found) > 5
+    for name, badge in found:
+        assert f"\n> {badge}\n" in (ROOT / f"docs/studies/{name}.md").read_text(), name

@@ -45,6 +45,7 @@ def test_every_picture_of_the_docs_is_one_that_make_pictures_draws():
     shown = {(page.parent / own).resolve() for page in texts for own in SHOWN.findall(page.read_text())}
     drawn = {file_of(name) for name in pictures.PICTURES}
     drawn |= {DOCS / "studies" / f"{name}.png" for name in pages.STUDIES}
+    drawn.add(pages.BOARD.with_suffix(".png"))
     assert shown == drawn
     assert {*DOCS.glob("*.png"), *DOCS.glob("*.gif"), *DOCS.glob("*/*.png")} == drawn
 
@@ -53,6 +54,10 @@ def test_every_picture_of_the_docs_is_one_that_make_pictures_draws():
 def test_the_picture_of_a_study_is_of_the_tables_beside_its_page(name):
     """An older one fails here: `make pictures`, or the full run that it names, mends it."""
     assert read_stamp(pages.PAGES / f"{name}.png").numbers == digest(pages.PAGES / name)
+
+
+def test_the_picture_of_the_leaderboard_is_of_the_tables_beside_its_page():
+    assert read_stamp(pages.BOARD.with_suffix(".png")).numbers == digest(pages.BOARD)
 
 
 @pytest.mark.parametrize("name", [name for name, own in pictures.PICTURES.items() if own.page])

@@ -1,0 +1,75 @@
+"""The documentation site: pictures on every page to learn and do, no barriers, on phone and desk."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from chromium import PHONE
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+TOCTREE = re.compile(r"```\{toctree\}\n:caption: (\w+)\n:hidden:\n\n(.*?)```", re.DOTALL)
+PARTS = {caption: pages.split() for caption, pages in TOCTREE.findall((DOCS / "index.md").read_text())}
+WIDE = 1440  #: Of a large screen [pixel].
+LOOKED_AT = (
+    "index",
+    "start",
+    "identify",
+    "leaderboard",
+    "mathematics/estimation",
+    "studies/gravity_calibration",
+    "tutorials/paper",
+    "api",
+    "cli",
+    "search",
+)
+THEME = "theme => { document.body.dataset.theme = theme }"
+
+
+def test_every_page_to_learn_and_to_do_has_a_picture():
+    for name in PARTS["Learn"] + PARTS["Do"]:
+        text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+        assert re.search(r"!\[[^]]{10,}\]\(|^    alt: .{10,}$", text, re.MULTILINE), name
+
+
+@pytest.mark.parametrize("name", [name for name in PARTS["Learn"] if name.startswith("tutorials/")])
+def test_a_tutorial_ends_with_what_to_do_next_and_is_stored_without_outputs(name):
+    text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    assert text.startswith("---\nfile_format: mystnb\n")
+    assert re.findall(r"^## (.*)$", text, re.MULTILINE)[-1] == "What to do next"
+    assert "data:image" not in text
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory):
+    """The site without the outputs of its tutorials, which `make docs` makes."""
+    pytest.importorskip("sphinx", reason="the site is built by Sphinx")
+    out = tmp_path_factory.mktemp("site")
+    ask = [sys.executable, "-m", "sphinx", "-q", "-E", "-b", "html", "-D", "nb_execution_mode=off", DOCS, out]
+    subprocess.run(ask, check=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
+    return out
+
+
+@pytest.mark.look
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("name", LOOKED_AT)
+def test_a_page_has_no_barrier_and_is_as_wide_as_its_screen(open_page, site, name, theme):
+    """axe finds nothing, nothing is asked of a network, and no text is beyond the edge."""
+    sync_playwright = pytest.importorskip("axe_playwright_python.sync_playwright")
+    shown = open_page(site / f"{name}.html", WIDE, dark=theme == "dark")
+    shown.page.evaluate(THEME, theme)
+    found = sync_playwright.Axe().run(shown.page).response["violations"]
+    assert [(own["id"], own["nodes"][0]["html"], own["nodes"][0]["failureSummary"]) for own in found] == []
+    for width in (PHONE, WIDE):
+        shown.page.set_viewport_size({"width": width, "height": 844})
+        assert shown.faults() == []
+
+
+@pytest.mark.look
+def test_the_search_of_the_site_finds_a_page(open_page, site):
+    shown = open_page(site / "search.html")
+    shown.page.goto(f"{(site / 'search.html').as_uri()}?q=compensator")
+    shown.page.wait_for_selector("#search-results li", timeout=20_000)
+    assert "compensator" in shown.page.inner_text("#search-results").lower()
