@@ -184,7 +184,8 @@ class Language(Strict):
             return np.asarray(self.per_radian * R.as_rotvec())
         with warnings.catch_warnings():  # where two axes coincide, one of the angles is chosen as zero
             warnings.simplefilter("ignore", UserWarning)
-            return np.asarray(self.per_radian * R.as_euler(self._order()))
+            angles = R.as_euler(self._order())  # type: ignore[call-overload]  # one of its 24 words
+            return np.asarray(self.per_radian * angles)
 
     def _order(self) -> str:
         """The axes of Euler angles as scipy writes them: capitals turn with the body."""

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.document import is_decimal
-from testbench.errors import Array, InputError, read_bytes
+from testbench.errors import Array, Ids, InputError, read_bytes
 from testbench.files.languages import FLAGS, Language, TargetSyntax
 
 MAX_BYTES = 50_000_000  #: Largest program that is read [byte].
@@ -100,7 +100,7 @@ class ProgramText:
         return self.sources[0].path
 
     @property
-    def lines(self) -> Array:
+    def lines(self) -> Ids:
         """Return the line of every move, (moves,)."""
         return np.array([self.sources[0].line(move.start) for move in self.moves], dtype=int)
 
@@ -264,13 +264,13 @@ def _moves(program: ProgramText) -> tuple[tuple[MoveText, ...], list[str]]:
     for match, linear in sorted(starts, key=lambda own: own[0].start()):
         at = match.end()
         place = match.start() + len(match[0]) - len(match[0].lstrip())
-        point = here.get(at)
-        if point is None and (name := re.compile(syntax.point, FLAGS).match(source.code, at)):
-            point = named.get(name["name"].casefold())
+        goal = here.get(at)
+        if goal is None and (name := re.compile(syntax.point, FLAGS).match(source.code, at)):
+            goal = named.get(name["name"].casefold())
             if name["name"].casefold() in twice:
                 raise source.error(place, f"the point {name['name']} has its numbers twice in the program")
-        if point is not None:
-            moves.append(MoveText(place, linear, point))
+        if goal is not None:
+            moves.append(MoveText(place, linear, goal))
         elif stays := re.compile(syntax.elsewhere, FLAGS).match(source.code, at):
             left[" ".join(stays[0].split())] = None
         else:

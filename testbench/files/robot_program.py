@@ -202,6 +202,7 @@ def changed_numbers(
         poses[posed] = np.hstack([at[0] * language.per_metre, language.orientations(at[1])])
     found: dict[tuple[int, int], dict[str, float]] = {}
     line: dict[tuple[int, int], int] = {}
+    lines = text.lines.tolist()
     for k, move in enumerate(text.moves):
         point, key = move.point, (move.point.source, move.point.start)
         if point.posed:
@@ -214,9 +215,9 @@ def changed_numbers(
             own = {name: float(as_joints[k, j] * per[j]) for name, j in axes.items()}
             own = {name: float(round(x)) for name, x in own.items()} if counts else own
         first = found.setdefault(key, own)
-        line.setdefault(key, int(text.lines[k]))
+        line.setdefault(key, lines[k])
         if max(abs(first[name] - own[name]) for name in own) > SHARED:
-            problem = f"lines {line[key]} and {text.lines[k]} share the point {point.name}"
+            problem = f"lines {line[key]} and {lines[k]} share the point {point.name}"
             raise InputError(text.path, "", f"{problem}, which their corrections need twice: copy it")
     return found
 
