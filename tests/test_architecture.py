@@ -28,7 +28,7 @@ DOORS = {
     "pinocchio": ("model/kinematics.py", "files/robot/urdf.py"),
     "rerun": "report/recording",
     "clarabel": "identify/cone.py",
-    "jinja2": "report/page/page.py",
+    "jinja2": ("report/page/page.py", "files/motion.py"),
     **dict.fromkeys(("markdown_it", "markupsafe"), "report/page/page.py"),
     "pyarrow": ("runs", "files/table.py", "report/table.py"),
     "python_calamine": "files/workbook.py",

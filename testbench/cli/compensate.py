@@ -30,7 +30,7 @@ from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import check_file, claim_folder
 from testbench.runs.provenance import digest
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
-from testbench.runs.whole import whole_file
+from testbench.runs.whole import whole_files
 from testbench.workflows import correction_numbers as counted
 from testbench.workflows import program as programs
 from testbench.workflows.arm_models import load_model
@@ -55,8 +55,8 @@ class CompensateOptions:
     """Hold the flags of the command."""
 
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
-    program: Annotated[Path, typer.Argument(help="Set-points and loads: table or FILE.xlsx#SHEET.")]
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Ends with .csv, .src, .mod or .script.")]
+    program: Annotated[Path, typer.Argument(help="Table of points and loads, or a robot's program.")]
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Ends with .csv, .src, .mod, .script, .ls, .jbi.")]
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of the report (default: beside --out).")
     ] = None
@@ -89,8 +89,10 @@ def command(asked: CompensateOptions) -> None:
     """Correct a program for what the process load does to the arm; write it, and a page beside it."""
     with of_flag("--out"):
         form, kind, folder = programs.output_paths(asked.out, asked.report)
-    given = [asked.model, asked.program, *([asked.mapping] if asked.mapping else [])]
-    check_file(asked.out, kind, inputs=given, force=asked.force)
+    files = programs.output_files(asked.out, form, asked.program)
+    given = [asked.model, *programs.input_files(asked.program), *([asked.mapping] if asked.mapping else [])]
+    for file in files:
+        check_file(file, kind, inputs=given, force=asked.force)
     with claim_folder(folder, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         aim = programs.aim_of(asked.hold, asked.asked, asked.tool_point, asked.spindle)
         model = load_model(asked.model, asked.arm)
@@ -106,13 +108,16 @@ def command(asked: CompensateOptions) -> None:
             programs.refuse_unreached(corrected_program)
         said = report(corrected_program, asked.tolerance)
         flags, arm = plain(asked, read="program", without=("model",)), cell.arm.rigid.parent
-        with whole_file(asked.out) as part:
-            programs.write_corrected(corrected_program, part, form)
-            more = {"corrected": {asked.out.name: digest(part)}}  # a kill may leave the earlier one
+        notes += programs.turn_notes(corrected_program)
+        with whole_files(files) as parts:
+            programs.write_corrected(corrected_program, parts, form)
+            # a kill may leave the earlier one
+            more = {"corrected": {file.name: digest(part) for file, part in zip(files, parts, strict=True)}}
             run = RunRequest(COMMAND, program.path.name, flags, [arm], WRITTEN[-1], more=lambda _: more)
             write_run(folder, run, said, seen(cell, corrected_program, said))
         places = ", ".join(str(folder / name) for name in WRITTEN)
-        lines = [*notes, f"corrected  {asked.out}", f"report     {places}", *viewing_lines(folder)]
+        out = ", ".join(map(str, files))
+        lines = [*notes, f"corrected  {out}", f"report     {places}", *viewing_lines(folder)]
         print_words(plain_console(), said, [said.tables["worst"]], lines)
     if any(row.verdict == "fail" for row in said.numbers["rows"]):
         raise typer.Exit(1)

@@ -1,5 +1,7 @@
 """testbench data check and data map: contents of a file of readings, and the map that reads it."""
 
+import contextlib
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -11,10 +13,10 @@ from rich.console import Console
 from testbench.arm.folder import find_arm
 from testbench.cli.arguments import ShownFolder
 from testbench.data.dataset import Dataset
-from testbench.errors import BenchError, Ids, sheet_of
+from testbench.errors import BenchError, Ids, InputError, sheet_of
 from testbench.files.layouts import fitting
 from testbench.files.mapping import Map
-from testbench.files.propose_map import Proposal, map_text, propose
+from testbench.files.propose_map import Proposal, fit_of_series, map_text, propose
 from testbench.files.read_series import read_series
 from testbench.identify.registered import RegisteredDataset
 from testbench.plant.shapes import rigid_frames
@@ -78,7 +80,12 @@ def check(runs: ReadingOptions, asked: DataOptions) -> None:
         if isinstance(mapping, Map) and not _pairs(runs.dataset, filed, mapping):
             _show_series(console, filed, runs.dataset, mapping)
             return
-        export = read_export_file(filed, runs, mapping)
+        try:
+            export = read_export_file(filed, runs, mapping)
+        except InputError:
+            if not _shown_as_poses(console, filed, runs.dataset, mapping):
+                raise
+            return
         found = contents(export)
         found["columns"] = [Row(row, values=written(row)) for row in found.columns]
         try:
@@ -109,10 +116,37 @@ def _map_of_layout(
     if not fits:
         return runs.mapping
     proposal = propose(runs.dataset, cell.arm, asked.log, runs.dataset.parent, asked.layout)
-    file = sheet_of(runs.dataset)[0]
+    _print_map(console, runs.dataset, proposal)
+    return proposal.map()
+
+
+def _shown_as_poses(console: Console, cell: Cell, dataset: Path, mapping: Path | Map | None) -> bool:
+    """Show absolute readings with orientations, by the map, our names or a proposed map; False for others."""
+
+    def poses(own: Path | Map | None) -> bool:
+        series = read_series(dataset, cell.arm, own).series
+        return not any(one.wrench.any() for one in series) and any(one.turned.any() for one in series)
+
+    with contextlib.suppress(InputError):
+        if poses(mapping):
+            _show_series(console, cell, dataset, mapping)
+            return True
+    if mapping is not None:
+        return False
+    with contextlib.suppress(InputError):
+        proposal = propose(dataset, cell.arm, None, dataset.parent)
+        if proposal.asked or poses(proposal.map()):
+            _print_map(console, dataset, proposal)
+            _show_series(console, cell, dataset, proposal.map())
+            return True
+    return False
+
+
+def _print_map(console: Console, dataset: Path, proposal: Proposal) -> None:
+    """Print a proposed map, to be saved."""
+    file = sheet_of(dataset)[0]
     hint = f"To save as {file.with_suffix('.toml').name}, for --map:"
     console.print("\n".join([*_origin(proposal), "", hint, "", _map_file(file, proposal)]), soft_wrap=True)
-    return proposal.map()
 
 
 def _pairs(dataset: Path, cell: Cell, mapping: Map) -> bool:
@@ -159,10 +193,11 @@ def _origin(proposal: Proposal) -> list[str]:
     entries = proposal.entries
     guesses = {why: [own.key for own in entries if own.why == why] for *_, why in entries if why}
     layouts = [f"layout     {name}" for name in proposal.layouts]
-    return [*layouts, *(f"guess      {', '.join(keys)}: {why}" for why, keys in guesses.items())]
+    guessed = [f"guess      {', '.join(keys)}: {why}" for why, keys in guesses.items()]
+    return [*layouts, *guessed, *([f"asked      {proposal.asked}"] if proposal.asked else [])]
 
 
-def _show_series(console: Console, cell: Cell, dataset: Path, mapping: Path | Map) -> None:
+def _show_series(console: Console, cell: Cell, dataset: Path, mapping: Path | Map | None) -> None:
     """Show what a map reads of a file, and how well that fits the arm."""
     export = read_series(dataset, cell.arm, mapping)
     rows = [Row(row, values=written(row)) for row in column_rows(export.columns)]
@@ -173,6 +208,10 @@ def _show_series(console: Console, cell: Cell, dataset: Path, mapping: Path | Ma
     console.print("\n".join([*column_lines(rows), "", *notes]), soft_wrap=True)
     off = MM * kinematic_misfit(cell.vjm, export.series)
     console.print(f"They fit the arm as drawn to {off:.3g} mm (median).")
+    for one in export.series:
+        if fit := fit_of_series(cell.arm, one):
+            angle = f"{math.degrees(fit.angle):.2g} deg"
+            console.print(f"Orientations of {one.name} fit it to {angle} (RMS).", soft_wrap=True)
 
 
 def seen(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:

@@ -6,7 +6,7 @@ import numpy as np
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
-from testbench.errors import Array, BenchError, InputError
+from testbench.errors import Array, BenchError, InputError, Mask
 from testbench.files.columns import Columns, ReadColumn
 from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
 from testbench.files.rearranged import clock, seconds
@@ -16,15 +16,29 @@ UNIT_NORM = 5e-3
 file."""
 MAX_RADIANS = 2.5 * np.pi
 """Largest angle [rad]: larger ones are in degrees."""
+NOTATIONS = 'expected "intrinsic xyz", "extrinsic zyx" or the like, or "vector" for three angles'
 ROUNDED = re.compile(r"\d([.,]\d*)?[eE]\+?13|\d{6}0{8}")
 """Time rounded by a spreadsheet, such as 2,02011E+13: its hour is lost."""
 
 
-def read_rotations(columns: Columns) -> Array | None:
+class UnclearNotation(InputError):
+    """Signal angles whose notation neither file nor map states, and the arm's kinematics do not tell.
+
+    Args:
+        columns: The table.
+        problem: What was expected, and what fits.
+    """
+
+    def __init__(self, columns: Columns, problem: str) -> None:
+        super().__init__(columns.names.path or columns.table.path, "series.rotation", problem)
+
+
+def read_rotations(columns: Columns, notation: str = "") -> Array | None:
     """Read the orientation of the target in every row, tracker from target.
 
     Args:
         columns: The table.
+        notation: What three angles are, if the map does not say it; "" if nobody knows.
 
     Returns:
         Rotation matrices, (rows, 3, 3), NaN in rows without one; None if no column states orientations.
@@ -40,7 +54,7 @@ def read_rotations(columns: Columns) -> Array | None:
         raise columns.table.header_error(f"expected orientations in one notation, got {' and '.join(kinds)}")
     what = found[0].slot.what
     if what == "rotation":
-        return _from_angles(columns, found)
+        return _from_angles(columns, notation or _stated(columns, found) or _unsaid(columns))
     own = columns.complete_set(columns_of(what))
     values, there = columns.together(own)
     read = _from_quaternions if what == "quaternion" else _from_matrices
@@ -50,11 +64,29 @@ def read_rotations(columns: Columns) -> Array | None:
     return rotation
 
 
-def _from_angles(columns: Columns, found: list[ReadColumn]) -> Array:
-    """Convert three angles in the map's notation, or a rotation vector in our own columns."""
-    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
+def unsaid_angles(columns: Columns) -> tuple[Array, Mask, bool] | None:
+    """Read three angles whose notation neither the map nor their names state.
 
-    notation = columns.names.map.series.rotation or _unsaid(columns, found)
+    Args:
+        columns: The table.
+
+    Returns:
+        The angles, (rows, 3) [rad], zero where there are none; which rows have them, (rows,); and whether
+        they are named by their axes, not by their order. None if the notation is stated, or there are no
+        angles.
+
+    Raises:
+        InputError: If one of the three is missing, or a cell is no angle.
+    """
+    found = [c for c in columns.all_of(*ROTATIONS) if not c.slot.when]
+    if {c.slot.what for c in found} != {"rotation"} or _stated(columns, found):
+        return None
+    angles, there = _angles(columns, found)
+    return angles, there, found[0].slot.index < len(XYZ)
+
+
+def _angles(columns: Columns, found: list[ReadColumn]) -> tuple[Array, Mask]:
+    """Read three angles, (rows, 3) [rad], zero where there are none, and which rows have them, (rows,)."""
     first = found[0].slot.index // 3 * 3
     ours = "123" if first else "xyz"
     own = columns.complete_set({f"rotation_{x}_rad": Slot("rotation", first + k) for k, x in enumerate(ours)})
@@ -67,13 +99,22 @@ def _from_angles(columns: Columns, found: list[ReadColumn]) -> Array:
 
     columns.table.refuse(np.abs(angles) > MAX_RADIANS, [column.name for column in own], problem)
     angles[~there] = 0
+    return angles, there
+
+
+def _from_angles(columns: Columns, notation: str) -> Array:
+    """Convert three angles in a notation."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
+
+    found = [c for c in columns.all_of("rotation") if not c.slot.when]
+    angles, there = _angles(columns, found)
     if notation == "vector":
         rotation = Rotation.from_rotvec(angles).as_matrix()
     else:
         kind, axes = notation.split()
         if axes[1] in (axes[0], axes[2]):
             raise columns.map_error("series.rotation", f"no Euler angles {axes!r}")
-        if not first:  # named by their axes
+        if found[0].slot.index < len(XYZ):  # named by their axes
             if len(set(axes)) < len(axes):
                 missing = ["rotation_1_rad", "rotation_2_rad", "rotation_3_rad"]
                 raise columns.lack(missing, f"; the angles {axes} are named by their order")
@@ -84,12 +125,15 @@ def _from_angles(columns: Columns, found: list[ReadColumn]) -> Array:
     return np.asarray(rotation)
 
 
-def _unsaid(columns: Columns, found: list[ReadColumn]) -> str:
-    """Return "vector" for our own rotation_x, y, z; the notation of other angles must be stated."""
-    if all(column.slot.index < len(XYZ) and not columns.names.maps(column.name) for column in found):
-        return "vector"
-    problem = 'expected "intrinsic xyz", "extrinsic zyx" or the like, or "vector", for three angles'
-    raise columns.map_error("series.rotation", problem)
+def _stated(columns: Columns, found: list[ReadColumn]) -> str:
+    """Return the map's notation, or "vector" for our own rotation_x, y, z; "" for other angles."""
+    ours = all(column.slot.index < len(XYZ) and not columns.names.maps(column.name) for column in found)
+    return columns.names.map.series.rotation or ("vector" if ours else "")
+
+
+def _unsaid(columns: Columns) -> str:
+    """Refuse angles whose notation nobody knows."""
+    raise UnclearNotation(columns, f"{NOTATIONS}")
 
 
 def _from_quaternions(columns: Columns, name: str, values: Array) -> Array:

@@ -11,6 +11,7 @@ from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
 from testbench.errors import Array, InputError
 from testbench.files.meaning import (
+    KNOWN_EXPORTS,
     NUMBER,
     STATES,
     Place,
@@ -99,6 +100,57 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
         if kind.startswith("u95"):
             yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
     yield from lost_words(table, [k for our, (k, *_) in readings.items() if our != "axis"])
+
+
+def orientation_columns(table: TableCells) -> Iterator[list[Entry]]:
+    """List what columns of orientations may be: three angles, or four parts of a quaternion.
+
+    Args:
+        table: The export, with what the log adds.
+
+    Yields:
+        Lines of the map, one alternative after the other: units and orders that the names leave open.
+    """
+    names = {plain(name): k for k, name in reversed(list(enumerate(table.names)))}
+    for parts, pattern in KNOWN_EXPORTS["orientations"].items():
+        found = _whole_set(names, re.compile(pattern), parts)
+        if found and len(parts) == len(XYZ):
+            yield from _three_angles(table, found, XYZ)
+            return
+        if found:
+            both = zip(parts, found, strict=True)
+            yield [Entry("columns", f"quaternion_{part}", table.names[k]) for part, k in both]
+            return
+    for words in KNOWN_EXPORTS["together"]["orientations"]:
+        columns = [names[word] for word in words.split() if word in names]
+        if len(columns) == len(words.split()) == len(XYZ):
+            yield from _three_angles(table, sorted(columns), "123")
+            return
+        if len(columns) == len(words.split()):
+            orders = ["wxyz"] if words == "w i j k" else ["wxyz", "xyzw"]
+            for order in orders:
+                both = zip(order, columns, strict=True)
+                yield [Entry("columns", f"quaternion_{part}", table.names[k]) for part, k in both]
+            return
+
+
+def _whole_set(names: Mapping[str, int], pattern: re.Pattern[str], parts: str) -> list[int]:
+    """Columns of names that are alike but for a part, one for each part; none where no set is whole."""
+    sets = dict[str, dict[str, int]]()
+    for name, k in names.items():
+        if match := pattern.fullmatch(name):
+            rest = f"{name[: match.start('part')]}#{name[match.end('part') :]}"
+            sets.setdefault(rest, {})[match["part"]] = k
+    whole = [[own[part] for part in parts] for own in sets.values() if {*own} == {*parts}]
+    return min(whole, default=[])
+
+
+def _three_angles(table: TableCells, columns: Sequence[int], parts: Sequence[str]) -> Iterator[list[Entry]]:
+    """Three columns of angles, in degrees or radians where their names do not say it."""
+    units = ["", ""] if unit_of(table, columns[0]) else ["_deg", "_rad"]
+    for unit in dict.fromkeys(units):
+        both = zip(parts, columns, strict=True)
+        yield [Entry("columns", f"rotation_{part}{unit}", table.names[k]) for part, k in both]
 
 
 def lost_words(table: TableCells, columns: Sequence[int]) -> list[Entry]:

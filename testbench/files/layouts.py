@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 from testbench.arm.document import Strict, is_decimal, parse_toml
 from testbench.arm.folder import Arm
 from testbench.errors import InputError, read_text
+from testbench.files.languages import FLAGS, known_languages
 from testbench.files.mapping import FileLayout, Map, Text
 from testbench.files.meaning import places, plain
 from testbench.files.names import XYZ, find_unit, split_unit, squeeze
@@ -53,17 +54,7 @@ class Fits(Strict):
     above: list[Text] = Field(default=[], max_length=100)
     #: Kinds of the cells in every row of a file without a header, one for each of `file.names`.
     cells: list[Kind] = Field(default=[], max_length=100)
-    text: Text | None = None  #: Regular expression of a line of a robot's program.
-
-
-class Program(Strict):
-    """Describe how a robot language writes joints."""
-
-    comment: Text  #: Sign at the beginning of a comment.
-    unit: Literal["deg", "rad"]  #: Unit of the robot's own axes.
-    target: str  #: Regular expression of joints, with the groups name, blank for a move, and axes.
-    drop: str = ""  #: Prefix that is removed from the points' names if all have it.
-    begin: str = ""  #: Prefix that is added to a point's name.
+    language: Text | None = None  #: Name of a robot language, of a program.
 
 
 class Ordered(Strict):
@@ -84,19 +75,18 @@ class ExportLayout(Map):
     length: Literal["m", "mm"] | None = None  #: Unit of lengths where neither file nor columns say it.
     times: list[Text] = Field(default=[], max_length=100)  #: Columns that together state the time of a row.
     joints: Ordered | None = None
-    program: Program | None = None
     #: Where the targets of columns X, Y, Z are named: "above" them, or behind this word in a line above.
     targets: Text | None = None
 
     @model_validator(mode="after")
     def _recognised(self) -> "ExportLayout":
         fits = self.fits
-        if sum(map(bool, (fits.header, fits.cells, fits.text))) != 1:
-            raise ValueError("expected one of fits.header, fits.cells and fits.text")
+        if sum(map(bool, (fits.header, fits.cells, fits.language))) != 1:
+            raise ValueError("expected one of fits.header, fits.cells and fits.language")
         if len([kind for kind in fits.cells if kind != MORE]) != len(self.file.names):
             raise ValueError("expected as many fits.cells as file.names")
-        if bool(fits.text) != (self.program is not None):
-            raise ValueError("expected fits.text and program together")
+        if fits.language and fits.language not in known_languages():
+            raise ValueError(f"expected fits.language of {', '.join(known_languages())}")
         return self
 
 
@@ -215,9 +205,10 @@ def every_fitting(path: Path, arm: Arm) -> list[Fitting]:
     divided = [_Divided(mark, [_row(lines[k], k, mark) for k in places], lines) for mark in marks]
     fittings = []
     for name, layout in known_layouts().items():
-        if not layout.program:
+        language = known_languages().get(layout.fits.language or "")
+        if language is None:
             fittings += list(islice(_tables(name, layout, divided, arm), 1))
-        elif not sheet and re.search(f"^[ \\t]*({layout.fits.text})", text, re.MULTILINE | re.IGNORECASE):
+        elif not sheet and re.search(f"^[ \\t]*({language.text})", text, FLAGS):
             fittings.append(Fitting(name, layout, FileLayout()))
     fits = [own.layout.fits for own in fittings]
     return [own for own in fittings if not any(_says_less(own.layout.fits, other) for other in fits)]

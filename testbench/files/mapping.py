@@ -81,6 +81,23 @@ class Log(Strict):
         return self
 
 
+class Controller(Strict):
+    """Describe what a robot's program counts by, as far as its language does not say it."""
+
+    #: The program's base in the arm's world, as the language writes a pose; empty for the world itself.
+    base: list[float] = Field(default=[], max_length=7)
+    #: The program's tool in the arm's tool, as the language writes a pose; empty for the arm's tool.
+    tool: list[float] = Field(default=[], max_length=7)
+    #: Pulses of every motor per degree of its joint, where the program counts pulses.
+    pulses_per_deg: list[Annotated[float, Field(gt=-1e9, lt=1e9)]] = Field(default=[], max_length=12)
+
+    @model_validator(mode="after")
+    def _turns(self) -> "Controller":
+        if 0 in self.pulses_per_deg:
+            raise ValueError("expected pulses_per_deg other than 0")
+        return self
+
+
 class Map(Strict):
     """Hold a map as its file states it."""
 
@@ -88,6 +105,7 @@ class Map(Strict):
     file: FileLayout = FileLayout()
     series: AbsoluteLayout = AbsoluteLayout()
     log: Log | None = None
+    controller: Controller = Controller()
     columns: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     optional: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     cells: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=20)
@@ -242,7 +260,11 @@ def _read(path: Path) -> Map:
         first = err.errors(include_url=False, include_context=False)[0]
         place = toml_place(path, first["loc"])
         if first["type"] == "extra_forbidden":
-            tables: dict[str, type[Strict]] = {"series": AbsoluteLayout, "log": Log}
+            tables: dict[str, type[Strict]] = {
+                "series": AbsoluteLayout,
+                "log": Log,
+                "controller": Controller,
+            }
             inner = (
                 FileLayout if "table" in first["loc"][:-1] else tables.get(str(first["loc"][0]), FileLayout)
             )

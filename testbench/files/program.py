@@ -17,8 +17,10 @@ from testbench.display import Displayed
 from testbench.errors import Array, Ids, InputError, check_type
 from testbench.files.beside import read_rotations
 from testbench.files.columns import Columns, ReadColumn, find_columns, read_columns, vector, wrench
-from testbench.files.mapping import read_map
+from testbench.files.languages import Language, language_of
+from testbench.files.mapping import Names, read_map
 from testbench.files.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names, split_unit
+from testbench.files.robot_program import RobotMotions, read_robot_program
 from testbench.files.rows import joint_coordinates
 from testbench.files.table import read_table
 
@@ -63,7 +65,9 @@ class Program(Displayed):
     #: Point where wrench and process force act, tool's frame, (points, 3) [m]; None if the file states none.
     point: Array | None
     arm: Arm = field(repr=False)  #: The arm of the program.
-    columns: Columns = field(repr=False)  #: The file's cells.
+    #: The cells of a table, or the moves of a program in a robot language. Joints of the latter are NaN where
+    #: `position` and `rotation` are given, and the other way round.
+    content: Columns | RobotMotions = field(repr=False)
     jumps: bool  #: Whether points may be any distance apart.
 
     def about(self) -> dict[str, object]:
@@ -79,12 +83,12 @@ class Program(Displayed):
     @property
     def path(self) -> Path:
         """Return the file."""
-        return self.columns.table.path
+        return self.content.table.path if isinstance(self.content, Columns) else self.content.text.path
 
     @property
     def line(self) -> Ids:
         """Return the line of every point in the file, (points,)."""
-        return self.columns.table.lines
+        return self.content.table.lines if isinstance(self.content, Columns) else self.content.text.lines
 
     @property
     def points(self) -> int:
@@ -94,12 +98,14 @@ class Program(Displayed):
     @property
     def joints(self) -> list[ReadColumn | None]:
         """Return the column of every file joint; None for a joint without one."""
-        return [self.columns.get(Slot("joint", k)) for k in range(len(self.arm.file_joints))]
+        if not isinstance(self.content, Columns):
+            return [None] * len(self.arm.file_joints)
+        return [self.content.get(Slot("joint", k)) for k in range(len(self.arm.file_joints))]
 
     @property
     def other(self) -> tuple[str, ...]:
         """List the columns that are carried through, in the order of the file."""
-        return self.columns.ignored
+        return self.content.ignored if isinstance(self.content, Columns) else ()
 
     @property
     def corrected(self) -> bool:
@@ -116,6 +122,8 @@ def unread_columns(program: Program) -> tuple[str, ...]:
     Returns:
         Sentences, without full stop.
     """
+    if not isinstance(program.content, Columns):
+        return program.content.text.notes
     like = {name: _load_like(name) for name in program.other}
     found = [
         f"Not read though its unit is that of a load: {name}{near and f' ({near}?)'}; it counts for nothing"
@@ -142,27 +150,31 @@ def _load_like(header: str) -> str | None:
 def read_program(
     path: str | Path, arm: Arm, mapping: str | Path | None = None, *, jumps: bool = False
 ) -> Program:
-    """Read a program, one point a row.
+    """Read a program: a table with one point a row, or a program in a robot language, by its suffix.
 
-    Columns: JOINT_deg or JOINT_rad of every joint, of a slide JOINT_mm or JOINT_m; or x_mm, y_mm, z_mm and an
-    orientation of the tool in world axes; docs/formats.md lists all.
+    Columns of a table: JOINT_deg or JOINT_rad of every joint, of a slide JOINT_mm or JOINT_m; or x_mm, y_mm,
+    z_mm and an orientation of the tool in world axes; docs/formats.md lists all.
 
     Args:
         path: The file.
         arm: The arm.
-        mapping: A map of other names, and of what three angles are.
-        jumps: Whether two points may lie as far apart as they like.
+        mapping: A map of other names, and of what three angles are; of a program in a robot language its
+            base, tool and pulses.
+        jumps: Whether two points may lie as far apart as they like; they always may in a robot language,
+            which defines the path between them.
 
     Returns:
         The points in their order, with what acts at them.
 
     Raises:
-        InputError: Names line and column, and what was expected.
+        InputError: Names line and column, or the statement, and what was expected.
         BenchError: When arm is no Arm.
     """
     check_type(arm, Arm, "arm")
     path = Path(path)
     names = read_map(None if mapping is None else Path(mapping), arm, program_names)
+    if (language := language_of(path)) is not None:
+        return _robot_program(path, language, arm, names)
     if names.cells:
         raise names.error(path, "cells", "expected a quantity a column in a program")
     columns = read_columns(path, names, arm)
@@ -185,8 +197,27 @@ def read_program(
         mass=np.zeros(rows) if mass is None else mass[:, 0],
         point=vector(columns, "point"),
         arm=arm,
-        columns=columns,
+        content=columns,
         jumps=jumps,
+    )
+
+
+def _robot_program(path: Path, language: Language, arm: Arm, names: Names) -> Program:
+    """Read a program in a robot language, which states no loads."""
+    found = read_robot_program(path, language, arm, names.map.controller)
+    count, posed = len(found.q), found.motions.posed
+    return Program(
+        labels=found.motions.text.labels,
+        q=None if posed.all() else found.q,
+        position=found.position if posed.any() else None,
+        rotation=found.rotation if posed.any() else None,
+        wrench=np.zeros((count, 6)),
+        along=np.zeros((count, 3)),
+        mass=np.zeros(count),
+        point=None,
+        arm=arm,
+        content=found.motions,
+        jumps=True,
     )
 
 

@@ -8,7 +8,7 @@ import os
 import re
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 
@@ -16,7 +16,9 @@ import numpy as np
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
+from testbench.data.series import Series
 from testbench.errors import InputError, Mask
+from testbench.files.beside import NOTATIONS, UnclearNotation
 from testbench.files.column_guesses import (
     TARGETS,
     Entry,
@@ -25,12 +27,15 @@ from testbench.files.column_guesses import (
     length_unit,
     lost_words,
     names_by_cells,
+    orientation_columns,
     unit_of,
 )
 from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_length_unit
 from testbench.files.mapping import Log, Map, Named, read_map
 from testbench.files.meaning import column_meaning, joints_of, looks_like, places
-from testbench.files.names import SI, series_names, squeeze
+from testbench.files.names import ROTATIONS, SI, series_names, squeeze
+from testbench.files.orientation import MIN_POSES, OrientationFit, clear_fit, fits_of, unclear
+from testbench.files.read_series import read_series
 from testbench.files.rearranged import NUMBERS, join_log, keys_of, nearest_times, times_of
 from testbench.files.table import TableCells
 from testbench.files.targets import read_log
@@ -67,6 +72,7 @@ class Proposal:
 
     entries: tuple[Entry, ...]
     layouts: tuple[str, ...]  #: Layouts that fit the export and its log, with their titles.
+    asked: str = ""  #: What the user has to say about orientations, which are not read; "" for nothing.
 
     def map(self) -> Map:
         """Build the map from the entries.
@@ -120,7 +126,62 @@ def propose(path: Path, arm: Arm, log: Path | None, beside: Path, layout: str | 
             stated.order(one, source, arm)
     entries += [*stated.entries, *columns_by_name(table, arm, length, stated.what), *points]
     entries += names_by_cells(table, arm, stated.names)
-    return Proposal(tuple(entries), tuple(f"{one.name} ({one.layout.title})" for one, _ in every if one))
+    asked = ""
+    if not stated.what & {*ROTATIONS}:
+        turned, asked = _orientations(path, arm, table, entries, log)
+        entries += turned
+    layouts = tuple(f"{one.name} ({one.layout.title})" for one, _ in every if one)
+    return Proposal(tuple(entries), layouts, asked)
+
+
+def _orientations(
+    path: Path, arm: Arm, table: TableCells, entries: Sequence[Entry], log: Path | None
+) -> tuple[list[Entry], str]:
+    """The columns of orientations, in the notation that fits the arm, and what is unclear about them."""
+    ours = read_map(None, arm, series_names)
+    if any((named := ours.find(name)) and named.slot.what == "rotation" for name in table.names):
+        return [], ""  # a rotation vector, or angles that a map names
+    own = [Entry("log", "file", os.path.relpath(log, path.parent))] if log else []
+    found, asked = list[tuple[OrientationFit, list[Entry]]](), ""
+    for columns in orientation_columns(table):
+        tried = [*own, *entries, *columns]
+        try:
+            export = read_series(path, arm, Proposal(tuple(tried), ()).map())
+        except UnclearNotation as err:
+            asked = asked or str(err).partition(f"{NOTATIONS}; ")[2]
+            continue
+        except InputError:
+            continue  # of pairs, or no orientations
+        if fit := export.fit or fit_of_series(arm, export.series[0]):
+            if not export.fit:
+                fit = replace(fit, notation=f"{columns[0].key} = {columns[0].value}")
+            why = f"alone fits the arm as drawn: {fit}"
+            stated = [Entry("series", "rotation", fit.notation, why)] if export.fit else []
+            found.append((fit, [*columns, *stated]))
+    fits = sorted((fit for fit, _ in found), key=lambda fit: fit.score)
+    if not fits:
+        return [], asked and f"state rotation in [series] of the map: {asked}"
+    best = clear_fit(fits)
+    if best is None:
+        return [], f"the columns of orientations: {unclear(fits)}"
+    return next(columns for fit, columns in found if fit is best), ""
+
+
+def fit_of_series(arm: Arm, series: Series) -> OrientationFit | None:
+    """Fit frame and mount to the orientations of a series, and to the positions of its first target.
+
+    Args:
+        arm: The arm; its drawn geometry counts.
+        series: Absolute readings.
+
+    Returns:
+        The fit; None without enough orientations.
+    """
+    some = series.turned & series.seen[:, 0]
+    if series.rotation is None or some.sum() < MIN_POSES:
+        return None
+    tried = {"as read": series.rotation[some]}
+    return fits_of(arm, series.q[some], series.position[some, 0], tried)[0]
 
 
 def _read(path: Path, arm: Arm, layout: str | None = None) -> tuple[TableCells, Fitting | None]:
@@ -213,7 +274,7 @@ def _missing_unit(table: TableCells, columns: Sequence[tuple[int, Named]], lengt
     k, named = columns[0]
     if named.unit or named.header or unit_of(table, k):
         return "", ""
-    if named.slot.what == "joint":
+    if named.slot.what in ("joint", "rotation"):
         return angle_unit(table, [k for k, _ in columns])
     kind = {"deviation": "sigma_x", "sigma": "sigma_x", "axis": "axis", "mass": "mass"}.get(
         named.slot.what, ""

@@ -5,13 +5,22 @@ Readings of several targets at one time form one row of a series.
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.series import Series, select_rows, series_of
 from testbench.errors import Array, Ids, check_type, stem_of
-from testbench.files.beside import read_rotations, read_temperature, read_time, read_torques
+from testbench.files.beside import (
+    NOTATIONS,
+    UnclearNotation,
+    read_rotations,
+    read_temperature,
+    read_time,
+    read_torques,
+    unsaid_angles,
+)
 from testbench.files.columns import Columns, read_columns
 from testbench.files.mapping import Map, read_map
 from testbench.files.names import ROTATIONS, WHEN, Slot, What, series_names
@@ -26,6 +35,9 @@ from testbench.files.readings import (
     readings_by_group,
 )
 from testbench.files.rows import RowConditions, first_rows, number_rows, read_conditions, repeats
+
+if TYPE_CHECKING:
+    from testbench.files.orientation import OrientationFit
 
 ALONE = "target"
 """Name of a file's only target if the arm has several."""
@@ -48,6 +60,7 @@ class SeriesExport:
     columns: Columns  #: Meaning of its columns.
     notes: tuple[str, ...]  #: Assumptions, omissions and numbering.
     lost: Ids  #: Lines of rows without a reading, which are left out.
+    fit: "OrientationFit | None" = None  #: The fitted notation of angles, where nothing states it.
 
 
 def read_series(
@@ -111,11 +124,12 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
         _check_alone(columns, conditions, read)
     # One series of all rows, then one per station.
     scatter = read_scatter(columns, sigma)
-    whole, first, lost, more = _assembled(columns, arm, conditions, read, scatter)
+    fit = _fitted_notation(columns, arm, conditions, read)
+    whole, first, lost, more = _assembled(columns, arm, (conditions, read, scatter), fit)
     notes += [*columns.warnings, *shots, *conditions.notes, *scatter.notes, *more]
     if columns.names.map.frame == "base":
         notes.append("the map says base: its pose is found all the same")
-    return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes), lost)
+    return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes), lost, fit)
 
 
 def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
@@ -142,7 +156,10 @@ def _check_alone(columns: Columns, conditions: RowConditions, read: FileReadings
 
 
 def _assembled(
-    columns: Columns, arm: Arm, conditions: RowConditions, read: FileReadings, scatter: Scatter
+    columns: Columns,
+    arm: Arm,
+    rows: tuple[RowConditions, FileReadings, Scatter],
+    fit: "OrientationFit | None",
 ) -> tuple[Series, Ids, Ids, list[str]]:
     """Convert all rows of a file to one series without a name, each with a covariance.
 
@@ -153,6 +170,7 @@ def _assembled(
     Raises:
         InputError: Names line and column.
     """
+    conditions, read, scatter = rows
     # Rows of one reading, and their positions by target.
     table, m = columns.table, len(read.markers)
     code = _grouped(columns, conditions, read) if read.long and m > 1 else np.arange(table.rows)
@@ -166,7 +184,7 @@ def _assembled(
     # Readings other than positions.
     temperature, warm = read_temperature(columns)
     time, timed = read_time(columns)
-    torque, rotation = read_torques(columns, arm), read_rotations(columns)
+    torque, rotation = read_torques(columns, arm), read_rotations(columns, fit.notation if fit else "")
     whole = Series(
         name="",
         markers=read.markers,
@@ -191,7 +209,39 @@ def _assembled(
     there = whole.seen.any(axis=1) | whole.turned
     if not there.any():
         raise table.error(0, "", "expected at least one reading, all are blank")
-    return select_rows(whole, there), first[there], table.lines[first[~there]], [*warm, *timed]
+    turned = [f"the angles are {fit.notation}, which alone fits the arm as drawn: {fit}"] if fit else []
+    notes = [*turned, *warm, *timed]
+    return select_rows(whole, there), first[there], table.lines[first[~there]], notes
+
+
+def _fitted_notation(
+    columns: Columns, arm: Arm, conditions: RowConditions, read: FileReadings
+) -> "OrientationFit | None":
+    """Find the notation of three angles of which nobody says it, by the kinematics of the drawn arm.
+
+    Raises:
+        UnclearNotation: If none fits, several do, or there are too few poses.
+    """
+    found = unsaid_angles(columns)
+    if found is None:
+        return None
+    from testbench.files import orientation  # here: few files need it
+
+    angles, there, by_axis = found
+    # Rows of the target that was read most often.
+    target = int(np.bincount(read.marker).argmax()) if len(read.marker) else 0
+    some = (read.marker == target) & np.isfinite(read.position).all(axis=1) & there[read.row]
+    row, position = read.row[some], read.position[some]
+    if len(np.unique(number_rows(conditions.q[row]))) < orientation.MIN_POSES:
+        problem = f"{NOTATIONS}; it is found from {orientation.MIN_POSES} poses or more"
+        raise UnclearNotation(columns, problem)
+    tried = orientation.notations(angles[row], by_axis)
+    fits = orientation.fits_of(arm, conditions.q[row], position, tried)
+    fit = orientation.clear_fit(fits)
+    if fit is None:
+        problem = f"{NOTATIONS}; {orientation.unclear(fits)}"
+        raise UnclearNotation(columns, problem)
+    return fit
 
 
 def _grouped(columns: Columns, conditions: RowConditions, read: FileReadings) -> Ids:

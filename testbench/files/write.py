@@ -16,6 +16,7 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
 from testbench.data.series import Series
 from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array, check_type
+from testbench.files.columns import Columns
 from testbench.files.names import ENTRIES, LOADING, WHEN, What, columns_of, torque_columns
 from testbench.files.program import Program
 from testbench.files.read_series import ALONE
@@ -177,8 +178,9 @@ def write_program(
 ) -> None:
     """Write a program with other joints; an existing file is replaced only by a whole one.
 
-    Columns, their order and units are those of the file that was read. Joints that it lacks follow, in deg
-    and mm, then what the caller adds. Numbers are written in full.
+    Columns, their order and units are those of the table that was read; of a program in a robot language
+    only the points' names are written. Joints that it lacks follow, in deg and mm, then what the caller adds.
+    Numbers are written in full.
 
     Args:
         path: The file.
@@ -191,11 +193,14 @@ def write_program(
         InputError: When the program has a column of that name, or the file cannot be written.
     """
     check_type(program, Program, "program")
-    table, mark, arm = program.columns.table, program.columns.mark, program.arm
+    arm, mark, header = program.arm, ".", 1
     q, more = check_array(q, (program.points, arm.n_joints), "q [rad, m]"), more or {}
-    names = list(table.names)
-    cells = [list(map(as_cell, table.texts(k))) for k in range(len(names))]
-    units = [unit.name if unit else "" for unit in table.units]
+    names, cells, units = ["point"], [list(map(as_cell, program.labels))], [""]
+    if isinstance(program.content, Columns):
+        table, mark, header = program.content.table, program.content.mark, program.content.table.header
+        names = list(table.names)
+        cells = [list(map(as_cell, table.texts(k))) for k in range(len(names))]
+        units = [unit.name if unit else "" for unit in table.units]
     for joint, column, own in zip(arm.file_joints, program.joints, arm.to_file(q).T, strict=True):
         if column is None:
             names.append(joint.shown_column)
@@ -206,7 +211,7 @@ def write_program(
     for name, values in more.items():
         if name in names:
             problem = f"there is a column {name!r} already; was the program corrected before?"
-            raise InputError(program.path, f"line {table.header}", problem)
+            raise InputError(program.path, f"line {header}", problem)
         if len(values) != program.points:
             raise BenchError(f"{name}: expected {program.points} cells, got {len(values)}")
         names.append(name)

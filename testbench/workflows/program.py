@@ -9,15 +9,18 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.correct.compensated import Compensated, Refusal, compensate
-from testbench.correct.inverse import joints_along
+from testbench.correct.inverse import Reached, joints_along
 from testbench.correct.newton import Aim, Hold
 from testbench.correct.newton import Asked as Meant
 from testbench.correct.predicted import Extent, Prediction, extent, predict
 from testbench.correct.stiffness import Stiffness, compliance_half_widths, process_wrench, stiffness
 from testbench.data.dataset import in_order
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
-from testbench.files.motion import CSV, WRITERS, format_of, write_moves
+from testbench.files.languages import known_languages, language_of
+from testbench.files.motion import CSV, Motion, format_of, turn_flags, write_moves
+from testbench.files.motion_read import changed_texts, files_of
 from testbench.files.program import Program, read_poses, read_program, refuse_joint_jumps, unread_columns
+from testbench.files.robot_program import RobotMotions, changed_numbers
 from testbench.files.table import read_table
 from testbench.files.write import write_program
 from testbench.identify.arm_model import ArmModel
@@ -98,21 +101,44 @@ def _drawn_joints(model: ArmModel, program: Program, aim: Aim, start: Array | No
     if program.position is None or program.rotation is None:
         assert program.q is not None
         return program.q
+    if isinstance(program.content, RobotMotions):
+        return _robot_joints(model, program, program.content, start)
     near = start if program.q is None else program.q
     reached = joints_along(
         model.vjm, program.position, program.rotation, start=near, point=np.array(aim.point)
     )
+    _refuse_far(program, reached, np.arange(program.points))
+    if not program.jumps:
+        refuse_joint_jumps(program.path, model.arm, program.line, reached.q)
+    return reached.q
+
+
+def _refuse_far(program: Program, reached: Reached, points: Ids) -> None:
+    """Refuse poses of the tool at some points, (k,), that the drawn arm does not reach."""
     far = np.flatnonzero(~reached.converged)
     if len(far):
         missing = 1e3 * np.column_stack([reached.distance, reached.angle])
         names = [
-            "line {} by {:.3g} mm and {:.3g} mrad".format(program.line[k], *missing[k]) for k in far[:NAMED]
+            "line {} by {:.3g} mm and {:.3g} mrad".format(program.line[points[k]], *missing[k])
+            for k in far[:NAMED]
         ]
         more = f" and {len(far) - NAMED} more" if len(far) > NAMED else ""
         raise InputError(program.path, "", f"out of the arm's reach: {', '.join(names)}{more}")
-    if not program.jumps:
-        refuse_joint_jumps(program.path, model.arm, program.line, reached.q)
-    return reached.q
+
+
+def _robot_joints(model: ArmModel, program: Program, motions: RobotMotions, start: Array | None) -> Array:
+    """Joints of a program in a robot language: each run of poses continues from the joints before it."""
+    assert program.position is not None
+    assert program.rotation is not None
+    q = np.full((program.points, model.arm.n_joints), np.nan) if program.q is None else program.q.copy()
+    ends = np.flatnonzero(np.diff(motions.posed)) + 1
+    for run in np.split(np.arange(program.points), ends):
+        if motions.posed[run[0]]:
+            near = q[run[0] - 1] if run[0] else start
+            reached = joints_along(model.vjm, program.position[run], program.rotation[run], start=near)
+            _refuse_far(program, reached, run)
+            q[run] = reached.q
+    return q
 
 
 def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Load, ...]:
@@ -152,7 +178,8 @@ def output_paths(out: Path, report: Path | None) -> tuple[str, Kind, Path]:
     form, named = format_of(out), out.stem if out.suffix == ".csv" else out.name.replace(".", "_")
     kind = Kind("a corrected program", rb"[^\n]*correction_")
     if form != CSV:
-        kind = Kind(f"a program in {WRITERS[form].title}", WRITERS[form].begins.encode())
+        language = known_languages()[form]
+        kind = Kind(f"a program in {language.title} that testbench wrote", language.begins.encode())
     return form, kind, report or out.with_name(f"{named}_report")
 
 
@@ -192,19 +219,91 @@ def aim_of(hold: Hold, asked: Meant | None, tip: str, spindle: str) -> Aim:
     return Aim(hold, asked, place(tip, "--tip x,y,z [m]"), (x, y, z))
 
 
-def write_corrected(corrected_program: CorrectedProgram, file: Path, form: str) -> None:
+def output_files(out: Path, form: str, program: Path) -> list[Path]:
+    """List the files of a corrected program: also that of its points, where the program has one beside it.
+
+    Args:
+        out: File of the corrected program.
+        form: "csv" or a language, by `format_of`.
+        program: The program that is corrected.
+
+    Returns:
+        The files, the program first.
+    """
+    language = language_of(program)
+    beside = files_of(program, language)[1:] if language and language.name == form else []
+    return [out, *(out.with_suffix(file.suffix) for file in beside)]
+
+
+def input_files(program: Path) -> list[Path]:
+    """List the files that a program consists of.
+
+    Args:
+        program: A table, or a program in a robot language.
+
+    Returns:
+        The file, and that of its points beside it, if there is one.
+    """
+    language = language_of(program)
+    return [program] if language is None else files_of(program, language)
+
+
+def write_corrected(corrected_program: CorrectedProgram, files: Sequence[Path], form: str) -> None:
     """Write a corrected program, as a table or in a robot's language.
+
+    A program in a robot language stays as it is in its own language, but for the numbers of its points.
 
     Args:
         corrected_program: The corrected program.
-        file: Where it goes.
+        files: Where it goes, by `output_files`.
         form: "csv" or a language, by `format_of`.
+
+    Raises:
+        InputError: If two moves share a point and need different corrections.
+        BenchError: If the language has no place for the moves.
     """
     arm, program, q = corrected_program.model.arm, corrected_program.program, corrected_program.found.q
+    motions = program.content if isinstance(program.content, RobotMotions) else None
     if form == CSV:
-        write_program(file, program, q, more_columns(corrected_program))
+        write_program(files[0], program, q, more_columns(corrected_program))
+    elif motions is not None and motions.text.language.name == form:
+        position, rotation = tool_pose(corrected_program.model.vjm, q)
+        changes = changed_numbers(motions, arm, q, position, rotation)
+        for file, (_, content) in zip(files, changed_texts(motions.text, changes), strict=True):
+            file.write_bytes(content)
     else:
-        write_moves(file, WRITERS[form], arm.to_file(q), arm.file_joints, program.labels)
+        language = known_languages()[form]
+        motion = Motion(arm.to_file(q), arm.file_joints, program.labels)
+        if motions is not None and motions.linear.any():
+            at = motions.to_program(*tool_pose(corrected_program.model.vjm, q))
+            posed = motions.linear & (language.linear_by == "pose")
+            motion = replace(motion, linear=motions.linear, posed=posed, position=at[0], rotation=at[1])
+        write_moves(files[0], language, motion)
+
+
+def turn_notes(corrected_program: CorrectedProgram) -> tuple[str, ...]:
+    """Name the poses whose flags of turns no longer hold: their corrected joints are in another turn.
+
+    Args:
+        corrected_program: The corrected program.
+
+    Returns:
+        Sentences without a full stop.
+    """
+    program, arm = corrected_program.program, corrected_program.model.arm
+    if not isinstance(program.content, RobotMotions):
+        return ()
+    language = program.content.text.language
+    hinges = [not joint.prismatic for joint in arm.file_joints]
+    before, after = (
+        turn_flags(language, arm.to_file(q)[:, hinges])
+        for q in (corrected_program.found.start, corrected_program.found.q)
+    )
+    turned = program.content.posed & (before != after).any(axis=1)
+    if language.flags is None or not turned.any():
+        return ()
+    lines = ", ".join(map(str, program.line[turned][:NAMED])) + ", ..." * (int(turned.sum()) > NAMED)
+    return (f"Check {language.flags.name} of the poses in lines {lines}: a joint passes the limit of a turn",)
 
 
 def more_columns(corrected_program: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
@@ -268,7 +367,7 @@ def read_pose_file(
     Returns:
         The poses with their loads.
     """
-    if PROMISED in read_table(path, lambda name: name == PROMISED).names:
+    if language_of(path) is None and PROMISED in read_table(path, lambda name: name == PROMISED).names:
         return _of_plan(path, model, mass)
     program = read_program(path, model.arm, mapping, jumps=True)
     aim, notes = Aim(), unread_columns(program)

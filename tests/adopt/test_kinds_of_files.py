@@ -305,15 +305,16 @@ def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_d
 
 def test_programs_without_joints_or_in_other_languages_ask_for_a_table(tmp_path):
     fanuc = "/PROG CAL\n/POS\nP[1]{\n GP1:\n J1= -87.750 deg, J2= 1.0 deg\n};\n/END\n"
-    yaskawa = "/JOB\n//NAME CAL\n//POS\nC00000=1,2,3,4,5,6\n"
+    kawasaki = ".PROGRAM cal()\nJAPPRO #p1, 100\n.END\n"
+    pulses = "/JOB\n//NAME CAL\n//POS\n///POSTYPE PULSE\n///PULSE\nC00000=1,2,3,4,5,6\n"
     poses = "[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
     rapid = f"MODULE m\nCONST robtarget p1:={poses};\nENDMODULE\n"
     krl = "DEFDAT CAL\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n"
     for content, said in (
-        (yaskawa, "or one of ABB RAPID program, .*URScript program, got a program in another language"),
+        (kawasaki, "or one of FANUC LS program, .*URScript program, got a program in another language"),
         *(
             (own, "got no joint target; save a table with a row for every pose")
-            for own in (fanuc, rapid, krl)
+            for own in (fanuc, rapid, krl, pulses)
         ),
     ):
         with pytest.raises(InputError, match=said):

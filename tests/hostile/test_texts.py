@@ -135,7 +135,7 @@ def test_labels_of_a_program_come_back_from_the_corrected_one_as_no_formulas(lab
         assert not [cell for row in csv.reader(file) for cell in row if cell[:1] in ("=", "@")]
     again = read_program(lab / "new.csv", arm)
     assert again.labels == program.labels
-    assert again.columns.table.texts(len(again.columns.table.names) - 1) == ["=2"] * len(labels)
+    assert again.content.table.texts(len(again.content.table.names) - 1) == ["=2"] * len(labels)
 
 
 def test_a_figure_has_dollars_and_letters_without_a_font_as_text(tmp_path, recwarn):

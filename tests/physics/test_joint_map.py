@@ -20,7 +20,8 @@ from testbench.data.series import series_of
 from testbench.design.refine import Feasibility, Search
 from testbench.errors import InputError
 from testbench.files.export import draft_new, export
-from testbench.files.motion import WRITERS, write_moves
+from testbench.files.languages import known_languages
+from testbench.files.motion import Motion, write_moves
 from testbench.files.program import read_poses
 from testbench.files.robot.chain import read_chain
 from testbench.files.write import write_program, write_series
@@ -179,8 +180,8 @@ def test_programs_are_corrected_alike_and_come_out_in_pendant_joints(both, tmp_p
         tb.read_program(tmp_path / "c.csv", arm).q, found[1].found.q, rtol=0, atol=ROUND_TRIP
     )
     for name, move in {"krl": r"PTP \{(.*)\}", "rapid": r"MoveAbsJ \[\[(.*)\],\["}.items():
-        file = tmp_path / f"p{WRITERS[name].suffix}"
-        write_moves(file, WRITERS[name], arm.to_file(found[1].found.q), arm.file_joints)
+        file = tmp_path / f"p{known_languages()[name].suffix}"
+        write_moves(file, known_languages()[name], Motion(arm.to_file(found[1].found.q), arm.file_joints))
         points = [re.sub(r"A\d ", "", own).split(",") for own in re.findall(move, file.read_text())]
         np.testing.assert_allclose(np.array(points, dtype=float), wanted, rtol=0, atol=1e-7)
 

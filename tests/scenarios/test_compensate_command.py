@@ -211,6 +211,45 @@ def test_weights_do_not_turn_joint_1_and_the_page_says_so(folder, corrected, tmp
     assert report["unseen"] == POINTS
 
 
+def test_a_robots_own_program_stays_but_for_its_numbers_and_the_true_arm_executes_it(
+    kr500, folder, asked, tmp_path, monkeypatch
+):
+    """Its points are in a second file; the true arm under the weight is where the program means."""
+    about = {}
+    monkeypatch.setattr(
+        "testbench.cli.compensate.write_run", lambda out, run, *_: about.update(run.more(out))
+    )
+    q = asked[0][:3]
+    rows = [",".join(f"A{k} {x!r}" for k, x in enumerate(row, 1)) for row in np.degrees(q).tolist()]
+    points = "".join(f"DECL E6AXIS XP{k}={{{row},E1 0.0}}\r\n" for k, row in enumerate(rows, 1))
+    moves = "".join(f"PTP XP{k} C_PTP ; {k}\r\n" for k in range(1, 4))
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "cell.src").write_bytes(f"DEF cell()\r\nPTP XHOME\r\n{moves}END\r\n".encode())
+    (tmp_path / "in" / "cell.dat").write_bytes(f"DEFDAT cell\r\n{points}ENDDAT\r\n".encode())
+    source, out = tmp_path / "in" / "cell.src", tmp_path / "out" / "cell.src"
+    flags = ("compensate", folder / "true", source, "--load", "300kg", "--out", out)
+    said = do(*flags).stdout
+    assert "Moves to XHOME stay as they are: its numbers are not in the program" in said
+    assert f"corrected{out},{out.with_suffix('.dat')}" in "".join(said.split())
+    assert out.read_bytes() == source.read_bytes()
+    text = out.with_suffix(".dat").read_text()
+    assert text.count("E1 0.0}") == 3
+    found = read_program(out, kr500.arm)
+    assert found.labels == ("XP1", "XP2", "XP3")
+    wrench = np.tile([0, 0, -300 * 9.81, 0, 0, 0], (3, 1))
+    load = np.tile(kr500.vjm.load, (3, 1))
+    rest = solve_equilibrium(kr500.plant, found.q, wrench, load)
+    free = solve_equilibrium(kr500.plant, q)
+    assert (
+        np.linalg.norm(solve_equilibrium(kr500.plant, q, wrench, load).tool - free.tool, axis=1).min() > 2e-4
+    )
+    assert np.linalg.norm(rest.tool - free.tool, axis=1).max() < 1e-6
+    assert about["corrected"] == {own.name: files.digest(own) for own in (out, out.with_suffix(".dat"))}
+    refused(*flags[:-1], source, said="is read by this command", below=tmp_path)
+    source.write_bytes(source.read_bytes().replace(b"PTP XP2 C_PTP", b"CIRC XP1,XP2 "))
+    refused(*flags, "--force", said="cell.src: line 4: circular motion is not read, got CIRC", below=tmp_path)
+
+
 WRONG = {
     "a path that jumps": (lambda q: q + np.eye(POINTS)[5][:, None] * 1.2, (), "line 7"),
     "another arm's model": (lambda q: q, ("--arm", "ur10"), "another arm"),

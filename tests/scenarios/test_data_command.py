@@ -125,7 +125,7 @@ def test_damaged_files_are_one_line(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("frame =", "fame =", "fame: unknown key; keys are frame, file, series, log, columns, optional"),
+        ("frame =", "fame =", "fame: unknown key; keys are frame, file, series, log, controller, "),
         ('"tracker"', '"moon"', "frame: Input should be 'base' or 'tracker', got 'moon'"),
         (
             '"Point"',

@@ -7,7 +7,8 @@ import pytest
 
 from testbench.arm.folder import ArmJoint
 from testbench.errors import BenchError
-from testbench.files.motion import WRITERS, format_of, write_moves
+from testbench.files.languages import known_languages
+from testbench.files.motion import Motion, format_of, write_moves
 
 LEAST = 1e-7  #: What reading back may lose [deg, mm].
 WORST = (
@@ -87,10 +88,10 @@ def read_urscript(text):
 
 
 def written(tmp_path, name, kinds, labels=(), stem="part 1"):
-    language, joints = WRITERS[name], arm(kinds)
+    language, joints = known_languages()[name], arm(kinds)
     path = tmp_path / f"{stem}{language.suffix}"
     q = moves(kinds)
-    write_moves(path, language, q, joints, labels)
+    write_moves(path, language, Motion(q, joints, labels))
     raw = path.read_bytes()
     assert re.match(language.begins.encode(), raw)
     assert raw.isascii()
@@ -169,7 +170,7 @@ def test_what_cannot_be_a_program_leaves_no_file(tmp_path, name):
     """A joint may be beyond its limits by what a file rounds."""
     joints, path, q = arm("hhhhhh"), tmp_path / "x", np.zeros((3, 6))
     q[1, 4] = 7.0 + 5e-7
-    write_moves(path, WRITERS[name], q, joints)
+    write_moves(path, known_languages()[name], Motion(q, joints))
     path.unlink()
     beyond = r"point 3, axis 3 END;h: expected -401\.07.. to 401\.07.. deg, its"
     for q, labels, own, said in (
@@ -180,5 +181,5 @@ def test_what_cannot_be_a_program_leaves_no_file(tmp_path, name):
         (np.zeros((1, 13)), (), arm("h" * 13), "joints"),
     ):
         with pytest.raises(BenchError, match=said):
-            write_moves(path, WRITERS[name], q, own, labels)
+            write_moves(path, known_languages()[name], Motion(q, own, labels))
     assert not list(tmp_path.iterdir())

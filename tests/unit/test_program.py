@@ -133,9 +133,9 @@ def test_a_corrected_program_keeps_what_it_was_and_gives_its_joints_back(kr500, 
     write_program(out, program, q, {"left_mm": np.array([0.1, np.nan, 1 / 3]), "why": ["a", "", "b"]})
     back = read_program(out, kr500.arm)
     np.testing.assert_allclose(back.q, q, rtol=0, atol=1e-15)
-    assert back.columns.table.names == (*program.columns.table.names, "left_mm", "why")
-    assert back.columns.table.texts(7) == ["a, b"] * 3
-    assert back.columns.table.texts(8) == ["0.1", "", repr(1 / 3)]
+    assert back.content.table.names == (*program.content.table.names, "left_mm", "why")
+    assert back.content.table.texts(7) == ["a, b"] * 3
+    assert back.content.table.texts(8) == ["0.1", "", repr(1 / 3)]
     with pytest.raises(InputError, match="line 1: there is a column 'left_mm' already; was"):
         write_program(out, back, q, {"left_mm": np.zeros(3)})
     assert read_program(out, kr500.arm).labels == ("1", "2", "3")
@@ -154,8 +154,8 @@ def test_a_corrected_program_of_a_spreadsheet_is_read_by_it(kr500, tmp_path):
     back = read_program(out, kr500.arm)
     np.testing.assert_allclose(back.q, Q, rtol=0, atol=1e-15)
     assert (back.position == program.position).all()
-    assert back.columns.table.units[:3] == program.columns.table.units[:3]
-    assert back.columns.table.names == (*program.columns.table.names, *DEG.split(","))
+    assert back.content.table.units[:3] == program.content.table.units[:3]
+    assert back.content.table.names == (*program.content.table.names, *DEG.split(","))
 
 
 MINUS = """

@@ -1,0 +1,444 @@
+"""Programs in robot languages: read, and corrected in their own text, numbers alone."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from run_here import ROOT
+from scipy.spatial.transform import Rotation
+from unsure import normal
+
+from testbench.arm.folder import find_arm, load_arm
+from testbench.arm.joint_map import build_map
+from testbench.correct.newton import Aim
+from testbench.errors import BenchError, InputError
+from testbench.files.languages import known_languages, language_of, read_language
+from testbench.files.mapping import Controller
+from testbench.files.motion import Motion, write_moves
+from testbench.files.motion_read import changed_texts
+from testbench.files.program import read_program
+from testbench.files.robot_program import changed_numbers, read_robot_program
+from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
+from testbench.model.load import read_weights
+from testbench.model.structure import all153
+from testbench.model.vjm import tool_pose
+from testbench.workflows.program import (
+    correct_program,
+    output_files,
+    turn_notes,
+    with_payload,
+    write_corrected,
+)
+
+ARM = load_arm(find_arm("kr500_l480"))
+#: A pendant that counts joint 3 from the horizontal, as FANUC's do.
+COUPLED = replace(ARM, joint_map=build_map(ARM.joints, {"joint_3": {"joint_3": 1.0, "joint_2": -1.0}}, {}))
+ROUND_TRIP = 1e-6  #: What reading back may lose [rad, m].
+NAMES = sorted(known_languages())
+
+DAT = """\
+&ACCESS RVP
+DEFDAT CELL
+EXT BAS (BAS_COMMAND :IN,REAL :IN )
+DECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,POINT2[] " "}
+DECL E6AXIS XP1={A1 10.0,A2 -80.5,A3 95.25,A4 5.0,A5 30.0,A6 -10.0,E1 0.0,E2 0.0,E3 0.0,E4 0.0,E5 0.0,E6 0.0}
+DECL E6POS XP2={X 2150.0,Y -300.0,Z 1300.0,A 10.0,B 75.0,C -12.5,S 2,T 35,E1 0.0,E2 0.0}
+ENDDAT
+"""
+SRC = """\
+&ACCESS RVP
+DEF CELL( )
+;FOLD PTP HOME Vel=100 % DEFAULT;%{PE}%R 8.3.22,%MKUKATPBASIS,%CMOVE,%VPTP
+PTP  XHOME
+;ENDFOLD
+;FOLD PTP P1 Vel=100 % PDAT1 Tool[1] Base[0]
+FDAT_ACT=FP1
+PTP XP1 C_PTP ; die erste Bohrung: {A1 0}
+;ENDFOLD
+LIN XP2
+LIN {X 2150.5, Y -280, Z 1300, A 1.0E1, B 75, C -12.5} C_DIS
+$OUT[3]=TRUE
+WAIT SEC 0.5
+PTP {A1 12,A2 -80,A3 95,A4 5,A5 30,A6 -10}
+PTP $AXIS_ACT
+END
+"""
+MOD = """\
+MODULE Cell
+  CONST robtarget p20:=[[2150,-300,1300],[0.7799,-0.1388,0.5953,0.1348],[0,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+  PERS jointtarget jHome:=[[10,-80.5,95.25,5,30,-10],[9E9,9E9,9E9,9E9,9E9,9E9]]; ! MoveC nie
+  PROC main()
+    TPWrite "MoveC p1 ! no";
+    MoveAbsJ jHome\\NoEOffs,v100,fine,tDrill;
+    MoveL p20,v50,z10,tDrill\\WObj:=wobj0;
+    MoveJ [[2150.5,-280,1300],[0.7799,-0.1388,0.5953,0.1348],[0,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z10,
+      tDrill\\WObj:=wobj0;
+    SetDO doDrill,1;
+  ENDPROC
+ENDMODULE
+"""
+SCRIPT = """\
+def cell():
+  set_tcp(p[0,0,0,0,0,0])
+  global P1_q=[0.17, -1.40, 1.66, 0.09, 0.52, -0.17]
+  global P2_p=p[2.15, -0.30, 1.30, 0.1, 1.3, -0.2]
+  movej(P1_q, a=1.4, v=1.05) # movec(p[0,0,0,0,0,0])
+  movej(get_inverse_kin(P2_p, qnear=P1_q), a=1.4, v=1.05)
+  textmsg("movel(P3")
+  movel(p[2.15, -0.28, 1.30, 1E-1, 1.3, -0.2], a=1.2, v=0.25, r=0.01)
+end
+"""
+LS = """\
+/PROG  CELL
+/ATTR
+COMMENT\t\t= "Bohren; C P[9]";
+LINE_COUNT\t= 5;
+/MN
+   1:  UTOOL_NUM=1 ;
+   2:  !C P[1] is a comment ;
+   3:J PR[1:HOME] 50% FINE    ;
+   4:J @P[1] 100% CNT100    ;
+   5:L P[2:drill] 100mm/sec FINE    ;
+   6:  DO[1]=ON ;
+   7:L P[3] 100mm/sec FINE    ;
+/POS
+P[1:"home"]{
+   GP1:
+\tUF : 0, UT : 1,\t
+\tJ1=    10.000 deg,\tJ2=   -80.500 deg,\tJ3=    95.250 deg,
+\tJ4=     5.000 deg,\tJ5=    30.000 deg,\tJ6=   -10.000 deg
+};
+P[2]{
+   GP1:
+\tUF : 0, UT : 1,\t\tCONFIG : 'N U T, 0, 0, 0',
+\tX =  2150.000  mm,\tY =  -300.000  mm,\tZ =  1300.000  mm,
+\tW =   -12.500 deg,\tP =    75.000 deg,\tR =    10.000 deg
+};
+P[3]{
+   GP1:
+\tUF : 0, UT : 1,\t
+\tJ1=    12.000 deg,\tJ2=   -80.000 deg,\tJ3=    95.000 deg,
+\tJ4=     5.000 deg,\tJ5=    30.000 deg,\tJ6=   -10.000 deg
+};
+/END
+"""
+JBI = """\
+/JOB
+//NAME CELL
+//POS
+///NPOS 3,0,0,0,0,0
+///TOOL 1
+///POSTYPE ANGLE
+///ANGLE
+C00000=10.0000,-80.5000,95.2500,5.0000,30.0000,-10.0000
+///POSTYPE PULSE
+///PULSE
+C00001=13653,-91022,108089,3413,20480,-6827
+///POSTYPE ROBOT
+///RECTAN
+///RCONF 1,0,0,0,0,0,0,0
+C00002=2150.000,-300.000,1300.000,-12.5000,75.0000,10.0000
+//INST
+///DATE 2026/09/14 09:01
+///ATTR SC,RW
+///GROUP1 RB1
+NOP
+'MOVC C00000 is a comment
+MOVJ C00000 VJ=10.00
+MOVJ C00001 VJ=10.00
+DOUT OT#(1) ON
+MOVL C00002 V=100.0 PL=0
+END
+"""
+#: Files, lines of the moves, kinds of the moves, and which points are poses; for each language.
+PROGRAMS = {
+    "krl": ({"cell.src": SRC, "cell.dat": DAT}, [8, 10, 11, 14], "jllj", "jppj"),
+    "rapid": ({"cell.mod": MOD}, [6, 7, 8], "jlj", "jpp"),
+    "urscript": ({"cell.script": SCRIPT}, [5, 6, 8], "jjl", "jpp"),
+    "fanuc": ({"cell.ls": LS}, [9, 10, 12], "jll", "jpj"),
+    "inform": ({"cell.jbi": JBI}, [22, 23, 25], "jjl", "jjp"),
+}
+MOTORS = Controller(pulses_per_deg=[4096 / 3] * 3 + [2048 / 3] * 3)
+FIRST = np.radians([10, -80.5, 95.25, 5, 30, -10])
+AT, TURNED = [2.15, -0.3, 1.3], Rotation.from_euler("ZYX", [10, 75, -12.5], degrees=True).as_matrix()
+
+
+def written(folder, files, newline="\n"):
+    """Write files in a controller's line ends; return the first."""
+    for name, text in files.items():
+        (folder / name).write_bytes(text.replace("\n", newline).encode("cp1252"))
+    return folder / next(iter(files))
+
+
+def read(path, arm=ARM, controller=MOTORS):
+    return read_robot_program(path, language_of(path), arm, controller)
+
+
+@pytest.mark.parametrize("arm", [ARM, COUPLED], ids=["plain", "coupled"])
+@pytest.mark.parametrize("name", NAMES)
+def test_joints_and_poses_of_both_kinds_of_moves_are_read_back(name, arm, tmp_path):
+    """Written by the template, read, moved in the text, and read again."""
+    language, n = known_languages()[name], 12
+    rng = np.random.default_rng(5)
+    q = arm.drawn(rng, n)
+    p, R = rng.uniform(-3, 3, (n, 3)), Rotation.random(n, rng=rng).as_matrix()
+    R[3] = Rotation.from_euler("ZYX", [30, 90, 0], degrees=True).as_matrix()  # two axes coincide
+    linear, posed = np.arange(n) % 2 == 1, np.arange(n) % 4 > 0
+    file = tmp_path / f"way{language.suffix}"
+    write_moves(file, language, Motion(arm.to_file(q), arm.file_joints, ["x"] * n, linear, posed, p, R))
+    for moved in (0.0, 2e-3):
+        found = read(file, arm)
+        np.testing.assert_array_equal(found.motions.linear, linear)
+        np.testing.assert_array_equal(found.motions.posed, posed)
+        np.testing.assert_allclose(found.q[~posed], q[~posed], rtol=0, atol=ROUND_TRIP)
+        np.testing.assert_allclose(found.position[posed], p[posed], rtol=0, atol=ROUND_TRIP)
+        np.testing.assert_allclose(found.rotation[posed], R[posed], rtol=0, atol=ROUND_TRIP)
+        q, p, R = arm.within(q + moved), p + moved, Rotation.from_rotvec([0, moved, moved]).as_matrix() @ R
+        [(_, content)] = changed_texts(found.motions.text, changed_numbers(found.motions, arm, q, p, R))
+        file.write_bytes(content)
+    assert np.abs(np.degrees(arm.to_file(q)[0]) - re_read(file, name, arm)).max() < 1e-6
+
+
+def re_read(file, name, arm):
+    """Joints of the first point as the pendant shows them [deg], read without the library."""
+    text = file.read_text()
+    if name in ("krl", "fanuc"):
+        axes = "A" if name == "krl" else "J"
+        return np.array([float(re.search(rf"\b{axes}{k}\s?=?\s?([-\d.]+)", text)[1]) for k in range(1, 7)])
+    found = re.search(
+        {"rapid": r"J \[\[(.*?)\]", "urscript": r"j\(\[(.*?)\]", "inform": "C00000=(.*)"}[name], text
+    )
+    numbers = np.array(found[1].split(","), dtype=float)
+    return np.degrees(numbers) if name == "urscript" else numbers
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_program_is_read_move_by_move_and_its_text_stays_but_for_numbers(name, newline, tmp_path):
+    files, lines, moves, points = PROGRAMS[name]
+    path = written(tmp_path, files, newline)
+    found = read(path)
+    assert found.motions.text.lines.tolist() == lines
+    assert ["jl"[int(own)] for own in found.motions.linear] == list(moves)
+    assert ["jp"[int(own)] for own in found.motions.posed] == list(points)
+    first = [0.17, -1.40, 1.66, 0.09, 0.52, -0.17] if name == "urscript" else FIRST
+    np.testing.assert_allclose(found.q[0], first, rtol=0, atol=1e-12)
+    pose = points.index("p")
+    np.testing.assert_allclose(found.position[pose], AT, rtol=0, atol=1e-12)
+    turned = Rotation.from_rotvec([0.1, 1.3, -0.2]).as_matrix() if name == "urscript" else TURNED
+    np.testing.assert_allclose(found.rotation[pose], turned, rtol=0, atol=2e-4)  # four digits
+    changes = changed_numbers(found.motions, ARM, found.q + 1e-3, found.position + 1e-3, found.rotation)
+    for source, content in changed_texts(found.motions.text, changes):
+        before = source.path.read_bytes()
+        number = rb"[-+]?\d+\.?\d*(E\d)?"
+        assert content != before or source.path.suffix == ".src"
+        assert re.sub(number, b"#", content) == re.sub(number, b"#", before)
+        for end in (b"Vel=100", b"MoveC", b"a=1.4", b"T 35", b"///NPOS 3"):
+            assert content.count(end) == before.count(end)
+
+
+REFUSED = {
+    "krl": {
+        "CIRC XP1,XP2": "circular motion is not read, got CIRC",
+        "SPLINE": "spline is not read",
+        "PTP_REL {A1 5}": "relative motion is not read, got PTP_REL",
+        "XP1.A1=XP1.A1+1": "point that changes while the program runs",
+        "PTP XP9": "expected a point whose numbers are in the program or in cell.dat beside it, got 'XP9'",
+        "LIN XP1:XP2": "got 'XP1:XP2'",
+        "PTP {A1 5}": "expected a number for each of A1, A2, A3, A4, A5, A6, got none for A2",
+        "$BASE=BASE_DATA[1]\n$BASE=BASE_DATA[2]": r"the base changes: .* got BASE_DATA\[1\] and then B",
+        "PTP {A1 12,A2 -80,A3 95,A4 5,A5 30,A6 -10,E1 5}": "expected no external axis E1",
+        "PTP {A1 12,A2 80,A3 95,A4 5,A5 30,A6 -10}": "joint_2: expected -130.* to 20.0000 deg, got 80",
+    },
+    "rapid": {
+        "MoveC p20,p20,v1,fine,tDrill;": "circular motion is not read, got MoveC",
+        "MoveExtJ jHome,v1,fine;": "motion is not read, got MoveExtJ",
+        "TriggL p20,v1,t1,fine,tDrill;": "process motion is not read, got TriggL",
+        "MoveL Offs(p20,0,0,5),v1,fine,tDrill;": r"relative motion is not read, got Offs\(",
+        "PDispSet pose1;": "shift of the program is not read",
+        "MoveL p{1},v1,fine,tDrill;": "expected a point whose numbers are in the program, got 'p{1}",
+        "MoveL p20,v1,fine,tMill\\WObj:=wobj0;": "the tool changes: .* tDrill and then tMill",
+        "MoveL p20,v1,fine,tDrill\\WObj:=wPart;": "the base changes: .* wobj0 and then wPart",
+    },
+    "urscript": {
+        "  movec(P2_p, P2_p)": "circular motion is not read, got movec",
+        "  movep(P2_p)": "motion is not read, got movep",
+        "  movel(pose_trans(P2_p, p[0,0,0,0,0,0]))": "relative motion is not read, got pose_trans",
+        "  set_tcp(p[0,0,0.1,0,0,0])": "the tool changes",
+        "  movel(other)": "expected a point whose numbers are in the program, got 'other",
+        "  P1_q=[0,0,0,0,0,0]": "the point P1_q has its numbers twice",
+    },
+    "fanuc": {
+        "   8:C P[1]    ;": "circular motion is not read",
+        "   8:S P[1] 100mm/sec FINE ;": "spline is not read",
+        "   8:L P[1] 100mm/sec FINE INC ;": "relative motion is not read",
+        "   8:L P[1] 100mm/sec FINE Offset,PR[2] ;": "shift of a point is not read",
+        "   8:  UTOOL_NUM=2 ;": "the tool changes: .* 1 and then 2",
+        "   8:L P[7] 100mm/sec FINE ;": r"got 'P\[7\]",
+    },
+    "inform": {
+        "MOVC C00000 V=1.0": "circular motion is not read, got MOVC",
+        "MOVS C00000 V=1.0": "spline is not read, got MOVS",
+        "IMOV P001 V=1.0": "relative motion is not read, got IMOV",
+        "SFTON P000": "shift of the program is not read",
+        "MOVJ C00000 BC00000 VJ=10.00": "position of base or station axes is not read",
+        "MOVJ P001 VJ=1.0": "expected a point whose numbers are in the program, got 'P001",
+        "///TOOL 2": "the tool changes: .* 1 and then 2",
+    },
+}
+
+
+@pytest.mark.parametrize(("name", "statement"), [(name, own) for name in REFUSED for own in REFUSED[name]])
+def test_what_is_no_plain_move_is_refused_with_its_line_and_its_name(name, statement, tmp_path):
+    files, lines, *_ = PROGRAMS[name]
+    first, *rest = files
+    rows = files[first].split("\n")
+    rows[lines[-1] - 1 : lines[-1] - 1] = statement.split("\n")
+    path = written(tmp_path, {first: "\n".join(rows), **{own: files[own] for own in rest}})
+    line = lines[-1] + statement.count("\n")
+    with pytest.raises(InputError, match=rf"cell\.\w+: line ({line}|5|6): .*{REFUSED[name][statement]}"):
+        read(path)
+
+
+def test_pulses_need_those_per_degree_and_are_whole(tmp_path):
+    path = written(tmp_path, PROGRAMS["inform"][0])
+    found = read(path)
+    np.testing.assert_allclose(np.degrees(found.q[1]), [10, -66.67, 79.17, 5, 30, -10], atol=0.01)
+    [(_, content)] = changed_texts(
+        found.motions.text,
+        changed_numbers(found.motions, ARM, found.q + 1e-3, found.position, found.rotation),
+    )
+    assert re.search(rb"C00001=13731,", content.replace(b".00000000", b""))
+    with pytest.raises(InputError, match=r"line 11: joints are pulses: expected pulses_per_deg of 6 motors"):
+        read(path, controller=Controller())
+
+
+def test_poses_count_in_the_base_and_of_the_tool_that_a_map_states(tmp_path):
+    path = written(tmp_path, PROGRAMS["krl"][0])
+    base, tool = [1000, 200, 30, 90, 0, 0], [0, 0, 150, 0, 90, 0]
+    plain = read(path)
+    found = read(path, controller=Controller(base=base, tool=tool))
+    R_base, R_tool = (Rotation.from_euler("ZYX", own[3:], degrees=True).as_matrix() for own in (base, tool))
+    R = R_base @ plain.rotation[1] @ R_tool.T
+    np.testing.assert_allclose(found.rotation[1], R, atol=1e-12)
+    at = np.array([1.0, 0.2, 0.03]) + R_base @ plain.position[1] - R @ [0, 0, 0.15]
+    np.testing.assert_allclose(found.position[1], at, atol=1e-12)
+    [_, (_, content)] = changed_texts(
+        found.motions.text, changed_numbers(found.motions, ARM, found.q, found.position, found.rotation)
+    )
+    assert content == (tmp_path / "cell.dat").read_bytes()
+    with pytest.raises(InputError, match=r"controller.base: expected 6 numbers as a pose in KUKA KRL, got 7"):
+        read(path, controller=Controller(base=[0.0] * 7))
+
+
+def test_a_point_of_two_moves_needs_one_correction(tmp_path):
+    path = written(tmp_path, {"cell.src": SRC.replace("WAIT SEC 0.5", "PTP XP1"), "cell.dat": DAT})
+    found = read(path)
+    changed_numbers(found.motions, ARM, found.q, found.position, found.rotation)
+    q = found.q.copy()
+    q[0] += 1e-3
+    with pytest.raises(InputError, match=r"lines 8 and 13 share the point XP1, which .* copy it"):
+        changed_numbers(found.motions, ARM, q, found.position, found.rotation)
+
+
+@pytest.fixture(scope="module")
+def model(kr500):
+    """A model that knows the true compliances to a tenth."""
+    structure = all153(kr500.arm)
+    state = elastic_state(kr500.vjm, kr500.arm.C_theta, read_weights(kr500.arm))
+    d = np.sqrt(np.diag(state.C_theta))
+    root = np.diag(0.1 * d[structure.a] * d[structure.b])
+    found = normal(structure.entries(state.C_theta), root)
+    return model_of_compliances(state, structure, found, ModelOrigin("made up"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_corrected_program_puts_the_loaded_tool_where_the_program_means(name, model, tmp_path):
+    """As a table of the same joints is corrected; also into every other language."""
+    language, arm = known_languages()[name], model.arm
+    q = np.radians([[10, -80.5, 95.25, 5, 30, -10], [12, -80, 95, 6, 31, -10], [14, -79, 94, 7, 32, -11]])
+    p, R = tool_pose(model.vjm, q)
+    posed = np.array([False, True, True])
+    path = tmp_path / f"way{language.suffix}"
+    write_moves(path, language, Motion(q, arm.joints, (), posed, posed, p, R))
+    program, _ = with_payload(model, read_program(path, arm), lambda: 300.0)
+    found = correct_program(model, program, Aim())
+    (table := tmp_path / "way.csv").write_text(
+        "\n".join(
+            [
+                ",".join(j.shown_column for j in arm.joints),
+                *(",".join(map(repr, row)) for row in np.degrees(q).tolist()),
+            ]
+        )
+    )
+    plain, _ = with_payload(model, read_program(table, arm), lambda: 300.0)
+    wanted = correct_program(model, plain, Aim()).found.q
+    assert np.abs(wanted - q).max() > 1e-4
+    np.testing.assert_allclose(found.found.q, wanted, rtol=0, atol=1e-7)
+    at, turned = tool_pose(model.vjm, wanted)
+    for form in NAMES:
+        out = tmp_path / f"right{known_languages()[form].suffix}"
+        write_corrected(found, output_files(out, form, path), form)
+        again = read(out)
+        by_pose = again.motions.posed
+        assert (
+            by_pose.tolist()
+            == (posed if form == name or form in ("krl", "rapid") else ~posed & posed).tolist()
+        )
+        np.testing.assert_array_equal(again.motions.linear, posed)
+        np.testing.assert_allclose(again.q[~by_pose], wanted[~by_pose], rtol=0, atol=ROUND_TRIP)
+        np.testing.assert_allclose(again.position[by_pose], at[by_pose], rtol=0, atol=ROUND_TRIP)
+        np.testing.assert_allclose(again.rotation[by_pose], turned[by_pose], rtol=0, atol=ROUND_TRIP)
+    write_corrected(found, [tmp_path / "right.csv"], "csv")
+    np.testing.assert_allclose(read_program(tmp_path / "right.csv", arm).q, wanted, rtol=0, atol=1e-7)
+
+
+def test_a_pose_whose_joint_passes_a_turn_is_named(model, tmp_path):
+    q = np.radians([[10, -80.5, 95.25, 0.0, 30, -10]] * 2)
+    q[1, 3] = 1e-7
+    p, R = tool_pose(model.vjm, q)
+    path = tmp_path / "way.src"
+    write_moves(path, known_languages()["krl"], Motion(q, ARM.joints, (), None, np.array([True, True]), p, R))
+    program, _ = with_payload(model, read_program(path, model.arm), lambda: 300.0)
+    found = correct_program(model, program, Aim(), start=q[0])
+    signs = [np.floor(own[:, 3] / (2 * np.pi)) for own in (found.found.start, found.found.q)]
+    expected = [line for line, a, b in zip(program.line, *signs, strict=True) if a != b]
+    [note] = turn_notes(found) or [""]
+    assert [int(x) for x in re.findall(r"\d+", note)] == expected
+
+
+def test_linear_moves_need_poses_where_the_language_has_no_other(tmp_path):
+    motion = Motion(np.zeros((1, 6)) + 0.1, ARM.joints, (), np.array([True]))
+    with pytest.raises(BenchError, match="KUKA KRL: expected a pose at every linear move"):
+        write_moves(tmp_path / "x.src", known_languages()["krl"], motion)
+    with pytest.raises(BenchError, match=r"position \[m\], rotation: expected poses of the tool"):
+        write_moves(tmp_path / "x.src", known_languages()["krl"], replace(motion, posed=np.array([True])))
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_example_of_the_docs_adds_a_language_by_two_files(tmp_path):
+    page = (ROOT / "docs" / "add_language.md").read_text()
+    for kind, name in (("toml", "as.toml"), ("jinja", "as.j2")):
+        (tmp_path / name).write_text(re.search(rf"```{kind}\n(.*?)```", page, re.DOTALL)[1])
+    language, rng = read_language(tmp_path / "as.toml"), np.random.default_rng(2)
+    q, p, R = ARM.drawn(rng, 8), rng.uniform(-3, 3, (8, 3)), Rotation.random(8, rng=rng).as_matrix()
+    linear, posed = np.arange(8) % 2 == 1, np.arange(8) % 4 > 0
+    write_moves(tmp_path / "a.as", language, Motion(q, ARM.joints, ["x"] * 8, linear, posed, p, R), tmp_path)
+    found = read_robot_program(tmp_path / "a.as", language, ARM, Controller())
+    np.testing.assert_allclose(found.q[~posed], q[~posed], rtol=0, atol=ROUND_TRIP)
+    np.testing.assert_allclose(found.position[posed], p[posed], rtol=0, atol=ROUND_TRIP)
+    np.testing.assert_allclose(found.rotation[posed], R[posed], rtol=0, atol=ROUND_TRIP)
+    text = (tmp_path / "a.as").read_text()
+    for statement, said in (
+        ("  C1MOVE p", "circular motion is not read, got C1MOVE"),
+        ("  JMOVE #p", "got '#p'"),
+    ):
+        (tmp_path / "b.as").write_text(text.replace(".END", f"{statement}\n.END"))
+        with pytest.raises(InputError, match=rf"b\.as: line 18: .*{said}"):
+            read_robot_program(tmp_path / "b.as", language, ARM, Controller())
+    keys = re.findall(r"`(?:\[+)?([a-z_]+)\]*`", page.partition("The pattern of a point")[0])
+    assert set(type(language).model_fields) - {"name"} <= set(keys)
+    (tmp_path / "as.toml").write_text('title = "x"\nangle = "grad"\n')
+    with pytest.raises(InputError, match=r"as\.toml: source: Field required"):
+        read_language(tmp_path / "as.toml")
