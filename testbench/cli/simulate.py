@@ -25,6 +25,7 @@ from testbench.workflows.absolute_truth import AbsoluteCampaign, by_trackers, si
 from testbench.workflows.campaign_flags import ArmName, MapFile, mass
 from testbench.workflows.candidates import PoseConditions, build_checks, find
 from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
+from testbench.workflows.instruments import mounted, read_instruments
 from testbench.workflows.options import Force, takes
 from testbench.workflows.plan_input import (
     Place,
@@ -68,6 +69,10 @@ class SimulateOptions:
     tracker: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,Z", help="Position of a laser tracker, m; repeatable.")
     ] = None
+    instrument: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KIND:...", help="gauge:P1:z, wire:P1:X,Y,Z, ...; repeatable."),
+    ] = None
     geometry_mm: Annotated[
         float, typer.Option(min=0, max=10, metavar="MM", help="Error of joint frames, mm and mrad.")
     ] = 0.0
@@ -100,6 +105,8 @@ def command(asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
     kind = READINGS if absolute.absolute else DATASET
     for path in _files(asked.out, absolute.series):
         check_file(path, kind, inputs=inputs, force=asked.force)
+    if absolute.absolute and asked.instrument:
+        raise BenchError("--instrument: expected no --absolute with it")
     cell = build_cell(asked.arm)
     if absolute.absolute:
         _read_absolutely(cell, asked, absolute)
@@ -177,11 +184,17 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     if pulls is not None:  # they act at the same point
         sideways = np.hstack([pulls, np.zeros_like(pulls)])
         loaded = replace(loaded, wrench=loaded.wrench + sideways[pose])
-    data = measure_markers(cell, scenario, loaded, None if trackers else trial_rng(asked.seed, 1))
+    if asked.instrument:
+        if trackers or asked.sigma_um is not None:
+            raise BenchError("--instrument: expected neither --tracker nor --sigma-um with it")
+        own = [mounted(text) for text in asked.instrument]
+        data = read_instruments(cell, scenario.truth, loaded, own, trial_rng(asked.seed, 1))
+    else:
+        data = measure_markers(cell, scenario, loaded, None if trackers else trial_rng(asked.seed, 1))
     if trackers:
         data = by_trackers(data, trackers, asked.seed, None if asked.sigma_um is None else _sigma(asked))
     write_csv(data, cell.arm, asked.out)
-    console, size = plain_console(), 1e3 * np.linalg.norm(data.deflection, axis=-1)
+    console, size = plain_console(), 1e3 * np.linalg.norm(data.deflection, axis=-1)[data.seen]
     _say_overload(console, cell, masses.ravel().tolist(), () if pulls is None else pulls.tolist())
     low, high = masses.min(), masses.max()
     hung = (f"{low:g} kg" if low == high else f"{low:g} to {high:g} kg") + " and forces" * (pulls is not None)
@@ -189,7 +202,7 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     text = (
         f"{asked.out}: {data.runs} runs under {hung}, deflections of {size.min():.2f} to {size.max():.2f} mm"
     )
-    text += seen
+    text += seen + (f", read by {', '.join(asked.instrument)}" if asked.instrument else "")
     console.print(text, soft_wrap=True)
 
 

@@ -13,9 +13,9 @@ Both are rows u . A of the observation matrix, Eq. (12), with a direction that m
 known to a standard deviation a about each axis across it, a reading has the further variance a^2 |u x d|^2,
 and readings of one set-up share it. The tilt itself is not estimated: it is marginalised.
 
-d and w are predicted by the arm's folder after the readings have scaled its joints and its links. Any readings
-determine these few unknowns. A prior may be wrong by a factor of two. This prediction is wrong by about a
-tenth, which changes a standard deviation by a tenth and a direction by a part of a milliradian.
+d and w are predicted by the arm's folder after the readings have scaled its joints and its links. Any
+readings determine these few unknowns. A prior may be wrong by a factor of two. This prediction is wrong by
+about a tenth, which changes a standard deviation by a tenth and a direction by a part of a milliradian.
 """
 
 from dataclasses import replace
@@ -38,6 +38,8 @@ BLOCK_RUNS = 384  #: Runs whose Jacobians are in memory at a time.
 
 def resolve_lines(vjm: Vjm, data: Dataset) -> Dataset:
     """Turn directions of readings along lines with the loaded arm, and count their tilt as noise.
+
+    Mathematics: `obs-10`.
 
     Args:
         vjm: The arm's virtual joint model.
@@ -69,6 +71,8 @@ def resolve_lines(vjm: Vjm, data: Dataset) -> Dataset:
 
 def directions_under_load(u: Array, reach: Array, d: Array, turn: Array) -> Array:
     """Compute the directions along which motions are read to second order.
+
+    Mathematics: `obs-9`.
 
     Args:
         u: Directions at the unloaded arm, unit vectors, (runs, m, 3) [1].
@@ -118,7 +122,7 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
 
 
 def _parts(vjm: Vjm, data: Dataset, some: slice, points: Array) -> tuple[Array, Array]:
-    """Compute motions of markers, (n + 1, runs, m, 3) [m], and turns, (n + 1, runs, 3), by links and joints."""
+    """Compute motions of markers, (n + 1, runs, m, 3) [m], and turns, (n + 1, runs, 3), of each part."""
     state = nominal_chain(vjm, data.q[some], [Load(data.wrench[some], data.point[some])])
     C, first = vjm.arm.C_theta, 6 * len(vjm.arm.links)
     theta = C @ state.u[: len(C)]

@@ -50,6 +50,7 @@ class WeightedReadings:
     A: Array  #: Observation matrices, (readings, 3, n).
     y: Array  #: Measured, (readings, 3) [1].
     unit: Array  #: Standard deviation of each, sqrt(2) sigma if all axes are equal, (readings,) [m, rad].
+    numbers: Ids  #: How many numbers each has: 3, or 1 along a line, (readings,).
     run: Ids  #: Index of its run in the dataset, (readings,).
     marker: Ids  #: Index of its marker, -1 for the orientation, (readings,).
 
@@ -88,6 +89,7 @@ def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedRe
         A=A[:, :, :-1],
         y=A[:, :, -1],
         unit=np.where(lines, 1 / np.where(lines, np.linalg.norm(root[:, 0], axis=1), 1.0), size),
+        numbers=np.where(lines, 1, 3),
         run=np.repeat(np.arange(data.runs), each)[used],
         marker=np.tile(marker, data.runs)[used],
     )

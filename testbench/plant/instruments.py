@@ -30,10 +30,11 @@ def face_travel(axis: Array, normal: Array, start: Array, end: Array, turn: Arra
         turn: Rotations of the tool in between, world axes, (runs, 3, 3) [1].
 
     Returns:
-        Travel, (runs,) [m].
+        Travel, (runs,) [m]; NaN where the face is along the axis, or a direction is zero.
     """
     after = np.matvec(turn, normal)
-    return np.asarray(np.vecdot(end - start, after) / np.vecdot(axis, after))
+    along = np.vecdot(axis, after)
+    return np.asarray(np.vecdot(end - start, after) / np.where(along == 0, np.nan, along))
 
 
 def tilted(direction: Array, tilt: float, group: Ids, rng: np.random.Generator) -> Array:
@@ -51,7 +52,7 @@ def tilted(direction: Array, tilt: float, group: Ids, rng: np.random.Generator) 
     _, own = np.unique(group, return_inverse=True)
     turn = tilt * rng.standard_normal((int(own.max()) + 1, 3))[own]
     moved = direction + np.cross(turn, direction)
-    return np.asarray(moved / np.linalg.norm(moved, axis=1, keepdims=True))
+    return np.asarray(moved / np.maximum(np.linalg.norm(moved, axis=1, keepdims=True), np.finfo(float).tiny))
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,7 @@ class Gauge:
     resolution: float = 1e-6  #: Step of the display [m]; 0 for none.
     hysteresis: float = 0.0  #: Half-width of the loop by friction of the tip [m].
     stand: float = 0.0  #: Standard deviation of the stand's motion between two readings [m].
+    alike: bool = False  #: Whether normal and axis are off alike in all poses, not anew in each.
 
     def __post_init__(self) -> None:
         for name in ("sigma", "tilt", "resolution", "hysteresis", "stand"):
@@ -96,7 +98,8 @@ class Gauge:
         Returns:
             Readings unloaded and loaded, (2, runs) [m]; NaN out of range.
         """
-        normal, axis = (tilted(direction, self.tilt, pose, rng) for _ in range(2))
+        group = np.zeros_like(pose) if self.alike else pose
+        normal, axis = (tilted(direction, self.tilt, group, rng) for _ in range(2))
         turn = rotations[1] @ rotations[0].swapaxes(1, 2)
         moved = face_travel(axis, normal, *places, turn)
         # Friction holds the tip back: from either side unloaded, against the motion loaded.

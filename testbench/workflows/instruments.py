@@ -1,5 +1,7 @@
 """Instruments around a cell: which of them read which marker, along which line, and what they read."""
 
+import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -9,7 +11,7 @@ import numpy as np
 from testbench.data.dataset import Dataset, along_lines, in_order, join_rows
 from testbench.errors import Array, BenchError
 from testbench.model.vjm import marker_points, tool_points, tool_pose
-from testbench.plant.instruments import DistanceMeter, Gauge
+from testbench.plant.instruments import BALLBAR, DRAW_WIRE, DistanceMeter, Gauge
 from testbench.plant.tracker import Tracker, read_orientations, read_positions
 from testbench.workflows.cell import Cell, LoadedPoses, Truth, settle_both
 
@@ -28,10 +30,79 @@ class Mounted:
 
     instrument: Tracker | Gauge | DistanceMeter
     marker: str = ""  #: Marker that it reads; "" for all, as trackers do.
-    #: Direction that a gauge is said to have, world axes: one for all runs, (3,), or one each, (runs, 3) [1].
+    #: Direction that a gauge is said to have, world axes: one for all runs, (3,), or one each, (runs, 3) [1];
+    #: zero in runs without the gauge.
     direction: Array | None = None
     on_tool: bool = False  #: Whether the direction is in the tool's axes, so that it turns with the pose.
     fixed: Array | None = None  #: Where the fixed point of a distance meter is said to be, (3,) [m].
+
+
+KINDS: dict[str, Tracker | Gauge | DistanceMeter] = {
+    "tracker": Tracker(50e-6),
+    "camera": CAMERA,
+    "probe": PROBE,
+    "gauge": Gauge(),
+    "ballbar": BALLBAR,
+    "wire": DRAW_WIRE,
+}
+"""Instruments by name."""
+AXES = {
+    **dict(zip("xyz", np.eye(3), strict=True)),
+    **{f"-{name}": -axis for name, axis in zip("xyz", np.eye(3), strict=True)},
+}
+"""Directions by name."""
+ON_TOOL = "tool_"  #: Before the name of a direction in the tool's axes.
+FORMS = (
+    "gauge:MARKER:z, ballbar:MARKER:X,Y,Z, wire:MARKER:X,Y,Z, tracker, camera or probe, then :5um or :0.5deg"
+)
+"""Forms of an instrument's text."""
+
+
+def mounted(text: str) -> Mounted:
+    """Read an instrument from a text, such as "gauge:P1:z:5um:0.5deg" or "wire:P2:1.5,0,0.2".
+
+    Args:
+        text: Kind, marker, direction or fixed point in metres, then sigma in um and a gauge's tilt in deg.
+
+    Returns:
+        The instrument.
+
+    Raises:
+        BenchError: When the text is none of an instrument.
+    """
+    kind, *parts = (part.strip() for part in text.split(":"))
+    problem = BenchError(f"--instrument: expected {FORMS}, got {text[:80]!r}")
+    instrument = KINDS.get(kind)
+    if instrument is None:
+        raise problem
+    sizes = [found for part in parts if (found := re.fullmatch(r"([0-9.]{1,10})(um|deg)", part))]
+    places = [part for part in parts if not re.fullmatch(r"([0-9.]{1,10})(um|deg)", part)]
+    try:
+        for size in sizes:
+            value = float(size[1])
+            if size[2] == "um":
+                instrument = replace(instrument, sigma=value / 1e6)
+            elif isinstance(instrument, Gauge):
+                instrument = replace(instrument, tilt=math.radians(value))
+            else:
+                raise problem
+        if isinstance(instrument, Tracker):
+            return Mounted(instrument, *places[:1]) if len(places) <= 1 else _refuse(problem)
+        marker, where = places
+        if isinstance(instrument, DistanceMeter):
+            x, y, z = map(float, where.split(","))
+            return Mounted(instrument, marker, fixed=np.array([x, y, z]))
+        on_tool, name = where.startswith(ON_TOOL), where.removeprefix(ON_TOOL)
+        direction = AXES[name] if name in AXES else np.array([*map(float, name.split(","))])
+    except ValueError:
+        raise problem from None
+    if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
+        raise problem
+    return Mounted(instrument, marker, direction, on_tool)
+
+
+def _refuse(problem: BenchError) -> Mounted:
+    raise problem
 
 
 def read_instruments(
@@ -111,7 +182,7 @@ def _read(
             numbers = own.instrument.read(u, places, rotations, loaded.pose, rng)  # type: ignore[arg-type]
         else:
             numbers = own.instrument.read(np.asarray(own.fixed), places, rng)  # type: ignore[arg-type]
-        direction[:, k] = np.where(np.isnan(numbers).any(axis=0)[:, None], 0.0, u)
+        direction[:, k] = np.where((np.isnan(numbers).any(axis=0))[:, None], 0.0, u)
         read[:, :, k] = np.nan_to_num(numbers)[..., None] * u
         P[:, k] = along_lines(direction[:, k], own.instrument.sigma)
     lines = bool(direction.any() or tilt.any() or reach.any())
@@ -135,7 +206,7 @@ def _line(cell: Cell, q: Array, own: Mounted) -> tuple[Array, Array, Array]:
     """Compute direction, its standard deviation and reach in every pose, as they are said to be."""
     if isinstance(own.instrument, Gauge):
         u = np.broadcast_to(np.asarray(own.direction, dtype=float), (len(q), 3))
-        u = u / np.linalg.norm(u, axis=1, keepdims=True)
+        u = u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), np.finfo(float).tiny)
         if own.on_tool:
             u = np.matvec(tool_pose(cell.vjm, q)[1], u)
         return u, np.full(len(q), own.instrument.tilt), np.zeros(len(q))
