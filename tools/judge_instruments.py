@@ -2,12 +2,12 @@
 
 python tools/judge_instruments.py runs/judged_instruments.jsonl --seed 880001 --seeds 100
 
-The places are planned once for the arm's folder, by the criterion I over the workspace; in each of them the
-directions of the gauges are chosen too. Every true arm is then loaded there and read by a tracker of 50 um
-and by three gauges of 5 um, each half a degree off its direction. Both readings are fitted by the default
-with the same wrong prior. Readings are made from the contact, `plant.instruments`. An arm is a line of JSON
-in the first file; the judge may be stopped and started again. `--seeds 0` prints the tables alone. `--alike`
-tilts the faces of a marker alike in all places, which the fit does not know.
+The places are planned once for the arm's folder, by the criterion I over the workspace: 12 for the tracker,
+and 12 for the gauges, in which their directions are chosen too. Every true arm is then loaded there and read
+by a tracker of 50 um and by three gauges of 5 um, each half a degree off its direction. Both readings are
+fitted by the default with the same wrong prior. Readings are made from the contact, `plant.instruments`. An
+arm is a line of JSON in the first file; the judge may be stopped and started again. `--seeds 0` prints the
+tables alone. `--alike` tilts the faces of a marker alike in all places, which the fit does not know.
 """
 
 import json
@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from testbench.design.criteria import criterion_of
 from testbench.design.exchange import greedy
-from testbench.design.gauges import Gauges, choose_gauges, gauge_rows
+from testbench.design.gauges import Gauges, choose_places, gauge_rows
 from testbench.design.planning import candidate_set
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
 from testbench.errors import BenchError
@@ -56,7 +56,7 @@ UNCERTAINTY = 0.3  #: Of the prior that the plan counts with [1].
 
 
 def plan(cell, scenario):
-    """Poses of the plan, (poses, n) [rad, m], and the directions of the gauges there, (poses, m, 3) [1]."""
+    """Plan the places, (poses, n) [rad, m], of the tracker and of the gauges, and their directions there."""
     rng = trial_rng(0, 5)
     hung = weight(cell.vjm, scenario.mass)
     around = clear_poses(cell, scenario.workspace, 200, rng)
@@ -71,20 +71,19 @@ def plan(cell, scenario):
     )
     found = candidate_set(spec, clear_poses(cell, scenario.station, CANDIDATES, rng))
     criterion = criterion_of("I", found.problem, workspace_rows(spec))
-    q = found.q[greedy(found.problem, criterion, found.problem.rows, PLACES)]
-    gauges = Gauges(3, GAUGE.sigma, GAUGE.tilt)
-    rows = gauge_rows(spec, q, np.zeros(PLACES, dtype=int), gauges, found.problem.lift)
-    chosen = choose_gauges(rows, found.problem.prior, criterion, 3)
+    by_tracker = found.q[greedy(found.problem, criterion, found.problem.rows, PLACES)]
+    gauges = Gauges(len(cell.arm.markers), GAUGE.sigma, GAUGE.tilt)
+    rows = gauge_rows(spec, found.q, np.zeros(len(found.q), dtype=int), gauges, found.problem.lift)
+    chosen = choose_places(rows, found.problem, criterion, gauges, PLACES)
     direction = np.zeros((PLACES, len(cell.arm.markers), 3))
     direction[np.arange(PLACES)[:, None], chosen.marker] = np.eye(3)[chosen.axis]
-    return q, direction
+    return by_tracker, found.q[chosen.pose], direction
 
 
 def judge(cell, scenario, places, kind, seed, alike):
     """Errors and coverage of both instruments on one true arm, as a line."""
-    q, direction = places
+    by_tracker, by_gauges, direction = places
     true = true_cell(cell, true_arm_of_seed(kind, seed), seed)
-    loaded = poses_with_weight(cell, q, np.arange(PLACES) + 1, scenario.mass)
     around = clear_poses(cell, scenario.workspace, WORKSPACE, trial_rng(seed, 0))
     everywhere = poses_with_weight(cell, around, np.arange(WORKSPACE) + 1, scenario.mass)
     truth = measure_markers(true, scenario, everywhere)
@@ -95,7 +94,8 @@ def judge(cell, scenario, places, kind, seed, alike):
         own = direction[:, k]
         gauges.append(Mounted(replace(GAUGE, alike=alike), marker, own))
     row = {"kind": kind, "seed": seed}
-    for name, mounted in (("tracker", [Mounted(TRACKER)]), ("gauges", gauges)):
+    for name, mounted, q in (("tracker", [Mounted(TRACKER)], by_tracker), ("gauges", gauges, by_gauges)):
+        loaded = poses_with_weight(cell, q, np.arange(PLACES) + 1, scenario.mass)
         data = read_instruments(true, "nonlinear", loaded, mounted, tilts)
         start = process_time()
         found = default.estimator(cell.vjm, default.structure, data)

@@ -1,23 +1,24 @@
 """Where gauges touch: in every pose of a plan, which markers are read and along which axes.
 
-A gauge reads one number, so that a pose offers a choice that a tracker does not have. Candidates are all
-markers along the axes of the world or of the tool. They are chosen by the criterion of the poses: one after
-the other, each the best next one of all poses, then exchanged one by one as long as an exchange helps
-(Fedorov 1972). A tilt of the direction counts as noise: gauges avoid directions across large deflections.
+A gauge reads one number, so that a pose offers a choice that a tracker does not have. A candidate is a pose
+with some of its markers, each touched along an axis of the world or of the tool. Candidates are chosen by the
+criterion of the poses. A tilt of the direction counts as noise: gauges avoid directions across a large
+deflection.
 """
 
 from dataclasses import dataclass
-from itertools import cycle, islice
+from itertools import combinations, cycle, islice, product
 
 import numpy as np
 
 from testbench.design.criteria import Criterion
-from testbench.design.rows import Specification, deflection_rows, loads_of, row_products
+from testbench.design.exchange import exchange, greedy
+from testbench.design.rows import DesignProblem, Specification, deflection_rows, loads_of, row_products
 from testbench.errors import Array, BenchError, Ids
 from testbench.model.vjm import tool_pose
 
 MIN_GAIN, SWEEPS = 1e-6, 20
-"""Relative gain of Phi below which an exchange does not count [1]; most passes over all gauges."""
+"""Relative gain of Phi below which an exchange does not count [1]; most passes over all poses."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +33,12 @@ class Gauges:
 
 @dataclass(frozen=True)
 class GaugePlan:
-    """Hold the gauges of every pose."""
+    """Hold the gauges of every pose of a plan."""
 
+    pose: Ids  #: Indices of the poses among the candidates, (poses,).
     marker: Ids  #: Index of the marker of every gauge, (poses, count).
     axis: Ids  #: Axis of every gauge, 0 to 2 for x, y, z, (poses, count).
-    value: float  #: Phi of all readings.
-    information: Array  #: Information matrix M, prior included, (r, r).
+    information: Array  #: Information matrix M of all readings, prior included, (r, r).
 
 
 def gauge_rows(spec: Specification, q: Array, load: Ids, gauges: Gauges, lift: Array) -> Array:
@@ -67,56 +68,67 @@ def gauge_rows(spec: Specification, q: Array, load: Ids, gauges: Gauges, lift: A
     return row_products(rows, lift).reshape(poses, markers, 3, -1)
 
 
-def choose_gauges(rows: Array, prior: Array, criterion: Criterion, count: int) -> GaugePlan:
-    """Choose the gauges of all poses.
+def choose_places(
+    rows: Array, problem: DesignProblem, criterion: Criterion, gauges: Gauges, poses: int
+) -> GaugePlan:
+    """Choose poses, and the gauges in each of them, by exchange over all of both.
 
     Args:
-        rows: Rows of all candidates, `gauge_rows`, (poses, m, 3, r) [1].
-        prior: Information before any reading, (r, r).
+        rows: Rows of all candidates, `gauge_rows`, (candidates, m, 3, r) [1].
+        problem: Gives the prior's information.
         criterion: Information function.
-        count: Gauges in a pose.
+        gauges: The gauges.
+        poses: How many poses are measured.
 
     Returns:
-        The gauges; no single exchange of one improves them.
+        The poses with their gauges; a pose may occur more than once.
 
     Raises:
         BenchError: When there are more gauges than markers.
     """
-    poses, markers = rows.shape[:2]
+    marker, axis = _ways(rows.shape[1], gauges.count)
+    every = rows[:, marker, axis].reshape(-1, *rows[0][marker, axis].shape[1:])
+    found = exchange(problem, criterion, every, greedy(problem, criterion, every, poses))
+    pose, way = np.divmod(np.sort(found), len(marker))
+    A = every[found].reshape(-1, every.shape[-1])
+    return GaugePlan(pose, marker[way], axis[way], problem.prior + A.T @ A)
+
+
+def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gauges: Gauges) -> GaugePlan:
+    """Choose the gauges in given poses: each pose in turn, until no pose gains by other gauges.
+
+    Args:
+        rows: Rows of the poses, `gauge_rows`, (poses, m, 3, r) [1].
+        problem: Gives the prior's information.
+        criterion: Information function.
+        gauges: The gauges.
+
+    Returns:
+        The gauges of all poses, in their order.
+
+    Raises:
+        BenchError: When there are more gauges than markers.
+    """
+    marker, axis = _ways(rows.shape[1], gauges.count)
+    every, poses = rows[:, marker, axis], len(rows)
+    M, way, left = problem.prior, np.full(poses, -1), poses
+    for p in islice(cycle(range(poses)), SWEEPS * poses):
+        own = every[p, way[p]] if way[p] >= 0 else np.zeros_like(every[p, 0])
+        rest = M - own.T @ own
+        reached = criterion.after(rest, every[p])
+        better = way[p] < 0 or reached.max() > (1 + MIN_GAIN) * reached[way[p]]
+        way[p] = int(reached.argmax()) if better else way[p]
+        M = rest + every[p, way[p]].T @ every[p, way[p]]
+        left = poses if better else left - 1
+        if left == 0:
+            break
+    return GaugePlan(np.arange(poses), marker[way], axis[way], M)
+
+
+def _ways(markers: int, count: int) -> tuple[Ids, Ids]:
+    """List markers and axes of all ways to place gauges in a pose, (ways, count) each."""
     if not 1 <= count <= markers:
         raise BenchError(f"gauges: expected 1 to {markers}, one per marker, got {count}")
-    chosen = np.full((poses, count), -1)  # marker * 3 + axis
-    M = prior
-    every = rows.reshape(poses, markers * 3, 1, -1)
-    # One after the other: the best next gauge of all poses that lack one.
-    while (chosen < 0).any():
-        open_ = _free(chosen, markers)
-        worth = criterion.after(M, every.reshape(-1, 1, every.shape[-1])).reshape(open_.shape)
-        worth = np.where(open_, worth, -1)
-        pose, best = np.unravel_index(int(worth.argmax()), worth.shape)
-        chosen[pose, int((chosen[pose] >= 0).sum())] = best
-        M = M + every[pose, best].T @ every[pose, best]
-    # Exchange one by one until all were tried in vain.
-    left, value = chosen.size, criterion.information(M)
-    places = cycle([(p, k) for p in range(poses) for k in range(count)])
-    for p, k in islice(places, SWEEPS * chosen.size):
-        own = every[p, chosen[p, k]]
-        rest = M - own.T @ own
-        others = np.delete(chosen[p], k) // 3
-        allowed = ~np.isin(np.arange(markers * 3) // 3, others)
-        reached = np.where(allowed, criterion.after(rest, every[p]), -1)
-        left -= 1
-        if reached.max() > (1 + MIN_GAIN) * value:
-            chosen[p, k], value, left = int(reached.argmax()), float(reached.max()), chosen.size
-            M = rest + every[p, chosen[p, k]].T @ every[p, chosen[p, k]]
-        elif left == 0:
-            break
-    order = np.sort(chosen, axis=1)
-    return GaugePlan(order // 3, order % 3, criterion.information(M), M)
-
-
-def _free(chosen: Ids, markers: int) -> Array:
-    """Tell which candidates may follow: in poses that lack a gauge, at markers without one, (poses, 3 m)."""
-    full = (chosen >= 0).all(axis=1)
-    taken = np.array([np.isin(np.arange(markers * 3) // 3, own[own >= 0] // 3) for own in chosen])
-    return np.asarray(~taken & ~full[:, None])
+    both = [(m, a) for m in combinations(range(markers), count) for a in product(range(3), repeat=count)]
+    marker, axis = zip(*both, strict=True)
+    return np.array(marker), np.array(axis)
