@@ -11,11 +11,12 @@ from rich.console import Console
 
 from testbench.arm.folder import find_arm
 from testbench.cli.arguments import Orientations, absolute_alone
-from testbench.errors import Array, BenchError, InputError
+from testbench.errors import Array, BenchError, Ids, InputError
 from testbench.files.program import read_poses
 from testbench.files.write import write_csv, write_series
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
 from testbench.plant.disturbed import disturb
+from testbench.plant.instruments import Gauge
 from testbench.plant.site import check_poses, check_position
 from testbench.plant.tracker import trial_rng
 from testbench.report.terminal import plain_console
@@ -25,7 +26,7 @@ from testbench.workflows.absolute_truth import AbsoluteCampaign, by_trackers, si
 from testbench.workflows.campaign_flags import ArmName, MapFile, mass
 from testbench.workflows.candidates import PoseConditions, build_checks, find
 from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
-from testbench.workflows.instruments import mounted, read_instruments
+from testbench.workflows.instruments import Mounted, mounted, planned_gauges, read_instruments
 from testbench.workflows.options import Force, takes
 from testbench.workflows.plan_input import (
     Place,
@@ -38,6 +39,7 @@ from testbench.workflows.plan_input import (
 
 DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")
+PLANNED = "planned"  #: Instrument that stands for the gauges of a plan.
 FORCES = "columns force_x_N, force_y_N, force_z_N"
 MAX_POSES = 10_000  #: Random poses that are drawn at most.
 MAX_RUNS = 50_000  #: Equilibria that are sought at most, poses times loads times set-ups.
@@ -187,7 +189,7 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     if asked.instrument:
         if trackers or asked.sigma_um is not None:
             raise BenchError("--instrument: expected neither --tracker nor --sigma-um with it")
-        own = [mounted(text) for text in asked.instrument]
+        own = _mounted(cell, asked, pose)
         data = read_instruments(cell, scenario.truth, loaded, own, trial_rng(asked.seed, 1))
     else:
         data = measure_markers(cell, scenario, loaded, None if trackers else trial_rng(asked.seed, 1))
@@ -204,6 +206,20 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     )
     text += seen + (f", read by {', '.join(asked.instrument)}" if asked.instrument else "")
     console.print(text, soft_wrap=True)
+
+
+def _mounted(cell: Cell, asked: SimulateOptions, pose: Ids) -> list[Mounted]:
+    """Read the instruments; "planned" stands for the gauges of a plan.csv, by the pose of every run."""
+    texts, found = asked.instrument or [], list[Mounted]()
+    for text in texts:
+        if text != PLANNED:
+            found.append(mounted(text))
+        elif asked.file is None:
+            raise BenchError(f"--instrument {PLANNED}: expected a plan.csv")
+        else:
+            gauges = planned_gauges(asked.file, Gauge(), cell.arm.markers)
+            found += [replace(own, direction=np.asarray(own.direction)[pose]) for own in gauges]
+    return found
 
 
 def _sigma(asked: SimulateOptions) -> float:

@@ -1,15 +1,17 @@
 """Instruments around a cell: which of them read which marker, along which line, and what they read."""
 
+import csv
 import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from testbench.data.dataset import Dataset, along_lines, in_order, join_rows
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, InputError
 from testbench.model.vjm import marker_points, tool_points, tool_pose
 from testbench.plant.instruments import BALLBAR, DRAW_WIRE, DistanceMeter, Gauge
 from testbench.plant.tracker import Tracker, read_orientations, read_positions
@@ -99,6 +101,36 @@ def mounted(text: str) -> Mounted:
     if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
         raise problem
     return Mounted(instrument, marker, direction, on_tool)
+
+
+def planned_gauges(path: Path, instrument: Gauge, markers: Sequence[str]) -> list[Mounted]:
+    """Read the gauges of every pose of a plan, the column `gauges` of plan.csv.
+
+    Args:
+        path: The plan.
+        instrument: Every gauge.
+        markers: Those of the arm.
+
+    Returns:
+        One gauge per marker, with a direction in each pose where it is used.
+
+    Raises:
+        InputError: When there is no such column, or a cell names no marker and axis.
+    """
+    with path.open(encoding="utf-8", newline="") as file:
+        cells = [row.get("gauges") for row in csv.DictReader(file)]
+    direction = np.zeros((len(cells), len(markers), 3))
+    for k, cell in enumerate(cells):
+        for word in (cell or "").split():
+            marker, _, axis = word.partition(":")
+            if marker not in markers or axis not in AXES:
+                problem = f"expected a marker and an axis such as {markers[0]}:z, got {word[:40]!r}"
+                raise InputError(path, f"line {k + 2}, column gauges", problem)
+            direction[k, markers.index(marker)] = AXES[axis]
+    if not direction.any():
+        raise InputError(path, "column gauges", "expected gauges, as `plan --gauges` writes them")
+    used = [k for k in range(len(markers)) if direction[:, k].any()]
+    return [Mounted(instrument, markers[k], direction[:, k]) for k in used]
 
 
 def _refuse(problem: BenchError) -> Mounted:
