@@ -111,7 +111,9 @@ def _both(data: Dataset, name: str, frame: str, target: str) -> Series:
     """Combine the unloaded and then the loaded readings of some runs."""
     rotation, both = None, in_order(data, np.tile(np.arange(data.runs), 2))
     placed = (data.seen & ~data.lines)[..., None]  # a reading along a line is no position
-    P = both.precision if both.direction is None else both.precision * ~both.lines[..., None, None]
+    P = both.precision
+    if P is not None and both.direction is not None:
+        P = P * ~both.lines[..., None, None]
     if data.rotation_before is not None and data.rotation_after is not None:
         from scipy.spatial.transform import Rotation  # here: it takes long to import
 

@@ -54,20 +54,25 @@ def read_lines(columns: Columns) -> FileLines | None:
     travel, distance = _numbers(columns, "travel"), _numbers(columns, "distance")
     (fixed, _), (direction, axes) = _triple(columns, "fixed"), _triple(columns, "direction")
     # What a row is: the one of the two kinds whose direction or fixed point it states.
-    gauge, meter = np.isfinite(direction).all(axis=1), np.isfinite(fixed).all(axis=1)
+    gauge, meter = (np.asarray(np.isfinite(own).all(axis=1)) for own in (direction, fixed))
     table.refuse(gauge & meter, axes[0] if axes else "", "expected a direction or a fixed point, got both")
     for read, own, what in (
         (travel, gauge, "direction_x, _y and _z"),
         (distance, meter, "fixed_x, _y and _z"),
     ):
-        stray = np.isfinite(read).any(axis=0) & ~own
+        stray = np.asarray(np.isfinite(read).any(axis=0) & ~own)
         table.refuse(stray, "", f"expected {what} of this reading")
     length = np.linalg.norm(np.where(gauge[:, None], direction, 1.0), axis=1)
-    table.refuse(length == 0, axes[0] if axes else "", "expected a direction, got 0, 0, 0")
+    table.refuse(np.asarray(length == 0), axes[0] if axes else "", "expected a direction, got 0, 0, 0")
     direction = np.where(gauge[:, None], direction / np.maximum(length, 1e-300)[:, None], (1.0, 0.0, 0.0))
     tilt = _deviation(columns, "tilt", gauge, (TILT, MAX_TILT), notes)
     fixed_sigma = _deviation(columns, "fixed_sigma", meter, (FIXED, MAX_FIXED), notes)
     number = np.where(gauge, travel, np.where(meter, distance, np.nan))
+    kinds = (
+        f"{gauge.sum()} travels of gauges" * bool(gauge.any()),
+        f"{meter.sum()} distances" * bool(meter.any()),
+    )
+    notes.insert(0, f"{' and '.join(filter(None, kinds))}: one number each, along a line")
     return FileLines(number, gauge, meter, direction, tilt, fixed, fixed_sigma, tuple(notes))
 
 

@@ -195,7 +195,7 @@ PRESET = Preset(
     settings=lambda flags, quick, seeds: Settings(
         seeds[0], true_arm=flags.true_arm, **({"poses": (USUAL,), "workspace": 30} if quick else {})
     ),
-    seeds=(100, 2),
+    seeds=(100, 8),
     row=InstrumentRow,
     trials=trials,
     tables=tables,
