@@ -82,18 +82,22 @@ def mounted(text: str) -> Mounted:
     try:
         for size in sizes:
             value = float(size[1])
-            if size[2] == "um":
+            if size[2] == "um" and value > 0:
                 instrument = replace(instrument, sigma=value / 1e6)
-            elif isinstance(instrument, Gauge):
+            elif size[2] == "deg" and isinstance(instrument, Gauge):
                 instrument = replace(instrument, tilt=math.radians(value))
             else:
                 raise problem
         if isinstance(instrument, Tracker):
-            return Mounted(instrument, *places[:1]) if len(places) <= 1 else _refuse(problem)
+            if len(places) > 1:
+                raise problem
+            return Mounted(instrument, places[0] if places else "")
         marker, where = places
         if isinstance(instrument, DistanceMeter):
-            x, y, z = map(float, where.split(","))
-            return Mounted(instrument, marker, fixed=np.array([x, y, z]))
+            fixed = np.array([*map(float, where.split(","))])
+            if fixed.shape != (3,) or not np.isfinite(fixed).all():
+                raise problem
+            return Mounted(instrument, marker, fixed=fixed)
         on_tool, name = where.startswith(ON_TOOL), where.removeprefix(ON_TOOL)
         direction = AXES[name] if name in AXES else np.array([*map(float, name.split(","))])
     except ValueError:
@@ -131,10 +135,6 @@ def planned_gauges(path: Path, instrument: Gauge, markers: Sequence[str]) -> lis
         raise InputError(path, "column gauges", "expected gauges, as `plan --gauges` writes them")
     used = [k for k in range(len(markers)) if direction[:, k].any()]
     return [Mounted(instrument, markers[k], direction[:, k]) for k in used]
-
-
-def _refuse(problem: BenchError) -> Mounted:
-    raise problem
 
 
 def read_instruments(
@@ -214,7 +214,8 @@ def _read(
             numbers = own.instrument.read(u, places, rotations, loaded.pose, rng)  # type: ignore[arg-type]
         else:
             numbers = own.instrument.read(np.asarray(own.fixed), places, rng)  # type: ignore[arg-type]
-        direction[:, k] = np.where((np.isnan(numbers).any(axis=0))[:, None], 0.0, u)
+        lost = np.asarray(np.isnan(numbers).any(axis=0))
+        direction[:, k] = np.where(lost[:, None], 0.0, u)
         read[:, :, k] = np.nan_to_num(numbers)[..., None] * u
         P[:, k] = along_lines(direction[:, k], own.instrument.sigma)
     lines = bool(direction.any() or tilt.any() or reach.any())

@@ -106,7 +106,17 @@ def test_readings_along_lines_need_no_frame_and_lie_at_their_markers(kr500):
 
 
 @pytest.mark.parametrize(
-    "text", ["gauge:P1", "gauge:P1:w", "wire:P1:1,2", "laser", "wire:P1:z", "gauge:P1:0,0,0"]
+    "text",
+    [
+        "gauge:P1",
+        "gauge:P1:w",
+        "wire:P1:1,2",
+        "laser",
+        "wire:P1:z",
+        "gauge:P1:0,0,0",
+        "tracker:0um",
+        "wire:P1:nan,0,0",
+    ],
 )
 def test_a_wrong_instrument_is_refused(text):
     with pytest.raises(BenchError, match="--instrument: expected gauge"):
