@@ -26,11 +26,15 @@ PROBE = Tracker(50e-6, 5e-5)
 """A probe of six degrees of freedom: position as a tracker, orientation to about 0.003 degrees [assumed]."""
 
 
+Instrument = Tracker | Gauge | DistanceMeter  #: What reads a marker.
+SIZE = re.compile(r"([0-9.]{1,10})(um|deg)")  #: Of an instrument: its noise, or a gauge's tilt.
+
+
 @dataclass(frozen=True)
 class Mounted:
     """Describe an instrument and what it reads."""
 
-    instrument: Tracker | Gauge | DistanceMeter
+    instrument: Instrument
     marker: str = ""  #: Marker that it reads; "" for all, as trackers do.
     #: Direction that a gauge is said to have, world axes: one for all runs, (3,), or one each, (runs, 3) [1];
     #: zero in runs without the gauge.
@@ -39,7 +43,7 @@ class Mounted:
     fixed: Array | None = None  #: Where the fixed point of a distance meter is said to be, (3,) [m].
 
 
-KINDS: dict[str, Tracker | Gauge | DistanceMeter] = {
+KINDS: dict[str, Instrument] = {
     "tracker": Tracker(50e-6),
     "camera": CAMERA,
     "probe": PROBE,
@@ -73,38 +77,36 @@ def mounted(text: str) -> Mounted:
         BenchError: When the text is none of an instrument.
     """
     kind, *parts = (part.strip() for part in text.split(":"))
-    problem = BenchError(f"--instrument: expected {FORMS}, got {text[:80]!r}")
-    instrument = KINDS.get(kind)
-    if instrument is None:
-        raise problem
-    sizes = [found for part in parts if (found := re.fullmatch(r"([0-9.]{1,10})(um|deg)", part))]
-    places = [part for part in parts if not re.fullmatch(r"([0-9.]{1,10})(um|deg)", part)]
     try:
-        for size in sizes:
-            value = float(size[1])
-            if size[2] == "um" and value > 0:
-                instrument = replace(instrument, sigma=value / 1e6)
-            elif size[2] == "deg" and isinstance(instrument, Gauge):
-                instrument = replace(instrument, tilt=math.radians(value))
-            else:
-                raise problem
+        instrument = KINDS[kind]
+        places = [part for part in parts if not SIZE.fullmatch(part)]
+        for size in filter(None, map(SIZE.fullmatch, parts)):
+            instrument = _with_size(instrument, float(size[1]), size[2])
         if isinstance(instrument, Tracker):
-            if len(places) > 1:
-                raise problem
-            return Mounted(instrument, places[0] if places else "")
+            [marker] = places or [""]
+            return Mounted(instrument, marker)
         marker, where = places
-        if isinstance(instrument, DistanceMeter):
-            fixed = np.array([*map(float, where.split(","))])
-            if fixed.shape != (3,) or not np.isfinite(fixed).all():
-                raise problem
-            return Mounted(instrument, marker, fixed=fixed)
-        on_tool, name = where.startswith(ON_TOOL), where.removeprefix(ON_TOOL)
-        direction = AXES[name] if name in AXES else np.array([*map(float, name.split(","))])
-    except ValueError:
-        raise problem from None
-    if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
-        raise problem
-    return Mounted(instrument, marker, direction, on_tool)
+        on_tool = where.startswith(ON_TOOL) and isinstance(instrument, Gauge)
+        name = where.removeprefix(ON_TOOL) if on_tool else where
+        named = name in AXES and isinstance(instrument, Gauge)
+        vector = AXES[name] if named else np.array([*map(float, name.split(","))])
+    except (KeyError, ValueError):
+        vector = np.zeros(0)
+    gauge = vector.shape == (3,) and isinstance(instrument, Gauge)
+    if vector.shape != (3,) or not np.isfinite(vector).all() or (gauge and not vector.any()):
+        raise BenchError(f"--instrument: expected {FORMS}, got {text[:80]!r}")
+    if gauge:
+        return Mounted(instrument, marker, vector, on_tool)
+    return Mounted(instrument, marker, fixed=vector)
+
+
+def _with_size(instrument: Instrument, value: float, unit: str) -> Instrument:
+    """Change the noise in um or a gauge's tilt in deg; ValueError for anything else."""
+    if unit == "um" and value > 0:
+        return replace(instrument, sigma=value / 1e6)
+    if unit == "deg" and isinstance(instrument, Gauge):
+        return replace(instrument, tilt=math.radians(value))
+    raise ValueError
 
 
 def planned_gauges(path: Path, instrument: Gauge, markers: Sequence[str]) -> list[Mounted]:
