@@ -36,7 +36,7 @@ PAGES, README = ROOT / "docs" / "studies", ROOT / "README.md"
 STUDIES = (
     "gravity_calibration", "single_link", "six_dof_arm", "solver_comparison", "loaded_stiffness",
     "identifiability", "noise_sensitivity", "model_error", "pose_selection", "which_model",
-    "regimes", "real_ur10", "absolute_calibration", "compensation",
+    "regimes", "instruments", "real_ur10", "absolute_calibration", "compensation",
 )  # fmt: skip
 BENCH = "bench"  #: Its page is written by hand, around docs/leaderboard/*.csv.
 BOARD = PAGES.parent / "leaderboard"  #: Folder of its tables; its picture has the same name.

@@ -11,11 +11,12 @@ from rich.console import Console
 
 from testbench.arm.folder import find_arm
 from testbench.cli.arguments import Orientations, absolute_alone
-from testbench.errors import Array, BenchError, InputError
+from testbench.errors import Array, BenchError, Ids, InputError
 from testbench.files.program import read_poses
 from testbench.files.write import write_csv, write_series
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
 from testbench.plant.disturbed import disturb
+from testbench.plant.instruments import Gauge
 from testbench.plant.site import check_poses, check_position
 from testbench.plant.tracker import trial_rng
 from testbench.report.terminal import plain_console
@@ -24,6 +25,7 @@ from testbench.runs.whole import whole_files
 from testbench.workflows.campaign_flags import ArmName, MapFile, mass
 from testbench.workflows.candidates import PoseConditions, build_checks, find
 from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
+from testbench.workflows.instruments import Mounted, mounted, planned_gauges, read_instruments
 from testbench.workflows.masses import overload_warnings, payload_of, read_masses
 from testbench.workflows.options import Force, takes
 from testbench.workflows.plan_input import Place, place, read_loads
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 
 DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")
+PLANNED = "planned"  #: Instrument that stands for the gauges of a plan.
 FORCES = "columns force_x_N, force_y_N, force_z_N"
 MAX_POSES = 10_000  #: Random poses that are drawn at most.
 MAX_RUNS = 50_000  #: Equilibria that are sought at most, poses times loads times set-ups.
@@ -63,6 +66,10 @@ class SimulateOptions:
     ] = None
     tracker: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,Z", help="Position of a laser tracker, m; repeatable.")
+    ] = None
+    instrument: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KIND:...", help="gauge:P1:z, wire:P1:X,Y,Z, ...; repeatable."),
     ] = None
     geometry_mm: Annotated[
         float, typer.Option(min=0, max=10, metavar="MM", help="Error of joint frames, mm and mrad.")
@@ -96,6 +103,8 @@ def command(asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
     kind = READINGS if absolute.absolute else DATASET
     for path in _files(asked.out, absolute.series):
         check_file(path, kind, inputs=inputs, force=asked.force)
+    if absolute.absolute and asked.instrument:
+        raise BenchError("--instrument: expected no --absolute with it")
     cell = build_cell(asked.arm)
     if absolute.absolute:
         _read_absolutely(cell, asked, absolute)
@@ -177,13 +186,19 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     if pulls is not None:  # they act at the same point
         sideways = np.hstack([pulls, np.zeros_like(pulls)])
         loaded = replace(loaded, wrench=loaded.wrench + sideways[pose])
-    data = measure_markers(cell, scenario, loaded, None if trackers else trial_rng(asked.seed, 1))
+    if asked.instrument:
+        if trackers or asked.sigma_um is not None:
+            raise BenchError("--instrument: expected neither --tracker nor --sigma-um with it")
+        own = _mounted(cell, asked, pose)
+        data = read_instruments(cell, scenario.truth, loaded, own, trial_rng(asked.seed, 1))
+    else:
+        data = measure_markers(cell, scenario, loaded, None if trackers else trial_rng(asked.seed, 1))
     if trackers:
         from testbench.workflows.absolute_truth import by_trackers  # here: few runs have several trackers
 
         data = by_trackers(data, trackers, asked.seed, None if asked.sigma_um is None else _sigma(asked))
     write_csv(data, cell.arm, asked.out)
-    console, size = plain_console(), 1e3 * np.linalg.norm(data.deflection, axis=-1)
+    console, size = plain_console(), 1e3 * np.linalg.norm(data.deflection, axis=-1)[data.seen]
     _say_overload(console, cell, masses.ravel().tolist(), () if pulls is None else pulls.tolist())
     low, high = masses.min(), masses.max()
     hung = (f"{low:g} kg" if low == high else f"{low:g} to {high:g} kg") + " and forces" * (pulls is not None)
@@ -191,8 +206,22 @@ def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
     text = (
         f"{asked.out}: {data.runs} runs under {hung}, deflections of {size.min():.2f} to {size.max():.2f} mm"
     )
-    text += seen
+    text += seen + (f", read by {', '.join(asked.instrument)}" if asked.instrument else "")
     console.print(text, soft_wrap=True)
+
+
+def _mounted(cell: Cell, asked: SimulateOptions, pose: Ids) -> list[Mounted]:
+    """Read the instruments; "planned" stands for the gauges of a plan.csv, by the pose of every run."""
+    texts, found = asked.instrument or [], list[Mounted]()
+    for text in texts:
+        if text != PLANNED:
+            found.append(mounted(text))
+        elif asked.file is None:
+            raise BenchError(f"--instrument {PLANNED}: expected a plan.csv")
+        else:
+            gauges = planned_gauges(asked.file, Gauge(), cell.arm.markers)
+            found += [replace(own, direction=np.asarray(own.direction)[pose]) for own in gauges]
+    return found
 
 
 def _sigma(asked: SimulateOptions) -> float:

@@ -42,12 +42,24 @@ class Dataset(Displayed):
     #: Standard deviation of one orientation reading about one axis [rad].
     sigma_rotation: float | None = None
     #: Inverse covariance of every deflection, world axes, (runs, m, 3, 3) [1/m^2]; all zero where a target
-    #: was lost. None where sigma holds along every axis: a deflection then has 2 sigma^2.
+    #: was lost, of rank one where one direction was read. None where sigma holds along every axis: a
+    #: deflection then has 2 sigma^2.
     precision: Array | None = None
     #: Station of the tracker that read each run, (runs,): each has a frame of its own. None for one station.
     station: Ids | None = None
     #: Whether the load was taken off before the unloaded reading of a run, (runs,); None for no run.
     taken_off: Mask | None = None
+    #: Direction of every reading along a line, unit vectors, world axes, (runs, m, 3) [1]; zero for positions
+    #: and lost readings. Such a reading is its number times this direction. None where all are positions.
+    direction: Array | None = None
+    #: Standard deviation of that direction about each axis across it, (runs, m) [rad]; with `direction`.
+    tilt: Array | None = None
+    #: Length of a reading that is a distance to a fixed point, (runs, m) [m]; 0 for the travel of a gauge on
+    #: a plane face of the tool, which turns with the tool. With `direction`.
+    reach: Array | None = None
+    #: How a tilt moves each reading: tilt times direction x deflection, as a model predicts it, (runs, m, 3)
+    #: [m]. `identify.lines` fills it in; None before. Readings of one set-up share their tilt.
+    slide: Array | None = None
 
     def __post_init__(self) -> None:
         """Refuse wrong shapes, identifiers, markers and sigmas, and what is not finite, by BenchError."""
@@ -57,19 +69,24 @@ class Dataset(Displayed):
             raise BenchError("orientations: expected before, after and sigma together, or none")
         own: Shapes = {"before [m]": (runs, m, 3), "after [m]": (runs, m, 3), "taken_off": (runs,)}
         own |= {"rotation_before [rad]": (runs, 3), "rotation_after [rad]": (runs, 3)}
+        own |= {"direction [1]": (runs, m, 3), "tilt [rad]": (runs, m), "reach [m]": (runs, m)}
+        own |= {"slide [m]": (runs, m, 3)}
         check_rows(self, runs, ("run", "pose", "station"), own)
         if self.precision is not None:
-            _check_precision(self.precision)
+            _check_precision(self.precision, self.lines)
+        _check_lines(self)
 
     def about(self) -> dict[str, object]:
         """Summarise the runs: numbers of runs and poses, markers, deflections and noise."""
         size = 1e3 * np.linalg.norm(self.deflection, axis=-1)[self.seen]
+        lines = {} if self.direction is None else {"along_a_line": int(self.lines.sum())}
         return {
             "runs": self.runs,
             "poses": len(np.unique(self.pose)),
             "markers": " ".join(self.markers),
             "deflection_mm": f"{size.min():.2f} to {size.max():.2f}" if size.size else "none",
             "sigma_um": f"{1e6 * self.sigma:g}",
+            **lines,
         }
 
     @property
@@ -90,11 +107,41 @@ class Dataset(Displayed):
         return np.asarray(self.precision.any(axis=(2, 3)))
 
     @property
+    def lines(self) -> Mask:
+        """Tell which readings are one number along a direction, (runs, m)."""
+        if self.direction is None:
+            return np.zeros((self.runs, len(self.markers)), dtype=bool)
+        return np.asarray(self.direction.any(axis=2)) & self.seen
+
+    @property
     def covariance(self) -> Array:
-        """Compute the covariance of every deflection, world axes, (runs, m, 3, 3) [m^2]; unused if lost."""
+        """Compute the covariance of every deflection, world axes, (runs, m, 3, 3) [m^2]; unused if lost.
+
+        Along a line it has rank one: what was not read has no variance here.
+        """
         if self.precision is None:
             return np.broadcast_to(2 * self.sigma**2 * np.eye(3), (*self.before.shape, 3))
-        return np.asarray(np.linalg.inv(np.where(self.seen[..., None, None], self.precision, np.eye(3))))
+        whole = np.where((self.seen & ~self.lines)[..., None, None], self.precision, np.eye(3))
+        found = np.asarray(np.linalg.inv(whole))
+        if self.direction is None:
+            return found
+        P = self.precision
+        trace = np.where(self.lines, np.trace(P, axis1=2, axis2=3), 1.0)[..., None, None]
+        return np.where(self.lines[..., None, None], P / trace**2, found)
+
+    def as_read(self, vectors: Array) -> Array:
+        """Project motions of the markers on what was read of them.
+
+        Args:
+            vectors: Such as predicted deflections, (..., runs, m, 3) [m].
+
+        Returns:
+            The same for positions, the part along the direction for readings along a line.
+        """
+        if self.direction is None:
+            return vectors
+        along = (self.direction * vectors).sum(axis=-1, keepdims=True) * self.direction
+        return np.asarray(np.where(self.lines[..., None], along, vectors))
 
     @property
     def deflection(self) -> Array:
@@ -162,12 +209,48 @@ def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], own: Sh
             raise BenchError(f"sigma [{unit}]: expected more than 0, got {have[name]}")
 
 
-def _check_precision(precision: Array) -> None:
-    """Refuse a matrix that is neither symmetric positive definite nor zero."""
+def along_lines(direction: Array, sigma: float | Array) -> Array:
+    """Make the inverse covariances of deflections along lines, u u^T / (2 sigma^2).
+
+    Args:
+        direction: Unit vectors u, (..., 3) [1]; zero for lost readings.
+        sigma: Standard deviation of one reading, one number or (...) [m].
+
+    Returns:
+        Of rank one, (..., 3, 3) [1/m^2].
+    """
+    weight = 1 / (2 * np.asarray(sigma) ** 2)
+    return np.asarray(weight[..., None, None] * direction[..., :, None] * direction[..., None, :])
+
+
+def _check_lines(data: Dataset) -> None:
+    """Refuse directions without tilt, reach and precision, and what no instrument has."""
+    together = (data.direction, data.tilt, data.reach)
+    if any(own is None for own in together) and any(own is not None for own in together):
+        raise BenchError("readings along lines: expected direction, tilt and reach together, or none")
+    if data.direction is None or data.tilt is None or data.reach is None:
+        return
+    if data.precision is None:
+        raise BenchError("readings along lines: expected a precision with them, got None")
+    for name, own in (("tilt [rad]", data.tilt), ("reach [m]", data.reach)):
+        if own.size and own.min() < 0:
+            raise BenchError(f"{name}: expected 0 or more, got {own.min():g}")
+    length = np.linalg.norm(data.direction, axis=2)[data.lines]
+    if (np.abs(length - 1) > SKEW).any():
+        raise BenchError(f"direction [1]: expected unit vectors, got one of length {length[0]:g}")
+    P = data.precision[data.lines]
+    u = data.direction[data.lines]
+    size = np.trace(P, axis1=1, axis2=2)[:, None, None]
+    if (np.abs(P - size * u[:, :, None] * u[:, None, :]) > SKEW * size).any():
+        raise BenchError("precision [1/m^2]: expected u u^T over the variance for readings along u")
+
+
+def _check_precision(precision: Array, lines: Mask) -> None:
+    """Refuse a matrix that is neither symmetric positive definite nor zero; lines have rank one."""
     size = np.abs(precision).max(axis=(2, 3))
     skew = np.abs(precision - precision.swapaxes(2, 3)).max(axis=(2, 3))
     least = np.linalg.eigvalsh(precision)[..., 0]
-    bad = (size > 0) & ((skew > SKEW * size) | (least <= 0))
+    bad = (size > 0) & ((skew > SKEW * size) | ((least <= 0) & ~lines))
     if bad.any():
         run, marker = np.argwhere(bad)[0]
         raise BenchError(

@@ -110,6 +110,10 @@ def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
 def _both(data: Dataset, name: str, frame: str, target: str) -> Series:
     """Combine the unloaded and then the loaded readings of some runs."""
     rotation, both = None, in_order(data, np.tile(np.arange(data.runs), 2))
+    placed = (data.seen & ~data.lines)[..., None]  # a reading along a line is no position
+    P = both.precision
+    if P is not None and both.direction is not None:
+        P = P * ~both.lines[..., None, None]
     if data.rotation_before is not None and data.rotation_after is not None:
         from scipy.spatial.transform import Rotation  # here: it takes long to import
 
@@ -125,9 +129,9 @@ def _both(data: Dataset, name: str, frame: str, target: str) -> Series:
         q=both.q,
         wrench=np.concatenate([np.zeros((data.runs, 6)), data.wrench]),
         point=both.point,
-        position=np.concatenate([own * data.seen[..., None] for own in (data.before, data.after)]),
+        position=np.concatenate([own * placed for own in (data.before, data.after)]),
         sigma=data.sigma,
-        precision=None if both.precision is None else 2 * both.precision,  # that is of a deflection
+        precision=None if P is None else 2 * P,  # that is of a deflection
         rotation=rotation,
         sigma_rotation=data.sigma_rotation,
     )

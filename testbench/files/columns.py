@@ -26,7 +26,10 @@ from testbench.files.names import (
 from testbench.files.rearranged import join_axes, take_apart, with_log
 from testbench.files.table import TableCells, read_table
 
-READ: tuple[What, ...] = ("reading", "covariance", "deviation", "turn_deviation", "spread", *ROTATIONS)
+READ: tuple[What, ...] = (
+    *("reading", "covariance", "deviation", "turn_deviation", "spread", *ROTATIONS),
+    *("travel", "distance", "direction", "fixed", "tilt", "fixed_sigma"),
+)
 """Quantities whose cells are blank, or hold a word, if a target was lost."""
 ACTS: tuple[What, ...] = ("force", "moment", "process")
 """Quantities that are 0 without a load."""

@@ -109,15 +109,17 @@ WHOLE_NUMBER = -1  #: Index of a position whose axis a column of axes says.
 Which = Literal["run", "pose", "marker", "station", "loading", "state", "axis", "label"]
 Acting = Literal["joint", "mass", "force", "moment", "point", "set_point", "process"]
 Read = Literal["reading", "rotation", "quaternion", "matrix", "torque", "temperature", "time"]
-Scattered = Literal["covariance", "sigma", "deviation", "turn_deviation", "spread"]
-What = Which | Acting | Read | Scattered | Literal["series", "series_frame", "series_target"]
+Scattered = Literal["covariance", "sigma", "deviation", "turn_deviation", "spread", "tilt", "fixed_sigma"]
+Along = Literal["travel", "distance", "direction", "fixed"]
+What = Which | Acting | Read | Scattered | Along | Literal["series", "series_frame", "series_target"]
 ROTATIONS: tuple[What, ...] = ("rotation", "quaternion", "matrix")
 """Notations of an orientation."""
 SI: Mapping[What, tuple[str, ...]] = {
     **{"joint": ("rad", "m"), "torque": ("Nm", "N"), "sigma": ("m", "rad"), "mass": ("kg",)},
     **{"force": ("N",), "process": ("N",), "moment": ("Nm",), "covariance": ("m2",), "spread": ("m2",)},
     **{"point": ("m",), "set_point": ("m",), "reading": ("m",), "deviation": ("m",)},
-    **{"rotation": ("rad",), "turn_deviation": ("rad",)},
+    **{"rotation": ("rad",), "turn_deviation": ("rad",), "tilt": ("rad",)},
+    **dict.fromkeys(("travel", "distance", "fixed", "fixed_sigma"), ("m",)),
 }
 """Of every quantity with a unit what its unit may be a multiple of."""
 
@@ -144,6 +146,8 @@ COLUMNS: Mapping[What, tuple[str, Sequence[str]]] = {
     "rotation": ("rotation_{}_rad", XYZ),
     "quaternion": ("quaternion_{}", "wxyz"),
     "matrix": ("rotation_{}", [f"{i}{j}" for i in "123" for j in "123"]),
+    "direction": ("direction_{}", XYZ),
+    "fixed": ("fixed_{}_m", XYZ),
     "set_point": ("{}_mm", XYZ),
     "process": ("{}_force_N", ALONG),
 }
@@ -210,8 +214,15 @@ def our_names(arm: Arm) -> dict[str, Slot]:
     found |= {"when": Slot("state"), "axis": Slot("axis"), "position": Slot("reading", WHOLE_NUMBER)}
     for when, words in {**STATES, DEFLECTION: (DEFLECTION,)}.items():
         found |= {word: Slot("reading", WHOLE_NUMBER, when=when) for word in words}
-    for what in ("force", "moment", "point", "covariance"):
+    for what in ("force", "moment", "point", "covariance", "direction", "fixed"):
         found |= _without_unit(columns_of(what))
+    found |= {"tilt": Slot("tilt"), "fixed_sigma": Slot("fixed_sigma")}
+    for when, words in STATES.items():
+        for word in words:
+            found |= {
+                f"travel_{word}": Slot("travel", when=when),
+                f"distance_{word}": Slot("distance", when=when),
+            }
     for when in WHEN:
         found |= _without_unit(columns_of("rotation", when))
     for k, axis in enumerate(XYZ):

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.dataset import Dataset, in_order
+from testbench.data.dataset import Dataset, along_lines, in_order
 from testbench.errors import Array, Ids, Mask, check_type
 from testbench.files.columns import Columns, find_columns, read_columns
+from testbench.files.lines import FileLines, place_lines, read_lines
 from testbench.files.mapping import Map, read_map
 from testbench.files.names import ENTRIES, Slot, columns_of
 from testbench.files.readings import (
@@ -284,15 +285,16 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     columns, shots = average_shots(columns)
     # Conditions and positions of every row, then pairs of unloaded and loaded readings.
     conditions = read_conditions(columns, arm)
-    read = read_readings(columns, arm, conditions.loaded)
+    lines = read_lines(columns)
+    read = read_readings(columns, arm, conditions.loaded, lines)
     runs = pair(columns.table, conditions, read)
     _check_once(columns, conditions, runs, read)
     own = in_order(conditions, runs.row)
     # Noise: one sigma for the file, or a covariance per reading; lost targets have zero weight.
     lost = np.asarray((np.isnan(runs.before) | np.isnan(runs.after)).any(axis=-1))
     scatter, (before, after) = read_scatter(columns, sigma), _rotations(columns, runs.row)
-    own_sigma = _of_the_file(columns, 0, scatter.sigma)
-    precision = _precision(columns, read, runs, lost)
+    own_sigma = _of_the_file(columns, 0, scatter.sigma) if lines is None else float(scatter.sigma[0])
+    precision = covariances = _precision(columns, read, runs, lost, lines)
     if precision is None and lost.any():
         precision = np.where(lost[..., None, None], 0.0, np.eye(3) / (2 * own_sigma**2))
     data = Dataset(
@@ -312,8 +314,33 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
         station=own.station,
         taken_off=own.taken_off,
     )
-    notes = (*columns.warnings, *conditions.notes, *runs.notes, *scatter.notes, *dropped, *shots)
+    if lines is not None:
+        data = _with_lines(data, lines, arm, (runs, read), scatter.sigma, covariances)
+    along = () if lines is None else lines.notes
+    notes = (*columns.warnings, *conditions.notes, *runs.notes, *scatter.notes, *along, *dropped, *shots)
     return Export(data, columns, notes)
+
+
+def _with_lines(
+    data: Dataset,
+    lines: FileLines,
+    arm: Arm,
+    places: tuple[Paired, FileReadings],
+    sigma: Array,
+    covariances: Array | None,
+) -> Dataset:
+    """Give runs the directions of their readings along lines, and every reading the sigma of its row."""
+    runs, read = places
+    at, lost = (np.searchsorted(runs.row, runs.leader), read.marker[: len(sigma)]), ~data.seen
+    placed = place_lines(lines, arm, data.markers, data.q, at, lost)
+    own, along = np.full(lost.shape, data.sigma), np.asarray(placed.direction.any(axis=2))[..., None]
+    own[at] = sigma
+    P = np.eye(3) / (2 * own[..., None, None] ** 2) * ~lost[..., None, None]
+    P = P if covariances is None else covariances
+    meter = placed.reach[..., None] > 0  # read along the x axis before its direction was known
+    before, after = (np.where(meter, x[..., :1] * placed.direction, x) for x in (data.before, data.after))
+    P = np.where(along[..., None], along_lines(placed.direction, own), P)
+    return replace(data, before=before, after=after, precision=P, **vars(placed))
 
 
 def _check_once(columns: Columns, conditions: RowConditions, runs: Paired, read: FileReadings) -> None:
@@ -353,7 +380,9 @@ def _rotations(columns: Columns, row: Ids) -> tuple[Array, Array] | tuple[None, 
     return values[:, :3], values[:, 3:]
 
 
-def _precision(columns: Columns, read: FileReadings, runs: Paired, lost: Mask) -> Array | None:
+def _precision(
+    columns: Columns, read: FileReadings, runs: Paired, lost: Mask, lines: FileLines | None
+) -> Array | None:
     """Compute inverse covariances, (runs, m, 3, 3) [1/m^2], zero for lost targets; None without columns."""
     table, C = columns.table, read_covariances(columns, "covariance")
     if C is None:
@@ -361,7 +390,7 @@ def _precision(columns: Columns, read: FileReadings, runs: Paired, lost: Mask) -
     if not (read.long and read.paired):
         raise table.header_error("covariances: expected a line for every marker of a run, with both readings")
     of_row, marker = np.searchsorted(runs.row, runs.leader), read.marker[: table.rows]
-    gone = lost[of_row, marker]
+    gone = lost[of_row, marker] | (False if lines is None else lines.rows)
     blank = np.isnan(C) & ~gone[:, None, None]
     for k, (a, b) in enumerate(ENTRIES.values()):
         name = columns.found[Slot("covariance", k)].name

@@ -12,6 +12,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.errors import Array, Ids, Mask
 from testbench.files.columns import Columns, ReadColumn
+from testbench.files.lines import FileLines
 from testbench.files.names import (
     DEFLECTION,
     ENTRIES,
@@ -222,13 +223,14 @@ def markers_only(columns: Columns) -> tuple[Columns, list[str]]:
     return replace(columns, table=table.take(~other)), [words] * bool(other.any())
 
 
-def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> FileReadings:
+def read_readings(columns: Columns, arm: Arm, loaded: Mask, lines: FileLines | None = None) -> FileReadings:
     """Read all readings of a table.
 
     Args:
         columns: The columns of the file.
         arm: The arm.
         loaded: Whether the row has a load, (rows,); it gives the state if no column does.
+        lines: Readings along lines, which count as positions of their number along the direction.
 
     Returns:
         The readings.
@@ -237,7 +239,12 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> FileReadings:
         InputError: Names line and column.
     """
     # Three columns per marker and state; rows may also name the marker ("long") or the state.
-    blocks = _blocks(columns)
+    blocks = (
+        _blocks(columns) if lines is None or columns.all_of("reading") else {("", when): [] for when in WHEN}
+    )
+    if lines is not None and set(blocks) != {("", when) for when in WHEN}:
+        problem = "travel and distance: expected one row per run and marker, positions as before and after"
+        raise columns.table.header_error(problem)
     everyone = np.arange(columns.table.rows)
     long = "" in {marker for marker, _ in blocks}
     names = _markers(columns, arm) if long else None
@@ -251,7 +258,12 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> FileReadings:
     for (name, when), triple in blocks.items():
         own = np.array([place[n] for n in names or [name] * len(everyone)])
         after = np.full(len(everyone), when != "before") if state is None else state
-        position = _positions(columns, triple)
+        position = _positions(columns, triple) if triple else np.full((len(everyone), 3), np.nan)
+        if lines is not None:
+            number = lines.number[WHEN.index(when)][:, None] * lines.direction
+            problem = "expected a position or a reading along a line, got both"
+            columns.table.refuse(lines.rows & ~np.isnan(position).any(axis=1), "", problem)
+            position = np.where(lines.rows[:, None], number, position)
         if when == DEFLECTION:
             position = position + _positions(columns, blocks[name, "before"])
         parts.append((everyone, own, after, position))

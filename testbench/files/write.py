@@ -23,6 +23,8 @@ from testbench.files.read_series import ALONE
 from testbench.files.readings import MIN_DEVIATIONS
 from testbench.files.rows import load_point, same_poses
 from testbench.files.table import as_cell
+from testbench.model.kinematics import build_vjm
+from testbench.model.vjm import marker_points, tool_points
 from testbench.runs.whole import write_whole
 
 Table = dict[str, list[str]]
@@ -32,6 +34,7 @@ Shown = Callable[[float], str]
 Block = tuple[Iterable[str], Array | Ids | None]
 """Columns and their numbers, (rows, columns), a row for as many points as follow each other; None for no
 columns."""
+DECIMALS = 12  #: Decimals of numbers that were made from vectors [m]: rounding errors are left out.
 DIGITS = 4  #: Digits of standard deviations and covariances in a shortened file.
 
 
@@ -47,6 +50,10 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
     deflection_cov_*_m2, of both readings together, world axes; a lost target leaves them and its readings
     empty. The set-up of the tracker stands in station, an integer, where there are several; readings are then
     in its frame. loading, on or off, where some loads were taken off before the unloaded reading.
+
+    Where a gauge read a travel: travel_before_m, travel_after_m, direction_x, _y, _z, world axes, tilt_rad.
+    Where a distance was read: distance_before_m, distance_after_m, fixed_*_m, world axes, fixed_sigma_m.
+    Then sigma_m is that of each reading, and before_*_m and after_*_m are empty.
 
     Args:
         data: The runs.
@@ -95,16 +102,24 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
     if len(joints) != q.shape[1]:
         raise BenchError(f"joints: expected {q.shape[1]} names, got {joints}")
     n, lost, turned = data.points, ~data.seen.reshape(-1, 1), data.rotation_before is not None
-    blocks = _conditions(joints, q, data)
+    blocks, lines = _conditions(joints, q, data), data.lines.reshape(-1, 1)
     for when, places in zip(WHEN, (data.before, data.after), strict=True):
-        blocks.append((columns_of("reading", when), np.where(lost, np.nan, places.reshape(-1, 3))))
-    blocks.append((["sigma_m"], np.full(n, data.sigma)))
+        if not lines.all():
+            blocks.append(
+                (columns_of("reading", when), np.where(lost | lines, np.nan, places.reshape(-1, 3)))
+            )
+    sigma = np.full(n, data.sigma)
+    if data.direction is not None:
+        blocks += _along_lines(data, arm)
+        own = np.sqrt(np.trace(data.covariance, axis1=2, axis2=3) / np.where(data.lines, 2, 6)).ravel()
+        sigma = np.where(lost[:, 0], sigma, own)
+    blocks.append((["sigma_m"], sigma))
     for when, turns in zip(WHEN, (data.rotation_before, data.rotation_after), strict=True):
         blocks.append((columns_of("rotation", when), turns))
     blocks.append((["sigma_rad"], np.full(n, data.sigma_rotation) if turned else None))
-    if data.precision is not None:
+    if data.precision is not None and not _lines_and_sigma(data):
         C = _entries(data.covariance.reshape(-1, 3, 3))
-        blocks.append((columns_of("covariance"), np.where(lost, np.nan, C)))
+        blocks.append((columns_of("covariance"), np.where(lost | lines, np.nan, C)))
     found: dict[str, Array | Ids | list[str]] = dict(
         _repeated(n, [(["run"], data.run), (["pose"], data.pose)])
     )
@@ -113,6 +128,41 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
     if data.taken_off is not None:
         found["loading"] = [LOADING[off] for off in np.repeat(data.taken_off, len(data.markers)).tolist()]
     return found
+
+
+def _lines_and_sigma(data: Dataset) -> bool:
+    """Tell whether positions beside readings along lines have equal noise along every axis."""
+    positions, C = data.seen & ~data.lines, data.covariance
+    even = np.trace(C, axis1=2, axis2=3)[..., None, None] / 3 * np.eye(3)
+    return data.direction is not None and bool(np.allclose(C[positions], even[positions], rtol=1e-12, atol=0))
+
+
+def _along_lines(data: Dataset, arm: Arm | tuple[str, ...]) -> list[Block]:
+    """List the columns of travels and distances; NaN for other readings."""
+    assert data.direction is not None
+    assert data.tilt is not None
+    assert data.reach is not None
+    if data.slide is not None:
+        raise BenchError("dataset: expected directions as they were stated, got those of the loaded arm")
+    u, lines = data.direction, data.lines.reshape(-1, 1)
+    gauge, meter = lines & (data.reach.reshape(-1, 1) == 0), lines & (data.reach.reshape(-1, 1) > 0)
+    numbers = [(u * own).sum(axis=2).reshape(-1, 1).round(DECIMALS) for own in (data.before, data.after)]
+    blocks: list[Block] = []
+    if gauge.any():
+        names = [f"travel_{when}_m" for when in WHEN]
+        blocks += [([name], np.where(gauge, own, np.nan)) for name, own in zip(names, numbers, strict=True)]
+        blocks.append((columns_of("direction"), np.where(gauge, u.reshape(-1, 3), np.nan)))
+        blocks.append((["tilt_rad"], np.where(gauge, data.tilt.reshape(-1, 1), np.nan)))
+    if meter.any():
+        if not isinstance(arm, Arm):
+            raise BenchError("distances: expected the arm, to write the fixed points")
+        vjm, reach = build_vjm(arm), data.reach[..., None]
+        fixed = (tool_points(vjm, data.q, marker_points(vjm, data.markers)) - reach * u).round(DECIMALS) + 0.0
+        names = [f"distance_{when}_m" for when in WHEN]
+        blocks += [([name], np.where(meter, own, np.nan)) for name, own in zip(names, numbers, strict=True)]
+        blocks.append((columns_of("fixed"), np.where(meter, fixed.reshape(-1, 3), np.nan)))
+        blocks.append((["fixed_sigma_m"], np.where(meter, (data.tilt * data.reach).reshape(-1, 1), np.nan)))
+    return blocks
 
 
 def write_series(

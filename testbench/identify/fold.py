@@ -29,6 +29,7 @@ from testbench.identify.absolute.scatter import (
 )
 from testbench.identify.absolute.state import ArmState
 from testbench.identify.absolute.unknowns import Unknowns, compliance_unknowns
+from testbench.identify.lines import resolve_lines
 from testbench.identify.regression import (
     Regression,
     regression_of,
@@ -63,13 +64,14 @@ class TriangularFactors:
         self.factors: dict[tuple[int, int], Array] = {}
         self.equations: defaultdict[tuple[int, int], int] = defaultdict(int)  #: Scalar ones of each.
 
-    def take(self, A: Array, kinds: Ids, parts: Ids) -> None:
+    def take(self, A: Array, kinds: Ids, parts: Ids, *, drop_zeros: bool = False) -> None:
         """Add whitened rows of some runs.
 
         Args:
             A: Whitened [A | y], (s, 3, columns, runs) [1].
             kinds: Kind of every reading, (s, runs); -1 for lost ones.
             parts: Part of every run, (runs,).
+            drop_zeros: Whether rows of zeros are no equations, as those of readings along lines are.
         """
         lines = A.transpose(2, 1, 0, 3)
         for part in np.unique(parts).tolist():
@@ -79,6 +81,7 @@ class TriangularFactors:
                 rows = np.flatnonzero(these.any(axis=1))
                 block = slice(rows[0], rows[-1] + 1)  # a tenth of the time of a mask, where nothing was lost
                 some = lines[:, :, block if these[block].all() else these].reshape(self.columns, -1)
+                some = some[:, some.any(axis=0)] if drop_zeros else some
                 self.equations[kind, part] += some.shape[1]
                 self.add(kind, part, some)
 
@@ -229,14 +232,17 @@ def reduce_parts(
 
     found = [TriangularFactors(s.n + 1) for s in own]
     check_runs(vjm, runs)
-    for these in _blocks_of(part):
+    runs, lines = resolve_lines(vjm, runs), runs.direction is not None
+    for these in _blocks_of(part, runs.pose if lines else np.arange(len(part))):
         load = Load(runs.wrench[these], runs.point[these])
         told = {
             v: nominal_chain(for_load_history(v, runs.taken_off, these), runs.q[these], [load])
             for v in {one.vjm for one in unknowns}
         }
         for one, folded in zip(unknowns, found, strict=True):
-            folded.take(*pair_rows(one, told[one.vjm], runs, these), part[these])
+            folded.take(
+                *pair_rows(one, told[one.vjm], runs, these, part[these]), part[these], drop_zeros=lines
+            )
     alone = iter(found[1:])
     return [
         PartitionedRegression(s, next(alone), slice(None))
@@ -246,11 +252,11 @@ def reduce_parts(
     ]
 
 
-def _blocks_of(part: Ids) -> Iterator[Ids]:
+def _blocks_of(part: Ids, pose: Ids) -> Iterator[Ids]:
     """Places of runs in batches of about BLOCK_RUNS, part by part of some thousand runs after the other."""
     for first in range(0, len(part), SORTED_RUNS):
-        own = part[first : first + SORTED_RUNS]
-        for these in pose_batches(own, np.arange(len(own)), BLOCK_RUNS):
+        some = slice(first, first + SORTED_RUNS)
+        for these in pose_batches(part[some], pose[some], BLOCK_RUNS):
             yield first + these
 
 

@@ -36,8 +36,8 @@ from testbench.identify.weighed import WeightedReadings, single_readings
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-REJECTION_THRESHOLD = 4.033
-"""Length beyond which a reading is rejected: the 99.9 % quantile of a standard normal 3-vector.
+REJECTION_THRESHOLD, LINE_THRESHOLD = 4.033, 3.291
+"""Length beyond which a reading is rejected: the 99.9 % quantile of a normal 3-vector, and of one number.
 
 At 99 % every third campaign of 45 sound readings would lose one, and gain nothing for it.
 """
@@ -76,13 +76,14 @@ def without_outliers(
     start = time.perf_counter()
     belief = held if isinstance(held, WeightedPrior) else None
     length, status = reject_iteratively(vjm, readings, regression, constraint, belief)
-    seconds, keep = time.perf_counter() - start, length <= REJECTION_THRESHOLD
-    left = int(keep.sum())
-    if not left or 3 * left < regression.rank:  # fewer equations than directions that all readings see
+    limit = np.where(readings.numbers == 1, LINE_THRESHOLD, REJECTION_THRESHOLD)
+    seconds, keep = time.perf_counter() - start, length <= limit
+    left, equations = int(keep.sum()), int(readings.numbers[keep].sum())
+    if not left or equations < regression.rank:  # fewer equations than directions that all readings see
         raise BenchError(
             f"{len(keep) - left} of {len(keep)} readings rejected, beyond {REJECTION_THRESHOLD} "
             f"standard deviations; "
-            f"{3 * left} equations left for {regression.rank} directions: {NO_OUTLIERS}"
+            f"{equations} equations left for {regression.rank} directions: {NO_OUTLIERS}"
         )
     if not keep.all():
         regression = _accepted(regression.structure, readings, keep, np.ones(len(keep)))
@@ -145,8 +146,9 @@ def _accepted(structure: Structure, readings: WeightedReadings, keep: Mask, weig
     for kind in (readings.marker >= 0, readings.marker < 0):
         some = keep & kind
         if some.any():
-            T = triangular_factor(rows[some].reshape(-1, rows.shape[2])) / np.sqrt(some.sum())
-            terms.append(term_from_triangle(T, 0.0, 3 * int(some.sum())))
+            equations = int(readings.numbers[some].sum())
+            T = triangular_factor(rows[some].reshape(-1, rows.shape[2])) / np.sqrt(equations / 3)
+            terms.append(term_from_triangle(T, 0.0, equations))
     return regression_of(structure, tuple(terms))
 
 

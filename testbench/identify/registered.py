@@ -17,9 +17,10 @@ import numpy as np
 from testbench.data.dataset import Dataset, read_by
 from testbench.data.series import Series, select_rows, series_of
 from testbench.errors import Array, BenchError, Mask, check_type
+from testbench.identify.lines import resolve_lines
 from testbench.identify.registration import Frame, Registration, arm_reach, largest_deviation, register
 from testbench.identify.weighed import check_runs
-from testbench.model.vjm import Vjm, skew
+from testbench.model.vjm import Vjm, marker_points, skew, tool_points
 
 Choice = Literal["auto", "base", "tracker"]
 
@@ -75,6 +76,12 @@ def register_dataset(
     check_type(vjm, Vjm, "vjm")
     check_type(data, Dataset, "data")
     check_runs(vjm, data)
+    if data.lines.any():
+        if frame not in ("auto", "base"):
+            raise BenchError("frame: expected base axes for directions of gauges and distances")
+        none = np.zeros(len(data.markers), dtype=bool)
+        why = "directions of gauges and distances are in base axes"
+        return RegisteredDataset(vjm, resolve_lines(vjm, _at_markers(vjm, data)), None, "base", none, why)
     series, nominal = unloaded_series(data), dict(zip(vjm.arm.markers, vjm.markers, strict=True))
     base = {one.frame: Frame(np.eye(3), np.zeros(3)) for one in series}
     try:
@@ -99,6 +106,14 @@ def register_dataset(
     places = {name: registration.targets[k] for k, name in enumerate(registration.markers) if taken[k]}
     model = with_markers(vjm, places) if places else vjm
     return RegisteredDataset(model, data, registration, "base" if frame == "base" else "tracker", taken)
+
+
+def _at_markers(vjm: Vjm, data: Dataset) -> Dataset:
+    """Put readings along lines at the markers of the rigid arm; their difference stays."""
+    start = tool_points(vjm, data.q, marker_points(vjm, data.markers))
+    lines = data.lines[..., None]
+    before = np.where(lines, start, data.before)
+    return replace(data, before=before, after=np.where(lines, start + data.deflection, data.after))
 
 
 def unloaded_series(data: Dataset) -> tuple[Series, ...]:

@@ -138,7 +138,7 @@ def nominal_chain(vjm: Vjm, q: Array, loads: Sequence[Load]) -> JointEquilibrium
 
 
 def pair_rows(
-    unknowns: Unknowns, equilibrium: JointEquilibrium, data: Dataset, runs: Ids
+    unknowns: Unknowns, equilibrium: JointEquilibrium, data: Dataset, runs: Ids, part: Ids | None = None
 ) -> tuple[Array, Ids]:
     """Compute the weighted equations (13) of some pairs, in standard deviations of a difference.
 
@@ -147,6 +147,7 @@ def pair_rows(
         equilibrium: The arm in these runs, `nominal_chain`.
         data: All pairs.
         runs: Places of some of them, (runs,).
+        part: Part of each of these, (runs,): rows of different parts are never mixed. None for one part.
 
     Returns:
         [A | y], (s, 3, n + 1, runs) [1], and the kind of every reading, (s, runs): 0 a position, 1 an
@@ -157,11 +158,13 @@ def pair_rows(
     A[:m, :, -1] = (data.after[runs] - data.before[runs]).transpose(1, 2, 0)
     if data.rotation_before is not None and data.rotation_after is not None:
         A[m:, :, -1] = rotation_between(data.rotation_before[runs], data.rotation_after[runs]).T
-    return A, whiten(A, data, runs)
+    return A, whiten(A, data, runs, part)
 
 
-def whiten(A: Array, data: Dataset, runs: Ids) -> Ids:
+def whiten(A: Array, data: Dataset, runs: Ids, part: Ids | None = None) -> Ids:
     """Scale moves and turns of pairs, in place, to standard deviations of a difference, sqrt(2) sigma.
+
+    A reading along a line u keeps one row, u . A over its standard deviation; its two other rows become zero.
 
     Mathematics: `obs-2`.
 
@@ -169,6 +172,7 @@ def whiten(A: Array, data: Dataset, runs: Ids) -> Ids:
         A: Rows, (s, 3, c, runs) [m, rad]; overwritten.
         data: All pairs.
         runs: Places of the pairs in A, (runs,).
+        part: Part of each of these, (runs,): rows of different parts are never mixed. None for one part.
 
     Returns:
         Kind of every reading, (s, runs): 0 a position, 1 an orientation, -1 lost.
@@ -182,8 +186,35 @@ def whiten(A: Array, data: Dataset, runs: Ids) -> Ids:
         A[:m] /= math.sqrt(2) * data.sigma
         return kinds
     own = data.precision[runs].swapaxes(0, 1)
-    lost = np.asarray(~own.any(axis=(2, 3)))
-    root = np.linalg.cholesky(np.where(lost[..., None, None], np.eye(3), own))
+    lost, lines = np.asarray(~own.any(axis=(2, 3))), data.lines[runs].T
+    root = np.linalg.cholesky(np.where((lost | lines)[..., None, None], np.eye(3), own))
+    if (
+        data.direction is not None
+    ):  # the first column of the root is u over the deviation, the others are zero
+        u = data.direction[runs].swapaxes(0, 1)[lines]
+        root[lines] = 0
+        root[lines, :, 0] = u * np.sqrt(np.trace(own[lines], axis1=1, axis2=2))[:, None]
     A[:m] = np.einsum("srxy,sxcr->sycr", root, A[:m], optimize=True)
     kinds[:m][lost] = -1
+    if data.slide is not None:
+        _separate_set_ups(A, data, runs, np.zeros(len(runs), dtype=int) if part is None else part)
     return kinds
+
+
+def _separate_set_ups(A: Array, data: Dataset, runs: Ids, part: Ids) -> None:
+    """Make rows of one set-up independent, in place: a gauge that stays put keeps its tilt.
+
+    Readings of one marker in one pose share the tilt; the covariance of two of them is the product of their
+    slides. Its Cholesky factor L replaces their rows, in standard deviations, by L^-1 times them.
+    """
+    assert data.slide is not None
+    lines, pose = data.lines[runs], data.pose[runs]
+    deviation = np.sqrt(np.trace(data.covariance[runs], axis1=2, axis2=3))
+    share = data.slide[runs] / deviation[..., None]
+    for k in range(len(data.markers)):
+        for at in np.unique(np.column_stack([pose, part])[lines[:, k]], axis=0):
+            own = np.flatnonzero(lines[:, k] & (pose == at[0]) & (part == at[1]))
+            if len(own) > 1:
+                C = share[own, k] @ share[own, k].T
+                np.fill_diagonal(C, 1.0)
+                A[k, 0][:, own] = np.linalg.solve(np.linalg.cholesky(C), A[k, 0][:, own].T).T

@@ -7,6 +7,7 @@ import numpy as np
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.unknowns import compliance_unknowns
+from testbench.identify.lines import resolve_lines
 from testbench.identify.rows import nominal_chain, pair_rows, whiten
 from testbench.model.laws import model_for
 from testbench.model.load import Load
@@ -49,6 +50,7 @@ class WeightedReadings:
     A: Array  #: Observation matrices, (readings, 3, n).
     y: Array  #: Measured, (readings, 3) [1].
     unit: Array  #: Standard deviation of each, sqrt(2) sigma if all axes are equal, (readings,) [m, rad].
+    numbers: Ids  #: How many numbers each has: 3, or 1 along a line, (readings,).
     run: Ids  #: Index of its run in the dataset, (readings,).
     marker: Ids  #: Index of its marker, -1 for the orientation, (readings,).
 
@@ -70,6 +72,7 @@ def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedRe
     each = len(data.markers) + (data.sigma_rotation is not None)
     if data.runs * each > MAX_READINGS:
         raise BenchError(f"robust fit: expected at most {MAX_READINGS} readings, got {data.runs * each}")
+    data = resolve_lines(vjm, data)
     vjm = model_for(vjm, structure)
     equilibrium = nominal_chain(vjm, data.q, [Load(data.wrench, data.point)])
     rows, kinds = pair_rows(compliance_unknowns(vjm, structure), equilibrium, data, np.arange(data.runs))
@@ -78,10 +81,15 @@ def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedRe
     root = each_reading(one, whiten(one, data, np.arange(data.runs)))
     marker[len(data.markers) :] = -1
     used = (kinds >= 0).T.ravel()
+    lines = np.zeros((data.runs, each), dtype=bool)
+    lines[:, : len(data.markers)] = data.lines
+    lines = lines.ravel()[used]
+    size = np.abs(np.linalg.det(np.where(lines[:, None, None], np.eye(3), root))) ** (-1 / 3)
     return WeightedReadings(
         A=A[:, :, :-1],
         y=A[:, :, -1],
-        unit=np.linalg.det(root) ** (-1 / 3),
+        unit=np.where(lines, 1 / np.where(lines, np.linalg.norm(root[:, 0], axis=1), 1.0), size),
+        numbers=np.where(lines, 1, 3),
         run=np.repeat(np.arange(data.runs), each)[used],
         marker=np.tile(marker, data.runs)[used],
     )

@@ -20,6 +20,9 @@ CALLED: dict[What, str] = {
     "point": "load point",
     "covariance": "covariance",
     "rotation": "orientation",
+    "tilt": "uncertainty of the direction",
+    "fixed": "fixed point",
+    "fixed_sigma": "uncertainty of the fixed point",
 }
 """What people call the quantities with another name of theirs."""
 LISTED = 4  #: Words of a column that are listed.
@@ -114,9 +117,10 @@ def _values(found: Columns, columns: list[ReadColumn]) -> str:
 def farthest_off(registered: RegisteredDataset) -> Row | None:
     """Find the unloaded reading that fits the arm without sag worst, and how far it is off [mm]."""
     data = registered.data
-    if not data.seen.any():
+    placed = data.seen & ~data.lines
+    if not placed.any():
         return None
-    off = np.where(data.seen, np.linalg.norm(data.before - nominal_targets(registered), axis=-1), -1.0)
+    off = np.where(placed, np.linalg.norm(data.before - nominal_targets(registered), axis=-1), -1.0)
     i, k = np.unravel_index(int(off.argmax()), off.shape)
     return Row(target=_where(data, int(i), int(k)), distance_mm=MM * float(off[i, k]))
 

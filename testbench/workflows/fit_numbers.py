@@ -198,7 +198,8 @@ def residuals_by_model(cell: Cell, identified: IdentifyResult) -> dict[str, Arra
     """
     data, names = identified.runs.every, list(identified.estimates)
     moved = all_deflections(cell.vjm, [identified.estimates[name] for name in names], data)
-    return dict(zip(names, np.where(data.seen[..., None], data.deflection - moved, 0.0), strict=True))
+    left = data.deflection - data.as_read(moved)
+    return dict(zip(names, np.where(data.seen[..., None], left, 0.0), strict=True))
 
 
 def largest_vector(vectors: Array) -> Array:
@@ -327,5 +328,8 @@ def _noise_limit(data: Dataset) -> float:
     from scipy.special import gammaincinv  # here: importing it takes longer than most fits
 
     share = 0.95 ** (1 / len(data.markers))
+    if data.lines.any():  # one component each, of a variance that contains the tilt
+        variance = np.trace(data.covariance, axis1=2, axis2=3)[data.lines]
+        return float(np.sqrt(2 * gammaincinv(1 / 2, share) * variance.mean()))
     squared = 2 * gammaincinv(3 / 2, share)  # quantile of chi squared
     return float(data.sigma * np.sqrt(2 * squared))

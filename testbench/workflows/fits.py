@@ -208,7 +208,8 @@ def _plain(model: Model) -> Method | None:
 
 
 def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> DeflectionErrors:
-    return score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen])
+    moved = data.as_read(deflections(cell.vjm, estimate, data))
+    return score(moved[data.seen], data.deflection[data.seen])
 
 
 def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list[Doubt]:

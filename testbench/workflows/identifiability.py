@@ -365,6 +365,8 @@ def _equations(vjm: Vjm, data: Dataset) -> int:
     different = np.unique(np.hstack([data.q, data.wrench, data.point]), axis=0)
     if data.rotation_before is not None:
         return 6 * len(different)
+    if data.lines.any():
+        return int(data.lines.sum() + 3 * (data.seen & ~data.lines).sum())
     motion = marker_motion(marker_points(vjm, data.markers))
     return int(np.linalg.matrix_rank(motion)) * len(different)
 
@@ -383,7 +385,7 @@ def without_readings(data: Dataset, **changes: object) -> Dataset:
     runs, markers = len(np.asarray(other["run"])), len(tuple(other["markers"]))  # type: ignore[arg-type]
     blank = np.zeros((runs, markers, 3))
     turned = None if data.rotation_before is None else np.zeros((runs, 3))
-    plain = {"precision": None, "station": None, "taken_off": None}
+    plain = dict.fromkeys(("precision", "station", "taken_off", "direction", "tilt", "reach", "slide"))
     fields = {"rotation_before": turned, "rotation_after": turned, **plain, **other}
     return replace(data, before=blank, after=blank, **fields)  # type: ignore[arg-type]
 

@@ -17,6 +17,7 @@ from testbench.design.baselines import error_after, observability
 from testbench.design.criteria import criterion_of
 from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast, forecast_on, inflate_intervals, unbounded_rows, without_bound
+from testbench.design.gauges import GaugePlan, Gauges, choose_gauges, gauge_rows
 from testbench.design.planning import (
     ChosenPoses,
     Plan,
@@ -70,6 +71,7 @@ class Planned(Displayed):
     poses: Forecast  #: Errors to expect in these poses [m].
     forecast: Forecast  #: Errors to expect at the tasks; for absolute readings over the workspace [m].
     workspace: Forecast  #: Errors to expect over the workspace, under the first load [m].
+    gauges: GaugePlan | None  #: Where gauges touch in every pose of the plan; None for a tracker.
 
     def about(self) -> dict[str, object]:
         """Summarise the plan: arm, poses, criterion, and the error to expect at the tasks."""
@@ -150,7 +152,16 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
         )
     )
     around = without_bound(around, unbounded_rows(best.examined.problem, workspace_rows(spec)))
-    return Planned(cell, settings, candidates, best, poses, forecast, around)
+    gauges = place_gauges(best, settings) if settings.gauges else None
+    return Planned(cell, settings, candidates, best, poses, forecast, around, gauges)
+
+
+def place_gauges(best: Plan, settings: PlanSettings) -> GaugePlan:
+    """Choose markers and axes of the gauges in the poses of a plan; BenchError for more than the markers."""
+    spec, problem = best.specification, best.examined.problem
+    gauges = Gauges(settings.gauges, settings.gauge_um / UM, math.radians(settings.tilt_deg))
+    rows = gauge_rows(spec, best.q, best.load, gauges, problem.lift)
+    return choose_gauges(rows, problem, best.criterion, gauges)
 
 
 def search(cell: Cell, settings: PlanSettings) -> Candidates:
@@ -310,7 +321,7 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
     best_of = search_best if given is None else choose_greedily
     best = best_of(asked, criterion_of(settings.criterion, examined.problem, wanted), examined)
     there, over = (forecast_errors(best, rows) for rows in (absolute.position_rows(union, best.q), wanted))
-    return AbsolutePlanned(cell, settings, candidates, best, there, over, over, union, q, wanted, given)
+    return AbsolutePlanned(cell, settings, candidates, best, there, over, over, None, union, q, wanted, given)
 
 
 def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, float]:

@@ -18,7 +18,10 @@ from testbench.workflows.models import ALL_UNKNOWNS, canonical_name, plain_name
 from testbench.workflows.plan_input import parse_work_area, place
 from testbench.workflows.plan_settings import USUAL, PlanSettings
 
-SAME = ("poses", "orders", "seed", "sigma_um", "sling_m", "geometry_mm", "gear_urad", "uncertainty_percent")
+SAME = (
+    *("poses", "orders", "seed", "sigma_um", "sling_m", "geometry_mm", "gear_urad", "uncertainty_percent"),
+    *("gauges", "gauge_um", "tilt_deg"),
+)
 FLAGS = {
     **{name: f"--{name.replace('_', '-')}" for name in (*SAME, "acceptance_deg")},
     "candidates_wanted": "--candidates",
@@ -68,6 +71,9 @@ class PlanOptions:
     candidates: Annotated[int | None, typer.Option(metavar="N", help="Number of candidate poses.")] = None
     sling_m: Annotated[float, typer.Option(metavar="M", help="Length from load point to weight.")] = 0.5
     floor_z: Annotated[float | None, typer.Option(metavar="M", help="Height of a floor.")] = None
+    gauges: Annotated[int, typer.Option(metavar="N", help="Gauges in a pose, placed too (1 to 3).")] = 0
+    gauge_um: Annotated[float, typer.Option(metavar="UM", help="Noise of a gauge.")] = 5.0
+    tilt_deg: Annotated[float, typer.Option(metavar="DEG", help="Error of a gauge's direction.")] = 0.5
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of random numbers.")] = 1
 
 
@@ -147,6 +153,9 @@ def settings_of(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) ->
             box_m=None if options.box is None else parse_work_area(options.box),
             sling_m=options.sling_m,
             floor_z_m=options.floor_z,
+            gauges=options.gauges,
+            gauge_um=options.gauge_um,
+            tilt_deg=options.tilt_deg,
             seed=options.seed,
         )
     if loads:

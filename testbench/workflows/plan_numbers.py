@@ -23,7 +23,7 @@ from testbench.design.baselines import (
 )
 from testbench.design.criteria import LinearCriterion, mean_square
 from testbench.design.exchange import greedy
-from testbench.design.forecast import Forecast, error_on, forecast_on, inflate_intervals
+from testbench.design.forecast import Forecast, error_on, forecast, forecast_on, inflate_intervals
 from testbench.design.planning import Plan, forecast_errors
 from testbench.design.rows import deflection_rows, loads_of, task_rows
 from testbench.errors import Array, Ids
@@ -117,6 +117,7 @@ def _beside(f: Row) -> list[Row]:
     pairs = {
         "this plan": f.error_mm.expected,
         f"this plan, {f.model} alone, without averaging": chance.get("planned_mm"),
+        f"this plan, read by gauges, {f.model} alone": f.get("gauges_mm"),
         "this plan, joint stiffness only": f.get("joints_alone_mm"),
         "this plan, prior twice as uncertain": doubted and doubted.expected,
         "this plan, with joint errors of all orders": beyond and math.hypot(f.error_mm.expected, beyond),
@@ -178,6 +179,7 @@ def _pairs(made: Planned) -> Row:
             best_tenth_mm=_percentile(chance, 10),
         ),
         plan=_runs(made, plan),
+        gauges_mm=_by_gauges(made, plan, rows),
         tasks=_tasks(made, plan, rms(rows @ scaling.expected)),
         observability=observability(plan.examined.problem, plan.chosen),
         directions=_directions(plan, influence),
@@ -192,6 +194,13 @@ def _pairs(made: Planned) -> Row:
         unshown=unobservable_joints(plan, hidden / (MM * made.forecast.overall)),
         unloaded=unloaded_joints(plan, prior),
     )
+
+
+def _by_gauges(made: Planned, plan: Plan, rows: Array) -> float | None:
+    """Forecast the RMS error at the tasks by the gauges of the plan [mm]; None without gauges."""
+    if made.gauges is None:
+        return None
+    return finite(MM * forecast(plan.examined.problem, made.gauges.information, rows).overall)
 
 
 def _doubted(made: Planned, plan: Plan) -> Expected | None:
@@ -234,10 +243,10 @@ def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
     steps = np.abs(np.diff(q, axis=0, prepend=q[:1]))
     turned, slid = (steps[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
     ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear)]
-    tools = chain(made.cell.vjm, q).position
+    tools, gauges = chain(made.cell.vjm, q).position, gauge_words(made)
     return [
         Row(
-            row,
+            row | ({} if gauges is None else {"gauges": gauges[k]}),
             run=k + 1,
             q=arm.to_file(q[k]).tolist(),
             travel_deg=float(np.rad2deg(turned[k])),
@@ -411,14 +420,14 @@ def write_poses(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
         path: Path of the file.
     """
     masses, pulls = f.loads_kg, bool(f.pulls_n)
-    head = plan_columns(joints, pulls=pulls)
+    head = plan_columns(joints, pulls=pulls, gauges=bool(f.gauges))
     if f.absolute:
         head = absolute_columns(joints, loaded=len(masses) == 1)
     rows = []
     for row in f.plan:
         force = row.get("pull_N")
         mass = "" if force else repr(row.get("load_kg", masses[0] if masses else 0.0))
-        cells = {"run": row.run, "load_kg": mass, "way": row.way}
+        cells = {"run": row.run, "load_kg": mass, "way": row.way, "gauges": row.get("gauges", "")}
         cells |= zip((f"force_{axis}_N" for axis in "xyz"), map(repr, force or []), strict=False)
         cells |= {key: f"{row[key]:.2f}" for key in ("travel_deg", "travel_mm")}
         cells |= _cells(row, joints)
@@ -451,7 +460,16 @@ def _write_table(head: Sequence[str], rows: Sequence[Sequence[object]], path: Pa
     path.write_text(text.getvalue(), encoding="utf-8")
 
 
-def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False) -> list[str]:
+def gauge_words(made: Planned) -> list[str] | None:
+    """Write the gauges of every pose, such as "P1:z P2:x"; None without gauges."""
+    if made.gauges is None:
+        return None
+    markers = made.cell.arm.markers
+    pairs = zip(made.gauges.marker.tolist(), made.gauges.axis.tolist(), strict=True)
+    return [" ".join(f"{markers[m]}:{'xyz'[a]}" for m, a in zip(*own, strict=True)) for own in pairs]
+
+
+def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False, gauges: bool = False) -> list[str]:
     """List the columns of a plan, in order; a row is a run, in the order of measuring.
 
     run: integer. JOINT_rad, JOINT_deg: joint angle, twice; of a slide JOINT_m, JOINT_mm. load_kg: hung mass.
@@ -460,11 +478,12 @@ def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False) -> list[str
     expected_deflection_mm: RMS over the markers, by the prior. expected_error_*_mm: of predicting it after
     identification, with the 5th and 95th percentile. travel_deg: of the hinge that turns farthest from the
     run before; travel_mm: of the slide, where the arm has one. way: "start", "clear" where all joints can go
-    straight, "via" where that way collides.
+    straight, "via" where that way collides. gauges, of a plan with gauges: marker and world axis of each.
 
     Args:
         joints: Joints of the arm.
         pulls: Whether the plan may pull.
+        gauges: Whether it places gauges.
 
     Returns:
         Names of the columns.
@@ -472,7 +491,13 @@ def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False) -> list[str
     names = ["run", *(j.column for j in joints), *(j.shown_column for j in joints), "load_kg"]
     names += [f"force_{axis}_N" for axis in "xyz" if pulls]
     names += [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
-    return [*names, "travel_deg", *["travel_mm"] * any(j.prismatic for j in joints), "way"]
+    return [
+        *names,
+        "travel_deg",
+        *["travel_mm"] * any(j.prismatic for j in joints),
+        "way",
+        *["gauges"] * gauges,
+    ]
 
 
 def absolute_columns(joints: Sequence[ArmJoint], *, loaded: bool) -> list[str]:

@@ -23,6 +23,7 @@ HIGHEST = 1000.0  #: Height of a floor, up or down [m]; beyond it a unit is a sl
 MAX_POSES = 200
 MAX_CANDIDATES = 50_000  #: Also times loads and pulls: memory grows with them.
 HIGHEST_ORDER = 30  #: Of the periodic errors that joints have, as our true arms have.
+MAX_GAUGES = 3  #: Gauges in a pose: more would make thousands of ways to place them.
 MAX_ORDERS = 12  #: Of those that are unknowns of a plan.
 
 
@@ -58,6 +59,9 @@ class PlanSettings:
     sling_m: float = 0.5  #: Distance from the load point to the weight [m].
     candidates_wanted: int = 5000  #: Feasible poses to choose from.
     floor_z_m: float | None = None  #: Height of a floor that the arm's folder does not have.
+    gauges: int = 0  #: Number of gauges that are read in a pose instead of a tracker; 0 for a tracker.
+    gauge_um: float = 5.0  #: Standard deviation of one reading of a gauge [um].
+    tilt_deg: float = 0.5  #: Standard deviation of a gauge's direction about each axis across it [deg].
     seed: int = 1  #: Root of all randomness.
 
     def __post_init__(self) -> None:
@@ -80,6 +84,9 @@ class PlanSettings:
             ("floor_z_m", self.floor_z_m, -HIGHEST, HIGHEST),
             ("acceptance_deg", self.acceptance_deg, 0.1, 90),
             ("sling_m", self.sling_m, 0, 100),
+            ("gauges", self.gauges, 0, 0 if self.absolute else MAX_GAUGES),
+            ("gauge_um", self.gauge_um, UM * SIGMA_RANGE[0], UM * SIGMA_RANGE[1]),
+            ("tilt_deg", self.tilt_deg, 0, 10),
             ("seed", self.seed, 0, 2**63 - 1),
         )
         for own in ranges:

@@ -16,6 +16,7 @@ from testbench.design.baselines import error_after
 from testbench.design.criteria import CRITERIA, criterion_of
 from testbench.design.exchange import exchange, greedy
 from testbench.design.forecast import fit_of, forecast, forecast_on
+from testbench.design.gauges import Gauges, gauge_rows
 from testbench.design.planning import (
     DETOUR,
     _order,
@@ -34,12 +35,14 @@ from testbench.identify.observability import hidden_quantities
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
+from testbench.plant.instruments import Gauge
 from testbench.plant.site import collisions
 from testbench.plant.tracker import trial_rng
 from testbench.workflows import predicted_error
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.workflows.candidates import PoseConditions, build_checks, find
 from testbench.workflows.cell import Scenario, measure_markers, poses_with_weight
+from testbench.workflows.instruments import Mounted, read_instruments
 from testbench.workflows.plan import undetermined_by, union_after, union_of
 from testbench.workflows.plan_numbers import joint_coverage
 from testbench.workflows.predicted_error import open_laws
@@ -364,3 +367,19 @@ def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, pl
     assert (row.joint, row.poses) == ("joint_1", pytest.approx((plan >= 40).sum(), abs=1))
     error = error_after(problem, wanted)
     assert error(plan) < min(error(trial_rng(k).choice(50, 8, replace=False)) for k in range(10))
+
+
+def test_rows_of_gauges_are_those_of_readings_along_lines(kr500, spec, poses):
+    """What a plan counts with is what a fit makes of gauges there: the same information, by another way."""
+    light = Load(np.array([0, 0, -1.0, 0, 0, 0]), kr500.vjm.load)
+    q, own = poses[:3], replace(spec, loads=(light,), tasks=replace(spec.tasks, load=light))
+    rows = gauge_rows(own, q, np.zeros(3, dtype=int), Gauges(3, 5e-6, 0.01), np.eye(mgco68(kr500.arm).n))
+    loaded = poses_with_weight(kr500, q, np.arange(3), 1 / GRAVITY)
+    gauges = [
+        Mounted(Gauge(resolution=0.0, tilt=0.01), f"P{k + 1}", np.eye(3)[(k + 1) % 3]) for k in range(3)
+    ]
+    data = read_instruments(kr500, "linear", loaded, gauges, trial_rng(1))
+    A, _ = reduce(kr500.vjm, mgco68(kr500.arm), data).rows
+    A = A @ own.experiment.scaling.L
+    told = np.array([rows[:, k, (k + 1) % 3] for k in range(3)]).reshape(9, -1)
+    np.testing.assert_allclose(A.T @ A, told.T @ told, rtol=0, atol=1e-4 * np.abs(told.T @ told).max())

@@ -31,12 +31,13 @@ WITH = {
     "model_error": "rms_um",
     "which_model": "rms_um",
     "regimes": "rms_um",
+    "instruments": "rms_um",
     "identifiability": "fit.rms_um",
     "compensation": None,
     "pose_selection": "tasks_mm",
 }
 """Studies, and the column of the error that who failed has not; compensation has one a point."""
-ALIKE = {"noise_sensitivity", "model_error", "which_model"}
+ALIKE = {"noise_sensitivity", "model_error", "which_model", "instruments"}
 """Presets of one study: the others of them stand for these."""
 WITHOUT = set("absolute_calibration bench loaded_stiffness real_ur10 single_link solver_comparison".split())
 SCREEN = 45  #: Lines of a terminal of 100 columns.

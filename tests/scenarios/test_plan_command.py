@@ -309,3 +309,15 @@ def test_the_plan_is_read_back_and_simulated_in_two_readings_a_pose(absolute, ca
     fine("simulate", UR10, absolute / "plan.csv", "--absolute", "--out", tmp_path / "read.csv")
     force = [float(row["force_z_N"]) for row in table(tmp_path / "read.csv")]
     assert np.reshape(force, (READ, 2)) == pytest.approx(np.tile([0, -5 * GRAVITY], (READ, 1)))
+
+
+@pytest.mark.study
+def test_a_plan_with_gauges_is_rehearsed_by_simulate(tmp_path, kr500):
+    flags = ("--poses", 4, "--load", 460, "--candidates", 60, "--gauges", 2, "--out", tmp_path / "plan")
+    fine("plan", ARM, "--task", TASKS, *flags)
+    plan = tmp_path / "plan" / "plan.csv"
+    assert plan.read_text().splitlines()[0].endswith(",way,gauges")
+    assert "read by gauges" in (tmp_path / "plan" / "plan.md").read_text()
+    fine("simulate", ARM, plan, "--instrument", "planned", "--out", tmp_path / "data.csv")
+    data = read_csv(tmp_path / "data.csv", kr500.arm)
+    assert data.lines.sum(axis=1).tolist() == [2] * 4

@@ -19,10 +19,12 @@ from testbench.design.criteria import (
 )
 from testbench.design.exchange import exchange, greedy
 from testbench.design.forecast import forecast
+from testbench.design.gauges import Gauges, choose_gauges, choose_places
 from testbench.design.planning import CandidateSet, choose_greedily, joint_travel, round_trip, shortest_path
 from testbench.design.refine import Feasibility, Search, ascend_poses, refine_plan
 from testbench.design.relaxation import relax
 from testbench.design.rows import DesignProblem, information
+from testbench.errors import BenchError
 
 R, K = 5, 2
 A_OPTIMAL = LinearCriterion(np.eye(R) / R)
@@ -260,3 +262,45 @@ def test_the_bound_of_a_greedy_plan_is_that_of_its_tangent_above_every_plan(crit
     assert best <= found.relaxed.bound * (1 + 1e-9)
     assert found.relaxed.bound == pytest.approx(max((found.relaxed.dual * M).sum() for M in every))
     assert found.efficiency == pytest.approx(criterion.information(found.information) / found.relaxed.bound)
+
+
+GAUGES = Gauges(2, 5e-6, 0.01)
+
+
+def gauge_problem(seed):
+    """Rows of gauges at three markers in five poses, and a criterion."""
+    rows = rng(seed).normal(size=(5, 3, 3, R))
+    problem = DesignProblem(
+        rows.reshape(5, 9, R), 0.1 * np.eye(R), np.eye(R), np.zeros((R, R)), np.zeros((R, 0))
+    )
+    return rows, problem
+
+
+def phi_of(rows, problem, criterion, places):
+    """Phi of gauges by pose, marker and axis."""
+    A = np.array([rows[p, m, a] for p, m, a in places])
+    return criterion.information(problem.prior + A.T @ A)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_other_gauges_in_one_pose_are_better_than_those_chosen(seed):
+    rows, problem = gauge_problem(seed)
+    found = choose_gauges(rows, problem, A_OPTIMAL, GAUGES)
+    chosen = [[(p, *own) for own in zip(found.marker[p], found.axis[p], strict=True)] for p in range(5)]
+    own = phi_of(rows, problem, A_OPTIMAL, list(itertools.chain.from_iterable(chosen)))
+    assert own == pytest.approx(A_OPTIMAL.information(found.information))
+    for p, (a, b) in itertools.product(range(5), itertools.combinations(range(3), 2)):
+        for axes in itertools.product(range(3), repeat=2):
+            others = [place for k, places in enumerate(chosen) if k != p for place in places]
+            other = [*others, (p, a, axes[0]), (p, b, axes[1])]
+            assert phi_of(rows, problem, A_OPTIMAL, other) <= own * (1 + 1e-5)
+
+
+def test_places_chosen_together_with_their_gauges_beat_any_given_ones():
+    rows, problem = gauge_problem(7)
+    free = choose_places(rows, problem, A_OPTIMAL, GAUGES, 3)
+    for some in itertools.combinations(range(5), 3):
+        given = choose_gauges(rows[list(some)], problem, A_OPTIMAL, GAUGES)
+        assert A_OPTIMAL.information(given.information) <= A_OPTIMAL.information(free.information) * 1.03
+    with pytest.raises(BenchError, match="gauges: expected 1 to 3"):
+        choose_gauges(rows, problem, A_OPTIMAL, Gauges(4, 5e-6, 0.0))

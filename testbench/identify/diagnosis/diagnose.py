@@ -68,6 +68,8 @@ def diagnose(given: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESE
     registered = given.found
     check_runs(registered.vjm, registered.data)
     plain = issues(given, hypotheses.plain)
+    if registered.data.lines.any():
+        return plain or _along_lines(registered, prior, hypotheses)
     said, placed = _placed(given, hypotheses)
     if plain or any(issue.name not in MENDED for issue in said):
         return [*said, *plain]
@@ -98,6 +100,16 @@ def diagnose(given: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESE
     if all(issue.name in runs for issue in pushed):  # else a mistake of all loads may look like a step
         return [*moved, *said, *pushed]
     return [*said, *pushed, *moved]
+
+
+def _along_lines(registered: RegisteredDataset, prior: Prior, hypotheses: Hypotheses) -> list[Issue]:
+    """Find mistakes of loads and readings along lines; these do not show where targets or trackers are."""
+    data, vjm = registered.data, registered.vjm
+    if against := issues(data, hypotheses.work):
+        return against
+    loads = Loads(vjm, scale_by_prior(prior, vjm, all153(vjm.arm)), data, None)
+    every = tuple(row for row in hypotheses.loads if row.name != "tracker_moved")
+    return _loaded(loads, replace(hypotheses, loads=every))
 
 
 def _placed(given: Submission, hypotheses: Hypotheses) -> tuple[list[Issue], Placed]:

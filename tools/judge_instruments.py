@@ -1,0 +1,186 @@
+"""Judge three dial gauges against a laser tracker: true arms of several kinds, 12 planned places.
+
+python tools/judge_instruments.py runs/judged_instruments.jsonl --seed 880001 --seeds 100
+
+The places are planned once for the arm's folder, by the criterion I over the workspace: 12 for the tracker,
+and 12 for the gauges, in which their directions are chosen too. Every true arm is then loaded there and read
+by a tracker of 50 um and by three gauges of 5 um, each half a degree off its direction. Both readings are
+fitted by the default with the same wrong prior. Readings are made from the contact, `plant.instruments`. An
+arm is a line of JSON in the first file; the judge may be stopped and started again. `--seeds 0` prints the
+tables alone. `--alike` tilts the faces of a marker alike in all places, which the fit does not know.
+"""
+
+import json
+import sys
+from argparse import ArgumentParser
+from dataclasses import replace
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from testbench.design.criteria import criterion_of
+from testbench.design.exchange import greedy
+from testbench.design.gauges import Gauges, choose_places, gauge_rows
+from testbench.design.planning import candidate_set
+from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
+from testbench.errors import BenchError
+from testbench.identify.estimate import deflections, score
+from testbench.identify.metric import scale_by_prior
+from testbench.identify.prior import cad_prior
+from testbench.model.load import weight
+from testbench.model.structure import all153
+from testbench.plant.instruments import Gauge
+from testbench.plant.tracker import Tracker, trial_rng
+from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed
+from testbench.runs.spread import median_interval
+from testbench.studies.campaign.trial import cover
+from testbench.workflows.cell import (
+    Scenario,
+    build_cell,
+    clear_poses,
+    measure_markers,
+    poses_with_weight,
+    true_cell,
+)
+from testbench.workflows.instruments import Mounted, read_instruments
+from testbench.workflows.model_selection import ALL_UNKNOWNS, with_priors
+from testbench.workflows.models import named_models
+from testbench.workflows.perturbed_prior import wrong_prior
+
+ARM, PLACES, CANDIDATES, WORKSPACE = "kr500_l480", 12, 400, 50
+KINDS = f"{FAMILY} cast off_40 coupled following_20 tied_joints stiffer_10".split()
+TRACKER, GAUGE = Tracker(50e-6), Gauge()
+UNCERTAINTY = 0.3  #: Of the prior that the plan counts with [1].
+
+
+def plan(cell, scenario):
+    """Plan the places, (poses, n) [rad, m], of the tracker and of the gauges, and their directions there."""
+    rng = trial_rng(0, 5)
+    hung = weight(cell.vjm, scenario.mass)
+    around = clear_poses(cell, scenario.workspace, 200, rng)
+    scaling = scale_by_prior(cad_prior(cell.arm), cell.vjm, all153(cell.arm))
+    spec = Specification(
+        MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, TRACKER.sigma),
+        (hung,),
+        Tasks(around, hung),
+        around,
+        UNCERTAINTY,
+        PLACES,
+    )
+    found = candidate_set(spec, clear_poses(cell, scenario.station, CANDIDATES, rng))
+    criterion = criterion_of("I", found.problem, workspace_rows(spec))
+    by_tracker = found.q[greedy(found.problem, criterion, found.problem.rows, PLACES)]
+    gauges = Gauges(len(cell.arm.markers), GAUGE.sigma, GAUGE.tilt)
+    rows = gauge_rows(spec, found.q, np.zeros(len(found.q), dtype=int), gauges, found.problem.lift)
+    chosen = choose_places(rows, found.problem, criterion, gauges, PLACES)
+    direction = np.zeros((PLACES, len(cell.arm.markers), 3))
+    direction[np.arange(PLACES)[:, None], chosen.marker] = np.eye(3)[chosen.axis]
+    return by_tracker, found.q[chosen.pose], direction
+
+
+def judge(cell, scenario, places, kind, seed, alike):
+    """Errors and coverage of both instruments on one true arm, as a line."""
+    by_tracker, by_gauges, direction = places
+    true = true_cell(cell, true_arm_of_seed(kind, seed), seed)
+    around = clear_poses(cell, scenario.workspace, WORKSPACE, trial_rng(seed, 0))
+    everywhere = poses_with_weight(cell, around, np.arange(WORKSPACE) + 1, scenario.mass)
+    truth = measure_markers(true, scenario, everywhere)
+    [default] = with_priors(cell.arm, named_models(cell, (ALL_UNKNOWNS,)), wrong_prior(cell, seed))
+    tilts = trial_rng(seed, 9)
+    gauges = []
+    for k, marker in enumerate(cell.arm.markers):
+        own = direction[:, k]
+        gauges.append(Mounted(replace(GAUGE, alike=alike), marker, own))
+    row = {"kind": kind, "seed": seed}
+    for name, mounted, q in (("tracker", [Mounted(TRACKER)], by_tracker), ("gauges", gauges, by_gauges)):
+        loaded = poses_with_weight(cell, q, np.arange(PLACES) + 1, scenario.mass)
+        data = read_instruments(true, "nonlinear", loaded, mounted, tilts)
+        start = process_time()
+        found = default.estimator(cell.vjm, default.structure, data)
+        covered = cover(cell, found, truth)
+        row |= {
+            name: 1e3 * score(deflections(cell.vjm, found, truth), truth.deflection).rms,
+            f"{name}_covered": covered.covered_percent,
+            f"{name}_half": covered.half_mm,
+            f"{name}_lost": int((~data.seen).sum()),
+            f"{name}_seconds": process_time() - start,
+        }
+    return row
+
+
+def lines(file):
+    """Whole lines of a file, as dictionaries."""
+    text = file.read_text() if file.exists() else ""
+    return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
+
+
+def run(file, kinds, seeds, alike):
+    """Judge what the file lacks, seed by seed, so that all kinds have as many arms whenever it stops."""
+    known = {(row["kind"], row["seed"]) for row in lines(file)}
+    wanted = [(kind, seed) for seed in seeds for kind in kinds if (kind, seed) not in known]
+    if not wanted:
+        return
+    cell, scenario = build_cell(ARM), Scenario(arm=ARM)
+    places = plan(cell, scenario)
+    for kind, seed in wanted:
+        try:
+            row = judge(cell, scenario, places, kind, seed, alike)
+        except BenchError as error:
+            row = {"kind": kind, "seed": seed, "refused": str(error)}
+        with file.open("a") as out:
+            out.write(json.dumps(row) + "\n")
+
+
+def tables(rows):
+    """A table by kind of true arm: errors, their ratio, and coverage."""
+    yield "| true arms | n | tracker, mm | gauges, mm | ratio of medians | median ratio | tracker covers, % "
+    yield "| gauges cover, % | worst arm, % |\n"
+    yield f"| --- |{' ---: |' * 8}\n"
+    judged = [row for row in rows if "gauges" in row]
+    for kind in [*dict.fromkeys(row["kind"] for row in judged), "all"]:
+        own = [row for row in judged if kind in (row["kind"], "all")]
+        tracker, gauges, covered, other = (
+            np.array([row[key] for row in own])
+            for key in ("tracker", "gauges", "gauges_covered", "tracker_covered")
+        )
+        cells = [
+            CALLED.get(kind, kind),
+            len(own),
+            middle(tracker),
+            middle(gauges),
+            f"{np.median(gauges) / np.median(tracker):.2f}",
+            middle(gauges / tracker),
+            f"{other.mean():.1f}",
+            f"{covered.mean():.1f}",
+            f"{covered.min():.1f}",
+        ]
+        yield f"| {' | '.join(map(str, cells))} |\n"
+    refused = [f"{row['kind']} {row['seed']}: {row['refused']}" for row in rows if "refused" in row]
+    yield f"\nRefused: {', '.join(refused) or 'none'}.\n"
+
+
+def middle(values):
+    """The median, with its 95 % interval where there are arms enough."""
+    ends = median_interval(values)
+    return f"{np.median(values):.3f}" + (f" ({ends[0]:.3f} to {ends[1]:.3f})" if ends else "")
+
+
+def main():
+    """Judge, and print the tables."""
+    flags = ArgumentParser(description=__doc__)
+    flags.add_argument("files", type=Path, nargs="+", help="lines go to the first; tables are of all")
+    flags.add_argument("--seed", type=int, default=880001, help="first seed")
+    flags.add_argument("--seeds", type=int, default=100, help="arms of each kind; 0 for tables alone")
+    flags.add_argument("--kind", action="append", choices=KINDS, help="again for more; all if none")
+    flags.add_argument("--alike", action="store_true", help="faces are tilted alike in all places")
+    asked = flags.parse_args()
+    with threadpool_limits(1):
+        seeds = range(asked.seed, asked.seed + asked.seeds)
+        run(asked.files[0], asked.kind or KINDS, seeds, asked.alike)
+    sys.stdout.writelines(tables([row for file in asked.files for row in lines(file)]))
+
+
+if __name__ == "__main__":
+    main()
