@@ -1,5 +1,5 @@
 #!/bin/sh
-# Re-compile the three locks from pyproject.toml, keeping the versions that still fit.
+# Re-compile the four locks from pyproject.toml, keeping the versions that still fit.
 #
 #     sh tools/lock.sh [--upgrade | --upgrade-package NAME]
 #
@@ -18,11 +18,12 @@ compile() {
     --no-header --no-annotate --no-emit-index-url --no-emit-find-links --no-emit-build-options "$@" >/dev/null
 }
 
-compile "$@" --only-binary :all: pyproject.toml --all-extras --group test --group build --group qa --group docs -o requirements.lock
+compile "$@" --only-binary :all: pyproject.toml --all-extras --group test --group build --group qa -o requirements.lock
+compile "$@" --only-binary :all: --group docs --constraints requirements.lock -o requirements-docs.lock
 compile "$@" --only-binary :all: --group bench --constraints requirements.lock -o requirements-bench.lock
 # FIGAROH needs picos, which has no wheel.
 compile "$@" --group peer --constraints requirements.lock -o requirements-peer.lock
-if grep -nE '://|^ *--(index|extra|find|trusted|no-|only)| @ ' requirements.lock requirements-bench.lock requirements-peer.lock; then
+if grep -nE '://|^ *--(index|extra|find|trusted|no-|only)| @ ' requirements.lock requirements-docs.lock requirements-bench.lock requirements-peer.lock; then
   echo "the locks must hold names, versions and hashes only" >&2
   exit 1
 fi
