@@ -201,7 +201,7 @@ def show(value: object, form: str = ".3f") -> str:
     """Write a value for people: a number, its median with the ends of its spread, a word, a share of trials.
 
     Args:
-        value: The number.
+        value: The value.
         form: Format of a number.
 
     Returns:

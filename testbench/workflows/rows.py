@@ -81,7 +81,7 @@ def fit_row(name: str, estimate: "Estimate", seconds: float | None, *, prior: bo
     """Make the row of a fit; unknowns are compliances, laws of joints aside.
 
     Args:
-        name: Its name.
+        name: Name of the model.
         estimate: The estimate.
         seconds: Time of the fit [s]; None if not measured.
         prior: Whether it was fitted with a prior.

@@ -260,7 +260,7 @@ def certain_model(state: ArmState, name: str) -> ArmModel:
 
     Args:
         state: The calibrated arm.
-        name: Its name.
+        name: Name of the model.
 
     Returns:
         The model.

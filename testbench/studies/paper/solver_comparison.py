@@ -207,7 +207,7 @@ def gco_model(cell: Cell, name: str) -> Model:
 
     Args:
         cell: The arm with its model and its truth.
-        name: Its name.
+        name: Name of the model.
 
     Returns:
         The model.

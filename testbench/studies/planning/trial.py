@@ -172,7 +172,7 @@ def of_plans(bench: Bench, seed: int, own: Models) -> Iterator[PlanErrorRow]:
     """Identify every plan and random poses in every way.
 
     Args:
-        bench: The arm, its prior and its candidates.
+        bench: The true arm and where predictions are judged.
         seed: Seed of the trial.
         own: Estimators of the user.
 
@@ -200,7 +200,7 @@ def featured(
     """Add to a row of the featured number of poses its model, and errors pose by pose.
 
     Args:
-        bench: The arm, its prior and its candidates.
+        bench: The true arm and where predictions are judged.
         row: The row.
         model: The model.
         estimate: The estimate.
@@ -264,7 +264,7 @@ def of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) ->
     `measured` are the name of a plan, its poses, and what was read there.
 
     Args:
-        bench: The arm, its prior and its candidates.
+        bench: The true arm and where predictions are judged.
         seed: Seed of the trial.
         measured: Name of a plan, its poses, and what was read there.
 
@@ -324,7 +324,7 @@ def measure(bench: Bench, q: Array, seed: int) -> Dataset:
     """Read noisy runs of the true arm, every pose once under the weight.
 
     Args:
-        bench: The arm, its prior and its candidates.
+        bench: The true arm and where predictions are judged.
         q: Poses, (poses, n) [rad, m].
         seed: Seed of the trial.
 
