@@ -405,7 +405,7 @@ def _bin(joint: ArmJoint, own: Array) -> Ids:
 def write_poses(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
     """plan.csv: `plan_columns` or `absolute_columns`; rad and m in full: read back bit by bit."""
     masses, pulls = f.loads_kg, bool(f.pulls_n)
-    head = plan_columns(joints, pulls=pulls, gauges=bool(f.gauges))
+    head = plan_columns(joints, pulls=pulls, gauges=bool(f.get("gauges")))
     if f.absolute:
         head = absolute_columns(joints, loaded=len(masses) == 1)
     rows = []
