@@ -45,8 +45,8 @@ from testbench.workflows.cell import (
     true_cell,
 )
 from testbench.workflows.instruments import Mounted, read_instruments
-from testbench.workflows.model_selection import ALL_UNKNOWNS, with_priors
-from testbench.workflows.models import named_models
+from testbench.workflows.model_selection import with_priors
+from testbench.workflows.models import ALL_UNKNOWNS, named_models
 from testbench.workflows.perturbed_prior import wrong_prior
 
 ARM, PLACES, CANDIDATES, WORKSPACE = "kr500_l480", 12, 400, 50

@@ -148,7 +148,7 @@ def _tables(f: Row, where: str) -> dict[str, Table]:
         TableColumn(f"q_shown.{k}", name, unit, ".2f", short=f"q{k + 1}\n{unit}")
         for k, (name, unit) in enumerate(zip(f.joints, f.units, strict=True))
     ]
-    gauges = "gauges" if f.gauges else ""
+    gauges = "gauges" if f.get("gauges") else ""
     head = (*columns("run"), *joints, *columns(f"{moved} error_there_mm travel_deg {slid} way {gauges}"))
     over = TableColumn("mm", f"expected error {where}", "mm", none="no bound")
     return {

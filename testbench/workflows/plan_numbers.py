@@ -420,7 +420,7 @@ def write_poses(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
         path: Path of the file.
     """
     masses, pulls = f.loads_kg, bool(f.pulls_n)
-    head = plan_columns(joints, pulls=pulls, gauges=bool(f.gauges))
+    head = plan_columns(joints, pulls=pulls, gauges=bool(f.get("gauges")))
     if f.absolute:
         head = absolute_columns(joints, loaded=len(masses) == 1)
     rows = []

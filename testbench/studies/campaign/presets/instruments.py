@@ -43,8 +43,8 @@ from testbench.workflows.cell import (
     true_cell,
 )
 from testbench.workflows.instruments import CAMERA, PROBE, Mounted, read_instruments
-from testbench.workflows.model_selection import ALL_UNKNOWNS, DEFAULT, with_priors
-from testbench.workflows.models import JOINTS, named_models
+from testbench.workflows.model_selection import DEFAULT, with_priors
+from testbench.workflows.models import ALL_UNKNOWNS, JOINTS, named_models
 from testbench.workflows.own_estimator import Models
 from testbench.workflows.perturbed_prior import wrong_prior
 
@@ -73,6 +73,12 @@ class Settings:
     workspace: int = 100  #: Poses in which the models are judged.
     true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
     arm: str = ARM
+
+
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
+    """What the flags ask for."""
+    found = Settings(seeds[0], true_arm=options.true_arm)
+    return replace(found, poses=(USUAL,), workspace=30) if quick else found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +187,7 @@ def figures(found: Report) -> Mapping[str, Figure]:
     name, *drawn = table.columns
     shown = (name, *(replace(error, key=column.key, form=".0f") for column in drawn))
     panes = {column.key: column.heading for column in drawn}
-    reading = "Dots: medians, and the trials. Dotted: the tracker."
+    reading = "Numbers: medians. Dotted: the tracker."
     return {"instruments.png": forest(replace(table, columns=shown), panes, found.question, reading, TRACKER)}
 
 
@@ -192,9 +198,7 @@ PRESET = Preset(
     how="KR 500 under its payload, read in the same random poses by every instrument; gauges half a degree "
     "off, their directions chosen in each pose; judged over the workspace.",
     options=Options,
-    settings=lambda flags, quick, seeds: Settings(
-        seeds[0], true_arm=flags.true_arm, **({"poses": (USUAL,), "workspace": 30} if quick else {})
-    ),
+    settings=settings,
     seeds=(100, 8),
     row=InstrumentRow,
     trials=trials,
