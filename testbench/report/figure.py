@@ -41,6 +41,7 @@ DECADES = 6  #: Most decades of an axis that have a tick each.
 LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmic [1].
 TITLE, LONG_TITLE, CAPTION = 88, 106, 136
 """Letters of the title, of a longer one in smaller letters, of a line of the words below."""
+KEY_LETTERS = 6  #: Letters that the line of an entry of a key is as wide as.
 BREAKS = (". ", ": ", "; ", " (", ", ")  #: Where a title that is too long ends, the best first.
 
 
@@ -124,13 +125,16 @@ def bands(figure: Figure, heights: Sequence[float]) -> list[SubFigure]:
 
 
 def _key(part: SubFigure, columns: int) -> None:
-    """A legend below all axes, of what the first ones have."""
+    """Add a legend below all axes, of what the first ones have, of at most so many columns."""
+    handles, labels = part.axes[0].get_legend_handles_labels()
+    longest = KEY_LETTERS + max(map(len, labels), default=0)
     part.legend(
-        *part.axes[0].get_legend_handles_labels(),
+        handles,
+        labels,
         frameon=False,
         fontsize=MIN_LETTER_SIZE,
         loc="outside lower center",
-        ncols=columns,
+        ncols=max(1, min(columns, CAPTION // longest)),
         handlelength=3.0,
     )
 

@@ -201,7 +201,7 @@ def joint_stiffness(vjm: Vjm, estimate: Estimate, prior: Prior, uncertainty: flo
     assumed = plain.entries(aggregate(prior.C_theta, vjm, plain))
     L, known, rows = any_metric(prior, vjm, plain).L, linearise(estimate), []
     for k, joint in enumerate(vjm.arm.joints):
-        before, after = (_joint_functional(vjm, own, k) for own in (plain, estimate.structure))
+        before, after = (joint_functional(vjm, own, k) for own in (plain, estimate.structure))
         compliances = float(before @ assumed), float(after @ estimate.pi)
         if min(compliances) <= 0:
             continue
@@ -215,8 +215,17 @@ def joint_stiffness(vjm: Vjm, estimate: Estimate, prior: Prior, uncertainty: flo
     return rows
 
 
-def _joint_functional(vjm: Vjm, structure: Structure, k: int) -> Array:
-    """Return what joint k and the link before it yield about the joint's axis, per unit of pi, (n,)."""
+def joint_functional(vjm: Vjm, structure: Structure, k: int) -> Array:
+    """Return what a joint and the link before it yield about the joint's axis, per unit of pi.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        structure: The unknowns.
+        k: Place of the joint, from 0.
+
+    Returns:
+        The linear functional v^T C v + c, with v the axis in the link's frame, (n,).
+    """
     joint, links = vjm.arm.joints[k], 6 * len(vjm.arm.links)
     v = np.zeros(structure.n_theta)
     v[6 * k + (0 if joint.prismatic else 3) + np.arange(3)] = vjm.beam_axes[k]

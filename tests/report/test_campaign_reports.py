@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from campaign_rows import COVERED, EXPECTED, GRIDS, MODELS, TRIALS
 from checks import check_spread, curves
+from legible import check_legible
 from read_back import sound, views
 from reports import check, table_of
 
@@ -22,6 +23,7 @@ from testbench.runs.spread import Spread, middle
 from testbench.studies.campaign import family, grids
 from testbench.studies.campaign.presets.regimes import FREE, KINDS, pays
 from testbench.studies.campaign.report import RIVALS
+from testbench.studies.run import headed_figures
 from testbench.workflows.perturbed_prior import PRIORS
 
 SEEDS = range(1, 7)
@@ -139,6 +141,9 @@ def test_figures_are_drawn_alike_from_the_report_and_from_what_is_read_back(whol
     again = read(json.loads(json.dumps(whole.found.json())))
     both = [whole.study.figures(found) for found in (whole.found, again)]
     assert both[0].keys() == both[1].keys()
+    for figure in headed_figures(whole.study, whole.found).values():
+        figure.draw_without_rendering()
+        check_legible(figure)
     for ours, theirs in zip(*(own.values() for own in both), strict=True):
         for a, b in zip(ours.axes, theirs.axes, strict=True):
             lines = [[line.get_xydata() for line in axes.get_lines()] for axes in (a, b)]

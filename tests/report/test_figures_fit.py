@@ -28,7 +28,7 @@ from testbench.report.schema import Table, TableColumn
 from testbench.report.table import plain
 from testbench.runs.rows import Row
 from testbench.workflows.cell import Scenario, simulate
-from testbench.workflows.fit_details import fit_details, sag_by_part
+from testbench.workflows.fit_details import fit_details, joint_functional, sag_by_part
 
 TAKEN = "ALL153 + prior"
 LOOKS = {
@@ -158,6 +158,21 @@ def test_a_joint_is_as_stiff_as_the_folder_says_before_and_its_interval_holds_th
     }
     assert width["joint_3"] < 2.5  # the readings tell it
     assert "joint_1" not in width or width["joint_1"] > width["joint_3"]  # a weight does not turn joint 1
+
+
+def test_a_joint_yields_with_the_link_before_it_about_an_axis_of_any_direction(slides, rng):
+    arm, structure = slides.arm, all153(slides.arm)
+    C = np.zeros((arm.n_theta,) * 2)
+    for k in range(len(arm.links)):
+        own = rng.standard_normal((6, 6))
+        C[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = own + own.T
+    springs = np.arange(6 * len(arm.links), arm.n_theta)
+    C[springs, springs] = rng.standard_normal(len(springs))
+    for k, joint in enumerate(arm.joints):
+        place = 6 * k + (0 if joint.prismatic else 3) + np.arange(3)
+        axis = slides.vjm.beam_axes[k]
+        expected = axis @ C[np.ix_(place, place)] @ axis + C[springs[k], springs[k]]
+        assert joint_functional(slides.vjm, structure, k) @ structure.entries(C) == pytest.approx(expected)
 
 
 def test_the_figure_of_eigenvalues_draws_each_and_crosses_the_negative_ones_in_red(details):
