@@ -111,7 +111,10 @@ def _runs(
         ],
         first=int(largest_vector(left[taken])[some].argmax()),
     )
-    return poses, f"Deflections x {M:g}; arrows: errors at the worst target, from reading to model, x {A:g}."
+    return (
+        poses,
+        f"Deflections x {M:g}; arrows: errors where the chosen model errs most, from reading to model, x {A:g}.",
+    )
 
 
 def _said(row: Row, names: list[str], joints: str) -> str:
