@@ -145,7 +145,8 @@ def write_run(
             write_map(pen, page.map, names, size)
         models = _models(pen, page.tables)
         panes = _panes(pen, figures, COLUMN if page.scene else 2 * COLUMN)
-        tabs = _scene_tabs(page, groups, models) if page.scene else [_answer(panes or models)]
+        tabs: list[rrb.Container | rrb.View] = []
+        tabs += _scene_tabs(page, groups, models) if page.scene else [_answer(panes or models)]
         if page.map:
             here = [f"here/{groups[page.map.group].name}"] if groups else []
             tabs.append(map_tab(page.map, arm, body, size, here))
