@@ -114,7 +114,8 @@ def _runs(
         ],
         first=int(largest_vector(left[taken])[some].argmax()),
     )
-    return poses, f"Deflections x {M:g}; arrows: errors at the worst target, from reading to model, x {A:g}."
+    arrows = "arrows from reading to model, where the chosen model errs most"
+    return poses, f"Deflections x {M:g}; {arrows}, x {A:g}."
 
 
 def _said(row: Row, names: list[str], joints: str) -> str:

@@ -59,7 +59,7 @@ def with_errors(
         ", ".join(f"{model_line.name} {model_line.values[k]:.3f} mm" for model_line in lines)
         for k in range(len(at))
     ]
-    start, one = at_one_target(at, errors, next(reversed(errors)))
+    start, one = at_one_target(at, errors, [*errors][-1])
     arrows = [
         Layer(f"error of {name}", looks[name].colour, looks[name].stroke, start, start + scale * off)
         for name, off in one.items()

@@ -51,15 +51,13 @@ def write_pane(pen: Pen, path: str, axes: Axes, names: Sequence[str] = ()) -> rr
     dots = [own for own in marks if own[0] == "dots"]
     lines = [own for own in marks if own[0] == "line"]
     if dots:
-        counts = [len(points) for *_, points in dots]
-        colours, radii = (
-            [each for own, n in zip(dots, counts, strict=True) for each in [own[k]] * n] for k in (1, 2)
-        )
+        colours = [_seen(colour) for _, colour, _, points in dots for _ in points]
+        radii = [size for *_, size, points in dots for _ in points]
         places = np.concatenate([points for *_, points in dots])
-        pen.still(f"{path}/dots", rr.Points2D(places, colors=[_seen(own) for own in colours], radii=radii))
+        pen.still(f"{path}/dots", rr.Points2D(places, colors=colours, radii=radii))
     if lines:
-        strips, colours = [points for *_, points in lines], [_seen(colour) for _, colour, *_ in lines]
-        pen.still(f"{path}/lines", rr.LineStrips2D(strips, colors=colours, radii=[own[2] for own in lines]))
+        strips, shades = [points for *_, points in lines], [_seen(colour) for _, colour, *_ in lines]
+        pen.still(f"{path}/lines", rr.LineStrips2D(strips, colors=shades, radii=[own[2] for own in lines]))
     corners = [(0.0, 0.0), (0.0, HIGH), (WIDE, HIGH)]
     pen.still(f"{path}/axes", rr.LineStrips2D([corners], colors=GREY, radii=0.3))
     if texts := [text for text in axes.texts if text.get_text()]:
@@ -96,7 +94,7 @@ def _around(pen: Pen, path: str, axes: Axes, names: Sequence[str]) -> rrb.Spatia
 
 def _ticks(axis: Axis) -> tuple[Array, list[str]]:
     """Where ticks of an axis are and what stands at them, those inside of it."""
-    low, high = sorted(axis.get_view_interval().tolist())
+    low, high = sorted(axis.get_view_interval())
     at = np.asarray(axis.get_majorticklocs())
     words = [" ".join(text.split()) for text in axis.get_major_formatter().format_ticks(at.tolist())]
     inside = [k for k, place in enumerate(at.tolist()) if low <= place <= high and words[k]]
@@ -128,7 +126,8 @@ Mark = tuple[str, tuple[float, ...], float, Array]
 def _marks(axes: Axes) -> Iterator[Mark]:
     """Lines and dots of a pane: what, colour, radius and points, those within its axes."""
     for what, colour, size, points in _all_marks(axes):
-        inside = np.isfinite(points).all(axis=1) & (np.abs(points - 0.5 * WIDE) < 2 * WIDE).all(axis=1)
+        near = np.isfinite(points) & (np.abs(points - 0.5 * WIDE) < 2 * WIDE)
+        inside = np.asarray(near.all(axis=1))
         if what == "dots":
             if inside.any():
                 yield what, colour, size, points[inside]
@@ -141,7 +140,7 @@ def _marks(axes: Axes) -> Iterator[Mark]:
 
 def _all_marks(axes: Axes) -> Iterator[Mark]:
     for line in axes.get_lines():
-        points = _placed(axes, line.get_transform(), line.get_xydata())
+        points = _placed(axes, line.get_transform(), np.asarray(line.get_xydata(), dtype=float))
         colour = to_rgb(line.get_color())
         if line.get_linestyle() not in NOTHING and len(points) > 1 and np.ptp(points, axis=0).any():
             yield "line", colour, STROKE * line.get_linewidth(), points
@@ -168,14 +167,14 @@ def _all_marks(axes: Axes) -> Iterator[Mark]:
 def _scattered(axes: Axes, own: PathCollection) -> Iterator[Mark]:
     """Dots of one size or several, in one colour or several."""
     at = _placed(axes, own.get_offset_transform(), np.asarray(own.get_offsets()))
-    colours, sizes = np.asarray(own.get_facecolors()), np.sqrt(own.get_sizes())
+    colours, sizes = np.asarray(own.get_facecolor()), np.sqrt(own.get_sizes())
     for k, point in enumerate(at):
         yield "dots", tuple(colours[k % len(colours)][:3]), DOT * sizes[k % len(sizes)], point[None]
 
 
 def _outlined(axes: Axes, own: PolyCollection | LineCollection) -> Iterator[Mark]:
     """Outlines of areas, and lines."""
-    colours = np.asarray(own.get_facecolors() if isinstance(own, PolyCollection) else own.get_colors())
+    colours = np.asarray(own.get_facecolor() if isinstance(own, PolyCollection) else own.get_colors())
     for k, outline in enumerate(own.get_paths()):
         points = _placed(axes, own.get_transform(), np.asarray(outline.vertices))
         yield "line", tuple(colours[k % len(colours)][:3]), THIN, points

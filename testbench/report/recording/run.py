@@ -145,7 +145,8 @@ def write_run(
             write_map(pen, page.map, names, size)
         models = _models(pen, page.tables)
         panes = _panes(pen, figures, COLUMN if page.scene else 2 * COLUMN)
-        tabs = _scene_tabs(page, groups, models) if page.scene else [_answer(panes or models)]
+        tabs: list[rrb.Container | rrb.View] = []
+        tabs += _scene_tabs(page, groups, models) if page.scene else [_answer(panes or models)]
         if page.map:
             here = [f"here/{groups[page.map.group].name}"] if groups else []
             tabs.append(map_tab(page.map, arm, body, size, here))
@@ -207,9 +208,10 @@ def _models(pen: Pen, tables: Sequence[Table]) -> list[rrb.View]:
         axes.barh(range(len(sizes)), sizes, BAR, color=colours)
         axes.set_xlim(min(0.0, low), 1.03 * high)
     axes.set_yticks(range(len(sizes)), [name.cell(row) for row in table.rows])
-    held = next((own.value for own in table.columns if own.key == "conservative"), lambda _: None)
+    known = [own for own in table.columns if own.key == "conservative"]
     for y, (size, row) in enumerate(zip(sizes, table.rows, strict=True)):
-        words = f"{column.text(size)}, not conservative" if held(row) is False else column.text(size)
+        free = any(own.value(row) is False for own in known)
+        words = f"{column.text(size)}, not conservative" if free else column.text(size)
         axes.text(1.01, y, words, transform=axes.get_yaxis_transform())
     axes.set_title(table.title or "Models")
     return [write_pane(pen, "models", axes)]

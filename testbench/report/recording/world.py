@@ -129,8 +129,9 @@ def write_layer(rows: Pen, path: str, layer: Layer, size: float, scale: ErrorSca
     else:
         rows.still(path, kind.from_fields(**look, **parts))
     if layer.kind == "weights":
-        size_of = {"lengths": 2 * layer.radius, "radii": layer.radius}
-        solid = rr.Cylinders3D.from_fields(**size_of, colors=layer.colour, fill_mode=FillMode.Solid)
+        solid = rr.Cylinders3D.from_fields(
+            lengths=2 * layer.radius, radii=layer.radius, colors=layer.colour, fill_mode=FillMode.Solid
+        )
         rows.still(f"{path}_body", solid)
         down = np.array([0, 0, layer.radius])
         rows.rows(f"{path}_body", rr.Cylinders3D.columns(centers=to - down).partition(counts))
@@ -149,7 +150,7 @@ def _write_trackers(rows: Pen, path: str, layer: Layer) -> None:
         fill_mode=FillMode.Solid,
     )
     rows.still(path, box)
-    rows.still(f"{path}_legs", rr.LineStrips3D(legs(heads), colors=layer.colour, radii=HEAD / 10))
+    rows.still(f"{path}_legs", rr.LineStrips3D([*legs(heads)], colors=layer.colour, radii=HEAD / 10))
     if layer.labels:
         rows.names(f"{path}_names", heads + np.array([0, 0, 2 * HEAD]), list(layer.labels), layer.colour)
 
@@ -172,7 +173,7 @@ def _write_names(rows: Pen, path: str, layer: Layer) -> None:
         rows.names(path, layer.at[0, named], texts, layer.colour)
         return
     rows.still(path, rr.Points3D.from_fields(colors=layer.colour, radii=0.0, show_labels=True))
-    known = np.isfinite(layer.at[:, named]).all(axis=2)
+    known = np.asarray(np.isfinite(layer.at[:, named]).all(axis=2))
     there = [text for row in known for text, here in zip(texts, row, strict=True) if here]
     names = rr.Points3D.columns(positions=layer.at[:, named][known], labels=there)
     rows.rows(path, names.partition(known.sum(axis=1)))
