@@ -35,9 +35,31 @@ os.environ["PATH"] = f"{PROGRAM.parent}{os.pathsep}{os.environ['PATH']}"  # of t
 myst_heading_anchors = 3
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 html_math_renderer = "mathml"
+html_show_sourcelink = False
+html_copy_source = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 napoleon_google_docstring = True
+
+# What the theme leaves out for screen readers and keyboards: levels, names, and focus on what scrolls.
+OPENED = {
+    'role="heading"><span class="caption-text"': 'role="heading" aria-level="2"><span class="caption-text"',
+    '<aside class="sidebar-drawer">': '<aside class="sidebar-drawer" aria-label="All pages">',
+    '<aside class="toc-drawer': '<aside aria-label="This page" class="toc-drawer',
+    '<div class="highlight"><pre>': '<div class="highlight"><pre tabindex="0">',
+    '<div id="search-results"></div>': '<h1>Search</h1>\n<div id="search-results"></div>',
+    '<div class="table-wrapper': '<div tabindex="0" class="table-wrapper',
+}
+
+
+def open_to_all(app: Any, error: Exception | None) -> None:
+    """Write what screen readers and keyboards need into every page."""
+    if error is None and app.builder.name == "html":
+        for page in Path(app.outdir).rglob("*.html"):
+            text = page.read_text(encoding="utf-8")
+            for old, new in OPENED.items():
+                text = text.replace(old, new)
+            page.write_text(text, encoding="utf-8")
 
 
 def write_help(_: object) -> None:
@@ -114,7 +136,7 @@ def write_equation(writer: Any, node: nodes.math_block) -> None:
     """Write an equation, its label in place of a number."""
     body = writer.body  # the theme wraps it in a box that has the anchor
     body.append('<div class="math" style="display: flex; align-items: center; padding: 0.5em 0">')
-    body.append(f'<div style="flex: 1; overflow-x: auto">{mathml(node.astext(), "block")}</div>')
+    body.append(f'<div style="flex: 1; overflow-x: auto" tabindex="0">{mathml(node.astext(), "block")}</div>')
     if node.get("label"):
         body.append(f'<span class="eqno">({node["label"]})')
         writer.add_permalink_ref(node, "Link to this equation")
@@ -137,3 +159,4 @@ def setup(app: Any) -> None:
     app.connect("env-check-consistency", refuse_missing)
     app.connect("builder-inited", refuse_undocumented)
     app.connect("builder-inited", write_help)
+    app.connect("build-finished", open_to_all)

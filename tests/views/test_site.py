@@ -60,7 +60,7 @@ def test_a_page_has_no_barrier_and_is_as_wide_as_its_screen(open_page, site, nam
     sync_playwright = pytest.importorskip("axe_playwright_python.sync_playwright")
     shown = open_page(site / f"{name}.html", WIDE, dark=theme == "dark")
     shown.page.evaluate(THEME, theme)
-    found = sync_playwright.Axe().run(shown.page).response["violations"]
+    found = sync_playwright.Axe().run(shown.page, options={"preload": False}).response["violations"]
     assert [(own["id"], own["nodes"][0]["html"], own["nodes"][0]["failureSummary"]) for own in found] == []
     for width in (PHONE, WIDE):
         shown.page.set_viewport_size({"width": width, "height": 844})
@@ -71,5 +71,5 @@ def test_a_page_has_no_barrier_and_is_as_wide_as_its_screen(open_page, site, nam
 def test_the_search_of_the_site_finds_a_page(open_page, site):
     shown = open_page(site / "search.html")
     shown.page.goto(f"{(site / 'search.html').as_uri()}?q=compensator")
-    shown.page.wait_for_selector("#search-results li", timeout=20_000)
-    assert "compensator" in shown.page.inner_text("#search-results").lower()
+    shown.page.wait_for_selector("#search-results li", timeout=60_000)
+    assert "Identify a stiffness model" in shown.page.inner_text("#search-results")
