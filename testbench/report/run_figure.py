@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from testbench.report.colours import hexadecimal
+from testbench.report.colours import MEASURED, hexadecimal
 from testbench.report.figure import (
     LOG_AXIS_RATIO,
     MIN_LETTER_SIZE,
@@ -24,8 +25,9 @@ from testbench.report.figure import (
     say,
     short,
 )
+from testbench.report.figure_arm import draw_arm, outlines
 from testbench.report.markdown import ReportWords, as_plain
-from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart
+from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, tube_colours
 from testbench.report.schema import Table, TableColumn, looks
 from testbench.runs.spread import Spread, dotted, middle, range_of
 
@@ -60,7 +62,7 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
         pose_group = seen.scene.groups[0]
         for k, (pose, name, plane) in enumerate(_panes(pose_group)):
             axes = figure.add_subplot(grid[len(forest), k])
-            _poses(axes, pose_group, pose, plane)
+            _poses(axes, seen.scene, pose, plane)
             title = f"{pose_group.names[pose]}, {name}"
             axes.set_title(textwrap.fill(title, POSE) if len(title) > POSE else title)
         _key(figure.add_subplot(grid[len(forest) + 1, :]), layers, bent=bent)
@@ -82,16 +84,16 @@ def _panes(pose_group: PoseGroup) -> list[tuple[int, str, tuple[int, int]]]:
     return [(pose_group.first, f"typical, {name}", plane), (pose_group.worst, f"worst, {name}", plane)]
 
 
-def _poses(axes: Axes, pose_group: PoseGroup, k: int, plane: tuple[int, int]) -> None:
-    """The arm in a pose, straight and bent, and what is drawn in it."""
-    shown = list(plane)
+def _poses(axes: Axes, scene: Scene, k: int, plane: tuple[int, int]) -> None:
+    """Draw the arm in a pose of the first group, straight in grey, bent in its colour, and what is in it."""
+    pose_group, shown = scene.groups[0], list(plane)
     if pose_group.near is None:
-        for frames, colour, style in ((pose_group.rigid, SOFT, "-"), (pose_group.bent, "0.3", "--")):
+        for frames, colour in ((pose_group.rigid, None), (pose_group.bent, MEASURED)):
             if frames is not None:
-                axes.plot(*frames.positions[k, 1:, shown], style, color=colour, linewidth=1.8, alpha=0.6)
+                draw_arm(axes, *outlines(scene.cell, frames, k, np.eye(3)[shown]), colour)
     for layer in pose_group.layers:
         if layer.shown:
-            _layer(axes, layer, k, shown)
+            _layer(axes, layer, k, shown, scene)
     axes.set(xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
     low, high = np.array(axes.dataLim.min), np.array(axes.dataLim.max)
     half = (0.5 + WIDE) * (float((high - low).max()) or 1.0)  # square: room for numbers
@@ -103,19 +105,25 @@ def _poses(axes: Axes, pose_group: PoseGroup, k: int, plane: tuple[int, int]) ->
     quiet(axes)
 
 
-def _layer(axes: Axes, layer: Layer, k: int, shown: list[int]) -> None:
-    """Dots, or lines and arrows from their beginning to their end, of a pose; what stands still always."""
+def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> None:
+    """Draw a layer in a pose: dots, or lines from their beginning to their end; what stands still always."""
     colour, at = hexadecimal(layer.colour), layer.at[k if len(layer.at) > 1 else 0]
     if layer.to is None:
         size = 2 if layer.kind == "specks" else 4.3
-        axes.plot(*at[:, shown].T, "o", color=colour, markersize=size)
+        axes.plot(*at[:, shown].T, "^" if layer.kind == "trackers" else "o", color=colour, markersize=size)
         return
     to = layer.to[k if len(layer.to) > 1 else 0]
     ends = np.stack([at, to], axis=1)[:, :, shown]  # one artist for all: each has a cost of its own
     known = np.isfinite(ends).all(axis=(1, 2))
-    axes.add_collection(LineCollection(ends[known], colors=colour, linewidths=1.0, capstyle="projecting"))
+    colours = tube_colours(layer, scene.tube_scale)[known] / 255 if layer.kind == "tubes" else colour
+    axes.add_collection(LineCollection(ends[known], colors=colours, linewidths=1.0, capstyle="projecting"))
     if layer.kind == "arrows":
         axes.plot(*to[:, shown].T, "o", color=colour, markersize=2)
+    if layer.kind == "weights":
+        side = 2 * layer.radius  # a cylinder as high as wide: a square, its top where the cord ends
+        below = ends[known, 1] - [layer.radius, side if shown[1] == 2 else layer.radius]
+        squares = [Rectangle((x, y), side, side) for x, y in below]
+        axes.add_collection(PatchCollection(squares, facecolors=colour, linewidths=0))
 
 
 def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:
@@ -172,7 +180,7 @@ def _key(axes: Axes, layers: Sequence[Layer], *, bent: bool) -> None:
     for (colour, mark), names in signs.items():
         axes.plot([], [], mark, color=colour, linewidth=1.4, label=textwrap.fill("; ".join(names), NAME))
     if bent:
-        axes.plot([], [], "--", color="0.3", linewidth=1.8, alpha=0.6, label="arm, bent")
+        axes.plot([], [], "s", color=hexadecimal(MEASURED), alpha=0.6, label="arm, bent")
     axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="center", ncols=KEYS)
 
 

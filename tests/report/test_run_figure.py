@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_run import REPORT, made_up_run
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from reports import check_forest
 
 from testbench.report.colours import look
 from testbench.report.figure import headed, log_ticks
+from testbench.report.figure_arm import outlines
 from testbench.report.run_figure import overview
 from testbench.report.scene import scale_of
 from testbench.report.schema import Table, TableColumn
@@ -33,11 +35,15 @@ def test_the_first_pose_is_drawn_from_aside_and_from_above(figure, seen, pane, p
     k, (dots, arrows, path, _) = own.first, own.layers
     assert (axes.get_xlabel(), axes.get_ylabel()) == tuple(f"{'xyz'[i]} [m]" for i in plane)
     lines = [np.column_stack(line.get_data()) for line in axes.get_lines()]
-    drawn = {
-        (line.get_color(), line.get_linestyle()): at for line, at in zip(axes.get_lines(), lines, strict=True)
-    }
-    segments = [at for own_lines in axes.collections for at in own_lines.get_segments()]
-    assert drawn["0.3", "--"] == pytest.approx(own.bent.positions[k, 1:, plane].T)
+    segments = [
+        at for many in axes.collections if isinstance(many, LineCollection) for at in many.get_segments()
+    ]
+    solids = [many for many in axes.collections if isinstance(many, PolyCollection)]
+    for frames, drawn in zip((own.rigid, own.bent), solids, strict=True):
+        polygons, _ = outlines(seen.scene.cell, frames, k, np.eye(3)[plane])
+        paths = [path.vertices[:-1] for path in drawn.get_paths()]
+        assert len(paths) == len(polygons) > 5
+        assert all(np.allclose(a, b) for a, b in zip(paths, polygons, strict=True))
     assert any(at.shape == (3, 2) and np.allclose(at, dots.at[k][:, plane], equal_nan=True) for at in lines)
     for j in range(3):
         ends = np.stack([arrows.at[k, j, plane], arrows.to[k, j, plane]])
@@ -64,7 +70,7 @@ def test_charts_hold_every_number_in_its_colour_with_its_interval(figure, seen):
     assert [text.get_text() for text in axes.get_xticklabels()] == list("abcde")
 
 
-def test_the_dashed_arm_is_in_the_key_where_one_is_drawn(figure, seen):
+def test_the_bent_arm_is_in_the_key_where_one_is_drawn(figure, seen):
     def keys(drawn):
         return [text.get_text() for text in drawn.axes[2].get_legend().get_texts()]
 
