@@ -122,7 +122,7 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
         left = residuals_by_model(cell, identified)
         f = numbers(filed, cell, identified, left, widths=not asked.no_intervals)
         f["badge"] = badge(identified, left)
-        f["over"] = over(identified, left)
+        f["over"] = _over(identified, left)
         f["identifiability"] = identifiability(cell, identified) if asked.identifiability else None
         said, flags = report(f), plain(readings, asked, read="dataset", without=("arm",))
         flags |= {"estimators": {each.name: asdict(each) for each in tried.own}} if tried.own else {}
@@ -174,7 +174,7 @@ def badge(found: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
     return own
 
 
-def over(found: IdentifyResult, left: Mapping[str, Array]) -> list[Row]:
+def _over(found: IdentifyResult, left: Mapping[str, Array]) -> list[Row]:
     """Compare the held-out errors of all models with those of the model to take; nothing of too few."""
     rms, each = held_out(found, left, MIN_PAIRS)
     taken = found.fits.recommended

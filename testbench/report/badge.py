@@ -291,7 +291,17 @@ def ratios(ours: str, pairs: Mapping[str, Pair], each: str = "trial") -> list[Ro
 
 
 def ratios_of(trials: Trials, ours: str, value: str, each: str = "trial") -> list[Row]:
-    """Compare all models of trials with ours: see `ratios`; of one trial pose by pose."""
+    """Compare all models of trials with ours: see `ratios`; of one trial pose by pose.
+
+    Args:
+        trials: Rows of the trials.
+        ours: Name of our model.
+        value: Column of the error.
+        each: What a trial is.
+
+    Returns:
+        A row for every other model.
+    """
     others = [name for name in trials.values(MODEL) if name != ours]
     return ratios(ours, *_pairs(trials, ours, others, value, each))
 

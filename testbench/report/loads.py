@@ -91,7 +91,15 @@ def _of(points: Array, some: Array) -> Array:
 
 
 def trackers(stations: Array, names: Sequence[str] = ("tracker",)) -> Layer:
-    """Trackers where they stand, (k, 3) [m], with their names."""
+    """Draw trackers where they stand, with their names.
+
+    Args:
+        stations: Where, (k, 3) [m].
+        names: Of the trackers, k.
+
+    Returns:
+        The layer.
+    """
     return Layer("tracker", MEASURED, "trackers", np.reshape(stations, (1, -1, 3)), labels=names)
 
 

@@ -36,7 +36,7 @@ SIDES = {"from the side": (0, 2), "from above": (0, 1)}
 HEAD, SCENE, KEY, CHART = 0.8, 2.6, 0.25, 1.65
 """Heights of title and caption, of the poses, of a line of their key, of a chart [in]."""
 KEYS, NAME = 3, 40  #: Names on a line of the key, letters of a line of one.
-POSE = 36  #: Letters of a line above an arm.
+POSE = 26  #: Letters of a line above an arm.
 SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z])")  #: Where one ends.
 BARS, NAMED = 40, 24  #: Poses up to which a chart has dots, and labels that an axis has room for.
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].

@@ -331,6 +331,9 @@ def joint_curve(known: Posterior, columns: Ids, orders: Sequence[int], q: Array)
         columns: Places of the sines and cosines among them, (2, orders).
         orders: Their orders.
         q: Angles of the joint that were measured [rad].
+
+    Returns:
+        Angles, and the error with the ends of its interval.
     """
     angle = np.linspace(q.min(), q.max(), CURVE)
     turns = np.outer(angle, orders)

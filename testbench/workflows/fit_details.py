@@ -174,6 +174,9 @@ def singular_values(vjm: Vjm, regression: Regression, prior: Prior, uncertainty:
         regression: The reduced readings.
         prior: In whose metric directions have one unit.
         uncertainty: Its relative standard deviation [1].
+
+    Returns:
+        The singular values [1].
     """
     rows = weighted_rows(regression, any_metric(prior, vjm, regression.structure))[0]
     return rounded(np.asarray(uncertainty * np.linalg.svd(rows, compute_uv=False), dtype=np.float64))

@@ -157,7 +157,18 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
 
 
 def place_gauges(best: Plan, settings: PlanSettings) -> GaugePlan:
-    """Choose markers and axes of the gauges in the poses of a plan; BenchError for more than the markers."""
+    """Choose markers and axes of the gauges in the poses of a plan.
+
+    Args:
+        best: The plan.
+        settings: Their number, noise and tilt.
+
+    Returns:
+        Marker and axis of every gauge, pose by pose.
+
+    Raises:
+        BenchError: For more gauges than markers.
+    """
     spec, problem = best.specification, best.examined.problem
     gauges = Gauges(settings.gauges, settings.gauge_um / UM, math.radians(settings.tilt_deg))
     rows = gauge_rows(spec, best.q, best.load, gauges, problem.lift)

@@ -316,8 +316,8 @@ def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
     [doubt] = [
         scale for scale in hierarchy.contradicted_scales(estimate.weighted_prior) if scale.name == "joints"
     ]
-    assert f"want {joints.factor:.2g} times" in of_scale(doubt).sentence
-    assert "beside the links" in of_scale(doubt).sentence
+    assert f"is {joints.factor:.2g} times" in of_scale(doubt).sentence
+    assert "relative to the links" in of_scale(doubt).sentence
     assert errors["wrong"] < errors["right"] + 0.3 * kr500.arm.C_theta[42:, 42:].max()
 
 
@@ -581,7 +581,7 @@ def test_what_no_reading_speaks_of_weighs_nothing_however_many_blocks_there_are(
     mute = replace(seen.problem, gram=0 * seen.problem.gram, counts=0 * seen.problem.counts)
     h = np.r_[np.zeros(len(seen.start) - 3), seen.start[-3:-1], 0.0]
     for k in range(2, seen.kind.max() + 1):  # sizes of laws beside the prior's
-        own = math.log(hierarchy._size(k)[0])
+        own = math.log(hierarchy._law_sizes(seen.scaling)[k - 2][0])
         h[seen.blocks + k], h[: seen.blocks][seen.kind == k] = own, own
     at = evidence_posterior(mute, h)
     some = np.setdiff1d(np.arange(len(h) - 1), [seen.blocks])

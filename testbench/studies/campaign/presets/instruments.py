@@ -59,14 +59,14 @@ UNCERTAINTY = 0.3  #: Of the prior that the choice of directions counts with [1]
 
 @dataclass(frozen=True)
 class Options:
-    """Flags of the study."""
+    """Hold the flags of the study."""
 
     true_arm: TrueArmFlag = FAMILY
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What is tried."""
+    """Hold what is tried."""
 
     first: int  #: The first seed.
     poses: tuple[int, ...] = POSES
@@ -75,22 +75,33 @@ class Settings:
     arm: str = ARM
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
-    """What the flags ask for."""
+def _settings(options: Options, quick: bool, seeds: range) -> Settings:
+    """Translate the flags."""
     found = Settings(seeds[0], true_arm=options.true_arm)
     return replace(found, poses=(USUAL,), workspace=30) if quick else found
 
 
 @dataclass(frozen=True, kw_only=True)
 class InstrumentRow(CampaignFitRow):
-    """One model from the readings of one instrument."""
+    """Hold the numbers of one model from the readings of one instrument."""
 
     read_percent: float  #: Share of the readings that were in range.
     cover: Cover | None = None  #: Of the default.
 
 
 def directions(cell: Cell, q: Array, around: Array, mass: float, count: int) -> Array:
-    """Choose world axes of gauges in given poses, (poses, m, 3) [1]; zero for markers without one."""
+    """Choose world axes of gauges in given poses.
+
+    Args:
+        cell: The arm with its model.
+        q: Poses, (poses, n) [rad, m].
+        around: Poses in which the model is to predict, (tasks, n) [rad, m].
+        mass: Hung mass [kg].
+        count: Gauges in each pose.
+
+    Returns:
+        Directions, (poses, m, 3) [1]; zero for markers without a gauge.
+    """
     scaling, hung = scale_by_prior(cad_prior(cell.arm), cell.vjm, all153(cell.arm)), weight(cell.vjm, mass)
     setup = MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, Gauge.sigma)
     spec = Specification(setup, (hung,), Tasks(around, hung), around, UNCERTAINTY, len(q))
@@ -103,7 +114,17 @@ def directions(cell: Cell, q: Array, around: Array, mass: float, count: int) -> 
 
 
 def instruments(cell: Cell, q: Array, around: Array, mass: float) -> dict[str, list[Mounted]]:
-    """List the instruments by name, each as it is set up in all poses."""
+    """Set up every instrument in all poses.
+
+    Args:
+        cell: The arm with its model.
+        q: Poses, (poses, n) [rad, m].
+        around: Poses in which the model is to predict, (tasks, n) [rad, m].
+        mass: Hung mass [kg].
+
+    Returns:
+        The instruments by name.
+    """
     markers = cell.arm.markers
     three, one = (directions(cell, q, around, mass, count) for count in (len(markers), 1))
     wires = [Mounted(DRAW_WIRE, name, fixed=at) for name, at in zip(markers, ANCHORS, strict=True)]
@@ -119,8 +140,8 @@ def instruments(cell: Cell, q: Array, around: Array, mass: float) -> dict[str, l
     }
 
 
-def cases(cell: Cell, true: Cell, asked: Settings, seed: int, arm: str) -> Iterator[TrialCase]:
-    """Every instrument in few and in many poses, the few among the many."""
+def _cases(cell: Cell, true: Cell, asked: Settings, seed: int, arm: str) -> Iterator[TrialCase]:
+    """Yield every instrument in few and in many poses, the few among the many."""
     most = max(asked.poses)
     scenario = Scenario(arm=cell.arm.name, identification_poses=most, workspace_poses=asked.workspace)
     poses = draw_poses(cell, scenario, seed)
@@ -140,12 +161,21 @@ def cases(cell: Cell, true: Cell, asked: Settings, seed: int, arm: str) -> Itera
 
 @each_seed
 def trials(asked: Settings, seed: int, own: Models) -> Iterator[InstrumentRow]:
-    """Rows of a seed, one per model, instrument and number of poses."""
+    """Yield the rows of a seed, one per model, instrument and number of poses.
+
+    Args:
+        asked: The settings.
+        seed: The seed.
+        own: Makes models of a user's estimators.
+
+    Yields:
+        The rows.
+    """
     cell, arm = build_cell(find_arm(asked.arm)), true_arm_of_seed(asked.true_arm, seed)
     true, prior = true_cell(cell, arm, seed), wrong_prior(cell, seed)
     joints, plain = named_models(cell, (JOINTS, ALL_UNKNOWNS))
     models = [joints, *own(cell, prior), *with_priors(cell.arm, [plain], prior)]
-    tried = list(cases(cell, true, asked, seed, arm))
+    tried = list(_cases(cell, true, asked, seed, arm))
     fits = fitted(cell, models, tried)
 
     def more(name: str, k: int) -> Mapping[str, object]:
@@ -158,7 +188,7 @@ def trials(asked: Settings, seed: int, own: Models) -> Iterator[InstrumentRow]:
 
 
 def tables(_: Settings) -> Mapping[str, TrialTable]:
-    """The default by instrument; its error by poses; that of joint stiffness only."""
+    """List the default by instrument; its error by poses; that of joint stiffness only."""
     usual = {"name": DEFAULT, "poses": USUAL}
     return {
         "instruments": TrialTable(
@@ -176,7 +206,7 @@ def tables(_: Settings) -> Mapping[str, TrialTable]:
     }
 
 
-def derived(_: Settings, trials: Trials) -> Trials:
+def _derived(_: Settings, trials: Trials) -> Trials:
     """Name coverage and half width as other studies do."""
     return trials.add(covered_percent=trials["cover.covered_percent"], half_mm=trials["cover.half_mm"])
 
@@ -198,7 +228,7 @@ PRESET = Preset(
     how="KR 500 under its payload, read in the same random poses by every instrument; gauges half a degree "
     "off, their directions chosen in each pose; judged over the workspace.",
     options=Options,
-    settings=settings,
+    settings=_settings,
     seeds=(100, 8),
     row=InstrumentRow,
     trials=trials,
@@ -206,7 +236,7 @@ PRESET = Preset(
     printed="instruments",
     cells=lambda *_: {"": {"instrument": THREE, "poses": USUAL}},
     pairs=((DEFAULT, JOINTS),),
-    derived=derived,
+    derived=_derived,
     figures=figures,
 )
 STUDY = PRESET.study()
