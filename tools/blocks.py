@@ -69,7 +69,7 @@ def _from(page: Path, runs: Path, mark: re.Match[str]) -> str:
 def _part(page: Path, report: Report, name: str) -> str:
     if name in report.tables:
         return grid(report.tables[name])
-    if name in (*PARTS, *LISTS) and report.block(name):
+    if name in (*PARTS, *LISTS, "badge") and report.block(name):
         return report.block(name)
     raise InputError(page, name, f"no such block, and no such table; tables are {', '.join(report.tables)}")
 
