@@ -20,7 +20,7 @@ from testbench.report.recording.stream import Pen
 
 WIDE, HIGH = 160.0, 100.0  #: Of the part inside of the axes, in units of the view.
 LETTER, LINE = 3.9, 8.0  #: Room for a letter and for a line of text, in the same units.
-DOT, STROKE = 0.25, 0.25  #: Radius of a dot and of a line over its size or width [1/pt].
+DOT, STROKE = 0.4, 0.25  #: Radius of a dot and of a line over its size or width [1/pt].
 GREYS = (0.25, 0.75)  #: Brightness beyond which a grey is not seen on a dark or on a light ground [1].
 LETTERS = 30  #: Most letters of a name beside an axis.
 THIN = 0.15  #: Radius of an outline.
