@@ -62,6 +62,7 @@ def details(kr500, fitted):
     return rows(json.loads(json.dumps(plain(found), allow_nan=False)))
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(("n", "critical", "within"), [(20, 0.190, 0.004), (400, 0.886 / 20, 0.0012)])
 def test_lilliefors_rejects_beyond_the_published_distance(n, critical, within):
     """Lilliefors 1967, table 1: 0.190 for 20 residuals at 5 %, 0.886 over the root of n for many."""
@@ -261,6 +262,7 @@ def f(details):
     )
 
 
+@pytest.mark.study
 def test_the_figure_of_a_fit_has_models_ratios_with_intervals_residuals_and_runs(f):
     name, rms = TableColumn("name", "model"), TableColumn("rms", "RMS", "mm")
     own = [ModelLine(TAKEN, LOOKS[TAKEN], np.array([0.1, 0.3, 0.2]))]
@@ -300,6 +302,7 @@ def report():
     return Report(scenario="identify", numbers={}, tables={}, body=[], **words)
 
 
+@pytest.mark.study
 def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_tell(f):
     proposals = [Row(place=k, measure=f"way {k}", rank=9, expected_error_mm=0.1 * k) for k in (1, 2, 3)]
     assert len(model_figure(f, LOOKS).axes) == 6

@@ -124,6 +124,7 @@ def test_places_without_a_bound_are_rings_and_a_map_without_any_says_so():
     assert "Grey rings: no bound." in figure.get_supxlabel().replace("\n", " ")
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("still", [[0], [0, 1, 2]])
 def test_arms_that_move_in_a_plane_on_a_line_or_not_at_all_have_panes_too(still):
     at = AT.copy()

@@ -55,6 +55,7 @@ def test_coverage_is_drawn_at_every_level_with_its_error_beside_the_diagonal():
     assert figure.get_suptitle() == "Intervals of 95 % by a learnt prior hold 96 % of the deflections"
 
 
+@pytest.mark.study
 def test_the_error_of_a_joint_is_its_fourier_sum_with_the_interval_of_each_angle():
     orders, q = (1, 3), np.radians([-170.0, 10, 120])
     x = np.array([7.0, 30e-6, -20e-6, 10e-6, 5e-6])  # an unknown of another kind, then sines, then cosines
