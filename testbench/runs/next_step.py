@@ -71,7 +71,7 @@ def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> li
         "run": shell_word(run),
         "beside": "" if run.parent == Path() else f"{shell_word(run.parent)}/",
         "readings": "in the tracker's frame" if absolute else "without and with the load",
-        "flags": _rehearsal(asked) if absolute else printable(str(asked.get("flags", ""))),
+        "flags": _rehearsal(asked) if absolute else printable(str(asked.get("flags", ""))) + _gauges(asked),
         "fit": _fit(asked),
         "given": "".join(f"{shell_word(path)} " for path in given),
         "arm": named,
@@ -104,6 +104,11 @@ def _rehearsal(asked: Mapping[str, JsonValue]) -> str:
     masses = [kg for kg in loads if isinstance(kg, float)] if isinstance(loads, list) else []
     flags += " --orientations" if asked.get("orientations") else ""
     return flags + (f" --loads {','.join(f'{kg:g}' for kg in masses)}" if len(masses) > 1 else "")
+
+
+def _gauges(asked: Mapping[str, JsonValue]) -> str:
+    """Flag of `simulate` that reads the gauges of a plan."""
+    return " --instrument planned" if asked.get("gauges") else ""
 
 
 def _fit(asked: Mapping[str, JsonValue]) -> str:

@@ -32,6 +32,11 @@ def bare(lines):
         ("testbench plan", PLAN, "data check ../arms/a MEASURED.csv --out runs/data"),
         ("testbench plan", PLAN, f"identify {MEASURED} --model MGCO56 --no-prior --out runs/model"),
         ("testbench plan", ABSOLUTE, f"simulate ../arms/a runs/one/plan.csv {AS_ASKED} --out rehearsal.csv"),
+        (
+            "testbench plan",
+            PLAN | {"gauges": 3},
+            "simulate ../arms/a runs/one/plan.csv --instrument planned --out rehearsal.csv",
+        ),
         ("testbench plan", ABSOLUTE | {"given": ["a.csv", "b 2.csv"]}, f"calibrate {GIVEN} --out runs/model"),
         ("testbench data check", {"data": "export.csv"}, "identify ../arms/a export.csv --out runs/model"),
         ("testbench identify", {}, "compensate runs/one PROGRAM.csv --out CORRECTED.csv"),
