@@ -380,7 +380,11 @@ def _steadied(
         weighted_prior=estimate.weighted_prior,
         status=estimate.status if estimate.status != "solved" else rigid.status,
         solver_seconds=estimate.solver_seconds + rigid.solver_seconds,
-        average=replace(known, weight=weight + (1 - weight) * known.weight),
+        average=replace(
+            known,
+            weight=weight + (1 - weight) * known.weight,
+            laws_weight=(weight < 1) * known.laws_weight,
+        ),
     )
     return replace(mean, f_m=f_m(restrict_to(r, mean.structure), mean.pi))
 
