@@ -8,6 +8,7 @@ from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, slidin
 
 from testbench.arm.folder import load_arm
 from testbench.files.robot.chain import read_chain
+from testbench.files.robot.meshes import Meshes
 from testbench.files.robot.write import DENSITY, drawn_mesh
 from testbench.workflows.cell import build_cell
 from testbench.workflows.new_arm import sentence, write_arm
@@ -101,6 +102,18 @@ def test_what_is_drawn_stands_where_the_file_has_it_in_metres(arms):
     assert gap.max() < 1e-8
     assert shape.rgba == pytest.approx([1, 0.4, 0, 1])
     assert sum(p.stat().st_size for p in folder.rglob("*.*")) < 20_000
+
+
+@pytest.mark.parametrize("kind", ["obj", "stl"])
+def test_a_mesh_with_an_umlaut_in_latin_1_is_read(tmp_path, kind):
+    corners = ((0, 0, 0), (1, 0, 0), (0, 1, 0))
+    if kind == "obj":
+        text = "# Körper\n" + "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3\n"
+    else:
+        loop = "".join(f"vertex {x} {y} {z}\n" for x, y, z in corners)
+        text = f"solid Körper\nfacet normal 0 0 1\nouter loop\n{loop}endloop\nendfacet\nendsolid Körper\n"
+    (tmp_path / f"a.{kind}").write_bytes(text.encode("latin-1"))
+    assert Meshes().load(tmp_path / f"a.{kind}").faces.shape == (1, 3)
 
 
 def test_a_mirrored_mesh_is_not_inside_out(tmp_path):

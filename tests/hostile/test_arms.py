@@ -152,7 +152,7 @@ GROWING = '<!DOCTYPE m [<!ENTITY e0 "ab">{}]><COLLADA>&e20;</COLLADA>'.format(
 ROBOTS: dict[str, tuple[str, Spoil, str]] = {
     "a pipe": ("a.stl", os.mkfifo, "got a folder or a device"),
     "100 GB of nothing": ("a.dae", sparse(10**11), "expected at most 64000000 bytes"),
-    "a mesh cut short": ("a.stl", holds(stl(4)[:200]), "no triangles in this stl"),
+    "a mesh cut short": ("a.stl", holds(stl(4)[:200]), "expected 284 bytes of binary STL, got 200"),
     "a million triangles": ("a.stl", holds(stl(10**6)), "at most 500000 triangles"),
     "no mesh": ("a.ply", holds("not a mesh"), "not read as ply"),
     "XML of another kind": ("a.dae", holds("<a/>"), "not read as dae"),

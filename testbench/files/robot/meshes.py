@@ -270,6 +270,7 @@ def _triangles(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
     import trimesh
 
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it says of textures is not for the user
+    data = _as_utf8(data, kind)
     scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=None, process=False)
     parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
     if not parts:
@@ -278,6 +279,26 @@ def _triangles(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
     # metres in a unit as COLLADA states it; its up axis is ignored, as by robots' viewers
     units = str(scene.units or "")
     return vertices * (float(units.partition(" ")[0]) if "*" in units else 1.0), faces, _main_colour(parts)
+
+
+def _as_utf8(data: bytes, kind: str) -> bytes:
+    """Turn text of an older encoding into UTF-8; refuse a binary STL of another length than it states.
+
+    trimesh reads a binary STL of a wrong length as text, and guesses an encoding by a package that may be
+    missing.
+    """
+    if kind not in ("stl", "obj"):
+        return data
+    stated = 84 + 50 * int.from_bytes(data[80:84], "little")
+    if kind == "stl" and len(data) == stated:
+        return data
+    try:
+        data.decode()
+    except UnicodeDecodeError as err:
+        if kind == "stl" and not data.lstrip().startswith(b"solid"):
+            raise MeshError(f"expected {stated} bytes of binary STL, got {len(data)}: cut short?") from err
+        return data.decode("latin-1").encode()
+    return data
 
 
 def _main_colour(parts: Sequence[object]) -> Array | None:
