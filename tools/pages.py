@@ -121,7 +121,7 @@ def page(name: str, run: Path) -> None:
     links = [f"[{key}]({name}/{key}.csv)" for key, _ in _tables(found, PAGES / name)]
     text = ""
     for rows in range(ROWS, FEWEST - 1, -1):
-        text = _text(name, asked(name, run), found, rows, links)
+        text = _text(name, run, found, rows, links)
         if len(text.split()) <= WORDS:
             break
     kept = PAGES / f"{name}.md"
@@ -144,6 +144,16 @@ def asked(name: str, run: Path) -> str:
     return f"python scenarios/{name}.py {flags} --out runs/{name}"
 
 
+def made_with(run: Path) -> str:
+    """The day and commit of the code that made a run, in a sentence; empty where they are not known."""
+    commit = json.loads((run / "manifest.json").read_text(encoding="utf-8"))["git"].removesuffix("-dirty")
+    if commit == "unknown":
+        return ""
+    show = ["git", "-C", str(ROOT), "show", "-s", "--format=%cs (%h)", "--abbrev=8", commit]
+    day = subprocess.run(show, capture_output=True, text=True, check=True).stdout.strip()
+    return f"Numbers of the code of {day}."
+
+
 def draw(name: str, run: Path) -> None:
     """A study's picture by today's code from the numbers of a run, and in it a digest of its tables."""
     found, png = read_report(run / "report.json"), PAGES / f"{name}.png"
@@ -155,12 +165,13 @@ def draw(name: str, run: Path) -> None:
         stamp(png, Stamp(asked(name, run), digest(Path(tables) / name)))
 
 
-def _text(name: str, command: str, found: Report, rows: int, links: list[str]) -> str:
-    """The page with so many rows in its table."""
+def _text(name: str, run: Path, found: Report, rows: int, links: list[str]) -> str:
+    """The page with so many rows in its table, below the command that made the run and the code it ran."""
     badge = found.block("badge")
     parts = [
         f"# {titled(name)}",
-        f"    {command}",
+        f"    {asked(name, run)}",
+        made_with(run),
         found.question,
         f"**{found.answer}**" if found.answer else "",
         f"> {badge}" if badge else "",
