@@ -13,7 +13,7 @@ from reports import check
 from run_here import do, fine, refused, table
 
 from testbench.arm.folder import find_arm, load_arm
-from testbench.cli.compensate import report, seen
+from testbench.cli.compensate import report
 from testbench.correct.compensated import Refusal
 from testbench.correct.newton import Aim
 from testbench.files.program import read_program
@@ -23,6 +23,7 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose
 from testbench.plant.equilibrium import solve_equilibrium
+from testbench.report.program_scene import draw_correction
 from testbench.runs import provenance as files
 from testbench.workflows.arm_models import load_model, write_stiffness
 from testbench.workflows.cell import Scenario, simulate
@@ -401,7 +402,7 @@ def test_a_refused_point_is_as_far_off_as_it_was_and_a_bound_stands_beside_a_bou
         found, found=replace(own, after=after, refused=(*own.refused[:3], Refusal("reach"), *own.refused[4:]))
     )
     said = report(found)
-    [chart] = seen(kr500, found, said).runs
+    [chart] = draw_correction(kr500, found, said).runs
     before, half = 1e3 * np.linalg.norm(own.before, axis=1), 1e3 * own.half_width.max(axis=1)
     uncorrected, corrected = (line.values for line in chart.lines)
     np.testing.assert_allclose(uncorrected, before + half, rtol=1e-9)

@@ -6,7 +6,6 @@ from itertools import product
 
 from testbench.arm.folder import find_arm
 from testbench.report.badge import MIN_PAIRS, Badge
-from testbench.report.campaigns import seeds_of
 from testbench.report.colours import look_of
 from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest
@@ -20,6 +19,7 @@ from testbench.studies.bench import scores, trial
 from testbench.studies.bench.tasks import DEFAULT, JOINTS, REAL, TASKS
 from testbench.studies.bench.trial import BenchSettings, EntryRow
 from testbench.studies.campaign.report import dataset
+from testbench.studies.campaigns import seeds_of
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
 from testbench.workflows.rows import FAILED

@@ -19,7 +19,6 @@ from testbench.errors import Array, BenchError
 from testbench.files.write import csv_text
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, paper_gco, reduce
 from testbench.plant.tracker import trial_rng
-from testbench.report import campaigns
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GCO, SERIES, Look
 from testbench.report.columns import columns
@@ -28,6 +27,7 @@ from testbench.report.report import Report, say
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import most
+from testbench.studies import campaigns
 from testbench.studies.estimators.modelled import cvxpy, modelled
 from testbench.studies.paper.factorised import (
     CLOSE,

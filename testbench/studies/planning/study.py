@@ -9,7 +9,6 @@ from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.model.vjm import chain
 from testbench.plant.true_arms import CALLED
-from testbench.report import campaigns
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GREY, SERIES, Look
 from testbench.report.columns import columns
@@ -20,6 +19,7 @@ from testbench.report.scene import ModelLine, PageContent, PlaceMap, Scene
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import ends, independent, middle, span, wins
+from testbench.studies import campaigns
 from testbench.studies.planning import settings as s
 from testbench.studies.planning import trial
 from testbench.studies.planning.plans import prepare

@@ -1,14 +1,17 @@
-"""Shared parts of studies of campaigns: the best model of a method, pairs by arm, maps of errors."""
+"""Models in the report of a campaign: the best of a method, those that tell the story, errors by place."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from testbench.model.structure import JOINTS, Constraint
-from testbench.report.schema import best_of
+from testbench.report.columns import columns
+from testbench.report.schema import Table, best_of
 from testbench.report.table import Row, Trials, merged, nested
 from testbench.runs.spread import span
+from testbench.studies.study import DEFAULT_WITHOUT_CONE, IN_PAPER
 from testbench.workflows.fit_details import predictions, residual_histograms
+from testbench.workflows.model_selection import DEFAULT
 from testbench.workflows.workspace_errors import ErrorPlaces, WorkspacePoses, error_places
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
@@ -138,3 +141,55 @@ def distinct(models: Sequence[Row]) -> list[Row]:
 def user_estimators(models: Sequence[Row]) -> list[str]:
     """Name the user's estimators that worked in a trial."""
     return [m.name for m in models if m.constraint == "own"]
+
+
+WORST = "name place_error_mm x_m y_m z_m joints"
+MEANINGS = {
+    DEFAULT: "GCO of all, learnt prior: default",
+    DEFAULT_WITHOUT_CONE: "the default without its cone",
+    JOINTS: "rigid links: the usual model",
+    "MGCO56": "GCO of beams, learnt weight",
+    f"MGCO56{IN_PAPER}": "GCO of beams, as in the paper",
+    "MLS56": "least squares of beams",
+}
+"""The models that are printed, in this order, and what they are."""
+METHODS = {
+    "psd": "GCO",
+    "none": "least squares",
+    "free": "least squares with GCO's prior",
+    "own": "an estimator of your own",
+}
+"""What a model is whose name is none of these, by its constraint."""
+
+
+def told(rows: Sequence[Row]) -> Sequence[Row]:
+    """Select the models that tell the story, and those of the user; all of an arm that names others.
+
+    Args:
+        rows: All models.
+
+    Returns:
+        Rows with the column `meaning`.
+    """
+    models = {m.name: m for m in distinct(rows)}
+    listed = [name for name in (*MEANINGS, *user_estimators([*models.values()])) if name in models]
+    names = listed if len(listed) > 2 else models
+    return [Row(models[name], meaning=_meaning(models[name])) for name in names]
+
+
+def _meaning(model: Row) -> str:
+    """Say what a model is: its method and, where its name says nothing, its unknowns."""
+    if model.name in MEANINGS:
+        return MEANINGS[model.name]
+    method = METHODS[model.constraint]
+    return method if model.constraint == "own" else f"{method} of {model.parameters} unknowns"
+
+
+def worst_places(errors: ErrorPlaces) -> Table:
+    """Tabulate where every model of a map errs most."""
+    rows = []
+    for name in errors.compared:
+        worst = errors.worst[name]
+        x, y, z = worst.position_m
+        rows.append(Row(name=name, place_error_mm=worst.error_mm, x_m=x, y_m=y, z_m=z, joints=worst.joints))
+    return Table(columns(WORST), rows, "Where models err most, first trial")
