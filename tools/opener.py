@@ -30,7 +30,7 @@ from testbench.plant.shapes import BodyFrames, elastic_frames, origins
 from testbench.report.colours import CHOICE, LEAST_SQUARES, LOAD, Colour, hexadecimal
 from testbench.report.colours import JOINTS as BLUE
 from testbench.report.figure_arm import draw_arm, outlines
-from testbench.report.loads import STEEL, on_tool
+from testbench.report.scene import STEEL, on_tool
 from testbench.runs import command
 from testbench.runs.whole import whole_file
 from testbench.studies.campaign import coverage as trial

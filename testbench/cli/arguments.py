@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from testbench.errors import BenchError
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

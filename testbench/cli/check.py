@@ -19,10 +19,9 @@ from testbench.plant.shapes import BodyFrames, elastic_frames, rigid_frames
 from testbench.report.colours import GREY, NOMINAL
 from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
-from testbench.report.loads import loads, on_tool
 from testbench.report.markdown import Markdown, ended
 from testbench.report.report import Report, bullets, say
-from testbench.report.scene import Layer, PageContent, PoseGroup, Scene, arrow_scale
+from testbench.report.scene import Layer, PageContent, PoseGroup, Scene, arrow_scale, loads, on_tool
 from testbench.report.schema import Table, TableColumn, show
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines

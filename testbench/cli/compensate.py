@@ -24,11 +24,10 @@ from testbench.report.report import Report, say
 from testbench.report.schema import Table
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
+from testbench.runs.manifest import digest
 from testbench.runs.place import check_file, claim_folder
-from testbench.runs.provenance import digest
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.runs.whole import whole_files
-from testbench.workflows import correction_numbers as counted
 from testbench.workflows import program as programs
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.campaign_flags import MapFile, Payload
@@ -37,6 +36,7 @@ from testbench.workflows.masses import payload_of
 from testbench.workflows.options import Force, of_flag, takes
 from testbench.workflows.plan_input import joints_of
 from testbench.workflows.program import CorrectedProgram
+from testbench.workflows.program_numbers import correction_numbers, correction_warnings
 
 COMMAND, WRITTEN = "testbench compensate", ("report.md", "report.json", "compensation.png")
 #: Chance that the median point gets better from which on the correction is sure to help [1].
@@ -126,7 +126,7 @@ def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report
     Returns:
         The report.
     """
-    f = counted.numbers(found, tolerance_mm)
+    f = correction_numbers(found, tolerance_mm)
     answer = "No point has a load: the program is unchanged."
     if f.loaded:
         answer = (
@@ -144,7 +144,7 @@ def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report
         question=Markdown("Where does the loaded tool go, and what puts it right?"),
         title=say("{program} corrected for {arm}, {points:counted point}", f),
         answer=say(answer, f),
-        claims=[say("{text}", text=ended(capital(text))) for text in counted.warnings(f)],
+        claims=[say("{text}", text=ended(capital(text))) for text in correction_warnings(f)],
         numbers=f,
         tables=tables,
         body=[*tables, Markdown("What each table means: docs/correction.md, *Correct*.")],

@@ -26,8 +26,7 @@ from testbench.workflows.absolute import kinematic_misfit
 from testbench.workflows.campaign_flags import ArmName, ReadingOptions
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.file_contents import column_rows, contents
-from testbench.workflows.options import Force, takes
-from testbench.workflows.project import ProjectCommand
+from testbench.workflows.options import Force, ProjectCommand, takes
 from testbench.workflows.read_runs import (
     diagnose_runs,
     files_read,

@@ -25,7 +25,7 @@ from testbench.report.scene import PageContent
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row, find
 from testbench.report.table import plain as plain_data
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.runs.place import claim_folder
 from testbench.workflows.arm_check import refuse_warnings
 from testbench.workflows.arm_models import write_stiffness

@@ -25,13 +25,13 @@ from testbench.workflows.campaign_flags import MapFile, Payload
 from testbench.workflows.masses import overload_warnings, payload_of
 from testbench.workflows.options import Force, takes
 from testbench.workflows.plan_input import parse_work_area
-from testbench.workflows.prediction_numbers import TABLE, numbers, write_predictions
 from testbench.workflows.program import (
     DEFAULT_FORCE,
     Predicted,
     predict_file,
     read_pose_file,
 )
+from testbench.workflows.program_numbers import TABLE, prediction_numbers, write_predictions
 
 COMMAND, PICTURE = "testbench predict", "predict.png"
 POSES = (
@@ -86,7 +86,7 @@ def command(asked: PredictOptions) -> None:
 
 def report(made: Predicted) -> Report:
     """Report a prediction."""
-    f = numbers(made)
+    f = prediction_numbers(made)
     first = f.worst[0]
     tables = {
         "worst": Table(columns(POSES), f.worst, "Poses that move most", headline="deflection_mm"),

@@ -11,7 +11,6 @@ from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.badge import MIN_PAIRS, Badge, badge_against_all, incumbents, ratios
 from testbench.report.colours import MEASURED, NOMINAL, look
-from testbench.report.loads import loads, on_tool
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.report import say
 from testbench.report.scene import (
@@ -25,7 +24,9 @@ from testbench.report.scene import (
     arrow_scale,
     at_one_target,
     largest_and_even,
+    loads,
     of_all,
+    on_tool,
     workspace,
 )
 from testbench.runs.rows import Row

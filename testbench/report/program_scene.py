@@ -12,12 +12,12 @@ from testbench.model.vjm import joint_law_rotations
 from testbench.plant.shapes import BodyFrames, elastic_frames, rigid_frames
 from testbench.report import scene as draw
 from testbench.report.colours import GCO, MEASURED, NOMINAL, TASK, Look
-from testbench.report.loads import loads, on_tool
 from testbench.report.report import Report
+from testbench.report.scene import loads, on_tool
 from testbench.report.table import Row
 from testbench.workflows.cell import Cell
-from testbench.workflows.correction_numbers import predicted_bending
 from testbench.workflows.program import CorrectedProgram, Predicted, direction_words
+from testbench.workflows.program_numbers import predicted_bending
 from testbench.workflows.rows import MM
 
 BEFORE, CORRECTED = "uncorrected program", "corrected program"

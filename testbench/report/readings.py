@@ -12,9 +12,9 @@ from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report import scene as draw
 from testbench.report.colours import GCO, MEASURED, NOMINAL, SERIES, Look
 from testbench.report.columns import columns
-from testbench.report.loads import loads, trackers
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.report import Report, bullets, say
+from testbench.report.scene import loads, trackers
 from testbench.report.schema import NUMBER, Table, plain, show, written_out
 from testbench.report.table import Row
 from testbench.workflows import calibration_numbers as counted

@@ -21,17 +21,17 @@ from testbench.identify.absolute.state import nominal_state, torque_scale
 from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.diagnosis.diagnose import unplaced_series
+from testbench.identify.diagnosis.gravity import by_own_weight
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.hypothesis import Issue
-from testbench.identify.diagnosis.own_weight import by_own_weight
-from testbench.identify.diagnosis.series_checks import check_order
+from testbench.identify.diagnosis.screens import check_order
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION
 from testbench.identify.robust_loss import READINGS
 from testbench.model.load import read_weights
 from testbench.model.vjm import Vjm
-from testbench.runs.provenance import digest
+from testbench.runs.manifest import digest
 from testbench.runs.rows import Row
 
 T = TypeVar("T")

@@ -18,8 +18,13 @@ from testbench.identify.absolute.fit import first_fit
 from testbench.identify.absolute.state import ArmState, Mount, nominal_state, torque_scale
 from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.kinematics import ORIGIN
-from testbench.identify.diagnosis.moves import places
-from testbench.identify.diagnosis.steps import chance, most_significant_step, nuisance_model, with_shift
+from testbench.identify.diagnosis.moves import (
+    chance,
+    most_significant_step,
+    nuisance_model,
+    places,
+    with_shift,
+)
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior
 from testbench.model.load import Weights, read_weights

@@ -38,8 +38,7 @@ from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Truth, build_cell
 from testbench.workflows.evaluation import CampaignRow, campaign_rows, identify, score_estimate
 from testbench.workflows.models import EQUAL_FIT, JOINTS, Model, named_models
-from testbench.workflows.own_estimator import estimator_models
-from testbench.workflows.own_process import EstimatorSource
+from testbench.workflows.own_estimator import EstimatorSource, estimator_models
 from testbench.workflows.pose_campaign import FullPose, simulate
 from testbench.workflows.rows import MM, UM
 

@@ -28,7 +28,6 @@ from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import most
 from testbench.studies import campaigns
-from testbench.studies.estimators.modelled import cvxpy, modelled
 from testbench.studies.paper.factorised import (
     CLOSE,
     MAX_ORDER,
@@ -41,6 +40,7 @@ from testbench.studies.paper.factorised import (
     parameters,
     random_start,
 )
+from testbench.studies.paper.modelled import cvxpy, modelled
 from testbench.studies.paper.search import Budget, explore
 from testbench.studies.paper.six_dof_arm import TUBES
 from testbench.studies.paper.verdicts import statement_row, verdict_table

@@ -38,8 +38,7 @@ from testbench.workflows.evaluation import (
 )
 from testbench.workflows.model_selection import FILLED, with_priors
 from testbench.workflows.models import MODELS, Model
-from testbench.workflows.own_estimator import Models, estimator_models
-from testbench.workflows.own_process import EstimatorSource
+from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
 from testbench.workflows.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
 from testbench.workflows.predicted_error import (
     Expected,
