@@ -34,8 +34,8 @@ from testbench.report.scene import STEEL, on_tool
 from testbench.runs import command
 from testbench.runs.whole import whole_file
 from testbench.studies.campaign import coverage as trial
+from testbench.studies.campaigns import Result
 from testbench.workflows.cell import Campaign, Cell, build_cell, settle_both
-from testbench.workflows.evaluation import Result
 from testbench.workflows.model_selection import DEFAULT
 from testbench.workflows.models import JOINTS
 

@@ -29,7 +29,6 @@ from testbench.model.vjm import chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell
-from testbench.workflows.evaluation import EstimatorFailed, failed_row, fit_model
 from testbench.workflows.identifiability import set_aside
 from testbench.workflows.model_selection import (
     Recommendation,
@@ -38,7 +37,7 @@ from testbench.workflows.model_selection import (
     recommend,
     reduce_runs,
 )
-from testbench.workflows.models import Model
+from testbench.workflows.models import EstimatorFailed, Model, failed_row, fit_model
 from testbench.workflows.read_runs import MeasuredRuns
 from testbench.workflows.rows import MM, error_row, fit_row
 

@@ -40,9 +40,8 @@ from testbench.studies.campaign.trial import LEARNS, Cover, cover, covers, rerea
 from testbench.workflows.absolute import FRAME_POSES, evenly_spaced_rows
 from testbench.workflows.absolute_truth import by_trackers
 from testbench.workflows.cell import Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
-from testbench.workflows.evaluation import without_compliances
 from testbench.workflows.model_selection import with_priors
-from testbench.workflows.models import named_models
+from testbench.workflows.models import named_models, without_compliances
 from testbench.workflows.own_estimator import (
     MAX_COMPLIANCE,
     SUFFIX,

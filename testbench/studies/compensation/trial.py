@@ -46,9 +46,8 @@ from testbench.workflows.cell import (
     settle_both,
     true_cell,
 )
-from testbench.workflows.evaluation import fit_or_rigid
 from testbench.workflows.model_selection import choose_model, with_priors
-from testbench.workflows.models import Model, named_models
+from testbench.workflows.models import Model, fit_or_rigid, named_models
 from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
 from testbench.workflows.perturbed_prior import PRIORS, prior_of
 from testbench.workflows.rows import FAILED, MM

@@ -37,8 +37,7 @@ from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import Study
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.cell import measure_markers as read
-from testbench.workflows.evaluation import fit_model
-from testbench.workflows.models import Model
+from testbench.workflows.models import Model, fit_model
 from testbench.workflows.pose_campaign import FullPose, at_tool, random_wrenches
 from testbench.workflows.rows import UM, DatasetRow, FitRow, dataset_row, fit_row
 

@@ -22,7 +22,7 @@ from testbench.report.table import Row, Trials, aligned, merged
 from testbench.runs.spread import wins
 from testbench.studies import campaigns
 from testbench.studies.calibration_scene import calibration_scene, write_runs
-from testbench.studies.campaigns import NOT_OF_A_MODEL
+from testbench.studies.campaigns import NOT_OF_A_MODEL, CampaignRow, campaign_rows, identify, score_estimate
 from testbench.studies.paper.factorised import every_order
 from testbench.studies.paper.verdicts import (
     SECTION_5_2,
@@ -36,7 +36,6 @@ from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import Run, Study, plain_models
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Truth, build_cell
-from testbench.workflows.evaluation import CampaignRow, campaign_rows, identify, score_estimate
 from testbench.workflows.models import EQUAL_FIT, JOINTS, Model, named_models
 from testbench.workflows.own_estimator import EstimatorSource, estimator_models
 from testbench.workflows.pose_campaign import FullPose, simulate

@@ -28,6 +28,7 @@ from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import most
 from testbench.studies import campaigns
+from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estimate
 from testbench.studies.paper.factorised import (
     CLOSE,
     MAX_ORDER,
@@ -47,7 +48,6 @@ from testbench.studies.paper.verdicts import statement_row, verdict_table
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
 from testbench.workflows.cell import Campaign, Cell, build_cell
-from testbench.workflows.evaluation import CampaignRow, campaign_rows, score_estimate
 from testbench.workflows.models import Model, named_models
 from testbench.workflows.pose_campaign import FullPose, simulate
 

@@ -17,11 +17,10 @@ from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.campaign import coverage
 from testbench.studies.campaign.coverage import CalibrationSettings, Options
 from testbench.studies.campaign.report import PAIRS, Preset, TrialTable
-from testbench.studies.campaigns import NOT_OF_A_MODEL, TRUE, distinct, told
+from testbench.studies.campaigns import NOT_OF_A_MODEL, TRUE, CampaignRow, distinct, told
 from testbench.studies.paper import SECTION_6
 from testbench.studies.study import IN_PAPER, Run
 from testbench.workflows.cell import build_cell, true_cell
-from testbench.workflows.evaluation import CampaignRow
 from testbench.workflows.model_selection import DEFAULT
 from testbench.workflows.models import JOINTS
 
