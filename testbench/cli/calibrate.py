@@ -11,7 +11,6 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.cli.arguments import plain
 from testbench.errors import BenchError, PoseError
 from testbench.identify.absolute import fit
 from testbench.identify.absolute.posterior import model_of
@@ -40,7 +39,7 @@ from testbench.workflows.absolute import (
 from testbench.workflows.arm_models import read_model, write_model
 from testbench.workflows.campaign_flags import ArmName, SigmaUm, mass
 from testbench.workflows.cell import build_cell
-from testbench.workflows.options import Force, of_flag, takes
+from testbench.workflows.options import Force, of_flag, plain, takes
 from testbench.workflows.plan import gain_of_more
 from testbench.workflows.rows import MM
 

@@ -11,7 +11,6 @@ import typer
 from testbench.arm.elastic import JointEntry, LinkEntry
 from testbench.arm.folder import ArmJoint, find_arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.cli.arguments import ShownFolder
 from testbench.errors import Array, shell_word
 from testbench.files.elastic_mjcf import write_elastic
 from testbench.model.vjm import tool_points, tool_pose
@@ -28,7 +27,7 @@ from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import Kind, check_file, claim_folder
 from testbench.workflows.arm_check import Checked, check
 from testbench.workflows.campaign_flags import ArmName
-from testbench.workflows.options import Force, takes
+from testbench.workflows.options import Force, ShownFolder, takes
 
 COMMAND = "testbench check"  #: As manifest.json names it.
 ELASTIC = Kind("an elastic arm", rb"<mujoco [^>]*model=\"[^\"]*_elastic\"")

@@ -9,7 +9,6 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from testbench.cli.arguments import ArmCheck, plain
 from testbench.correct.newton import Asked as Meant
 from testbench.correct.newton import Hold
 from testbench.errors import BenchError
@@ -33,7 +32,7 @@ from testbench.workflows.arm_models import load_model
 from testbench.workflows.campaign_flags import MapFile, Payload
 from testbench.workflows.cell import build_cell
 from testbench.workflows.masses import payload_of
-from testbench.workflows.options import Force, of_flag, takes
+from testbench.workflows.options import ArmCheck, Force, of_flag, plain, takes
 from testbench.workflows.plan_input import joints_of
 from testbench.workflows.program import CorrectedProgram
 from testbench.workflows.program_numbers import correction_numbers, correction_warnings

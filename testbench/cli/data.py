@@ -10,7 +10,6 @@ import typer
 from rich.console import Console
 
 from testbench.arm.folder import find_arm
-from testbench.cli.arguments import ShownFolder
 from testbench.errors import BenchError, InputError, sheet_of
 from testbench.files.layouts import fitting
 from testbench.files.mapping import Map
@@ -26,7 +25,7 @@ from testbench.workflows.absolute import kinematic_misfit
 from testbench.workflows.campaign_flags import ArmName, ReadingOptions
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.file_contents import column_rows, contents
-from testbench.workflows.options import Force, ProjectCommand, takes
+from testbench.workflows.options import Force, ProjectCommand, ShownFolder, takes
 from testbench.workflows.read_runs import (
     diagnose_runs,
     files_read,

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.cli.arguments import plain
 from testbench.errors import BenchError
 from testbench.files.model_folder import DOCUMENT, FITS
 from testbench.identify import robust
@@ -34,7 +33,7 @@ from testbench.workflows.cell import build_cell
 from testbench.workflows.fit_numbers import identifiability, numbers, residuals_by_model
 from testbench.workflows.fits import fit_models
 from testbench.workflows.model_selection import asked_models
-from testbench.workflows.options import Force, of_flag, takes
+from testbench.workflows.options import Force, of_flag, plain, takes
 from testbench.workflows.own_estimator import EstimatorOptions, estimator_models
 from testbench.workflows.read_runs import files_read, read_runs
 

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.cli.arguments import ArmCheck, plain
 from testbench.model.poses import WorkArea
 from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
@@ -23,7 +22,7 @@ from testbench.runs.place import claim_folder
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.campaign_flags import MapFile, Payload
 from testbench.workflows.masses import overload_warnings, payload_of
-from testbench.workflows.options import Force, takes
+from testbench.workflows.options import ArmCheck, Force, plain, takes
 from testbench.workflows.plan_input import parse_work_area
 from testbench.workflows.program import (
     DEFAULT_FORCE,

@@ -10,7 +10,6 @@ import typer
 from rich.console import Console
 
 from testbench.arm.folder import find_arm
-from testbench.cli.arguments import Orientations, absolute_alone
 from testbench.errors import BenchError, Ids, InputError
 from testbench.files.write import write_csv, write_series
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
@@ -26,7 +25,7 @@ from testbench.workflows.candidates import PoseConditions, build_checks, find
 from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
 from testbench.workflows.instruments import Mounted, mounted, planned_gauges, read_instruments
 from testbench.workflows.masses import overload_warnings, read_masses
-from testbench.workflows.options import Force, takes
+from testbench.workflows.options import Force, Orientations, absolute_alone, takes
 from testbench.workflows.plan_input import FORCES, Place, given_poses, hung_masses, place, read_loads
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Pictures of fits to a user's runs: the arm in its runs and over the workspace, residuals, half widths."""
+"""Fits to a user's runs: their badge and warnings, and pictures of the arm, residuals and half widths."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -179,7 +179,15 @@ def badge(found: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
 
 
 def ratios_to_chosen(found: IdentifyResult, left: Mapping[str, Array]) -> list[Row]:
-    """Compare the held-out errors of all models with those of the model to take; nothing of too few."""
+    """Compare the held-out errors of all models with those of the model to take.
+
+    Args:
+        found: The fits.
+        left: Residuals by model.
+
+    Returns:
+        A row per model; none where too few runs were held out.
+    """
     rms, each = held_out(found, left, MIN_PAIRS)
     taken = found.fits.recommended
     if len(rms.get(taken, ())) < MIN_PAIRS:
@@ -188,7 +196,15 @@ def ratios_to_chosen(found: IdentifyResult, left: Mapping[str, Array]) -> list[R
 
 
 def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
-    """List what may be wrong with readings and fits, then notes; `docs/identify.md` says what each means."""
+    """List what may be wrong with readings and fits, then notes; `docs/identify.md` says what each means.
+
+    Args:
+        f: Numbers of the fits.
+        taken: The model to take, one of them.
+
+    Yields:
+        The warnings.
+    """
     for doubt in sorted(f.doubts, key=lambda doubt: doubt["name"] == "prior"):
         yield say("Doubt: {text}", text=ended(doubt["sentence"]))
     if taken.get("rejected"):

@@ -71,7 +71,16 @@ class Settings:
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
-    """Translate the flags."""
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
     found = Settings(seeds[0], true_arm=options.true_arm)
     return replace(found, poses=(USUAL,), workspace=30) if quick else found
 

@@ -41,8 +41,7 @@ from testbench.studies.paper.factorised import (
     parameters,
     random_start,
 )
-from testbench.studies.paper.modelled import cvxpy, modelled
-from testbench.studies.paper.search import Budget, explore
+from testbench.studies.paper.search import Budget, cvxpy, explore, modelled
 from testbench.studies.paper.six_dof_arm import TUBES
 from testbench.studies.paper.verdicts import statement_row, verdict_table
 from testbench.studies.run import READ, headline
