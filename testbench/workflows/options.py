@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # imports that take long
     from _typeshed import DataclassInstance
 
 NAME = Path("testbench.toml")
-TEMPLATE = Path(__file__).with_suffix(".toml")  #: All keys, as comments.
+TEMPLATE = Path(__file__).with_name("project.toml")  #: All keys, as comments.
 MAX_BYTES = 50_000
 READ = {"dataset", "readings"}  #: Parameters that are files of readings.
 FILES = (*READ, "program", "poses", "task")  #: Parameters whose files may have values of their own.

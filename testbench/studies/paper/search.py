@@ -1,10 +1,10 @@
 """Other optimisers of Eq. (19): the paper's genetic algorithm and global search, and any solver of cvxpy.
 
-The paper takes both of its own from MATLAB's Optimization Toolbox and names no settings. In the role of the genetic
-algorithm stands scipy's differential evolution with scipy's defaults. The global search (Ugray, Lasdon,
-Plummer, Glover, Kelly, Marti 2007) has the defaults that MATLAB publishes for `GlobalSearch`: trial points
-come from a scatter search (Glover 1998), and a local solve starts from those that pass two filters, far from
-the basins known and better than a threshold that rises while nothing passes.
+The paper takes its own two from MATLAB's Optimization Toolbox and names no settings. In the role of the
+genetic algorithm stands scipy's differential evolution with scipy's defaults. The global search (Ugray,
+Lasdon, Plummer, Glover, Kelly, Marti 2007) has the defaults that MATLAB publishes for `GlobalSearch`: trial
+points come from a scatter search (Glover 1998), and a local solve starts from those that pass two filters,
+far from the basins known and better than a threshold that rises while nothing passes.
 
 The conic program of GCO is written down in cvxpy too: any of its solvers may be the referee. cvxpy is no
 dependency of the package: it is imported where it is used, and its absence is one line.
