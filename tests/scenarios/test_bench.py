@@ -13,7 +13,7 @@ import testbench as tb
 from testbench.studies.bench.tasks import FLOORS, TASKS, problem, read_entries
 from testbench.workflows.cell import build_cell
 from testbench.workflows.models import without_compliances
-from testbench.workflows.own_estimator import Limits, call_estimator
+from testbench.workflows.own_process import Limits, call_estimator
 
 ENTRIES = sorted((ROOT / "entries").glob("*.py"))
 DRAWS = '''

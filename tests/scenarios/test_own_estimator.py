@@ -21,13 +21,8 @@ from testbench.identify.prior import Prior
 from testbench.model.structure import all153
 from testbench.report.colours import look
 from testbench.studies.bench.tasks import covariance
-from testbench.workflows.own_estimator import (
-    EstimatorSource,
-    Limits,
-    call_estimator,
-    estimator_models,
-    parameters_of,
-)
+from testbench.workflows.own_estimator import estimator_models, parameters_of
+from testbench.workflows.own_process import EstimatorSource, Limits, call_estimator
 
 APP = app_of_study("gravity_calibration")
 PAGE = (ROOT / "docs" / "own_estimator.md").read_text()
@@ -134,7 +129,7 @@ def dies(*_):
     os._exit(0)
 """
 ASKS = """
-from testbench.workflows.own_estimator import Limits, EstimatorSource, call_estimator
+from testbench.workflows.own_process import Limits, EstimatorSource, call_estimator
 
 if __name__ == "__main__":
     call_estimator(EstimatorSource("slow", {file!r}, "slow", Limits(600.0)), (1, 2, 3, 4))

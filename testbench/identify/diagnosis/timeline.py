@@ -1,6 +1,6 @@
 """Moves between two readings of pairs: of the tracker, or of the targets on the tool.
 
-It is the step that `calibrate` looks for (`steps`): from one reading on all lie elsewhere than the arm says,
+It is the step that `calibrate` looks for (`moves`): from one reading on all lie elsewhere than the arm says,
 by a move that no error of geometry, spring or slow joint error explains.
 """
 

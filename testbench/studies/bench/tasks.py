@@ -44,16 +44,13 @@ from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import named_models, without_compliances
 from testbench.workflows.own_estimator import (
     MAX_COMPLIANCE,
-    SUFFIX,
-    EstimatorSource,
     LimitOptions,
-    Limits,
-    call_estimator,
     check_reach,
     check_unchanged,
     parameters_of,
     read_estimators,
 )
+from testbench.workflows.own_process import SUFFIX, EstimatorSource, Limits, call_estimator
 from testbench.workflows.perturbed_prior import prior_of
 from testbench.workflows.plan_input import Place
 from testbench.workflows.pose_campaign import FullPose, simulate

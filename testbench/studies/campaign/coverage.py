@@ -46,7 +46,8 @@ from testbench.workflows.cell import (
 )
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import JOINTS, Model, named_models
-from testbench.workflows.own_estimator import EstimatorSource, estimator_models
+from testbench.workflows.own_estimator import estimator_models
+from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.perturbed_prior import prior_of, wrong_prior
 from testbench.workflows.pose_campaign import FullPose
 from testbench.workflows.pose_campaign import simulate as simulate_full_pose

@@ -48,7 +48,8 @@ from testbench.workflows.cell import (
 )
 from testbench.workflows.model_selection import choose_model, with_priors
 from testbench.workflows.models import Model, fit_or_rigid, named_models
-from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
+from testbench.workflows.own_estimator import Models, estimator_models
+from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.perturbed_prior import PRIORS, prior_of
 from testbench.workflows.rows import FAILED, MM
 

@@ -37,7 +37,8 @@ from testbench.studies.study import Run, Study, plain_models
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Truth, build_cell
 from testbench.workflows.models import EQUAL_FIT, JOINTS, Model, named_models
-from testbench.workflows.own_estimator import EstimatorSource, estimator_models
+from testbench.workflows.own_estimator import estimator_models
+from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.pose_campaign import FullPose, simulate
 from testbench.workflows.rows import MM, UM
 

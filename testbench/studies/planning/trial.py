@@ -31,7 +31,8 @@ from testbench.workflows.cell import Campaign, Cell, Setup, build_cell, poses_wi
 from testbench.workflows.cell import measure_markers as read
 from testbench.workflows.model_selection import FILLED, with_priors
 from testbench.workflows.models import MODELS, Model, fit_model, fit_or_rigid, has_failed
-from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
+from testbench.workflows.own_estimator import Models, estimator_models
+from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
 from testbench.workflows.predicted_error import (
     Expected,
