@@ -8,7 +8,7 @@ from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
-from testbench.studies.estimators.bounds import CEILING, FitSet, bounds, fit_set
+from testbench.studies.intervals import CEILING, FitSet, bounds, fit_set
 from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
 
 ARM = "kr500_l480"

@@ -16,7 +16,7 @@ from testbench.identify.conic import scale_program, solve_clarabel
 from testbench.model.structure import Structure, all153
 from testbench.plant.equilibrium import solve_linear_equilibrium
 from testbench.plant.tracker import Tracker, read_orientations, read_positions
-from testbench.studies.estimators.modelled import Entries, cvxpy, solve_modelled, vectorised
+from testbench.studies.paper.search import Entries, cvxpy, solve_modelled, vectorised
 from testbench.workflows.cell import Cell, build_cell
 
 ARMS = ("arm_6r", "kr500_l480")

@@ -11,7 +11,7 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import Regression
 from testbench.identify.solve import solve_by_reference, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
-from testbench.studies.estimators.bootstrap import resampler
+from testbench.studies.intervals import resampler
 from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
 
 ARM = "kr500_l480"

@@ -28,7 +28,7 @@ from testbench.identify.arm_model import elastic_state
 from testbench.model.load import read_weights
 from testbench.model.vjm import Vjm
 from testbench.runs import command
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.workflows.absolute import evenly_spaced_rows, position_errors
 from testbench.workflows.cell import build_cell
 

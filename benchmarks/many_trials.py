@@ -12,10 +12,8 @@ import numpy as np
 from measure import MODELS, Row, at_least, interleave, note, spread
 
 from testbench.identify import gco
-from testbench.runs.cores import on_cores
-from testbench.runs.engine import run_study
-from testbench.runs.experiment import TrialPlan
-from testbench.runs.store import open_store, write_parquet
+from testbench.runs.engine import on_cores, run_study
+from testbench.runs.store import TrialPlan, open_store, write_parquet
 from testbench.studies.paper import single_link
 from testbench.workflows.cell import build_cell
 

@@ -30,7 +30,7 @@ from rich.table import Table
 from single_fits import single_fits
 
 from testbench.runs import command
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 
 BENCHMARKS = {
     "a": newton_against_forward_passes,

@@ -3,7 +3,7 @@
 import testbench as tb
 from testbench.identify.metric import rescale_to_data, scale_by_prior
 from testbench.identify.prior import Strength
-from testbench.studies.estimators.stein import gco_stein
+from testbench.studies.shrinkage import gco_stein
 
 
 def estimate(kinematics, structure, data, prior):

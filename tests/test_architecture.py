@@ -33,17 +33,17 @@ DOORS = {
     "pyarrow": ("runs", "files/table.py", "report/table.py"),
     "python_calamine": "files/workbook.py",
     "distributed": "runs/cluster.py",
-    "joblib": "runs/cores.py",
+    "joblib": "runs/engine.py",
     "trimesh": "files/robot/meshes.py",
     "fast_simplification": "files/robot/meshes.py",
 }
 """The folder or module that imports a heavy package; matplotlib has a test of its own."""
 UNTYPED = """
-    runs/provenance.py studies/paper/factorised.py
-    studies/estimators/modelled.py studies/paper/search.py report/join.py report/report.py
+    runs/manifest.py studies/paper/factorised.py
+    studies/paper/search.py studies/paper/search.py report/join.py report/report.py
     report/table.py studies/run.py
     studies/study.py runs/cluster.py
-    runs/engine.py runs/experiment.py runs/store.py runs/rows.py report/page/page.py report/schema.py
+    runs/engine.py runs/store.py runs/rows.py report/page/page.py report/schema.py
     report/recording/world.py
 """
 """Modules at the door of JSON or of a package without types: the only ones that may say Any."""

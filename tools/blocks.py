@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from testbench.errors import InputError
-from testbench.report.gains import share
+from testbench.report.badge import share
 from testbench.report.markdown import grid, lines, titled
 from testbench.report.report import LISTS, PARTS, Report, read_report
 from testbench.studies import find_study

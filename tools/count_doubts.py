@@ -14,7 +14,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from testbench.plant.tracker import trial_rng
-from testbench.report.gains import wilson
+from testbench.report.badge import wilson
 from testbench.workflows.cell import build_cell
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -28,7 +28,7 @@ from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed, true_arm
 from testbench.runs.spread import median_interval
 from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
 from testbench.studies.campaign.trial import cover, reread, worst_tenth
-from testbench.studies.estimators.shrunk import ridge
+from testbench.studies.shrinkage import ridge
 from testbench.studies.study import without_cone
 from testbench.workflows.cell import Scenario, build_cell, draw_poses, simulate_at, true_cell
 from testbench.workflows.model_selection import ALL_UNKNOWNS, with_priors

@@ -12,10 +12,9 @@ def main() -> None:
     """Entry point of the command."""
     interrupt.handle(interrupt.leave_at_once)
     gc.set_threshold(GARBAGE)
-    from testbench.runs.surroundings import undisturbed  # here: it imports numpy
+    from testbench.runs import command  # here: imports can be interrupted from now on
 
-    undisturbed()
-    from testbench.cli.program import program  # here: imports can be interrupted from now on
-    from testbench.runs import command
+    command.undisturbed()
+    from testbench.cli.program import program
 
     interrupt.leave(command.run(program(sys.argv[1:])))

@@ -11,37 +11,35 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.cli.arguments import plain
-from testbench.errors import BenchError, PoseError, sheet_of
+from testbench.errors import BenchError, PoseError
 from testbench.identify.absolute import fit
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.registration import MIN_POSES
-from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report import scene as draw
 from testbench.report.badge import decide
-from testbench.report.colours import GCO, MEASURED, NOMINAL, Look
+from testbench.report.colours import GCO, Look
 from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown
+from testbench.report.readings import LOOKS, draw_calibration
 from testbench.report.report import Report, bullets, say
 from testbench.report.schema import Table
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import claim_folder
-from testbench.runs.provenance import digest
 from testbench.workflows import calibration_numbers as counted
 from testbench.workflows.absolute import (
     Calibrated,
     File,
     calibrate_with_masses,
     files_of,
-    position_errors,
     read_all,
+    score,
 )
 from testbench.workflows.arm_models import read_model, write_model
 from testbench.workflows.campaign_flags import ArmName, SigmaUm, mass
-from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.options import Force, of_flag, takes
+from testbench.workflows.cell import build_cell
+from testbench.workflows.options import Force, of_flag, plain, takes
 from testbench.workflows.plan import gain_of_more
 from testbench.workflows.rows import MM
 
@@ -64,8 +62,6 @@ TABLES = {
     "outliers": ("Readings that hardly count", "series row marker error_mm pull"),
 }
 """Titles and columns of the report's tables."""
-ARROW_LENGTH, BENT = 0.3, 0.12  #: Length of most arrows and of most sags over the reach [1].
-LOOKS = {"as drawn": Look(NOMINAL, 1, prior=True), "calibrated": Look(GCO, 0, prior=True)}
 
 
 @dataclass(frozen=True)
@@ -141,7 +137,7 @@ def command(asked: CalibrateOptions) -> None:
         run = RunRequest(
             COMMAND, cell.arm.name, flags, [cell.arm.rigid.parent], PICTURE, more=write, draw=_drawn
         )
-        write_run(asked.out, run, said, seen(cell, found, left))
+        write_run(asked.out, run, said, draw_calibration(cell, found, left))
         names = ("report.md", "report.json", PICTURE, *([JOINTS] if said.numbers["spectrum"] else []))
         places = ", ".join(str(asked.out / name) for name in names)
         lines += [f"model      {asked.out / 'model.json'}", f"report     {places}", *viewing_lines(asked.out)]
@@ -160,10 +156,7 @@ def _drawn(said: Report, page: draw.PageContent) -> Mapping[str, "Figure"]:
 def _score(asked: CalibrateOptions, files: Sequence[File]) -> None:
     """Print how far readings are from a calibrated arm; of a new series fit frame and target only."""
     model = read_model(Path(asked.arm))
-    series, notes = read_all(files, model.arm)
-    if any(digest(sheet_of(file.path)[0]) in model.about.data.values() for file in files):
-        notes += ("these readings were fitted: only other readings can validate the model",)
-    found = position_errors(model, series, asked.frame_poses)
+    found, notes = score(model, files, asked.frame_poses)
     failed = asked.at_most is not None and not found.mean_mm <= asked.at_most
     verdict = f"{'Do not use' if failed else 'Holds'}: mean {found.mean_mm:.3f} mm, limit {asked.at_most} mm"
     sizes = f"{found.mean_mm:.3f} mm mean, {found.rms_mm:.3f} mm RMS, 95 % below {found.p95_mm:.3f} mm"
@@ -254,46 +247,3 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     if f.more:
         yield "expected error over the workspace now, mm", f.more.now_mm
         yield f"expected error after {f.more.poses} more poses of a plan, mm", f.more.after_mm
-
-
-def seen(cell: Cell, found: Calibrated, left: counted.RemainingErrors) -> draw.PageContent:
-    """Draw the readings on the arm: from where the arm should have its targets to where they were read.
-
-    Args:
-        cell: The arm with its model and its truth.
-        found: The calibration.
-        left: Errors that remain.
-
-    Returns:
-        The content.
-    """
-    known = np.flatnonzero((size := counted.largest_remaining_error(found, left)) >= 0)
-    rows, reach = counted.rows_of(found, left, draw.largest_and_even(size, known)), cell.vjm.reach
-    sizes = [MM * np.nanmax(np.linalg.norm(x, axis=2), axis=1) for x in (rows.before, rows.after)]
-    marks = [draw.ModelLine(name, look, mm) for (name, look), mm in zip(LOOKS.items(), sizes, strict=True)]
-    A = draw.arrow_scale(rows.before, ARROW_LENGTH * reach)
-    straight, soft = rigid_frames(cell.room, rows.q), bool(rows.sag.any())
-    moved = elastic_frames(cell.plant, rows.q, rows.sag).positions - straight.positions
-    M = draw.arrow_scale(moved[:, -1], BENT * reach)
-    arrows = [
-        draw.Layer(f"error {name}", look.colour, "arrows", rows.read - A * error, rows.read)
-        for (name, look), error in zip(LOOKS.items(), (rows.before, rows.after), strict=True)
-    ]
-    group = draw.PoseGroup(
-        name="Readings",
-        names=[f"{name}, row {row}" for name, row in zip(rows.name, rows.row, strict=True)],
-        words=[
-            f"{b:.3f} mm as drawn, {a:.3f} mm calibrated. {cell.arm.words(q)}."
-            for b, a, q in zip(*sizes, rows.q, strict=True)
-        ],
-        rigid=straight,
-        bent=elastic_frames(cell.plant, rows.q, M * rows.sag) if soft else None,
-        layers=[*arrows, draw.Layer("target as read", MEASURED, "dots", rows.read)],
-        first=int(np.argmax(sizes[1])),
-    )
-    title = f"Arrows from where the arm should have its target to the reading x {A:g}."
-    title += f" Sag of the calibrated arm x {M:g}." if soft else ""
-    labels, note = [str(k) for k in rows.row], draw.of_all(len(rows.q), len(known), "poses")
-    chart = draw.RunChart("Pose by pose (mm)", 0, "row of the file", labels, marks, note=note)
-    errors = draw.PlaceMap("Distance of reading and arm, worst target (mm)", 0, rows.tool, marks)
-    return draw.PageContent(draw.Scene(cell, title, [group]), errors, [chart])

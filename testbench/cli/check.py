@@ -11,31 +11,28 @@ import typer
 from testbench.arm.elastic import JointEntry, LinkEntry
 from testbench.arm.folder import ArmJoint, find_arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.cli.arguments import ShownFolder
 from testbench.errors import Array, shell_word
 from testbench.files.elastic_mjcf import write_elastic
-from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
-from testbench.plant.shapes import RING, BodyFrames, elastic_frames, rigid_frames
+from testbench.model.vjm import tool_points, tool_pose
+from testbench.plant.shapes import BodyFrames, elastic_frames, rigid_frames
 from testbench.report.colours import GREY, NOMINAL
 from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
-from testbench.report.loads import loads, on_tool
 from testbench.report.markdown import Markdown, ended
 from testbench.report.report import Report, bullets, say
-from testbench.report.scene import Layer, PageContent, PoseGroup, Scene, arrow_scale
+from testbench.report.scene import Layer, PageContent, PoseGroup, Scene, arrow_scale, loads, on_tool
 from testbench.report.schema import Table, TableColumn, show
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import Kind, check_file, claim_folder
 from testbench.workflows.arm_check import Checked, check
 from testbench.workflows.campaign_flags import ArmName
-from testbench.workflows.options import Force, takes
+from testbench.workflows.options import Force, ShownFolder, takes
 
 COMMAND = "testbench check"  #: As manifest.json names it.
 ELASTIC = Kind("an elastic arm", rb"<mujoco [^>]*model=\"[^\"]*_elastic\"")
 MIN_SHOWN_SHARE = 0.01  #: Least contribution to the sag of what is listed [1].
 BENT, AXIS = 0.12, 0.12  #: Lengths of sag and of the base's axes over the reach [1].
-SPOKES = 4  #: Lines along a tube.
 
 
 @dataclass(frozen=True)
@@ -189,7 +186,7 @@ def _place(point: Array) -> str:
 def seen(checked: Checked) -> PageContent:
     """Draw the arm: its links, and where they sag."""
     cell, q = checked.cell, checked.poses
-    theta = _sag(checked)
+    theta = checked.bending
     straight = rigid_frames(cell.room, q)
     moved = elastic_frames(cell.plant, q, theta).positions[:, -1] - straight.positions[:, -1]
     M = arrow_scale(moved, BENT * cell.vjm.reach)
@@ -209,24 +206,11 @@ def seen(checked: Checked) -> PageContent:
     return PageContent(scene=Scene(cell, title, [group]))
 
 
-def _sag(checked: Checked) -> Array:
-    """Virtual joints under the payload, a kilogram if it is not stated, (2, n_theta) [m, rad]."""
-    cell, q = checked.cell, checked.poses
-    force = -GRAVITY * (cell.arm.payload or 1.0)
-    load = np.tile([0, 0, force, 0, 0, 0], (len(q), 1)), np.tile(cell.vjm.load, (len(q), 1))
-    return np.asarray((cell.arm.C_theta @ generalised_load(chain(cell.vjm, q), *load)).T)
-
-
 def _beams(checked: Checked) -> list[Layer]:
     """Tubes as lines, their axes as arrows, joints with their names; what is doubted has a question mark."""
     arm, beams = checked.cell.arm, checked.beams
-    length, diameter = checked.sizes.T
-    start, along = beams[..., :3, 3], beams[..., :3, 0] * length[:, None]
-    rings = 0.5 * diameter[:, None, None] * RING[:, :2]  # (tubes, p, 2)
-    near = start[:, :, None] + np.einsum("rkxy,kpy->rkpx", beams[..., :3, 1:3], rings)
-    far, step = near + along[:, :, None], len(RING) // SPOKES
-    begin = _flat(near, far, near[:, :, ::step])
-    end = _flat(np.roll(near, -1, axis=2), np.roll(far, -1, axis=2), far[:, :, ::step])
+    start, along = beams[..., :3, 3], beams[..., :3, 0] * checked.sizes[:, :1]
+    begin, end = checked.tube_lines
     links = [link.name + " ?" if checked.doubted(link.name) else "" for link in arm.links]
     joints = [joint.name + " ?" * checked.doubted(joint.name) for joint in arm.joints]
     return [
@@ -234,11 +218,6 @@ def _beams(checked: Checked) -> list[Layer]:
         Layer("beam axes", NOMINAL, "arrows", start, start + along, labels=links if any(links) else ()),
         Layer("joints", GREY, "dots", start[:, 1:], labels=joints),
     ]
-
-
-def _flat(*points: Array) -> Array:
-    """Points of all tubes one after the other, each (2, tubes, p, 3) to (2, k, 3)."""
-    return np.concatenate([part.reshape(len(part), -1, 3) for part in points], axis=1)
 
 
 def _tool(checked: Checked, bent: BodyFrames) -> list[Layer]:

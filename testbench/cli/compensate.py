@@ -1,6 +1,6 @@
 """testbench compensate MODEL PROGRAM.csv --out CORRECTED.csv: joints that bring the tool to its target."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -9,45 +9,37 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from testbench.cli.arguments import ArmCheck, plain
 from testbench.correct.newton import Asked as Meant
 from testbench.correct.newton import Hold
-from testbench.errors import Array, BenchError, Ids
+from testbench.errors import BenchError
 from testbench.files.program import read_program
-from testbench.plant.shapes import elastic_frames, rigid_frames
-from testbench.report import scene as draw
 from testbench.report.badge import Badge, decide
-from testbench.report.colours import GCO, MEASURED, TASK, Look
 from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
-from testbench.report.loads import loads
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.markdown import counted as number_of
+from testbench.report.program_scene import AFTER, BEFORE, CORRECTED, EXPECTED, LOOKS, WITHIN, draw_correction
 from testbench.report.report import Report, say
 from testbench.report.schema import Table
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
+from testbench.runs.manifest import digest
 from testbench.runs.place import check_file, claim_folder
-from testbench.runs.provenance import digest
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.runs.whole import whole_files
-from testbench.workflows import correction_numbers as counted
 from testbench.workflows import program as programs
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.campaign_flags import MapFile, Payload
-from testbench.workflows.cell import Cell, build_cell
+from testbench.workflows.cell import build_cell
 from testbench.workflows.masses import payload_of
-from testbench.workflows.options import Force, of_flag, takes
+from testbench.workflows.options import ArmCheck, Force, of_flag, plain, takes
 from testbench.workflows.plan_input import joints_of
 from testbench.workflows.program import CorrectedProgram
+from testbench.workflows.program_numbers import correction_numbers, correction_warnings
 
 COMMAND, WRITTEN = "testbench compensate", ("report.md", "report.json", "compensation.png")
 #: Chance that the median point gets better from which on the correction is sure to help [1].
 SURE_PROBABILITY = 0.95
-BEFORE, CORRECTED = "uncorrected program", "corrected program"
-WITHIN, EXPECTED, AFTER = f"{BEFORE}, within (95 %)", f"{BEFORE}, expected", f"{CORRECTED}, within (95 %)"
-LOOKS = dict.fromkeys((EXPECTED, WITHIN), Look(MEASURED, 1, prior=True)) | {AFTER: Look(GCO, 0, prior=True)}
-ERROR_LENGTH, MIN_ERROR_LENGTH = 0.15, 0.3  #: Most errors over the path's size [1], its least [m].
 
 
 @dataclass(frozen=True)
@@ -114,7 +106,7 @@ def command(asked: CompensateOptions) -> None:
             # a kill may leave the earlier one
             more = {"corrected": {file.name: digest(part) for file, part in zip(files, parts, strict=True)}}
             run = RunRequest(COMMAND, program.path.name, flags, [arm], WRITTEN[-1], more=lambda _: more)
-            write_run(folder, run, said, seen(cell, corrected_program, said))
+            write_run(folder, run, said, draw_correction(cell, corrected_program, said))
         places = ", ".join(str(folder / name) for name in WRITTEN)
         out = ", ".join(map(str, files))
         lines = [*notes, f"corrected  {out}", f"report     {places}", *viewing_lines(folder)]
@@ -133,7 +125,7 @@ def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report
     Returns:
         The report.
     """
-    f = counted.numbers(found, tolerance_mm)
+    f = correction_numbers(found, tolerance_mm)
     answer = "No point has a load: the program is unchanged."
     if f.loaded:
         answer = (
@@ -151,7 +143,7 @@ def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report
         question=Markdown("Where does the loaded tool go, and what puts it right?"),
         title=say("{program} corrected for {arm}, {points:counted point}", f),
         answer=say(answer, f),
-        claims=[say("{text}", text=ended(capital(text))) for text in counted.warnings(f)],
+        claims=[say("{text}", text=ended(capital(text))) for text in correction_warnings(f)],
         numbers=f,
         tables=tables,
         body=[*tables, Markdown("What each table means: docs/correction.md, *Correct*.")],
@@ -216,106 +208,3 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     if f.jump:
         yield f"largest step of a correction, {f.jump.unit}", f.jump.size
         yield "its joint and line", f"{f.jump.joint}, line {f.jump.line}"
-
-
-def seen(cell: Cell, found: CorrectedProgram, said: Report) -> draw.PageContent:
-    """Draw the path, where loads draw the tool off it, and the arm that does so.
-
-    Args:
-        cell: The arm with its model and its truth.
-        found: The corrected program.
-        said: Its report.
-
-    Returns:
-        The content.
-    """
-    points, tolerance = said.numbers["rows"], said.numbers["tolerance"]
-    some = draw.largest_and_even(np.linalg.norm(found.found.before, axis=1), np.arange(len(points)), far=1)
-    rows = [points[k] for k in some]
-    bounded = any(row.most_mm is not None for row in rows)  # bound beside bound: a residual is no success
-    keys = {WITHIN: "before_most_mm"} if bounded else {EXPECTED: "before_mm"}
-    errors = [
-        draw.ModelLine(name, LOOKS[name], np.array([row[key] for row in rows], dtype=float))
-        for name, key in (keys | {AFTER: "most_mm"}).items()
-    ]
-    note, labels = draw.of_all(len(some), len(points), "points"), [row.label for row in rows]
-    off, limit = "How far the loaded tool is off at each point (mm)", tolerance and tolerance.mm
-    runs = [draw.RunChart(off, 0, "point", labels, errors, limit, note, limit_is="tolerance")]
-    scale, groups = _path(cell, found, rows, some, [line.values for line in errors])
-    title = f"Offsets of the path, and how the arm bends, x {scale:g}."
-    return draw.PageContent(draw.Scene(cell, title, groups), runs=runs)
-
-
-def _path(
-    cell: Cell, found: CorrectedProgram, rows: Sequence[Row], some: Ids, sizes: Sequence[Array]
-) -> tuple[float, list[draw.PoseGroup]]:
-    """The arm along its program, and from near the path before and after; how much is magnified.
-
-    Args:
-        cell: The arm.
-        found: The corrected program.
-        rows: What is said of the points.
-        some: Which they are.
-        sizes: Errors before and after that colour both paths, (points,) each [mm]; NaN where there is none.
-    """
-    compensated, q = found.found, found.found.start[some]
-    asked = compensated.target.position[some]
-    size = max(MIN_ERROR_LENGTH, float(np.linalg.norm(np.ptp(asked, axis=0))))
-    M = draw.arrow_scale(compensated.before[some], ERROR_LENGTH * size)
-    off, back = (asked + M * metres[some] for metres in (compensated.before, compensated.after))
-    force = np.sum([load.wrench[some, :3] for load in found.loads], axis=0)
-    before, after = (
-        draw.Layer(name, colour, "tubes", x[None, :-1], x[None, 1:], values=np.fmax(mm[:-1], mm[1:]))
-        for name, colour, x, mm in zip(
-            (BEFORE, f"{CORRECTED}, by the model"), (MEASURED, GCO), (off, back), sizes, strict=True
-        )
-    )
-    path = draw.Layer("path asked", TASK, "lines", asked[None, :-1], asked[None, 1:])
-    half = M * np.where(np.isfinite(compensated.half_width[some]), compensated.half_width[some], np.nan)
-    spans = half[:, None, :] * np.eye(3)  # along each axis of the world
-    low, high = ((back[:, None] + side * spans).reshape(1, -1, 3) for side in (-1, 1))
-    spread = draw.Layer("where it may be, 95 %", (150, 205, 190), "lines", low, high)
-    drawn_off = draw.Layer("tool drawn off", MEASURED, "arrows", asked[:, None], off[:, None])
-    tool = draw.Layer("tool asked", TASK, "dots", asked[:, None])
-    left = [spread, path, after]
-    for verdict, colour in (("pass", GCO), ("fail", MEASURED)):
-        if judged := [k for k, row in enumerate(rows) if row.verdict == verdict]:
-            name, at = f"{CORRECTED}, points that {verdict}", asked[None, judged]
-            left.append(draw.Layer(name, colour, "specks" if verdict == "pass" else "dots", at))
-    whole = draw.PoseGroup(
-        name="Whole arm",
-        names=[f"Point {row.label}, line {row.line}" for row in rows],
-        words=[_words(row) for row in rows],
-        rigid=rigid_frames(cell.room, q),
-        bent=elastic_frames(cell.plant, q, M * counted.predicted_bending(found, some)),
-        layers=[path, before, after, tool, *loads(off, force, cell.vjm.reach)],
-        first=int(np.argmax([row.before_mm for row in rows])),
-        ordered=True,
-        fixed=True,
-    )
-    around = asked.mean(axis=0) + MIN_ERROR_LENGTH / 2 * np.vstack([np.eye(3), -np.eye(3)])
-    inset = replace(whole, bent=None, near=np.vstack([asked, off, back, around]))
-    insets = (
-        (BEFORE, [path, before, drawn_off, *_largest(off, sizes[0])]),
-        (CORRECTED, [*left, *_largest(back, sizes[1])]),
-    )
-    return M, [
-        whole,
-        *(replace(inset, name=f"{name.capitalize()}, from near", layers=layers) for name, layers in insets),
-    ]
-
-
-def _largest(at: Array, mm: Array) -> list[draw.Layer]:
-    """The largest error of a path, (points, 3) [m], written beside it."""
-    if not np.isfinite(mm).any():
-        return []
-    k = int(np.nanargmax(mm))
-    return [draw.Layer("largest", MEASURED, "dots", at[None, [k]], labels=[f"at most {mm[k]:.3f} mm"])]
-
-
-def _words(row: Row) -> str:
-    """What the page says of a point that it shows."""
-    bound = "without a bound" if row.half_95_mm is None else f"within {row.half_95_mm:.3f} mm (95 %)"
-    after = f"left as it is: {row.reason}" if row.reason else f"corrected {bound}"
-    judged = f" Tolerance: {row.verdict}." if row.verdict else ""
-    return f"{row.before_mm:.3f} mm off as programmed; {after}.{judged}"

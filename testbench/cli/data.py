@@ -6,25 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 
 from testbench.arm.folder import find_arm
-from testbench.cli.arguments import ShownFolder
-from testbench.data.dataset import Dataset
-from testbench.errors import BenchError, Ids, InputError, sheet_of
+from testbench.errors import BenchError, InputError, sheet_of
 from testbench.files.layouts import fitting
 from testbench.files.mapping import Map
 from testbench.files.propose_map import Proposal, fit_of_series, map_text, propose
 from testbench.files.read_series import read_series
-from testbench.identify.registered import RegisteredDataset
-from testbench.plant.shapes import rigid_frames
-from testbench.report import scene as draw
-from testbench.report.colours import MEASURED, NOMINAL, SERIES, Look
 from testbench.report.leave import RunRequest, write_run
-from testbench.report.loads import loads, trackers
-from testbench.report.readings import column_lines, file_lines, report, written
+from testbench.report.readings import column_lines, draw_runs, file_lines, report, written
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import Kind, check_file, claim_folder
@@ -32,9 +24,8 @@ from testbench.runs.whole import whole_file
 from testbench.workflows.absolute import kinematic_misfit
 from testbench.workflows.campaign_flags import ArmName, ReadingOptions
 from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.file_contents import column_rows, contents, nominal_targets, shown_runs
-from testbench.workflows.options import Force, takes
-from testbench.workflows.project import ProjectCommand
+from testbench.workflows.file_contents import column_rows, contents
+from testbench.workflows.options import Force, ProjectCommand, ShownFolder, takes
 from testbench.workflows.read_runs import (
     diagnose_runs,
     files_read,
@@ -46,7 +37,6 @@ from testbench.workflows.rows import MM
 
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
-SHARE = 0.15  #: Length of deflections over the reach [1].
 LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's joints, if apart.")]
 LayoutName = Annotated[
     str | None, typer.Option(metavar="NAME", help="Layout of the file; default: the one that fits.")
@@ -100,7 +90,7 @@ def check(runs: ReadingOptions, asked: DataOptions) -> None:
         if asked.out is not None:
             name, flags = runs.dataset.name, {"data": runs.dataset.name, "flags": runs.words}
             run = RunRequest(COMMAND, name, flags, [cell.arm.rigid.parent], "data.png")
-            write_run(asked.out, run, said, seen(cell, registered))
+            write_run(asked.out, run, said, draw_runs(cell, registered))
             opened = viewing_lines(asked.out, arm=runs.arm, data=runs.dataset)
             lines += [f"picture    {asked.out / 'data.png'}", *opened]
         print_words(console, said, lines=lines)
@@ -212,69 +202,3 @@ def _show_series(console: Console, cell: Cell, dataset: Path, mapping: Path | Ma
         if fit := fit_of_series(cell.arm, one):
             angle = f"{math.degrees(fit.angle):.2g} deg"
             console.print(f"Orientations of {one.name} fit it to {angle} (RMS).", soft_wrap=True)
-
-
-def seen(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
-    """Draw the arm run by run, its targets as read and as they should be.
-
-    Args:
-        cell: The arm with its model and its truth.
-        registered: The runs in the base's frame.
-
-    Returns:
-        The content.
-    """
-    data = registered.data
-    hidden = np.where(data.seen, 0.0, np.nan)
-    moved = MM * np.linalg.norm(data.deflection, axis=2) + hidden
-    away = MM * np.linalg.norm(data.before - nominal_targets(registered), axis=2) + hidden
-    some = draw.largest_and_even(np.nan_to_num(moved).max(axis=1), np.flatnonzero(data.seen.any(axis=1)))
-    if not len(some):
-        return draw.PageContent()
-    M = draw.arrow_scale(data.deflection[some] + hidden[some][..., None], SHARE * cell.vjm.reach)
-    labels, note = [str(data.run[k]) for k in some], draw.of_all(len(some), data.runs, "runs")
-    looks = [Look(SERIES[k % len(SERIES)], k, prior=True) for k in range(len(data.markers))]
-    charts = [
-        draw.RunChart(
-            title, 0, "run", labels, [*map(draw.ModelLine, data.markers, looks, mm[some].T)], note=note
-        )
-        for title, mm in (
-            ("How far loads moved each target (mm)", moved),
-            ("Unloaded reading from where the arm without sag has the target (mm)", away),
-        )
-    ]
-    title = f"Deflections x {M:g}."
-    return draw.PageContent(scene=draw.Scene(cell, title, [_runs(cell, registered, some, M)]), runs=charts)
-
-
-def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> draw.PoseGroup:
-    """The arm in its runs, its targets where they should be, were read, and went under load."""
-    data, registration, row = registered.data, registered.registration, shown_runs(registered, some)
-    tool = np.broadcast_to(row.tool, row.nominal.shape)
-    layers = [
-        draw.Layer("targets of the arm without sag", NOMINAL, "dots", row.nominal),
-        draw.Layer("from the tool", NOMINAL, "lines", tool, row.nominal),
-        draw.Layer("read unloaded", MEASURED, "dots", row.before),
-        draw.Layer("deflection", MEASURED, "arrows", row.before, row.before + M * data.deflection[some]),
-        *loads(row.hook[:, 0], data.wrench[some, :3], cell.vjm.reach),
-    ]
-    if registered.frame == "tracker" and registration is not None:
-        stands = np.array([-frame.rotation.T @ frame.translation for frame in registration.frames.values()])
-        layers.append(trackers(stands, [f"tracker {k + 1}" for k in range(len(stands))]))
-    return draw.PoseGroup(
-        name="Runs",
-        names=[f"Run {run}, pose {pose}" for run, pose in zip(data.run[some], data.pose[some], strict=True)],
-        words=[_words(cell, data, int(k)) for k in some],
-        rigid=rigid_frames(cell.room, data.q[some]),
-        bent=None,
-        layers=layers,
-        first=int(np.nan_to_num(np.linalg.norm(row.before - row.nominal, axis=2)).max(axis=1).argmax()),
-    )
-
-
-def _words(cell: Cell, data: Dataset, k: int) -> str:
-    """What the page says of a run that it shows."""
-    each = zip(data.markers, MM * np.linalg.norm(data.deflection[k], axis=1), data.seen[k], strict=True)
-    moved = [f"{name} {f'moves {mm:.3f} mm' if there else 'lost'}" for name, mm, there in each]
-    force = float(np.linalg.norm(data.wrench[k, :3]))
-    return f"{force:.5g} N: {', '.join(moved)}. {cell.arm.words(data.q[k])}."

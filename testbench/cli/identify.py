@@ -9,33 +9,31 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.cli.arguments import plain
-from testbench.errors import Array, BenchError
+from testbench.errors import BenchError
 from testbench.files.model_folder import DOCUMENT, FITS
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.joint_laws import joint_laws
 from testbench.report import terminal
-from testbench.report.badge import MIN_PAIRS, Badge, badge_against_all, incumbents, ratios
 from testbench.report.columns import columns
-from testbench.report.fitted_runs import seen
+from testbench.report.fitted_runs import badge, ratios_to_chosen, seen, warnings
 from testbench.report.leave import MAP, RunRequest, write_run
-from testbench.report.markdown import Markdown, capital, ended, place
+from testbench.report.markdown import Markdown, place
 from testbench.report.report import Report, say
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row, find
 from testbench.report.table import plain as plain_data
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.runs.place import claim_folder
 from testbench.workflows.arm_check import refuse_warnings
 from testbench.workflows.arm_models import write_stiffness
 from testbench.workflows.campaign_flags import ReadingOptions
 from testbench.workflows.cell import build_cell
-from testbench.workflows.fit_numbers import held_out, identifiability, numbers, residuals_by_model
-from testbench.workflows.fits import IdentifyResult, fit_models
+from testbench.workflows.fit_numbers import identifiability, numbers, residuals_by_model
+from testbench.workflows.fits import fit_models
 from testbench.workflows.model_selection import asked_models
-from testbench.workflows.options import Force, of_flag, takes
+from testbench.workflows.options import Force, of_flag, plain, takes
 from testbench.workflows.own_estimator import EstimatorOptions, estimator_models
 from testbench.workflows.read_runs import files_read, read_runs
 
@@ -122,7 +120,7 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
         left = residuals_by_model(cell, identified)
         f = numbers(filed, cell, identified, left, widths=not asked.no_intervals)
         f["badge"] = badge(identified, left)
-        f["over"] = _over(identified, left)
+        f["over"] = ratios_to_chosen(identified, left)
         f["identifiability"] = identifiability(cell, identified) if asked.identifiability else None
         said, flags = report(f), plain(readings, asked, read="dataset", without=("arm",))
         flags |= {"estimators": {each.name: asdict(each) for each in tried.own}} if tried.own else {}
@@ -152,35 +150,6 @@ def _drawn(said: Report, page: PageContent) -> Mapping[str, "Figure"]:
     from testbench.report.figures_identify import identify_figures  # here: it imports matplotlib
 
     return identify_figures(said, page, Row(said.numbers))
-
-
-def badge(found: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
-    """Compare the recommended model with its strongest rival, by what was held out.
-
-    Args:
-        found: The fits.
-        left: Residuals by model.
-
-    Returns:
-        The badge; None without a rival.
-    """
-    rms, each = held_out(found, left, MIN_PAIRS)
-    taken, fits = found.fits.recommended, found.fits
-    rivals = [name for name in incumbents(fits.models, taken) if name in rms]
-    why = "first check the runs, see the doubt" if any(x.name != "prior" for x in fits.doubts) else ""
-    own = badge_against_all(taken, {name: (rms[taken], rms[name], None) for name in rivals}, each, why)
-    if own and own.interval is None and own.factor and own.winner != taken:  # all readings chose it, not few
-        return Badge(**vars(own) | {"winner": taken, "rival": own.winner, "factor": 1 / own.factor})
-    return own
-
-
-def _over(found: IdentifyResult, left: Mapping[str, Array]) -> list[Row]:
-    """Compare the held-out errors of all models with those of the model to take; nothing of too few."""
-    rms, each = held_out(found, left, MIN_PAIRS)
-    taken = found.fits.recommended
-    if len(rms.get(taken, ())) < MIN_PAIRS:
-        return []
-    return ratios(taken, {name: (rms[taken], own, None) for name, own in rms.items() if name != taken}, each)
 
 
 def report(f: Row) -> Report:
@@ -218,7 +187,7 @@ def report(f: Row) -> Report:
         question=say("Which stiffness model of {arm} to take, and how sure is it?", f),
         title=say("{arm}: {runs:counted run} in {poses:counted pose} of {dataset} fitted", f),
         answer=say(f"{first} {{name}}: {{{kind}.rms_mm:.3f}} mm RMS in the {where} runs{half}.", taken),
-        claims=list(_warnings(f, taken)),
+        claims=list(warnings(f, taken)),
         numbers=f,
         tables=tables,
         body=[*tables, MEANS],
@@ -271,39 +240,3 @@ def _elsewhere(f: Row) -> Iterator[Row]:
         if worst is not None:
             at = {"worst_mm": worst.error_mm, "place": place(worst.position_m), "joints": worst.joints}
         yield Row(row, **at)
-
-
-def _warnings(f: Row, taken: Row) -> Iterator[Markdown]:
-    """List what may be wrong with readings and fits, then notes; `docs/identify.md` says what each means."""
-    for doubt in sorted(f.doubts, key=lambda doubt: doubt["name"] == "prior"):
-        yield say("Doubt: {text}", text=ended(doubt["sentence"]))
-    if taken.get("rejected"):
-        yield say("Outliers left out of {name}: {rejected}.", taken)
-    yield from (say("Your estimator {name} {text}", m, text=ended(m.status)) for m in f.failed)
-    yield from (say("Not certified: {name} ({status}).", m) for m in f.models if m.status != "solved")
-    if taken.check is None and taken.f_m_held_out is None:
-        yield Markdown("No pose was held out; `--check-pose N` holds one out.")
-    yield from _of_intervals(f, taken)
-    if taken.aggregated:
-        yield say("Included in the compliance of the link before: {aggregated:list}.", taken)
-    for text in (f"{f.recommended}: {f.why}", *f.notes, *taken.advice):
-        yield say("{text}", text=ended(capital(text)))
-
-
-def _of_intervals(f: Row, taken: Row) -> Iterator[Markdown]:
-    """List what no reading checks, and what intervals lack."""
-    for how in (how for how in ("stiffer", "softer") if f.unchecked[how]):
-        yield say(
-            f"These could be ten times {how} without changing the readings: {{{how}:list}}.", f.unchecked
-        )
-    if held := [m.name for m in f.models if m.intervals and m.intervals.on_boundary]:
-        yield say(
-            "Intervals are approximate, as the estimate is on the boundary of the cone: {held:list}.",
-            held=held,
-        )
-    if taken.intervals and not taken.prior:
-        yield Markdown("Without a prior, intervals contain the noise only.")
-    if f.map is None and taken.intervals:
-        yield say("No map: {no_map}.", f)
-    if f.map is not None and f.map.missing:
-        yield say("Without equilibrium over the workspace: {missing:list}.", f.map)

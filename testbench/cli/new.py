@@ -20,8 +20,8 @@ from testbench.runs.place import look
 from testbench.runs.whole import new_folder, whole_file
 from testbench.workflows.cell import build_cell
 from testbench.workflows.new_arm import write_arm
-from testbench.workflows.project import NAME as PROJECT
-from testbench.workflows.project import TEMPLATE
+from testbench.workflows.options import NAME as PROJECT
+from testbench.workflows.options import TEMPLATE
 from testbench.workflows.propose import UserInputs
 
 

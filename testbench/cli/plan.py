@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from testbench.arm.folder import find_arm
-from testbench.cli.arguments import absolute_alone
 from testbench.errors import BenchError
 from testbench.model.load import weight
 from testbench.report import terminal
@@ -23,12 +22,18 @@ from testbench.runs.place import claim_folder
 from testbench.runs.spread import Spread
 from testbench.workflows.cell import build_cell
 from testbench.workflows.masses import overload_warnings
-from testbench.workflows.options import Force, of_flag, takes
+from testbench.workflows.options import Force, absolute_alone, of_flag, takes
 from testbench.workflows.plan import plan_absolute, plan_for
-from testbench.workflows.plan_flags import AbsolutePlanOptions, PlanOptions, known_before, settings_of
 from testbench.workflows.plan_input import read_tasks
 from testbench.workflows.plan_numbers import CURVE, numbers, write_poses, write_tasks
-from testbench.workflows.plan_settings import pull_words, structure
+from testbench.workflows.plan_settings import (
+    AbsolutePlanOptions,
+    PlanOptions,
+    known_before,
+    pull_words,
+    settings_of,
+    structure,
+)
 
 COMMAND = "testbench plan"  #: As manifest.json names it.
 MAX_ROWS, WORST_TASKS = 40, 5  #: Rows of the plan that the report shows, tasks of the largest errors.

@@ -6,23 +6,14 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.cli.arguments import ArmCheck, plain
-from testbench.correct.newton import equilibrium
-from testbench.errors import Array, Ids
-from testbench.model.load import Load
 from testbench.model.poses import WorkArea
-from testbench.model.vjm import joint_law_rotations
-from testbench.plant.shapes import BodyFrames, elastic_frames, rigid_frames
-from testbench.report import scene as draw
-from testbench.report.colours import GCO, MEASURED, NOMINAL, Look
 from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
-from testbench.report.loads import loads, on_tool
 from testbench.report.markdown import Markdown, capital, ended
+from testbench.report.program_scene import draw_prediction
 from testbench.report.report import Report, say
 from testbench.report.schema import Table
 from testbench.report.table import Row
@@ -30,27 +21,22 @@ from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.place import claim_folder
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.campaign_flags import MapFile, Payload
-from testbench.workflows.cell import Cell
 from testbench.workflows.masses import overload_warnings, payload_of
-from testbench.workflows.options import Force, takes
+from testbench.workflows.options import ArmCheck, Force, plain, takes
 from testbench.workflows.plan_input import parse_work_area
-from testbench.workflows.prediction_numbers import TABLE, numbers, write_predictions
 from testbench.workflows.program import (
     DEFAULT_FORCE,
     Predicted,
-    direction_words,
     predict_file,
     read_pose_file,
 )
-from testbench.workflows.rows import MM
+from testbench.workflows.program_numbers import TABLE, prediction_numbers, write_predictions
 
 COMMAND, PICTURE = "testbench predict", "predict.png"
 POSES = (
     "pose deflection_mm half_words deflections_mm.0 deflections_mm.1 deflections_mm.2 turn_mrad "
     "stiffness_n_per_um.0 softest"
 )
-MOVED, GIVE = 0.15, 0.25  #: Length of most deflections and of most ways by a force over the reach [1].
-TOOL = Look(GCO, 0, prior=True)
 
 
 @dataclass(frozen=True)
@@ -86,7 +72,7 @@ def command(asked: PredictOptions) -> None:
         said, flags = report(made), plain(asked, read="poses") | {"model": asked.model.name}
         write = partial(write_predictions, made)
         run = RunRequest(COMMAND, poses.path.name, flags, [model.arm.rigid.parent], PICTURE, more=write)
-        write_run(asked.out, run, said, seen(made))
+        write_run(asked.out, run, said, draw_prediction(made))
         places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE))
         lines = [
             *(f"- {words}" for words in overload_warnings(model.arm, poses.hung.tolist())),
@@ -99,7 +85,7 @@ def command(asked: PredictOptions) -> None:
 
 def report(made: Predicted) -> Report:
     """Report a prediction."""
-    f = numbers(made)
+    f = prediction_numbers(made)
     first = f.worst[0]
     tables = {
         "worst": Table(columns(POSES), f.worst, "Poses that move most", headline="deflection_mm"),
@@ -174,86 +160,3 @@ def printed(said: Report) -> Table:
     table = said.tables["worst"]
     own = tuple(column for column in table.columns if column.key != "turn_mrad")
     return replace(table, columns=own, rows=table.rows[:5])
-
-
-def seen(made: Predicted) -> draw.PageContent:
-    """Draw the arm bent by its loads in the poses of the file, and where it is soft."""
-    some = draw.largest_and_even(made.found.size[:, 0], np.arange(len(made.found.size)))
-    reach, field, give = made.cell.vjm.reach, made.map, made.stiffness.displacement_per_force[some, :1]
-    M = draw.arrow_scale(made.found.deflection[some, :1], MOVED * reach)
-    G = draw.arrow_scale(field.force * give * made.stiffness.softest[some], GIVE * reach)
-    title = f"Deflections x {M:g}; green: how far {field.force:,.0f} N move the loaded tool, x {G:g}."
-    size, half = MM * made.found.size[some, 0], MM * made.found.widest[some, 0]
-    half = np.where(np.isfinite(half), half, np.nan)
-    tool = draw.ModelLine("tool", TOOL, size, (np.maximum(size - half, 0), size + half))
-    labels = [made.asked.labels[k] for k in some]
-    moves = "How far the tool moves in each pose, 95 % intervals (mm)"
-    note = draw.of_all(len(some), len(made.asked.q), "poses")
-    where = f"How far {field.force:,.0f} N in the worst direction move the tool (mm)"
-    soft = draw.ModelLine("tool", TOOL, MM * field.worst)
-    return draw.PageContent(
-        scene=draw.Scene(made.cell, title, [_poses(made, some, M, G), _places(made)]),
-        map=draw.PlaceMap(where, 1, field.position, [soft], heading="Where it is soft"),
-        runs=[draw.RunChart(moves, 0, "pose", labels, [tool], note=note)],
-    )
-
-
-def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
-    """The poses of the file, bent by what acts there."""
-    prediction, state, q, tool = made.found, made.model.state, made.asked.q[some], made.stiffness
-    theta = (
-        equilibrium(state, q, [load.of(some) for load in made.asked.loads]).theta
-        - equilibrium(state, q).theta
-    )
-    start = prediction.position[some] - prediction.deflection[some]
-    end = start + M * prediction.deflection[some]
-    ways = G * made.map.force * (tool.displacement_per_force[some][:, None] * tool.axes[some])
-    ways = ways.transpose(0, 2, 1)  # a row an axis
-    bent = elastic_frames(made.cell.plant, q, M * joint_law_rotations(state.vjm, theta))
-    acting = [own for load in made.asked.loads for own in _acting(made.cell, bent, load.of(some))]
-    words = [
-        f"The tool moves {MM * prediction.size[k, 0]:.3f} mm, {_bound(MM * prediction.widest[k, 0])}. "
-        f"{made.map.force:,.0f} N move it up to "
-        f"{MM * made.map.force * tool.displacement_per_force[k, 0]:.3f} mm, "
-        f"{direction_words(tool.softest[k])}. {made.model.arm.words(made.asked.q[k])}."
-        for k in some
-    ]
-    return draw.PoseGroup(
-        name="Poses of the file",
-        names=[f"Pose {made.asked.labels[k]}" for k in some],
-        words=words,
-        rigid=rigid_frames(made.cell.room, q),
-        bent=bent,
-        layers=[
-            *acting,
-            draw.Layer("tool and markers, unloaded", NOMINAL, "dots", start),
-            draw.Layer("deflection", MEASURED, "arrows", start, end),
-            draw.Layer("where a force moves it", GCO, "lines", end[:, :1] - ways, end[:, :1] + ways),
-        ],
-        first=int(prediction.size[some, 0].argmax()),
-    )
-
-
-def _acting(cell: Cell, bent: BodyFrames, load: Load) -> list[draw.Layer]:
-    """A load on the bent arm."""
-    return loads(on_tool(cell, bent, load.point), load.wrench[:, :3], cell.vjm.reach)
-
-
-def _bound(half: float) -> str:
-    return f"+- {half:.3f} mm" if np.isfinite(half) else "not determined by the data"
-
-
-def _places(made: Predicted) -> draw.PoseGroup:
-    """The arm all over the workspace, and its softest direction there."""
-    field, reach = made.map, made.cell.vjm.reach
-    way: Array = field.worst[:, None] * field.direction
-    way = (way * draw.arrow_scale(way, GIVE * reach))[:, None]
-    at = field.position[:, None]
-    sizes = zip(MM * field.worst, MM * field.half.max(axis=1), field.direction, field.q, strict=True)
-    words = [
-        f"{field.force:,.0f} N {direction_words(direction)} move the tool {size:.3f} mm, {_bound(half)}. "
-        f"{made.model.arm.words(q)}."
-        for size, half, direction, q in sizes
-    ]
-    way_of = draw.Layer("softest direction", GCO, "lines", at - way, at + way)
-    return draw.workspace(made.cell, field.q, words, [way_of])

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from testbench import __version__
-from testbench.workflows.project import ProjectCommand
+from testbench.workflows.options import ProjectCommand
 
 COMMANDS = {
     "new": "Make an arm's folder from a robot's URDF or MJCF.",

@@ -10,14 +10,12 @@ import typer
 from rich.console import Console
 
 from testbench.arm.folder import find_arm
-from testbench.cli.arguments import Orientations, absolute_alone
-from testbench.errors import Array, BenchError, Ids, InputError
-from testbench.files.program import read_poses
+from testbench.errors import BenchError, Ids, InputError
 from testbench.files.write import write_csv, write_series
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
 from testbench.plant.disturbed import disturb
 from testbench.plant.instruments import Gauge
-from testbench.plant.site import check_poses, check_position
+from testbench.plant.site import check_position
 from testbench.plant.tracker import trial_rng
 from testbench.report.terminal import plain_console
 from testbench.runs.place import Kind, check_file
@@ -26,9 +24,9 @@ from testbench.workflows.campaign_flags import ArmName, MapFile, mass
 from testbench.workflows.candidates import PoseConditions, build_checks, find
 from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
 from testbench.workflows.instruments import Mounted, mounted, planned_gauges, read_instruments
-from testbench.workflows.masses import overload_warnings, payload_of, read_masses
-from testbench.workflows.options import Force, takes
-from testbench.workflows.plan_input import Place, place, read_loads
+from testbench.workflows.masses import overload_warnings, read_masses
+from testbench.workflows.options import Force, Orientations, absolute_alone, takes
+from testbench.workflows.plan_input import FORCES, Place, given_poses, hung_masses, place, read_loads
 
 if TYPE_CHECKING:
     from testbench.workflows.absolute_truth import AbsoluteCampaign
@@ -36,9 +34,7 @@ if TYPE_CHECKING:
 DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")
 PLANNED = "planned"  #: Instrument that stands for the gauges of a plan.
-FORCES = "columns force_x_N, force_y_N, force_z_N"
 MAX_POSES = 10_000  #: Random poses that are drawn at most.
-MAX_RUNS = 50_000  #: Equilibria that are sought at most, poses times loads times set-ups.
 
 
 @dataclass(frozen=True)
@@ -117,7 +113,7 @@ def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadi
 
     console = plain_console()
     masses = _one_after_the_other(cell, asked)
-    q = _given_poses(cell, asked, len(masses) * absolute.series)
+    q = given_poses(cell, asked.file, asked.mapping, asked.poses, len(masses) * absolute.series)
     _say_overload(console, cell, masses)
     found, _ = simulate_series(cell, _campaign(cell, asked, absolute, masses), asked.seed, q)
     paths = _files(asked.out, absolute.series)
@@ -163,7 +159,7 @@ def _one_after_the_other(cell: Cell, asked: SimulateOptions) -> tuple[float, ...
         raise InputError(asked.file, FORCES, "expected no forces with --absolute")
     if stated is None and asked.loads is None and asked.payload_kg is None:
         return (0.0,)
-    masses = _masses(cell, asked, 1)
+    masses = hung_masses(cell.arm, asked.file, asked.payload_kg, asked.loads, 1)
     if (masses != masses[0]).any():
         problem = "expected the same in all runs with --absolute; leave the column out, and say --loads"
         raise InputError(asked.file or Path(), "column load_kg", problem)
@@ -171,10 +167,11 @@ def _one_after_the_other(cell: Cell, asked: SimulateOptions) -> tuple[float, ...
 
 
 def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
-    q = _given_poses(cell, asked, 1 if asked.loads is None else len(read_masses(asked.loads)))
+    times = 1 if asked.loads is None else len(read_masses(asked.loads))
+    q = given_poses(cell, asked.file, asked.mapping, asked.poses, times)
     if q is None:
         q = find(build_checks(cell, PoseConditions()), asked.poses or 0, trial_rng(asked.seed, 0)).q
-    masses = _masses(cell, asked, len(q))
+    masses = hung_masses(cell.arm, asked.file, asked.payload_kg, asked.loads, len(q))
     pulls = None if asked.file is None else read_loads(asked.file)[1]
     scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()) or None, sigma=_sigma(asked))
     if asked.geometry_mm:
@@ -242,32 +239,3 @@ def _say_overload(
 ) -> None:
     for doubt in overload_warnings(cell.arm, masses, pulls):
         console.print(f"Doubt: {doubt}", soft_wrap=True)
-
-
-def _given_poses(cell: Cell, asked: SimulateOptions, times: int) -> Array | None:
-    """Those of the file, (poses, n) [rad, m], each of which is run so often; None for random ones."""
-    if (asked.file is None) == (asked.poses is None):
-        raise BenchError("poses: expected either a file of poses or --poses NUMBER")
-    q = None if asked.file is None else read_poses(asked.file, cell.arm, asked.mapping)
-    poses = (asked.poses or 0) if q is None else len(q)
-    if poses * times > MAX_RUNS:
-        most = f"expected at most {MAX_RUNS} runs, poses times loads times series"
-        raise BenchError(f"{asked.file or '--poses'}: {most}, got {poses} times {times}")
-    if q is not None:
-        check_poses(cell.room, q)
-    return q
-
-
-def _masses(cell: Cell, asked: SimulateOptions, poses: int) -> Array:
-    """What hangs in every pose, one after the other, (poses, loads) [kg]."""
-    if asked.loads is not None and asked.payload_kg is not None:
-        raise BenchError("--loads: expected no --payload-kg with it")
-    stated = None if asked.file is None else read_loads(asked.file)[0]
-    if stated is None:
-        mass = payload_of(cell.arm, asked.payload_kg, "--payload-kg") if asked.loads is None else 0.0
-        return np.tile([mass] if asked.loads is None else read_masses(asked.loads), (poses, 1))
-    for flag, value in (("--payload-kg", asked.payload_kg), ("--loads", asked.loads)):
-        if value is not None:
-            problem = f"says what hangs or pulls in every run; leave out {flag}"
-            raise InputError(asked.file or Path(), "column load_kg" if stated.any() else FORCES, problem)
-    return stated[:, None]

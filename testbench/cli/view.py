@@ -6,10 +6,9 @@ from typing import Annotated
 
 import typer
 
-from testbench.cli.arguments import RunFolder
 from testbench.errors import BenchError, shell_word
 from testbench.report.recording import viewer
-from testbench.workflows.options import takes
+from testbench.workflows.options import RunFolder, takes
 
 PAGE = "report.html"
 

@@ -31,7 +31,7 @@ from testbench.identify.absolute.state import ArmState
 from testbench.model.joint_laws import joint_laws
 from testbench.model.kinematics import body_pose, urdf_poses
 from testbench.model.laws import UNIT_COMPENSATOR, sizes_of
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.runs.rows import Row
 from testbench.runs.whole import whole_files
 

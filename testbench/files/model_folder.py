@@ -8,7 +8,7 @@ from testbench.arm.folder import Arm
 from testbench.arm.mesh import MAX_BYTES as MESH_BYTES
 from testbench.arm.mjcf import assets, read_mjcf
 from testbench.errors import open_file
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 
 DOCUMENT, POSTERIOR, FITS = "model.json", "posterior.npz", "models.json"
 ARM = ("rigid.xml", "elastic.toml")  #: Of the arm's folder.

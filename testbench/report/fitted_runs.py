@@ -1,6 +1,6 @@
-"""Pictures of fits to a user's runs: the arm in its runs and over the workspace, residuals, half widths."""
+"""Fits to a user's runs: their badge and warnings, and pictures of the arm, residuals and half widths."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +9,10 @@ from testbench.errors import Array, Ids
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report.badge import MIN_PAIRS, Badge, badge_against_all, incumbents, ratios
 from testbench.report.colours import MEASURED, NOMINAL, look
-from testbench.report.loads import loads, on_tool
+from testbench.report.markdown import Markdown, capital, ended
+from testbench.report.report import say
 from testbench.report.scene import (
     Layer,
     ModelLine,
@@ -22,12 +24,14 @@ from testbench.report.scene import (
     arrow_scale,
     at_one_target,
     largest_and_even,
+    loads,
     of_all,
+    on_tool,
     workspace,
 )
 from testbench.runs.rows import Row
 from testbench.workflows.cell import Cell
-from testbench.workflows.fit_numbers import COUNTS, compared_models, largest_vector
+from testbench.workflows.fit_numbers import COUNTS, compared_models, held_out, largest_vector
 from testbench.workflows.fits import IdentifyResult
 from testbench.workflows.rows import MM
 from testbench.workflows.workspace_errors import ErrorPlaces
@@ -152,3 +156,84 @@ def _map(f: Row, group: int) -> PlaceMap:
         without="" if all(np.isfinite(mm).all() for mm in half.values()) else NOWHERE,
         worst_is="next: +-",
     )
+
+
+def badge(found: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
+    """Compare the recommended model with its strongest rival, by what was held out.
+
+    Args:
+        found: The fits.
+        left: Residuals by model.
+
+    Returns:
+        The badge; None without a rival.
+    """
+    rms, each = held_out(found, left, MIN_PAIRS)
+    taken, fits = found.fits.recommended, found.fits
+    rivals = [name for name in incumbents(fits.models, taken) if name in rms]
+    why = "first check the runs, see the doubt" if any(x.name != "prior" for x in fits.doubts) else ""
+    own = badge_against_all(taken, {name: (rms[taken], rms[name], None) for name in rivals}, each, why)
+    if own and own.interval is None and own.factor and own.winner != taken:  # all readings chose it, not few
+        return Badge(**vars(own) | {"winner": taken, "rival": own.winner, "factor": 1 / own.factor})
+    return own
+
+
+def ratios_to_chosen(found: IdentifyResult, left: Mapping[str, Array]) -> list[Row]:
+    """Compare the held-out errors of all models with those of the model to take.
+
+    Args:
+        found: The fits.
+        left: Residuals by model.
+
+    Returns:
+        A row per model; none where too few runs were held out.
+    """
+    rms, each = held_out(found, left, MIN_PAIRS)
+    taken = found.fits.recommended
+    if len(rms.get(taken, ())) < MIN_PAIRS:
+        return []
+    return ratios(taken, {name: (rms[taken], own, None) for name, own in rms.items() if name != taken}, each)
+
+
+def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
+    """List what may be wrong with readings and fits, then notes; `docs/identify.md` says what each means.
+
+    Args:
+        f: Numbers of the fits.
+        taken: The model to take, one of them.
+
+    Yields:
+        The warnings.
+    """
+    for doubt in sorted(f.doubts, key=lambda doubt: doubt["name"] == "prior"):
+        yield say("Doubt: {text}", text=ended(doubt["sentence"]))
+    if taken.get("rejected"):
+        yield say("Outliers left out of {name}: {rejected}.", taken)
+    yield from (say("Your estimator {name} {text}", m, text=ended(m.status)) for m in f.failed)
+    yield from (say("Not certified: {name} ({status}).", m) for m in f.models if m.status != "solved")
+    if taken.check is None and taken.f_m_held_out is None:
+        yield Markdown("No pose was held out; `--check-pose N` holds one out.")
+    yield from _of_intervals(f, taken)
+    if taken.aggregated:
+        yield say("Included in the compliance of the link before: {aggregated:list}.", taken)
+    for text in (f"{f.recommended}: {f.why}", *f.notes, *taken.advice):
+        yield say("{text}", text=ended(capital(text)))
+
+
+def _of_intervals(f: Row, taken: Row) -> Iterator[Markdown]:
+    """List what no reading checks, and what intervals lack."""
+    for how in (how for how in ("stiffer", "softer") if f.unchecked[how]):
+        yield say(
+            f"These could be ten times {how} without changing the readings: {{{how}:list}}.", f.unchecked
+        )
+    if held := [m.name for m in f.models if m.intervals and m.intervals.on_boundary]:
+        yield say(
+            "Intervals are approximate, as the estimate is on the boundary of the cone: {held:list}.",
+            held=held,
+        )
+    if taken.intervals and not taken.prior:
+        yield Markdown("Without a prior, intervals contain the noise only.")
+    if f.map is None and taken.intervals:
+        yield say("No map: {no_map}.", f)
+    if f.map is not None and f.map.missing:
+        yield say("Without equilibrium over the workspace: {missing:list}.", f.map)

@@ -12,7 +12,7 @@ from testbench.files.model_folder import digests
 from testbench.progress import stepwise
 from testbench.report.report import Report
 from testbench.report.scene import PageContent, typical_first
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.runs.whole import whole_folder
 
 if TYPE_CHECKING:  # importing matplotlib takes long, and not every command leaves a folder

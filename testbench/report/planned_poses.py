@@ -12,7 +12,6 @@ from testbench.model.vjm import chain, tool_points
 from testbench.plant.shapes import rigid_frames
 from testbench.report.colours import GREY, MEASURED, NOMINAL, TASK, Look
 from testbench.report.colours import look as look_of
-from testbench.report.loads import loads, trackers
 from testbench.report.scene import (
     Layer,
     ModelLine,
@@ -23,7 +22,9 @@ from testbench.report.scene import (
     Scene,
     evenly,
     largest_and_even,
+    loads,
     of_all,
+    trackers,
     workspace,
 )
 from testbench.runs.rows import Row

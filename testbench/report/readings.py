@@ -1,20 +1,34 @@
-"""The report of a file of readings: which column is which quantity, what was understood, and doubts."""
+"""A file of readings: the report of which column is which, and its runs or readings on the arm."""
 
 import re
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
+from testbench.data.dataset import Dataset
+from testbench.errors import Ids
 from testbench.identify.registered import RegisteredDataset
+from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report import scene as draw
+from testbench.report.colours import GCO, MEASURED, NOMINAL, SERIES, Look
 from testbench.report.columns import columns
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.report import Report, bullets, say
+from testbench.report.scene import loads, trackers
 from testbench.report.schema import NUMBER, Table, plain, show, written_out
 from testbench.report.table import Row
-from testbench.workflows.file_contents import farthest_off
+from testbench.workflows import calibration_numbers as counted
+from testbench.workflows.absolute import Calibrated
+from testbench.workflows.cell import Cell
+from testbench.workflows.file_contents import farthest_off, nominal_targets, shown_runs
 from testbench.workflows.read_runs import registration_notes
-from testbench.workflows.rows import UM
+from testbench.workflows.rows import MM, UM
 
 MAX_LISTED = 6  #: Loads and names that are listed.
 COLUMNS = columns("quantity file_columns unit values rows")
+SHARE = 0.15  #: Length of deflections over the reach [1].
+ARROW_LENGTH, BENT = 0.3, 0.12  #: Length of most arrows and of most sags over the reach [1].
+LOOKS = {"as drawn": Look(NOMINAL, 1, prior=True), "calibrated": Look(GCO, 0, prior=True)}
 
 
 def written(row: Row) -> str:
@@ -103,3 +117,112 @@ def report(found: Row, registered: RegisteredDataset) -> Report:
         tables=tables,
         body=[*tables, Markdown("## How the runs were read"), bullets(notes)],
     )
+
+
+def draw_runs(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
+    """Draw the arm run by run, its targets as read and as they should be.
+
+    Args:
+        cell: The arm with its model and its truth.
+        registered: The runs in the base's frame.
+
+    Returns:
+        The content.
+    """
+    data = registered.data
+    hidden = np.where(data.seen, 0.0, np.nan)
+    moved = MM * np.linalg.norm(data.deflection, axis=2) + hidden
+    away = MM * np.linalg.norm(data.before - nominal_targets(registered), axis=2) + hidden
+    some = draw.largest_and_even(np.nan_to_num(moved).max(axis=1), np.flatnonzero(data.seen.any(axis=1)))
+    if not len(some):
+        return draw.PageContent()
+    M = draw.arrow_scale(data.deflection[some] + hidden[some][..., None], SHARE * cell.vjm.reach)
+    labels, note = [str(data.run[k]) for k in some], draw.of_all(len(some), data.runs, "runs")
+    looks = [Look(SERIES[k % len(SERIES)], k, prior=True) for k in range(len(data.markers))]
+    charts = [
+        draw.RunChart(
+            title, 0, "run", labels, [*map(draw.ModelLine, data.markers, looks, mm[some].T)], note=note
+        )
+        for title, mm in (
+            ("How far loads moved each target (mm)", moved),
+            ("Unloaded reading from where the arm without sag has the target (mm)", away),
+        )
+    ]
+    title = f"Deflections x {M:g}."
+    return draw.PageContent(scene=draw.Scene(cell, title, [_runs(cell, registered, some, M)]), runs=charts)
+
+
+def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> draw.PoseGroup:
+    """The arm in its runs, its targets where they should be, were read, and went under load."""
+    data, registration, row = registered.data, registered.registration, shown_runs(registered, some)
+    tool = np.broadcast_to(row.tool, row.nominal.shape)
+    layers = [
+        draw.Layer("targets of the arm without sag", NOMINAL, "dots", row.nominal),
+        draw.Layer("from the tool", NOMINAL, "lines", tool, row.nominal),
+        draw.Layer("read unloaded", MEASURED, "dots", row.before),
+        draw.Layer("deflection", MEASURED, "arrows", row.before, row.before + M * data.deflection[some]),
+        *loads(row.hook[:, 0], data.wrench[some, :3], cell.vjm.reach),
+    ]
+    if registered.frame == "tracker" and registration is not None:
+        stands = np.array([-frame.rotation.T @ frame.translation for frame in registration.frames.values()])
+        layers.append(trackers(stands, [f"tracker {k + 1}" for k in range(len(stands))]))
+    return draw.PoseGroup(
+        name="Runs",
+        names=[f"Run {run}, pose {pose}" for run, pose in zip(data.run[some], data.pose[some], strict=True)],
+        words=[_words(cell, data, int(k)) for k in some],
+        rigid=rigid_frames(cell.room, data.q[some]),
+        bent=None,
+        layers=layers,
+        first=int(np.nan_to_num(np.linalg.norm(row.before - row.nominal, axis=2)).max(axis=1).argmax()),
+    )
+
+
+def _words(cell: Cell, data: Dataset, k: int) -> str:
+    """What the page says of a run that it shows."""
+    each = zip(data.markers, MM * np.linalg.norm(data.deflection[k], axis=1), data.seen[k], strict=True)
+    moved = [f"{name} {f'moves {mm:.3f} mm' if there else 'lost'}" for name, mm, there in each]
+    force = float(np.linalg.norm(data.wrench[k, :3]))
+    return f"{force:.5g} N: {', '.join(moved)}. {cell.arm.words(data.q[k])}."
+
+
+def draw_calibration(cell: Cell, found: Calibrated, left: counted.RemainingErrors) -> draw.PageContent:
+    """Draw the readings on the arm: from where the arm should have its targets to where they were read.
+
+    Args:
+        cell: The arm with its model and its truth.
+        found: The calibration.
+        left: Errors that remain.
+
+    Returns:
+        The content.
+    """
+    known = np.flatnonzero((size := counted.largest_remaining_error(found, left)) >= 0)
+    rows, reach = counted.rows_of(found, left, draw.largest_and_even(size, known)), cell.vjm.reach
+    sizes = [MM * np.nanmax(np.linalg.norm(x, axis=2), axis=1) for x in (rows.before, rows.after)]
+    marks = [draw.ModelLine(name, look, mm) for (name, look), mm in zip(LOOKS.items(), sizes, strict=True)]
+    A = draw.arrow_scale(rows.before, ARROW_LENGTH * reach)
+    straight, soft = rigid_frames(cell.room, rows.q), bool(rows.sag.any())
+    moved = elastic_frames(cell.plant, rows.q, rows.sag).positions - straight.positions
+    M = draw.arrow_scale(moved[:, -1], BENT * reach)
+    arrows = [
+        draw.Layer(f"error {name}", look.colour, "arrows", rows.read - A * error, rows.read)
+        for (name, look), error in zip(LOOKS.items(), (rows.before, rows.after), strict=True)
+    ]
+    group = draw.PoseGroup(
+        name="Readings",
+        names=[f"{name}, row {row}" for name, row in zip(rows.name, rows.row, strict=True)],
+        words=[
+            f"{b:.3f} mm as drawn, {a:.3f} mm calibrated. {cell.arm.words(q)}."
+            for b, a, q in zip(*sizes, rows.q, strict=True)
+        ],
+        rigid=straight,
+        bent=elastic_frames(cell.plant, rows.q, M * rows.sag) if soft else None,
+        layers=[*arrows, draw.Layer("target as read", MEASURED, "dots", rows.read)],
+        first=int(np.argmax(sizes[1])),
+    )
+    title = f"Arrows from where the arm should have its target to the reading x {A:g}."
+    title += f" Sag of the calibrated arm x {M:g}." if soft else ""
+    labels, note = [str(k) for k in rows.row], draw.of_all(len(rows.q), len(known), "poses")
+    chart = draw.RunChart("Pose by pose (mm)", 0, "row of the file", labels, marks, note=note)
+    errors = draw.PlaceMap("Distance of reading and arm, worst target (mm)", 0, rows.tool, marks)
+    return draw.PageContent(draw.Scene(cell, title, [group]), errors, [chart])

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
 from testbench.runs.engine import Chunk, Chunks, Work, WorkersLost, do_chunk
-from testbench.runs.experiment import numeric_versions
+from testbench.runs.store import numeric_versions
 
 PATIENCE = 10.0  #: Time that scheduler and workers have to answer [s].
 POLL, LOOK = 0.01, 500  #: Time between looks for results [s]; looks without any before one for workers.

@@ -1,12 +1,20 @@
-"""Frame of every command: one line and an exit code for what the user can mend, one BLAS thread."""
+"""Frame of every command: libraries undisturbed, one line and an exit code for what the user can mend.
+
+Matplotlib reads `matplotlibrc` of the working folder, which may be a stranger's: it says how large a picture
+is, and which programs set its letters.
+"""
 
 import contextlib
+import importlib
 import io
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from unicodedata import category
 
+import numpy as np
 import typer
 from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
@@ -15,6 +23,40 @@ from typer.exceptions import TyperException
 from testbench.errors import MAX_MESSAGE, BenchError, Interrupted, printable, shorten
 from testbench.runs import interrupt
 from testbench.runs.interrupt import INTERRUPTED
+
+RECORDINGS = (
+    "RERUN_FLUSH",
+    "RERUN_CHUNK",
+)  #: Begin the names of what cuts recordings otherwise; RERUN=off none.
+SETTINGS = "matplotlibrc"
+UNUSED = "f2py", "testing"  #: Of numpy: scipy imports all it has, and these take a tenth of a second.
+
+
+def undisturbed() -> None:
+    """Have recordings and figures as they are meant, libraries' warnings unsaid; before any is imported.
+
+    Warnings name lines of code, which are nothing for people at a terminal: `python -W` asks for them.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    for name in [name for name in os.environ if name == "RERUN" or name.startswith(RECORDINGS)]:
+        del os.environ[name]
+    os.environ["MPLBACKEND"] = "agg"
+    os.environ["MUJOCO_GL"] = "disable"  # nothing is drawn by MuJoCo; a driver that lacks is an error
+    np.__all__ = [name for name in np.__all__ if name not in UNUSED]
+    getattr(np, "__numpy_submodules__", set()).difference_update(UNUSED)
+    if os.path.lexists(SETTINGS):
+        _import_elsewhere("matplotlib")
+
+
+def _import_elsewhere(package: str) -> None:
+    here = Path.cwd()
+    os.chdir("/")
+    try:
+        importlib.import_module(package)
+    finally:
+        os.chdir(here)
+
 
 WRONG = 2
 GONE = 141  #: Nobody reads the output any more, as behind `head`: 128 + SIGPIPE.

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 
 from testbench.errors import printable
 from testbench.progress import listening
-from testbench.runs.session import Session, session
+from testbench.runs.interrupt import Session, session
 
 COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
 """Of every bar: what is done, how many of how many, the time left."""

@@ -1,6 +1,6 @@
-"""Ctrl-C and its like at any moment: one line, an exit code, no traceback.
+"""A command under way: its session, and Ctrl-C and its like at any moment: one line, an exit code.
 
-Imports next to nothing: it is there before anything else.
+It imports next to nothing: it is there before anything else.
 """
 
 import contextlib
@@ -8,9 +8,42 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import NamedTuple
 
-from testbench.runs.session import STOPS
+STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, a supervisor's request, the loss of the terminal: signals that end a command in good order."""
+
+
+class Session(NamedTuple):
+    """Hold a command under way."""
+
+    project: Mapping[str, object]  #: Name and SHA-256 of the project file, the values taken; empty for none.
+    known: frozenset[str]  #: Keys that it has, taken or not.
+    log: Callable[[], str] = str  #: What happened so far, for run.log; empty where nobody follows.
+
+    @property
+    def taken(self) -> frozenset[str]:
+        """Keys of the project file whose values were taken."""
+        found = self.project.get("taken")
+        return frozenset(found if isinstance(found, Mapping) else ())
+
+
+EMPTY_SESSION = Session({}, frozenset())
+SESSION: ContextVar[Session] = ContextVar("session", default=EMPTY_SESSION)  #: Of the command that runs.
+
+
+@contextmanager
+def session(own: Session) -> Iterator[None]:
+    """Make a command the one that runs in the block."""
+    token = SESSION.set(own)
+    try:
+        yield
+    finally:
+        SESSION.reset(token)
+
 
 SIGNALLED = 128  #: Exit code after a signal, less its number.
 INTERRUPTED = SIGNALLED + signal.SIGINT

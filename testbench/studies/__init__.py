@@ -44,10 +44,9 @@ def main(name: str) -> None:
         name: Of its scenario.
     """
     interrupt.handle(interrupt.leave_at_once)
-    from testbench.runs.surroundings import undisturbed  # here: it imports numpy
-
-    undisturbed()
     from testbench.runs import command  # here: imports can be interrupted from now on
+
+    command.undisturbed()
     from testbench.studies.run import app
 
     interrupt.leave(command.run(app(find_study(name))))

@@ -11,7 +11,6 @@ from testbench.files.read_pairs import from_text
 from testbench.files.write import write_csv
 from testbench.plant.shapes import elastic_frames, origins, rigid_frames
 from testbench.report.colours import MEASURED, Look, look_of
-from testbench.report.loads import loads, on_tool
 from testbench.report.scene import (
     Layer,
     ModelLine,
@@ -23,7 +22,9 @@ from testbench.report.scene import (
     arrow_scale,
     at_one_target,
     largest_and_even,
+    loads,
     of_all,
+    on_tool,
 )
 from testbench.report.table import Row, Trials
 from testbench.studies.study import AnyRun

@@ -16,7 +16,7 @@ from testbench.report.recording.stream import RecordingHeader
 from testbench.report.report import Report
 from testbench.report.scene import PageContent
 from testbench.report.table import Trials
-from testbench.studies.estimators.shrunk import clipped, ridge
+from testbench.studies.shrinkage import clipped, ridge
 from testbench.workflows.cell import Cell
 from testbench.workflows.model_selection import FILLED
 from testbench.workflows.models import WITHOUT_CONE, Model, equal_fit, named_models

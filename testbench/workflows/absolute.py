@@ -10,7 +10,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array, BenchError, Ids, InputError, stem_of
+from testbench.errors import Array, BenchError, Ids, InputError, sheet_of, stem_of
 from testbench.files.read_series import read_series
 from testbench.identify.absolute.align import Misfit, align_all, too_few, typical_distance
 from testbench.identify.absolute.fit import Calibration, CalibrationOptions, calibrate
@@ -21,16 +21,17 @@ from testbench.identify.absolute.state import nominal_state, torque_scale
 from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.diagnosis.diagnose import unplaced_series
+from testbench.identify.diagnosis.gravity import by_own_weight
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.hypothesis import Issue
-from testbench.identify.diagnosis.own_weight import by_own_weight
-from testbench.identify.diagnosis.series_checks import check_order
+from testbench.identify.diagnosis.screens import check_order
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION
 from testbench.identify.robust_loss import READINGS
 from testbench.model.load import read_weights
 from testbench.model.vjm import Vjm
+from testbench.runs.manifest import digest
 from testbench.runs.rows import Row
 
 T = TypeVar("T")
@@ -311,6 +312,25 @@ def with_drift(model: ArmModel) -> ArmModel:
     moved = np.zeros((len(geometry), len(posterior.x)))
     moved[np.arange(len(geometry)), geometry] = DRIFT
     return replace(model, posterior=Posterior.normal(posterior.x, np.vstack([posterior.root, moved])))
+
+
+def score(
+    model: ArmModel, files: Sequence[File], frame_poses: int | None
+) -> tuple[PositionErrors, tuple[str, ...]]:
+    """Compute how far files of readings are from a calibrated arm, see `position_errors`.
+
+    Args:
+        model: The model.
+        files: Files of absolute readings.
+        frame_poses: Poses that tell frame and mount; None as there.
+
+    Returns:
+        The distances, and how the files were read.
+    """
+    series, notes = read_all(files, model.arm)
+    if any(digest(sheet_of(file.path)[0]) in model.about.data.values() for file in files):
+        notes += ("these readings were fitted: only other readings can validate the model",)
+    return position_errors(model, series, frame_poses), notes
 
 
 def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int | None) -> PositionErrors:

@@ -10,13 +10,16 @@ import numpy as np
 
 from testbench.arm.elastic import LinkEntry, read_elastic
 from testbench.arm.folder import find_arm
+from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, Doubt
-from testbench.model.vjm import body_poses
+from testbench.model.vjm import body_poses, chain, generalised_load
+from testbench.plant.shapes import RING
 from testbench.workflows.arm_doubts import UPRIGHT, ArmContext, arm_warnings, base_stance, tool_sag
 from testbench.workflows.cell import build_cell, check_agreement
 from testbench.workflows.rows import rms
 
 UNSURE = ("estimated", "assumed")  #: Origins that want to be confirmed.
+SPOKES = 4  #: Lines along a drawn tube.
 ASIDE, OF_ASIDE = 0.01, "effect of an offset of 10 mm"
 """A point is moved so far to see what hangs on it [m]."""
 
@@ -130,6 +133,32 @@ class Checked(ArmContext):
                 for t, way in zip(tubes, ways, strict=True)
             ]
         )
+
+    @property
+    def tube_lines(self) -> tuple[Array, Array]:
+        """Compute where the lines that draw the tubes begin and end, in both poses, (2, k, 3) [m]."""
+        beams, (length, diameter) = self.beams, self.sizes.T
+        start, along = beams[..., :3, 3], beams[..., :3, 0] * length[:, None]
+        rings = 0.5 * diameter[:, None, None] * RING[:, :2]  # (tubes, p, 2)
+        near = start[:, :, None] + np.einsum("rkxy,kpy->rkpx", beams[..., :3, 1:3], rings)
+        far, step = near + along[:, :, None], len(RING) // SPOKES
+        lines = (
+            (near, np.roll(near, -1, axis=2)),
+            (far, np.roll(far, -1, axis=2)),
+            (near[:, :, ::step], far[:, :, ::step]),
+        )
+        begin, end = (
+            np.concatenate([x.reshape(2, -1, 3) for x in ends], axis=1) for ends in zip(*lines, strict=True)
+        )
+        return begin, end
+
+    @property
+    def bending(self) -> Array:
+        """Compute virtual joints under the payload, a kilogram if it is not stated, (2, n_theta) [m, rad]."""
+        arm, q = self.cell.arm, self.poses
+        force = np.array([0, 0, -GRAVITY * (arm.payload or 1.0), 0, 0, 0])
+        load = np.tile(force, (len(q), 1)), np.tile(self.vjm.load, (len(q), 1))
+        return np.asarray((arm.C_theta @ generalised_load(chain(self.vjm, q), *load)).T)
 
     def doubted(self, name: str) -> bool:
         """Tell whether a doubt is about a link, joint or point of that name."""

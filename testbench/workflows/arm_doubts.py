@@ -33,6 +33,12 @@ NOTHING = 1e-4  #: Mass of a link over that of the arm [1].
 ALL = 0.8  #: The same [1].
 UPRIGHT = 2.0  #: Angle of the first turning joint against the vertical [deg].
 GUESSED = "so from payload and reach"  #: Ends the note of a diameter that no shape tells, see `new_arm`.
+COINCIDE = 0.02
+"""Distance of joints below which they coincide, as a share of the reach [1]."""
+PARALLEL = 0.1
+"""Sine of the angle below which two directions count as parallel [1]."""
+FLAT = 0.05  #: Markers on a line: their spread across it is less than this share of that along it [1].
+PAYLOAD_OFF = 3.0  #: A guess of a payload misses one arm in ten by more than this factor [1].
 
 
 @dataclass(frozen=True)
@@ -208,8 +214,6 @@ def _sags(arm: ArmContext) -> Iterator[str]:
 
 def _payloads(arm: ArmContext) -> Iterator[str]:
     """A payload that somebody has stated."""
-    from testbench.workflows.propose import PAYLOAD_OFF
-
     payload = arm.elastic.payload
     if payload is not None and payload.origin == "estimated":
         off = f"one in ten such estimates is off by more than a factor of {PAYLOAD_OFF:g}"
@@ -218,8 +222,6 @@ def _payloads(arm: ArmContext) -> Iterator[str]:
 
 def _behind(arm: ArmContext) -> Iterator[str]:
     """Tool beyond the last link as drawn; load point and markers beyond its end, or the tool in it."""
-    from testbench.workflows.propose import COINCIDE, flange_axis
-
     vjm, links = arm.vjm, arm.cell.arm.links
     if len(links) == 1:
         return
@@ -240,8 +242,6 @@ def _behind(arm: ArmContext) -> Iterator[str]:
 
 def _points(arm: ArmContext) -> Iterator[str]:
     """Load point and markers near the tool, markers not on a line."""
-    from testbench.workflows.propose import on_a_line
-
     vjm, names = arm.vjm, arm.cell.arm.markers
     for name, place in zip((arm.cell.arm.load, *names), (vjm.load, *vjm.markers), strict=True):
         distance = float(np.linalg.norm(place))
@@ -269,8 +269,7 @@ def _masses(arm: ArmContext) -> Iterator[str]:
 
 def _densities(cell: Cell, weights: Array) -> Iterator[str]:
     """Masses that fit the hulls of what collides, as far as the links have them."""
-    from testbench.files.robot.meshes import hull_volume
-    from testbench.files.robot.write import PLAUSIBLE
+    from testbench.files.robot.meshes import PLAUSIBLE, hull_volume
     from testbench.plant.shapes import corners, solid_shapes
 
     names, volumes = cell.room.names, dict.fromkeys((link.name for link in cell.arm.links), 0.0)
@@ -305,3 +304,39 @@ def base_stance(cell: Cell) -> tuple[int | None, float, float]:
     axis = bodies[turning + 1][1][0] @ cell.vjm.axes[turning]
     tilt = float(np.rad2deg(np.arccos(min(1.0, abs(axis[2])))))
     return turning, tilt, float(bodies[0][0][0, 2] - bodies[turning + 2][0][0, 2])
+
+
+def flange_axis(axis: Array, pose: Array, tool: Array, com: Array, least: float) -> Array:
+    """Find the direction of the flange: along the last joint's axis, away from the joint before.
+
+    If the joints coincide, it points to the tool; if the tool coincides too, along the axis of its frame that
+    is parallel to the joint's; else to the part's mass.
+
+    Args:
+        axis: Axis of the last joint, in its part, (3,) [1].
+        pose: Pose of the part in the one before, (4, 4) [m].
+        tool: Pose of the tool in the part, (4, 4) [m].
+        com: Centre of mass of the part, (3,) [m].
+        least: Distance below which points coincide [m].
+
+    Returns:
+        Unit vector, (3,) [1].
+    """
+    way, distance = tool[:3, 3], float(np.linalg.norm(tool[:3, 3]))
+    sides = [float(axis @ pose[:3, :3].T @ pose[:3, 3]), float(axis @ way)]
+    side = next((s for s in sides if abs(s) > least), 0.0)
+    if not side and distance > least:  # the last joint turns across
+        return np.asarray(way / distance)
+    if not side:
+        along = tool[:3, :3].T @ axis
+        side = float(along[np.abs(along).argmax()])
+        side = side if abs(side) > 1 - PARALLEL else float(axis @ com)
+    return axis if side >= 0 else -axis
+
+
+def on_a_line(positions: Array) -> bool:
+    """Tell whether markers, (m, 3) [m], are fewer than three or lie on a line."""
+    if len(positions) < 3:
+        return True
+    along, across, *_ = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False)
+    return bool(across <= FLAT * along)

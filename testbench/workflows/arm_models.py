@@ -36,7 +36,7 @@ from testbench.model.laws import model_for, with_laws
 from testbench.model.load import Load, Weights, resultant, weights_known
 from testbench.model.structure import Structure, all153, labels_of
 from testbench.model.vjm import Vjm, tool_pose
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.runs.manifest import input_error
 from testbench.runs.whole import reading, whole_folder
 from testbench.workflows.advice import advice

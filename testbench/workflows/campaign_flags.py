@@ -10,7 +10,7 @@ from testbench.arm.document import is_decimal
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import BenchError, shell_word
 from testbench.plant.true_arms import FAMILY, true_arms
-from testbench.runs.session import SESSION
+from testbench.runs.interrupt import SESSION
 from testbench.workflows.cell import Scenario, Truth, of_arm
 from testbench.workflows.masses import read_mass
 

@@ -1,25 +1,34 @@
-"""A user's runs fitted by several models, and which model to take: what models.json holds."""
+"""Fits of models to a user's runs, their doubts, and the model to take.
 
-from collections.abc import Callable, Mapping, Sequence
+Mistakes in readings have their doubts in `identify.diagnosis.hypotheses`.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import gammainc
 
 from testbench.data.dataset import MAX_SHOWN, Dataset, evenly, in_order
 from testbench.errors import Array, BenchError, Doubt
+from testbench.files.readings import SIGMA
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.estimate import DeflectionErrors, deflections, score
 from testbench.identify.fold import BLOCK_RUNS, PartitionedRegression, with_poses
-from testbench.identify.hierarchy import UndeterminedParts, contradicted_scales, undetermined_parts
-from testbench.identify.metric import scale_by_prior
+from testbench.identify.hierarchy import (
+    ALL_JOINTS,
+    UndeterminedParts,
+    contradicted_scales,
+    undetermined_parts,
+)
+from testbench.identify.metric import LearntScale, scale_by_prior
 from testbench.identify.regression import ZERO_COLUMN, Regression
 from testbench.model.laws import law_unit, model_for, sizes_of
 from testbench.model.vjm import chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell
-from testbench.workflows.doubt import of_noise, of_scale
-from testbench.workflows.evaluation import EstimatorFailed, failed_row, fit_model
 from testbench.workflows.identifiability import set_aside
 from testbench.workflows.model_selection import (
     Recommendation,
@@ -28,9 +37,39 @@ from testbench.workflows.model_selection import (
     recommend,
     reduce_runs,
 )
-from testbench.workflows.models import Model
+from testbench.workflows.models import EstimatorFailed, Model, failed_row, fit_model
 from testbench.workflows.read_runs import MeasuredRuns
 from testbench.workflows.rows import MM, error_row, fit_row
+
+QUIET, CHANCE = 0.6, 1e-6
+"""Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
+
+
+def of_scale(scale: LearntScale) -> Doubt:
+    """Doubt a scale of a learnt prior that the readings contradict."""
+    low, high = (scale.factor * math.exp(sign * 2 * scale.deviation) for sign in (-1, 1))
+    beside = "the links" if scale.name == ALL_JOINTS else "the others of its kind"
+    factor = f"{scale.factor:.2g} times ({low:.2g} to {high:.2g})"
+    words = f"by the readings its compliance is {factor} the prior's, relative to {beside}: check the folder"
+    return Doubt("prior", f"{scale.name}: {words}")
+
+
+def of_noise(estimates: Iterable[Estimate]) -> list[Doubt]:
+    """Doubt the noise where a model leaves far less than the stated noise alone would."""
+    quiet = [estimate for estimate in estimates if estimate.f_m < QUIET * estimate.f_m_floor]
+    if not quiet:
+        return []
+    least = min(quiet, key=lambda e: e.f_m / e.f_m_floor)
+    free = least.regression.equations - least.regression.rank
+    if gammainc(free / 2, free / 2 * (least.f_m / least.f_m_floor) ** 2) > CHANCE:
+        return []
+    words = (
+        f"{least.structure.name} leaves F_M {least.f_m:.2g} where noise alone leaves "
+        f"{least.f_m_floor:.3g}: is sigma too large ({1e6 * SIGMA[0]:g} um where none is stated), a U95 "
+        "perhaps, or were readings averaged or copied?"
+    )
+    return [Doubt("noise", words)]
+
 
 Clock = Callable[[], float]  #: Wall time [s].
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"

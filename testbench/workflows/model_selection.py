@@ -25,7 +25,6 @@ from testbench.model.laws import with_laws, with_ties
 from testbench.progress import stepwise
 from testbench.workflows.advice import of_average
 from testbench.workflows.cell import Cell
-from testbench.workflows.evaluation import fit_model
 from testbench.workflows.models import (
     ALL_UNKNOWNS,
     JOINTS,
@@ -33,6 +32,7 @@ from testbench.workflows.models import (
     Model,
     arm_model_name,
     canonical_name,
+    fit_model,
     named_models,
 )
 

@@ -1,14 +1,19 @@
 """Models by name: a structure with the method that identifies it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from string import digits
 
+import numpy as np
+
 from testbench.arm.folder import Arm
+from testbench.data.dataset import Dataset
 from testbench.display import Displayed
 from testbench.errors import BenchError
-from testbench.identify import Estimator, completed_least_squares, gco, least_squares
+from testbench.identify import Estimate, Estimator, Method, completed_least_squares, gco, least_squares
+from testbench.identify.estimate import make_estimate
+from testbench.identify.fold import reduce
 from testbench.identify.regression import non_redundant
 from testbench.model.structure import (
     FULL,
@@ -25,6 +30,7 @@ from testbench.model.structure import (
 from testbench.model.structure import JOINTS as JOINTS
 from testbench.model.vjm import Vjm
 from testbench.workflows.cell import Cell
+from testbench.workflows.rows import FAILED, FitRow
 
 WITHOUT_CONE = "LS153"  #: All links and joints by least squares: what the default is without its cone.
 EQUAL_FIT = "MLS56, PSD of equal fit"
@@ -179,3 +185,78 @@ def canonical_name(arm: Arm, name: str) -> str:
 def equal_fit(cell: Cell) -> Model:
     """Make the model of MLS56 with its free directions used to be conservative."""
     return Model(EQUAL_FIT, template56(cell.arm, name="MLS56"), completed_least_squares)
+
+
+class EstimatorFailed(BenchError):
+    """Signal that a user's estimator failed, or that its answer is none."""
+
+    def __init__(self, model: Model, why: str) -> None:
+        super().__init__(f"{model.name}: its estimator failed: {why}")
+        self.model, self.why = model, why
+
+
+def fit_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
+    """Fit a model to runs; a user's estimator does not see the folder's compliances.
+
+    Args:
+        cell: The arm with its model and its truth.
+        model: The model.
+        data: Measured runs.
+
+    Returns:
+        The estimate.
+    """
+    if isinstance(model.estimator, Method):
+        return model.estimator(cell.vjm, model.structure, data)
+    try:
+        estimate = model.estimator(without_compliances(cell.vjm), model.structure, data)
+    except Exception as err:
+        why = str(err) if isinstance(err, BenchError) else f"{type(err).__name__}: {err}"
+        raise EstimatorFailed(model, " ".join(why.split())) from err
+    if not isinstance(estimate, Estimate):
+        raise EstimatorFailed(model, f"expected an Estimate, got {type(estimate).__name__}")
+    n = model.structure.n
+    if estimate.pi.shape != (n,) or not (
+        np.isfinite(estimate.pi).all() and np.isfinite(estimate.C_theta).all()
+    ):
+        raise EstimatorFailed(model, f"expected {n} finite parameters, got shape {estimate.pi.shape}")
+    return estimate
+
+
+def fit_or_rigid(cell: Cell, model: Model, data: Dataset) -> Estimate:
+    """Fit a model to runs; of an estimator that fails return a rigid arm, whose status says why.
+
+    Args:
+        cell: The arm with its model and its truth.
+        model: The model.
+        data: Measured runs.
+
+    Returns:
+        The estimate; see `has_failed`.
+    """
+    try:
+        return fit_model(cell, model, data)
+    except EstimatorFailed as err:
+        regression = reduce(cell.vjm, model.structure, data)
+        rigid = make_estimate(regression, np.zeros(model.structure.n), method="own estimator")
+        return replace(rigid, status=FAILED + err.why)
+
+
+def has_failed(estimate: Estimate) -> bool:
+    """Tell whether an estimate is of a user's estimator that failed: its numbers say nothing."""
+    return estimate.status.startswith(FAILED)
+
+
+def without_compliances(vjm: Vjm) -> Vjm:
+    """Replace an arm's compliances by NaN: in simulations the folder's may be the true ones."""
+    links = tuple(replace(link, compliance=np.full((6, 6), np.nan)) for link in vjm.arm.links)
+    joints = tuple(replace(joint, compliance=np.nan) for joint in vjm.arm.joints)
+    return replace(vjm, arm=replace(vjm.arm, links=links, joints=joints))
+
+
+def failed_row(err: EstimatorFailed) -> FitRow:
+    """Make the row of an estimator that failed."""
+    name, structure, status = err.model.name, err.model.structure, FAILED + err.why
+    return FitRow(
+        name=name, structure=structure.name, prior=err.model.filled, status=status, parameters=structure.n
+    )

@@ -1,18 +1,242 @@
-"""Flags as a dataclass: each field is a flag, so that a command takes one settings object."""
+"""Flags as a dataclass: each field is a flag, so that a command takes one settings object.
+
+testbench.toml of the current folder may hold values of flags that are about a cell and its files: one place
+gives them to every command. A key is the name of a command's parameter, as `ALIASES` says where the two
+differ. Flags count most, then what the file says of one file, then what it says of all.
+"""
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Annotated, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar, get_type_hints
 
 import typer
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
+from pydantic_core import PydanticCustomError
+from typer.core import TyperCommand
 
-from testbench.errors import BenchError
+from testbench.arm.document import Strict, parse_toml, toml_place
+from testbench.arm.folder import find_arm
+from testbench.errors import BenchError, InputError, read_text, sheet_of
 from testbench.errors import of_flag as of_flag
+from testbench.runs import manifest as files
 from testbench.runs.follow import followed
-from testbench.workflows.project import merged
+from testbench.runs.interrupt import EMPTY_SESSION, Session
+
+if TYPE_CHECKING:  # imports that take long
+    from _typeshed import DataclassInstance
+
+NAME = Path("testbench.toml")
+TEMPLATE = Path(__file__).with_name("project.toml")  #: All keys, as comments.
+MAX_BYTES = 50_000
+READ = {"dataset", "readings"}  #: Parameters that are files of readings.
+FILES = (*READ, "program", "poses", "task")  #: Parameters whose files may have values of their own.
+ARM = "testbench.arm"  #: Where a context keeps the arm that was taken from the file.
+NEEDLESS = {"urdf": "into"}  #: Parameters that another flag makes needless, and that flag.
+ALIASES = {"map": "mapping", "targets": "new_target"}  #: Parameters by their keys where these differ.
+
+
+def _check_mass(value: object) -> object:
+    """A mass as flags have it: 240 or "530lb"."""
+    from testbench.workflows.masses import read_mass  # here: few commands read masses
+
+    try:
+        read_mass(str(value))
+    except BenchError as err:
+        raise PydanticCustomError("mass", "{problem}", {"problem": str(err)}) from err
+    return str(value)
+
+
+def _several(value: object) -> list[object]:
+    return list(value) if isinstance(value, (list, tuple)) else [value]
+
+
+def _check_arm(name: str) -> str:
+    if not _is_arm(name):
+        raise PydanticCustomError("arm", "expected the folder of an arm, or the name of one of ours")
+    return name
+
+
+def _exists(name: str) -> str:
+    if not sheet_of(Path(name))[0].is_file():
+        raise PydanticCustomError("file", "expected a file, there is none")
+    return name
+
+
+Text = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^-]")]
+File = Annotated[Text, AfterValidator(_exists)]
+Mass = Annotated[str, BeforeValidator(_check_mass)]
+Place = Annotated[str, Field(pattern=r"^[-+.\de]+(,[-+.\de]+){2}$")]
+Box = Annotated[str, Field(pattern=r"^[-+.\de]+(,[-+.\de]+){5}$")]
+
+
+class FileSettings(Strict):
+    """Hold what holds for one file alone."""
+
+    map: File | None = None
+    load: Mass | None = None
+    payload: Mass | None = None
+    frame: Text | None = None
+
+
+class Project(Strict):
+    """Hold what holds for a cell; the template says what each is."""
+
+    arm: Annotated[Text, AfterValidator(_check_arm)] | None = None
+    urdf: Text | None = None
+    map: File | None = None
+    sigma_um: Annotated[float, Field(ge=0.001, le=10_000)] | None = None
+    frame: Text | None = None
+    targets: tuple[Text, ...] = Field((), strict=False)
+    load: Annotated[tuple[Mass, ...], BeforeValidator(_several)] = Field((), strict=False)
+    payload: Mass | None = None
+    tracker: Place | None = None
+    acceptance_deg: Annotated[float, Field(ge=0.1, le=90)] | None = None
+    box: Box | None = None
+    floor_z: Annotated[float, Field(ge=-1000, le=1000)] | None = None
+    sling_m: Annotated[float, Field(ge=0, le=100)] | None = None
+    tool_point: Place | None = None
+    spindle: Literal["x", "-x", "y", "-y", "z", "-z"] | None = None
+    files: dict[File, FileSettings] = Field({}, max_length=200)
+
+
+def read_project(path: Path = NAME) -> Project | None:
+    """Read the project file; None where there is none.
+
+    Raises:
+        InputError: Names the key and what was expected.
+    """
+    return parse_project(path, read_text(path, MAX_BYTES)) if path.is_file() else None
+
+
+def parse_project(path: Path, text: str) -> Project:
+    """Read a project from the text of a file.
+
+    Args:
+        path: Path of the file.
+        text: The text.
+
+    Returns:
+        The project.
+    """
+    try:
+        return Project.model_validate(parse_toml(path, text))
+    except ValidationError as err:
+        first = err.errors(include_url=False, include_context=False)[0]
+        place = [str(key) for key in first["loc"] if key != "[key]"]
+        problem = f"{first['msg']}, got {str(first['input'])[:80]!r}"
+        if first["type"] == "extra_forbidden":
+            keys = (Project if len(place) == 1 else FileSettings).model_fields
+            problem = f"unknown key; keys are {', '.join(keys)}"
+        raise InputError(path, toml_place(path, place), problem) from err
+
+
+class ProjectCommand(TyperCommand):
+    """Take parameters from the project file where the command line does not give them."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
+        """Parse the command line, with the project's values below it.
+
+        Args:
+            ctx: Context of the command.
+            args: Words of the command line.
+
+        Returns:
+            Words that are left.
+        """
+        if not ctx.resilient_parsing and not {*args} & {*ctx.help_option_names}:
+            project = read_project()
+            if project is not None:
+                args = self._with_arm(ctx, args, project.arm)
+                ctx.obj, ctx.default_map = project, self._defaults(project)
+        return super().parse_args(ctx, args)
+
+    def _with_arm(self, ctx: typer.Context, args: list[str], arm: str | None) -> list[str]:
+        """The words behind the project's arm, unless the first of them is an arm."""
+        wanted = [p for p in self.params if p.param_type_name == "argument"]
+        if arm is None or not wanted or wanted[0].name != "arm":
+            return args
+        parsed = self.make_parser(ctx).parse_args(list(args))[0]
+        given = [parsed.get(str(own.name)) for own in wanted]
+        words = [word for own in given for word in _several(own) if isinstance(word, str)]
+        few = len(words) < sum(own.required for own in wanted)
+        if not words or sheet_of(Path(words[0]))[0].is_file() or (few and not _is_arm(words[0])):
+            ctx.meta[ARM] = arm
+            return [arm, *args]
+        return args
+
+    def _defaults(self, project: Project) -> dict[str, object]:
+        """Values of parameters, as words of a command line."""
+        own = {str(p.name): p for p in self.params if p.param_type_name == "option"}
+        reads, values = {p.name for p in self.params} & READ, dict[str, object]()
+        skipped = {"files", *([] if reads else ["map"])}
+        if "readings" in reads:
+            skipped.add("load")  # rows without a mass may be of the arm's own weight alone
+        for key in Project.model_fields.keys() - skipped:
+            name = ALIASES.get(key, key)
+            words = [str(word) for word in _several(getattr(project, key)) if word is not None]
+            if name in own and words and getattr(own[name], "multiple", False):
+                values[name] = words
+            elif name in own and len(words) == 1:  # of several loads the file says which
+                [values[name]] = words
+        return values
+
+
+def _is_arm(word: str) -> bool:
+    try:
+        find_arm(word)
+    except BenchError:
+        return False
+    return True
+
+
+def merged(ctx: typer.Context, values: Mapping[str, object]) -> tuple[dict[str, object], Session]:
+    """Merge parameters with what the project file says of single files.
+
+    A command of several files gets lists of such values, one for each file.
+
+    Args:
+        ctx: Context of the command.
+        values: Parameters by name.
+
+    Returns:
+        The parameters, and the session.
+    """
+    from testbench.workflows.masses import read_mass  # here: few commands read masses
+
+    found, values = ctx.obj, dict(values)
+    if not isinstance(found, Project):
+        return values, EMPTY_SESSION
+    source = {name: getattr(ctx.get_parameter_source(name), "name", "") for name in values}
+    for name, other in NEEDLESS.items():
+        if source.get(name) == "DEFAULT_MAP" and values.get(other) is not None:
+            values[name], source[name] = None, "DEFAULT"
+    names = {key: ALIASES.get(key, key) for key in Project.model_fields}
+    taken = {key: getattr(found, key) for key, name in names.items() if source.get(name) == "DEFAULT_MAP"}
+    taken |= {"arm": found.arm} if ARM in ctx.meta else {}
+    for name in values.keys() & {*FILES} if found.files else ():
+        several, paths = isinstance(values[name], list), [Path(str(path)) for path in _several(values[name])]
+        for key in FileSettings.model_fields:
+            said = [getattr(_own(found, path), key, None) for path in paths]
+            if not any(said) or source.get(names[key], "COMMANDLINE") == "COMMANDLINE":
+                continue
+            typed = {"map": Path, "frame": str}.get(key, read_mass)
+            [rest] = _several(values[names[key]] or None) if several else [None]
+            each = [rest if text is None else typed(text) for text in said]
+            values[names[key]] = each if several else each[0]
+            taken[key] = {path.name: text for path, text in zip(paths, said, strict=True) if text is not None}
+    known = frozenset(key for key in names if getattr(found, key))
+    return values, Session({"file": str(NAME), "sha256": files.digest(NAME), "taken": taken}, known)
+
+
+def _own(project: Project, path: Path) -> FileSettings | None:
+    """What the project file says of a file, however it is named."""
+    return next(
+        (settings for name, settings in project.files.items() if Path(name).resolve() == path.resolve()), None
+    )
+
 
 D = TypeVar("D")
 Force = Annotated[bool, typer.Option("--force", help="Replace what another command wrote.")]
@@ -96,3 +320,44 @@ class Common:
     ] = None
     insecure: Annotated[bool, typer.Option("--insecure", help="Allow tcp:// to another machine.")] = False
     resume: Annotated[bool, typer.Option("--resume", help="Continue a stopped run.")] = False
+
+
+def plain(*asked: object, read: str, without: Sequence[str] = ()) -> dict[str, object]:
+    """Collect flags as plain data but for places of results; of files their names and digests.
+
+    Args:
+        read: Field that is a file or several, beside `mapping`.
+        without: Other fields that are left out.
+        asked: The flags, dataclasses.
+
+    Returns:
+        The flags by name.
+    """
+    left = {"out", "report", "force", *without}
+    flags = {name: value for own in asked for name, value in vars(own).items() if name not in left}
+    for name in (read, "mapping"):
+        given = flags[name] if isinstance(flags[name], list) else [flags[name]]
+        flags[name] = {path.name: files.digest(path) for path in filter(None, given)} or None
+    return flags
+
+
+def absolute_alone(flags: "DataclassInstance") -> None:
+    """Refuse flags of absolute readings that are not the defaults where `absolute` is not asked for.
+
+    Raises:
+        BenchError: Names the first one.
+    """
+    for own in fields(flags):
+        if not getattr(flags, "absolute", True) and getattr(flags, own.name) != own.default:
+            raise BenchError(f"--{own.name.replace('_', '-')}: expected --absolute with it")
+
+
+RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
+ArmCheck = Annotated[str | None, typer.Option(metavar="ARM", help="Reject a model of any other arm.")]
+ShownFolder = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Folder for picture, recording and page.")
+]
+Orientations = Annotated[
+    bool, typer.Option("--orientations", help="Read one target's position and orientation.")
+]
+Noise = Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")]

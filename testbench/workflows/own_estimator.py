@@ -18,7 +18,7 @@ from testbench.identify.fold import reduce
 from testbench.identify.prior import Prior
 from testbench.model.structure import Structure, all153
 from testbench.model.vjm import Vjm
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.workflows.cell import Cell
 from testbench.workflows.models import MODELS, Model
 from testbench.workflows.own_process import SUFFIX, EstimatorSource, Limits, call_estimator, file_of

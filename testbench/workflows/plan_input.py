@@ -15,6 +15,7 @@ from testbench.files.rows import joint_coordinates
 from testbench.files.table import TableCells, read_table
 from testbench.model.load import Load
 from testbench.workflows.cell import Cell
+from testbench.workflows.masses import payload_of, read_masses
 
 if TYPE_CHECKING:
     from testbench.design.rows import Tasks
@@ -27,6 +28,8 @@ MAX_NUMBER = 1e6  #: Of a number in a flag, whatever its unit.
 LOAD = "load_kg"  #: Column of a plan: what hangs in a run.
 #: Columns of a plan: what pulls in a run, world axes.
 FORCE_COLUMNS = ("force_x_N", "force_y_N", "force_z_N")
+FORCES = f"columns {', '.join(FORCE_COLUMNS)}"  #: As messages name them.
+MAX_RUNS = 50_000  #: Equilibria that are sought at most, poses times loads times set-ups.
 
 
 def read_loads(path: Path) -> tuple[Array | None, Array | None]:
@@ -164,3 +167,67 @@ def _read_load(columns: Columns, hung: Load) -> Load:
         raise table.header_error(f"expected force_x_N, force_y_N, force_z_N where {given}")
     table.refuse(np.asarray(~acts.any(axis=1)), "", "expected a load, got zero force and moment")
     return Load(acts, np.tile(hung.point, (table.rows, 1)) if point is None else point)
+
+
+def given_poses(
+    cell: Cell, file: Path | None, mapping: Path | None, poses: int | None, times: int
+) -> Array | None:
+    """Read the poses that a simulation takes from a file.
+
+    Args:
+        cell: The arm.
+        file: File of poses; None where `poses` says how many random ones there are.
+        mapping: Map of the file's columns.
+        poses: Number of random poses.
+        times: How often every pose is run.
+
+    Returns:
+        Poses, (poses, n) [rad, m]; None for random ones.
+
+    Raises:
+        BenchError: When both or none are given, or the runs are too many.
+    """
+    from testbench.files.program import read_poses  # here: plans read none
+    from testbench.plant.site import check_poses
+
+    if (file is None) == (poses is None):
+        raise BenchError("poses: expected either a file of poses or --poses NUMBER")
+    q = None if file is None else read_poses(file, cell.arm, mapping)
+    count = (poses or 0) if q is None else len(q)
+    if count * times > MAX_RUNS:
+        most = f"expected at most {MAX_RUNS} runs, poses times loads times series"
+        raise BenchError(f"{file or '--poses'}: {most}, got {count} times {times}")
+    if q is not None:
+        check_poses(cell.room, q)
+    return q
+
+
+def hung_masses(
+    arm: Arm, file: Path | None, payload_kg: float | None, loads: str | None, poses: int
+) -> Array:
+    """Find what hangs in every pose of a simulation, one after the other.
+
+    Args:
+        arm: The arm.
+        file: File of poses that may say what hangs; None for random poses.
+        payload_kg: Flag of one mass [kg].
+        loads: Flag of several masses, commas between.
+        poses: Number of poses where the file does not say what hangs.
+
+    Returns:
+        Masses, (poses, loads) [kg].
+
+    Raises:
+        BenchError: When two of them say what hangs.
+    """
+    if loads is not None and payload_kg is not None:
+        raise BenchError("--loads: expected no --payload-kg with it")
+    stated = None if file is None else read_loads(file)[0]
+    if stated is None:
+        mass = payload_of(arm, payload_kg, "--payload-kg") if loads is None else 0.0
+        return np.tile([mass] if loads is None else read_masses(loads), (poses, 1))
+    for flag, value in (("--payload-kg", payload_kg), ("--loads", loads)):
+        if value is not None:
+            problem = f"says what hangs or pulls in every run; leave out {flag}"
+            raise InputError(file or Path(), "column load_kg" if stated.any() else FORCES, problem)
+    return stated[:, None]

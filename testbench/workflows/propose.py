@@ -28,11 +28,8 @@ from testbench.files.robot.robot import (
     Point,
     visible_shapes,
 )
+from testbench.workflows.arm_doubts import COINCIDE, PARALLEL, flange_axis, on_a_line
 
-COINCIDE = 0.02
-"""Distance of joints below which they coincide, as a share of the reach [1]."""
-PARALLEL = 0.1
-"""Sine of the angle below which two directions count as parallel [1]."""
 CUTS = 17
 """Cross sections of a link."""
 INNER = 0.1, 0.9
@@ -114,34 +111,6 @@ def _beam(chain: ImportedChain, k: int, end: Array, long: float) -> Beam:
     return Beam(_frame(x, [axis for axis in axes if axis is not None]), distance, runs)
 
 
-def flange_axis(axis: Array, pose: Array, tool: Array, com: Array, least: float) -> Array:
-    """Find the direction of the flange: along the last joint's axis, away from the joint before.
-
-    If the joints coincide, it points to the tool; if the tool coincides too, along the axis of its frame that
-    is parallel to the joint's; else to the part's mass.
-
-    Args:
-        axis: Axis of the last joint, in its part, (3,) [1].
-        pose: Pose of the part in the one before, (4, 4) [m].
-        tool: Pose of the tool in the part, (4, 4) [m].
-        com: Centre of mass of the part, (3,) [m].
-        least: Distance below which points coincide [m].
-
-    Returns:
-        Unit vector, (3,) [1].
-    """
-    way, distance = tool[:3, 3], float(np.linalg.norm(tool[:3, 3]))
-    sides = [float(axis @ pose[:3, :3].T @ pose[:3, 3]), float(axis @ way)]
-    side = next((s for s in sides if abs(s) > least), 0.0)
-    if not side and distance > least:  # the last joint turns across
-        return np.asarray(way / distance)
-    if not side:
-        along = tool[:3, :3].T @ axis
-        side = float(along[np.abs(along).argmax()])
-        side = side if abs(side) > 1 - PARALLEL else float(axis @ com)
-    return axis if side >= 0 else -axis
-
-
 def _frame(x: Array, along: list[Array]) -> Array:
     """Make beam axes whose y follows the first direction not parallel to x, else an axis of the part."""
     for y in [*along, *np.eye(3)]:
@@ -215,7 +184,6 @@ POWER = 0.75  #: Compliance falls with this power of payload times reach [1].
 WRIST = 6.0  #: Compliance of a joint of the wrist over that of one of the arm [1].
 LEVER = 0.1  #: A slide is as stiff as a turning joint at this share of the reach [1].
 WRIST_JOINTS = 3  #: Joints after the third are of the wrist, at most so many.
-PAYLOAD_OFF = 3.0  #: A guess of a payload misses one arm in ten by more than this factor [1].
 CAST_IRON_PAYLOAD = 100.0  #: Payload from which an arm is of cast iron [kg].
 CAST_IRON, ALUMINIUM = Material(1.1e11, 0.26), Material(7.0e10, 0.33)
 HOLLOW = 0.9  #: Inner over outer diameter, as of our KR 500 [1].
@@ -225,7 +193,6 @@ SHORT_LINK = 0.05  #: A link shorter than this share of the reach is cut over th
 STUB = 0.5  #: No tube is shorter than this share of its diameter: wrists whose joints meet [1].
 AROUND = 0.1  #: Distance of the proposed markers from the tool over the reach [1].
 BEYOND = 0.05  #: Distance of the proposed load point from the tool, along its axis, over the reach [1].
-FLAT = 0.05  #: Markers on a line: their spread across it is less than this share of that along it [1].
 MILLIMETRE = 3  #: Digits of a proposed position in metres.
 
 ToldBy = Literal["shape", "none", "pieces", "part"]
@@ -391,14 +358,6 @@ def _link(part: Body, line: Beam, payload: float, long: float) -> LinkProposal:
     except BenchError as err:  # a robot smaller or larger than arms are
         raise BenchError(f"tube of link {part.name!r}: {err}") from err
     return LinkProposal(part.name, line, tube, told_by if outer is None else "shape", drawn)
-
-
-def on_a_line(positions: Array) -> bool:
-    """Tell whether markers, (m, 3) [m], are fewer than three or lie on a line."""
-    if len(positions) < 3:
-        return True
-    along, across, *_ = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False)
-    return bool(across <= FLAT * along)
 
 
 def _sites(chain: ImportedChain, tool: Array) -> tuple[Point, ...]:

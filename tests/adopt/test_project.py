@@ -11,7 +11,7 @@ from strangers import heavy_urdf
 
 from testbench.arm.folder import load_arm
 from testbench.files.read_series import read_series
-from testbench.workflows.project import NAME, Project, read_project
+from testbench.workflows.options import NAME, Project, read_project
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = "kr500_l480"

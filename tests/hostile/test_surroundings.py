@@ -9,7 +9,7 @@ import pytest
 from attack import ROOT
 
 ASKED = """
-from testbench.runs.surroundings import undisturbed
+from testbench.runs.command import undisturbed
 undisturbed()
 import matplotlib, mujoco, os
 found = matplotlib.rcParams

@@ -24,12 +24,12 @@ from testbench.identify.regression import f_m
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
 from testbench.plant.tracker import trial_rng
-from testbench.studies.campaign import report as fits
+from testbench.studies.campaign import grids as fits
 from testbench.studies.campaign.grids import CellGrid, Clean, expected
 from testbench.studies.campaign.trial import reread
-from testbench.studies.estimators.shrunk import RIDGES, clipped, ridge
 from testbench.studies.paper import factorised
 from testbench.studies.paper.search import BOX, Budget, explore, trial_points
+from testbench.studies.shrinkage import RIDGES, clipped, ridge
 from testbench.workflows.advice import advice
 from testbench.workflows.cell import Scenario, draw_poses, simulate_at
 from testbench.workflows.cell import simulate as calibrate

@@ -30,8 +30,7 @@ from testbench.plant.tracker import trial_rng
 from testbench.studies.absolute.beside import true_state
 from testbench.studies.absolute.simulated import check
 from testbench.studies.campaign.coverage import draw_conservative
-from testbench.studies.estimators.bootstrap import bootstrap, resampler
-from testbench.studies.estimators.bounds import bounds, fit_set
+from testbench.studies.intervals import bootstrap, bounds, fit_set, resampler
 from testbench.workflows import named_parameters
 from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import Scenario, clear_poses, simulate

@@ -32,11 +32,11 @@ from testbench.identify.weighed import single_readings
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import tool_pose
 from testbench.studies.campaign.noise import spoil
+from testbench.studies.campaigns import identify
 from testbench.workflows.advice import advice
-from testbench.workflows.evaluation import fit_model, identify
 from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.model_selection import DEFAULT, choose_model, default_models, recommend
-from testbench.workflows.models import Model, named_models
+from testbench.workflows.models import Model, fit_model, named_models
 
 HALF = Strength(0.5)
 

@@ -6,9 +6,8 @@ from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
 
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.diagnosis.gravity import DOWN, angle, mounted, towards
+from testbench.identify.diagnosis.gravity import DOWN, angle, by_own_weight, mounted, towards
 from testbench.identify.diagnosis.hypotheses import describe
-from testbench.identify.diagnosis.own_weight import by_own_weight
 from testbench.identify.prior import cad_prior
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import build_cell

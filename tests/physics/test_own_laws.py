@@ -20,7 +20,7 @@ from testbench.plant.disturbance import Disturbances
 from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.true_arms import true_arms, true_plant
-from testbench.runs import provenance
+from testbench.runs import manifest as provenance
 from testbench.workflows.campaign_flags import true_arm_name
 from testbench.workflows.cell import Scenario, simulate, true_cell
 from testbench.workflows.model_selection import with_priors

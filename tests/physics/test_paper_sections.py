@@ -12,10 +12,10 @@ from testbench import Scenario, deflections
 from testbench.errors import PoseError
 from testbench.report.table import Row, Trials
 from testbench.runs.spread import spread
+from testbench.studies.campaigns import identify
 from testbench.studies.paper import EQ_22, EQ_23, SECTION_6
 from testbench.studies.paper import single_link as trial
 from testbench.workflows.cell import simulate as calibrate
-from testbench.workflows.evaluation import identify
 from testbench.workflows.models import named_models
 from testbench.workflows.pose_campaign import FullPose, random_wrenches, simulate
 

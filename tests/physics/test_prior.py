@@ -49,10 +49,10 @@ from testbench.model.laws import with_laws, with_ties
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
-from testbench.studies.estimators import stein
+from testbench.studies import shrinkage as stein
 from testbench.workflows.advice import of_average
 from testbench.workflows.cell import true_cell
-from testbench.workflows.doubt import of_scale
+from testbench.workflows.fits import of_scale
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import named_models
 from testbench.workflows.perturbed_prior import prior_of

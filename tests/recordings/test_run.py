@@ -12,13 +12,12 @@ from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
 from testbench.report.colours import GREY, SCALE, hexadecimal, look
-from testbench.report.loads import legs, loads
 from testbench.report.page.page import seen_plain
 from testbench.report.recording.figure_panes import _seen
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.run_figure import overview
-from testbench.report.scene import ModelLine, PageContent, at_one_target, typical_first
+from testbench.report.scene import ModelLine, PageContent, at_one_target, legs, loads, typical_first
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
 

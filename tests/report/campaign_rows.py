@@ -11,8 +11,8 @@ from testbench.plant.true_arms import HELD_OUT, true_arm_of_seed
 from testbench.studies.campaign import coverage, disturbed, family, grids, noise, priors
 from testbench.studies.campaign.coverage import Covered
 from testbench.studies.campaign.trial import CampaignFitRow, Cover
+from testbench.studies.campaigns import CampaignRow
 from testbench.workflows.cell import Scenario
-from testbench.workflows.evaluation import CampaignRow
 from testbench.workflows.rows import ErrorRow
 
 MODELS = {

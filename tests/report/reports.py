@@ -22,7 +22,7 @@ from testbench.report.table import Trials
 from testbench.runs.rows import columns, tabled
 from testbench.runs.spread import Spread, ends, middle
 from testbench.runs.store import arrow_table, write_trials
-from testbench.workflows.evaluation import Measured
+from testbench.studies.campaigns import Measured
 from testbench.workflows.workspace_errors import WorkspacePoses
 
 WIDTH = 80  #: Of a terminal.

@@ -6,10 +6,17 @@ from legible import check_legible
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.studies.bench.scores import errors, overall, standings
-from testbench.studies.bench.study import figures, report
-from testbench.studies.bench.tasks import DEFAULT, JOINTS
-from testbench.studies.bench.trial import DONE, SKIPPED, BenchSettings, EntryRow, covariance, half_widths
+from testbench.studies.bench.study import errors, figures, overall, report, standings
+from testbench.studies.bench.tasks import (
+    DEFAULT,
+    DONE,
+    JOINTS,
+    SKIPPED,
+    BenchSettings,
+    EntryRow,
+    covariance,
+    half_widths,
+)
 from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow
 
 TASKS, SEEDS, WHOLE = ("gravity-8", "loads"), range(1, 25), 700.0

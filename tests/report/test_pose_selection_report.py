@@ -11,11 +11,11 @@ from reports import campaign_row, check, check_forest, place_of, table_of
 from testbench.plant.true_arms import CALLED
 from testbench.report.markdown import grid
 from testbench.runs.spread import ends, spread
+from testbench.studies.campaigns import CampaignRow
 from testbench.studies.planning import settings as s
 from testbench.studies.planning.settings import BARE, FITS, INCUMBENT, PLANNED, WHOLE
 from testbench.studies.planning.study import LOOKS, figures, report
 from testbench.studies.planning.trial import PlanErrorRow
-from testbench.workflows.evaluation import CampaignRow
 from testbench.workflows.predicted_error import Expected
 
 CRITERIA, POSES, SEEDS = ("test", "I", "D"), (8, 12), range(4, 7)

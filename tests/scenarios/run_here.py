@@ -20,7 +20,7 @@ from read_back import document, sound
 from testbench.cli.program import program
 from testbench.report.markdown import as_plain
 from testbench.runs import command
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.studies import find_study, run
 
 ROOT = Path(__file__).resolve().parents[2]

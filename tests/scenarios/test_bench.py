@@ -12,7 +12,7 @@ from test_own_estimator import BAD, EXAMPLE, PAGE, TIMEOUT, WHY
 import testbench as tb
 from testbench.studies.bench.tasks import FLOORS, TASKS, problem, read_entries
 from testbench.workflows.cell import build_cell
-from testbench.workflows.evaluation import without_compliances
+from testbench.workflows.models import without_compliances
 from testbench.workflows.own_process import Limits, call_estimator
 
 ENTRIES = sorted((ROOT / "entries").glob("*.py"))

@@ -16,7 +16,7 @@ from testbench.report.columns import columns as quantities
 from testbench.report.join import differ
 from testbench.report.schema import Table
 from testbench.report.table import Trials, merged
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.runs.rows import columns, tabled
 from testbench.runs.spread import Spread
 from testbench.runs.store import arrow_table, write_trials

@@ -13,7 +13,7 @@ from reports import check
 from run_here import do, fine, refused, table
 
 from testbench.arm.folder import find_arm, load_arm
-from testbench.cli.compensate import report, seen
+from testbench.cli.compensate import report
 from testbench.correct.compensated import Refusal
 from testbench.correct.newton import Aim
 from testbench.files.program import read_program
@@ -23,14 +23,15 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose
 from testbench.plant.equilibrium import solve_equilibrium
-from testbench.runs import provenance as files
+from testbench.report.program_scene import draw_correction
+from testbench.runs import manifest as files
 from testbench.workflows.arm_models import load_model, write_stiffness
 from testbench.workflows.cell import Scenario, simulate
-from testbench.workflows.correction_numbers import numbers
 from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import Model, named_models
 from testbench.workflows.program import correct_program
+from testbench.workflows.program_numbers import correction_numbers
 
 TIP, SPINDLE = np.array([0.1, 0.0, 0.05]), np.array([1.0, 0.0, 0.0])
 FEED, CROSS, AXIAL = -700.0, 500.0, -900.0
@@ -194,7 +195,7 @@ def test_a_point_that_is_stated_counts_even_where_it_is_the_tools_origin(folder,
     (tmp_path / "origin.csv").write_text("\n".join([f"{head},point_x_mm", *(f"{row},0" for row in rows)]))
     model = load_model(folder / "true", None)
     program = read_program(tmp_path / "origin.csv", model.arm)
-    ours = numbers(correct_program(model, program, Aim(point=tuple(TIP))))
+    ours = correction_numbers(correct_program(model, program, Aim(point=tuple(TIP))))
     tips = json.loads((out / "right_report" / "report.json").read_text())
     assert abs(ours.before_mm.max / tips["before_mm"]["max"] - 1) > 0.01
 
@@ -401,7 +402,7 @@ def test_a_refused_point_is_as_far_off_as_it_was_and_a_bound_stands_beside_a_bou
         found, found=replace(own, after=after, refused=(*own.refused[:3], Refusal("reach"), *own.refused[4:]))
     )
     said = report(found)
-    [chart] = seen(kr500, found, said).runs
+    [chart] = draw_correction(kr500, found, said).runs
     before, half = 1e3 * np.linalg.norm(own.before, axis=1), 1e3 * own.half_width.max(axis=1)
     uncorrected, corrected = (line.values for line in chart.lines)
     np.testing.assert_allclose(uncorrected, before + half, rtol=1e-9)
@@ -445,7 +446,7 @@ def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded
         assert warning in said.claims
     assert f"| 5 | 4 | {1e3 * off[3]:.3f} |" in text
     free = replace(found, aim=Aim("position"), found=replace(own, stopped=0 * held > 1))
-    assert numbers(free).turns_mrad == pytest.approx(2.0)
+    assert correction_numbers(free).turns_mrad == pytest.approx(2.0)
 
 
 def path(layer):

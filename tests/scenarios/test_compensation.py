@@ -19,7 +19,8 @@ from testbench.model.vjm import chain, tool_pose
 from testbench.plant.disturbance import TYPICAL
 from testbench.plant.disturbed import disturb
 from testbench.plant.tracker import trial_rng
-from testbench.studies.compensation import plans, settings, trial
+from testbench.studies.compensation import settings, trial
+from testbench.studies.compensation import settings as plans
 from testbench.studies.compensation.settings import ADVISED, BOTH, DEFAULT, IDEAL, PERFECT, REAL
 from testbench.workflows.cell import build_cell
 from testbench.workflows.model_selection import ChosenModel, with_priors

@@ -20,7 +20,7 @@ from testbench.identify.posterior import Posterior
 from testbench.model.kinematics import build_vjm
 from testbench.model.load import Weights
 from testbench.model.structure import joints_only
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.workflows.arm_models import read_model, write_files
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -20,7 +20,7 @@ from testbench.errors import BenchError
 from testbench.identify.prior import Prior
 from testbench.model.structure import all153
 from testbench.report.colours import look
-from testbench.studies.bench.trial import covariance
+from testbench.studies.bench.tasks import covariance
 from testbench.workflows.own_estimator import estimator_models, parameters_of
 from testbench.workflows.own_process import EstimatorSource, Limits, call_estimator
 

@@ -7,7 +7,7 @@ from unittest import mock
 from run_here import app_of, check_files, here, numbers_alone, quick_study
 
 from testbench.plant.true_arms import CALLED
-from testbench.studies.planning import plans
+from testbench.studies.planning import study as plans
 
 ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "pose_selection.py")

@@ -24,8 +24,8 @@ from testbench.workflows.cell import Scenario, settle_both, simulate
 from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import named_models
-from testbench.workflows.prediction_numbers import write_predictions
 from testbench.workflows.program import predict_file, read_pose_file
+from testbench.workflows.program_numbers import write_predictions
 
 ROOT = Path(__file__).resolve().parents[2]
 MEDIAN = "deflection by the force in its worst direction, median of the map, mm"

@@ -23,10 +23,8 @@ from testbench.cli.program import program
 from testbench.errors import BenchError
 from testbench.runs import cluster
 from testbench.runs.cluster import on_cluster
-from testbench.runs.cores import on_cores
-from testbench.runs.engine import RETRIES, WorkersLost, do_chunk, run_study
-from testbench.runs.experiment import TrialPlan
-from testbench.runs.store import PARTS, open_store, part_seeds, write_parquet
+from testbench.runs.engine import RETRIES, WorkersLost, do_chunk, on_cores, run_study
+from testbench.runs.store import PARTS, TrialPlan, open_store, part_seeds, write_parquet
 
 HERE = Path(__file__).resolve().parent
 SCRIPT = HERE / "trial_study.py"

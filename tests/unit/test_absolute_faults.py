@@ -21,7 +21,7 @@ from testbench.identify.absolute.scatter import outliers, residuals
 from testbench.identify.absolute.state import nominal_state
 from testbench.identify.diagnosis.diagnose import unplaced_series
 from testbench.identify.diagnosis.hypotheses import describe
-from testbench.identify.diagnosis.series_checks import check_order
+from testbench.identify.diagnosis.screens import check_order
 from testbench.identify.prior import cad_prior
 from testbench.model.load import read_weights
 from testbench.workflows.absolute import calibrate_with_masses, raise_explanation

@@ -9,7 +9,7 @@ import pytest
 
 from testbench.progress import stepwise, tell
 from testbench.runs.follow import followed
-from testbench.runs.session import EMPTY_SESSION, SESSION
+from testbench.runs.interrupt import EMPTY_SESSION, SESSION
 
 HIDDEN, SHOWN = "\x1b[?25l", "\x1b[?25h"  #: The cursor, while bars are there and behind them.
 

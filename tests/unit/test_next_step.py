@@ -5,7 +5,7 @@ import json
 import pytest
 
 from testbench.cli import program
-from testbench.runs.next_step import COMMANDS, MISSING, next_lines
+from testbench.report.terminal import COMMANDS, MISSING, next_lines
 
 PLAN = {"absolute": False, "loads_kg": [460.3], "model": "MGCO56", "uncertainty_percent": None}
 ABSOLUTE = {"absolute": True, "loads_kg": [0.0, 5.0], "orientations": True, "gear_urad": 30.0}

@@ -17,7 +17,7 @@ from testbench.files.program import read_poses
 from testbench.files.read_pairs import read_csv
 from testbench.files.read_series import SeriesExport, read_series
 from testbench.files.write import write_series
-from testbench.runs.provenance import digest
+from testbench.runs.manifest import digest
 from testbench.workflows.absolute import File, read_all
 
 ROOT = Path(__file__).parents[2]

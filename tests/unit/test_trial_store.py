@@ -14,9 +14,8 @@ import pytest
 
 from testbench.errors import BenchError, InputError
 from testbench.runs.engine import do_chunk
-from testbench.runs.experiment import TrialPlan
 from testbench.runs.spread import Number, Share
-from testbench.runs.store import PARTS, WHOLE, open_store, series, write_parquet
+from testbench.runs.store import PARTS, WHOLE, TrialPlan, open_store, series, write_parquet
 
 TOY = TrialPlan("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from testbench.errors import InputError
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.runs.place import claim_folder
 from testbench.runs.whole import claimed, new_folder, reading, restore, whole_files, whole_folder
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.report.gains import share, wilson
+from testbench.report.badge import share, wilson
 from testbench.report.markdown import place
 from testbench.report.schema import plain, show, written_out
 from testbench.runs.spread import Spread, median_interval

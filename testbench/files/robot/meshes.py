@@ -20,6 +20,8 @@ from testbench.errors import Array, InputError, read_bytes
 from testbench.files.robot.robot import Faces, ImportedMesh, Note, Surface
 from testbench.plant.shapes import POINTS, Kind, half_sizes
 
+PLAUSIBLE = 300.0, 4000.0
+"""Range of the mass of an arm over the volume of its hulls; stated masses beyond it are doubtful [kg/m^3]."""
 SLACK = 5e-4
 """Distance by which points may be outside a hull, over the extent of all points [1]."""
 MIN_INERTIA = 1e-9

@@ -17,6 +17,7 @@ import numpy as np
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, InputError
 from testbench.files.robot.meshes import (
+    PLAUSIBLE,
     Weighed,
     combined,
     decimated,
@@ -47,8 +48,6 @@ from testbench.plant.collide import collide
 DENSITY = 1200.0
 """Mass of an arm over the volume of the convex hulls of its colliding shapes [kg/m^3]. Twelve arms of known
 mass, 11 to 1310 kg, are between 910 and 1610."""
-PLAUSIBLE = 300.0, 4000.0
-"""Range of that density for stated masses [kg/m^3]; beyond it they are doubtful."""
 PLACEHOLDERS = 4
 """Number of links with one and the same mass from which masses count as placeholders."""
 

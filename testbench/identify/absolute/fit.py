@@ -47,7 +47,7 @@ from testbench.identify.absolute.state import ArmState, nominal_state, torque_sc
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.moves import settled
-from testbench.identify.diagnosis.series_checks import check_last_joint, check_order
+from testbench.identify.diagnosis.screens import check_last_joint, check_order
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.fold import Linearisation, ReducedReadings, reduce_series
 from testbench.identify.metric import PriorScaling, scale_by_prior

@@ -16,6 +16,7 @@ from testbench.identify.diagnosis.gravity import (
     DOWN,
     REVERSED,
     angle,
+    hangs,
     mounting,
     suspected_pull,
     tracker_level,
@@ -31,7 +32,6 @@ from testbench.identify.diagnosis.kinematics import (
     fit,
     of_series,
 )
-from testbench.identify.diagnosis.own_weight import hangs
 from testbench.identify.diagnosis.timeline import Timeline
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior

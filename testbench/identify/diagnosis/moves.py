@@ -1,22 +1,293 @@
 """Moves in the middle of a series: of the targets on the tool, or of the tracker against the base.
 
-A step in the residuals that nothing else explains (`steps`). `identify` doubts it; `calibrate` takes the rows
-behind it as a series with a mount or a frame of its own, fits again and looks again.
+A move is a step in the residuals that nothing else explains. From row k on a step b of up to six numbers is
+added to the model, in tool axes for the targets and in base axes for the tracker. Beside it stands all that
+the model may still lack: geometry, low periodic errors of the joints and compliances, each with its prior.
+What these explain as well is no step (`hypothesis`: P is of these). A row or pose that is off alone is
+another hypothesis, of the same columns.
+
+`identify` doubts a move; `calibrate` takes the rows behind it as a series with a mount or a frame of its own,
+fits again and looks again.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.special import fdtrc
 
 from testbench.data.series import Series, select_rows
-from testbench.errors import BenchError, Ids
+from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import read_only
-from testbench.identify.absolute.scatter import Noise
+from testbench.identify.absolute.choose import GEOMETRY
+from testbench.identify.absolute.evidence import (
+    LOOSE_STRENGTH,
+    ActiveUnknowns,
+    ErrorScales,
+    activate,
+    active_prior,
+    default_scales,
+)
+from testbench.identify.absolute.scatter import Noise, weights
 from testbench.identify.absolute.state import ArmState
-from testbench.identify.diagnosis.hypothesis import Issue, undo_one_by_one
-from testbench.identify.diagnosis.steps import best, nuisance_model, with_shift
+from testbench.identify.absolute.unknowns import unknowns_of
+from testbench.identify.diagnosis.hypothesis import Issue, Score, score_test, undo_one_by_one
 from testbench.identify.metric import PriorScaling
+from testbench.identify.rows import series_rows
+from testbench.model.joint_errors import JointErrors
+
+ORDERS = 8  #: Highest order of periodic errors that the poses of a part of a series may share.
+LACKING = 3.0  #: Prior size of errors beside a step, over their usual size [1]: how much is left is unknown.
+BATCH = 3_000_000  #: Most numbers of the equations in memory at a time.
+FREE = 6
+"""Independent equations of a pose at most: its targets and loads share what the model leaves open there."""
+ALIKE = 10.0  #: Difference of gains, over the variance, below which two steps explain readings alike.
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Hold the linearised model beside a step: all that it may lack, with its prior."""
+
+    own: ActiveUnknowns  #: Unknowns that the model may lack, c of them.
+    prior: Array  #: Prior precision of the unknowns, compliances in the metric, (c, c).
+    state: ArmState  #: The arm that the equations are linearised about.
+    noise: Noise  #: Noise of the readings about the arm.
+
+
+def nuisance_model(
+    state: ArmState, series: tuple[Series, ...], noise: Noise, elastic: PriorScaling, orders: int = ORDERS
+) -> Linear:
+    """Build the linear model of everything but a step that may explain the residuals of series.
+
+    It has geometry, periodic joint errors and compliances as unknowns, each with a loose prior.
+
+    Args:
+        state: The arm without joint errors.
+        series: The readings.
+        noise: Noise of the readings about the arm.
+        elastic: Prior of all compliances that there may be.
+        orders: Highest order of periodic joint errors, per turn [1].
+
+    Returns:
+        The unknowns with their prior precision, and the arm that they are linearised about.
+    """
+    errors = JointErrors(tuple(range(1, orders + 1)))
+    state = replace(state, errors=errors, n=np.zeros((state.vjm.arm.n_joints, errors.size)))
+    unknowns = unknowns_of(state.vjm, series, errors, elastic.structure)
+    active, size = (
+        activate(unknowns, GEOMETRY | {"harmonics"}, elastic),
+        default_scales(unknowns, len(noise.factor)),
+    )
+    P, _ = active_prior(active, ErrorScales(LACKING * size.deviation, size.factor), LOOSE_STRENGTH)
+    return Linear(active, P, state, noise)
+
+
+def chance(step: Issue) -> float:
+    """Compute the probability of a step as clear as this one in readings without any.
+
+    With z numbers of the step and f independent equations, it is P(F(z, f) > 2 nats / z), Fisher's F test.
+
+    Args:
+        step: A step as `best` returns it.
+
+    Returns:
+        The probability, 0 to 1 [1].
+    """
+    z = len(step.size)
+    return float(fdtrc(z, step.numbers["free"], 2 * (step.nats or 0.0) / z))
+
+
+def best(linear: Linear, series: Series, steps: Ids) -> Issue:
+    """Find the step of a series that explains most of the residuals.
+
+    Args:
+        linear: The linear model of everything but the step.
+        series: The readings, in order of time.
+        steps: First row after each step that is tried, ascending, (steps,).
+
+    Returns:
+        The step, named "target_moved" or "tracker_moved". Its size is translation and, if six numbers,
+        rotation, (3 or 6,) [m, rad]. Its numbers are:
+
+        - `place`: index of the first row after it;
+        - `before`, `after`: identifiers of the rows on both sides;
+        - `across`: whether both are of one pose;
+        - `alike`: whether a move of the other, target or tracker, explains the readings as well;
+        - `share`: fraction of the sum of squares that it explains [1];
+        - `free`: independent equations left after the fit.
+    """
+    sums = _sums(linear, series, steps)
+    return _greatest(_rest(linear, (series,), [sums]), series, sums, steps, turns=True)
+
+
+def most_significant_step(
+    linear: Linear, series: Sequence[Series], places: Sequence[Ids]
+) -> Iterator[tuple[Series, Issue]]:
+    """Find in every series the step that is least likely by chance, with or without a rotation.
+
+    A series is skipped when a single wrong row or pose explains its readings as well.
+
+    Args:
+        linear: The linear model of everything but the steps.
+        series: The readings, in order of time; all of them determine the arm.
+        places: First row after each step that is tried, per series, ascending, (steps,).
+
+    Yields:
+        A series and its step, with numbers as in `best`.
+    """
+    sums = [_sums(linear, one, np.arange(1, one.rows)) for one in series]
+    rest = _rest(linear, series, sums)
+    for one, own, steps in zip(series, sums, places, strict=True):
+        if not len(steps):
+            continue
+        step = min((_greatest(rest, one, own, steps, turns=t) for t in (False, True)), key=chance)
+        poses = np.unique(one.pose, return_inverse=True)[1]
+        together = np.zeros((poses.max() + 1, *own.Z.shape[1:]))
+        np.add.at(together, poses, own.Z)
+        alone = [t for Z in (own.Z, together) for t in rest.tested(Z, turns=len(step.size) == 6)]
+        if max(t.gain.max() for t in alone) < step.numbers["share"] * rest.before:
+            yield one, step
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Whitened sums over rows: A is what may be lacking, Z both steps, e the residuals."""
+
+    AA: Array  #: Over all rows, (c + 1, c + 1), e last.
+    Z: Array  #: Over the rows of every cell between two edges, (cells, z, c + 1 + z): Z A, Z e, Z Z.
+    edges: Ids  #: First rows of all cells but the first.
+    count: int  #: Equations that were read.
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """Project on what nothing else explains, 1 - P."""
+
+    L: Array  #: Root of the precision of what may be lacking, of unit diagonal, (c, c).
+    size: Array  #: Roots of its diagonal, (c,).
+    e: Array  #: What of the residuals it explains, (c,).
+    before: float  #: Sum of squares that it leaves.
+    count: float  #: Equations that nothing spends.
+    shared: float  #: How many of them say the same.
+
+    def tested(self, Z: Array, *, turns: bool) -> tuple[Score, Score]:
+        """Moves of the targets and of the tracker in a batch of rows, (batch, z, c + 1 + z)."""
+        c = len(self.e)
+        half = solve_triangular(self.L, (Z[:, :, :c] / self.size).reshape(-1, c).T, lower=True)
+        K = half.T.reshape(*Z.shape[:2], c)
+        g, M = Z[:, :, c] - K @ self.e, Z[:, :, c + 1 :] - K @ K.swapaxes(1, 2)
+        z = g.shape[1] - 6
+        target, tracker = slice(z if turns else 3), slice(z, None if turns else z + 3)
+        return score_test(g[:, target], M[:, target, target]), score_test(
+            g[:, tracker], M[:, tracker, tracker]
+        )
+
+
+def _rest(linear: Linear, series: Sequence[Series], sums: Sequence[_Sums]) -> _Rest:
+    AA, c = np.sum([one.AA for one in sums], axis=0), len(linear.own.columns)
+    H = AA[:c, :c] + linear.prior
+    size = np.sqrt(np.diag(H))
+    L = cholesky(H / size / size[:, None], lower=True)
+    spent = c - float(np.trace(cho_solve((L, True), linear.prior / size / size[:, None])))
+    e, count = solve_triangular(L, AA[:c, c] / size, lower=True), sum(one.count for one in sums)
+    poses = sum(len(np.unique(one.pose)) for one in series)
+    shared = max(1.0, count / (FREE * poses))
+    return _Rest(L, size, e, float(AA[c, c] - e @ e), max(count - spent, 1.0), shared)
+
+
+def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Issue:
+    behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
+    target, tracker = rest.tested(behind, turns=turns)
+    slipped = target.gain.max() > tracker.gain.max()
+    score, other = (target, tracker) if slipped else (tracker, target)
+    k = int(score.gain.argmax())
+    gain, place = float(score.gain[k]), int(steps[k])
+    s2 = max(rest.before - gain, 1e-300) / rest.count
+    numbers = {
+        "alike": bool(gain - other.gain[max(0, k - 2) : k + 3].max() < ALIKE * s2),
+        "share": gain / rest.before,
+        "free": rest.count / rest.shared,
+        "place": place,
+        "before": int(series.row[place - 1]),
+        "after": int(series.row[place]),
+        "across": bool(series.pose[place - 1] == series.pose[place]),
+    }
+    kind = "target_moved" if slipped else "tracker_moved"
+    return Issue(kind, (series.name, series.frame), score.b[k], numbers, gain / s2 / rest.shared / 2)
+
+
+def _sums(linear: Linear, series: Series, steps: Ids) -> _Sums:
+    edges = np.r_[0, steps, series.rows]
+    cells, AA = [], 0.0
+    numbers = 3 * series.rows * (len(series.markers) + 1) * linear.own.unknowns.size
+    batches = min(len(edges) - 1, 1 + numbers // BATCH)  # of cells that are in memory together
+    for part in np.array_split(np.arange(len(edges) - 1), batches):
+        A, Z = _equations(linear, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
+        AA = AA + np.einsum("ar,br->ab", A, A, optimize=True)
+        each = A.shape[1] // (edges[part[-1] + 1] - edges[part[0]])
+        for a, b in zip(edges[part] - edges[part[0]], edges[part + 1] - edges[part[0]], strict=True):
+            own = slice(each * a, each * b)
+            cells.append(Z[:, own] @ np.vstack([A[:, own], Z[:, own]]).T)
+    return _Sums(np.asarray(AA), np.array(cells), steps, 3 * int(series.seen.sum() + series.turned.sum()))
+
+
+def _equations(linear: Linear, series: Series) -> tuple[Array, Array]:
+    """Whitened [A e], (c + 1, equations), and Z, (z, equations); those of a row follow one another."""
+    active, rows = linear.own, series_rows(linear.own.unknowns, linear.state, series)
+    W, pull = weights(series, linear.noise, linear.state.frame(series).rotation, rows[:, :, -1])
+    W = W * np.sqrt(pull)[..., None, None]
+    A = rows[:, :, np.r_[active.columns, -1]]
+    Z = np.concatenate([steps_of(linear, series, rows, what) for what in ("target", "tracker")], axis=2)
+    both = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
+    if active.elastic is not None:
+        e = slice(active.rigid, len(active.columns))
+        both[e] = np.tensordot(active.elastic.L.T, both[e], 1)
+    lines = both.reshape(len(both), -1)
+    return lines[: A.shape[2]], lines[A.shape[2] :]
+
+
+def steps_of(linear: Linear, series: Series, A: Array, what: str) -> Array:
+    """Compute the columns of a rigid move of the tracker or of the targets.
+
+    Args:
+        linear: The linear model, whose unknowns name the columns.
+        series: The readings.
+        A: Columns of all unknowns, then the residuals, (s, 3, unknowns + 1, rows) [m, rad].
+        what: "tracker" or "target".
+
+    Returns:
+        Columns of translation and rotation, (s, 3, 6, rows); of translation alone, (s, 3, 3, rows), for the
+        mount of one target without orientation.
+    """
+    if what == "tracker":
+        return A[:, :, linear.own.unknowns.columns(f"frame {series.frame}")]
+    mount = A[:, :, linear.own.unknowns.columns(f"mount {series.target}")]
+    points = linear.state.mount(series).points
+    T = np.zeros((mount.shape[2], 6))
+    for k, point in enumerate(points):
+        T[3 * k : 3 * k + 3] = np.column_stack([np.eye(3), np.cross(np.eye(3), point).T])
+    T[3 * len(points) :, 3:] = np.eye(3)[: max(0, len(T) - 3 * len(points))]
+    return np.asarray(np.einsum("sxcr,cz->sxzr", mount, T[:, : 3 if len(T) == 3 else 6]))
+
+
+def with_shift(linear: Linear, series: Series, step: Issue) -> Issue:
+    """Add to a step the RMS distance by which it moves the targets.
+
+    Args:
+        linear: The linear model of everything but the step.
+        series: The readings.
+        step: The step.
+
+    Returns:
+        The step with that distance over all readings, RMS [m], as its number `shift`.
+    """
+    what = step.name.removesuffix("_moved")
+    Z = steps_of(linear, series, series_rows(linear.own.unknowns, linear.state, series), what)
+    d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
+    shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
+    return replace(step, numbers={**step.numbers, "shift": shift})
+
 
 CELLS = 400  #: Steps that are tried at first.
 THIN = 1500  #: Rows that are looked at first.

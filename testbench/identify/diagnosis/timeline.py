@@ -1,6 +1,6 @@
 """Moves between two readings of pairs: of the tracker, or of the targets on the tool.
 
-It is the step that `calibrate` looks for (`steps`): from one reading on all lie elsewhere than the arm says,
+It is the step that `calibrate` looks for (`moves`): from one reading on all lie elsewhere than the arm says,
 by a move that no error of geometry, spring or slow joint error explains.
 """
 
@@ -18,8 +18,13 @@ from testbench.identify.absolute.fit import first_fit
 from testbench.identify.absolute.state import ArmState, Mount, nominal_state, torque_scale
 from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.kinematics import ORIGIN
-from testbench.identify.diagnosis.moves import places
-from testbench.identify.diagnosis.steps import chance, most_significant_step, nuisance_model, with_shift
+from testbench.identify.diagnosis.moves import (
+    chance,
+    most_significant_step,
+    nuisance_model,
+    places,
+    with_shift,
+)
 from testbench.identify.metric import scale_by_prior
 from testbench.identify.prior import Prior
 from testbench.model.load import Weights, read_weights

@@ -21,11 +21,10 @@ from testbench.files.robot.meshes import decimated, hull_of
 from testbench.files.robot.robot import Surface
 from testbench.plant.shapes import BodyFrames, Shape, corners, quaternions, visual_shapes
 from testbench.report.colours import SCALE, Look, hexadecimal
-from testbench.report.loads import legs
 from testbench.report.markdown import ReportWords, as_plain
-from testbench.report.scene import ErrorScale, PageContent, PoseGroup, tube_colours
+from testbench.report.scene import ErrorScale, PageContent, PoseGroup, legs, tube_colours
 from testbench.report.schema import Table, TableColumn, brackets, looks
-from testbench.runs import provenance as files
+from testbench.runs import manifest as files
 from testbench.runs.spread import Spread, dotted, inner
 
 Json = Mapping[str, object]

@@ -14,7 +14,7 @@ from rerun.components import MarkerShape
 
 from testbench.errors import Array
 from testbench.report.colours import GREY, Colour, Look
-from testbench.runs.provenance import versions
+from testbench.runs.manifest import versions
 
 SCRUB = 10.0  #: How long the timeline that a reader lands on is played [s].
 MARKDOWN = "text/markdown"

@@ -12,10 +12,9 @@ from rerun.components import FillMode
 from testbench.errors import Array
 from testbench.plant.shapes import BodyFrames, Shape, join_meshes, quaternions, visual_shapes
 from testbench.report.colours import GREY, MEASURED, SCALE, Colour
-from testbench.report.loads import legs
 from testbench.report.markdown import Markdown, as_markdown, place
 from testbench.report.recording.stream import Pen, snake, text_view
-from testbench.report.scene import ErrorScale, Layer, PlaceMap, scale_of, shades, tube_colours
+from testbench.report.scene import ErrorScale, Layer, PlaceMap, legs, scale_of, shades, tube_colours
 from testbench.report.schema import show
 from testbench.workflows.cell import Cell
 

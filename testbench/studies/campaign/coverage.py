@@ -29,8 +29,8 @@ from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
-from testbench.studies.estimators.bootstrap import bootstrap, resampler
-from testbench.studies.estimators.bounds import Bounds, bounds, fit_set
+from testbench.studies.campaigns import CampaignRow, Result, campaign_rows, identify
+from testbench.studies.intervals import Bounds, bootstrap, bounds, fit_set, resampler
 from testbench.studies.study import as_in_paper, plain_models, without_cone
 from testbench.workflows.campaign_flags import CampaignOptions
 from testbench.workflows.cell import (
@@ -44,7 +44,6 @@ from testbench.workflows.cell import (
     simulate_at,
     true_cell,
 )
-from testbench.workflows.evaluation import CampaignRow, Result, campaign_rows, identify
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import JOINTS, Model, named_models
 from testbench.workflows.own_estimator import estimator_models

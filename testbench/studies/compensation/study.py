@@ -13,17 +13,25 @@ from testbench.report.badge import of_rivals
 from testbench.report.colours import CHOICE, MEASURED, TASK, Look, look
 from testbench.report.columns import columns
 from testbench.report.figure import Figure, ranges
-from testbench.report.loads import loads
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
-from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, arrow_scale
+from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, arrow_scale, loads
 from testbench.report.schema import Table, TableColumn, pivot
 from testbench.report.table import Row, Trials
 from testbench.runs.spread import span, spread
 from testbench.studies.calibration_scene import with_errors
 from testbench.studies.compensation import settings as s
-from testbench.studies.compensation.plans import FORCE_RANGE, jobs, prepare
-from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, NOWHERE, REAL, Way
+from testbench.studies.compensation.settings import (
+    ADVISED,
+    DEFAULT,
+    FORCE_RANGE,
+    IDEAL,
+    NOWHERE,
+    REAL,
+    Way,
+    jobs,
+    prepare,
+)
 from testbench.studies.compensation.trial import JobsRow, tasks_of, trials
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, Run, Study

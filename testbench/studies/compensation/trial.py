@@ -35,8 +35,7 @@ from testbench.plant.equilibrium import ArmEquilibrium, solve_unloaded_and_loade
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.studies.compensation import settings as s
-from testbench.studies.compensation.plans import TIP, drawn, jobs, loads, tasks
-from testbench.studies.compensation.settings import CompensationSettings, Way
+from testbench.studies.compensation.settings import TIP, CompensationSettings, Way, drawn, jobs, loads, tasks
 from testbench.studies.study import without_cone
 from testbench.workflows.cell import (
     Cell,
@@ -47,9 +46,8 @@ from testbench.workflows.cell import (
     settle_both,
     true_cell,
 )
-from testbench.workflows.evaluation import fit_or_rigid
 from testbench.workflows.model_selection import choose_model, with_priors
-from testbench.workflows.models import Model, named_models
+from testbench.workflows.models import Model, fit_or_rigid, named_models
 from testbench.workflows.own_estimator import Models, estimator_models
 from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.perturbed_prior import PRIORS, prior_of

@@ -12,8 +12,7 @@ from scipy.special import chdtri
 
 from testbench.arm.folder import find_arm
 from testbench.identify import gco, paper_gco
-from testbench.report import badge, campaigns
-from testbench.report.campaigns import NOT_OF_A_MODEL
+from testbench.report import badge
 from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report, say
@@ -21,7 +20,9 @@ from testbench.report.scene import PageContent
 from testbench.report.schema import Table, best_of
 from testbench.report.table import Row, Trials, aligned, merged
 from testbench.runs.spread import wins
+from testbench.studies import campaigns
 from testbench.studies.calibration_scene import calibration_scene, write_runs
+from testbench.studies.campaigns import NOT_OF_A_MODEL, CampaignRow, campaign_rows, identify, score_estimate
 from testbench.studies.paper.factorised import every_order
 from testbench.studies.paper.verdicts import (
     SECTION_5_2,
@@ -35,7 +36,6 @@ from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import Run, Study, plain_models
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Truth, build_cell
-from testbench.workflows.evaluation import CampaignRow, campaign_rows, identify, score_estimate
 from testbench.workflows.models import EQUAL_FIT, JOINTS, Model, named_models
 from testbench.workflows.own_estimator import estimator_models
 from testbench.workflows.own_process import EstimatorSource

@@ -19,7 +19,6 @@ from testbench.errors import Array, BenchError
 from testbench.files.write import csv_text
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, paper_gco, reduce
 from testbench.plant.tracker import trial_rng
-from testbench.report import campaigns
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GCO, SERIES, Look
 from testbench.report.columns import columns
@@ -28,7 +27,8 @@ from testbench.report.report import Report, say
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import most
-from testbench.studies.estimators.modelled import cvxpy, modelled
+from testbench.studies import campaigns
+from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estimate
 from testbench.studies.paper.factorised import (
     CLOSE,
     MAX_ORDER,
@@ -41,13 +41,12 @@ from testbench.studies.paper.factorised import (
     parameters,
     random_start,
 )
-from testbench.studies.paper.search import Budget, explore
+from testbench.studies.paper.search import Budget, cvxpy, explore, modelled
 from testbench.studies.paper.six_dof_arm import TUBES
 from testbench.studies.paper.verdicts import statement_row, verdict_table
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
 from testbench.workflows.cell import Campaign, Cell, build_cell
-from testbench.workflows.evaluation import CampaignRow, campaign_rows, score_estimate
 from testbench.workflows.models import Model, named_models
 from testbench.workflows.pose_campaign import FullPose, simulate
 

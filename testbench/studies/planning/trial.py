@@ -24,20 +24,13 @@ from testbench.model.load import weight
 from testbench.model.vjm import chain
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
+from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estimate
 from testbench.studies.planning import settings as s
 from testbench.studies.planning.settings import FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, PlanningSettings
 from testbench.workflows.cell import Campaign, Cell, Setup, build_cell, poses_with_weight, true_cell
 from testbench.workflows.cell import measure_markers as read
-from testbench.workflows.evaluation import (
-    CampaignRow,
-    campaign_rows,
-    fit_model,
-    fit_or_rigid,
-    has_failed,
-    score_estimate,
-)
 from testbench.workflows.model_selection import FILLED, with_priors
-from testbench.workflows.models import MODELS, Model
+from testbench.workflows.models import MODELS, Model, fit_model, fit_or_rigid, has_failed
 from testbench.workflows.own_estimator import Models, estimator_models
 from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior

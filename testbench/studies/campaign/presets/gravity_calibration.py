@@ -1,33 +1,28 @@
 """Section 6 in simulation: a heavy arm under a hung weight, three markers, LS against GCO."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from testbench.arm.folder import find_arm
 from testbench.plant.true_arms import called, true_arm_of_seed
-from testbench.report import campaigns
 from testbench.report.badge import drawn, ratios_of
-from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, distinct
 from testbench.report.colours import look_of
-from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest, ranked
 from testbench.report.figures_fit import eigenvalue_figure, residual_figure
 from testbench.report.report import Report, say
 from testbench.report.scene import PageContent
-from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, merged
+from testbench.studies import campaigns
 from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.campaign import coverage
 from testbench.studies.campaign.coverage import CalibrationSettings, Options
-from testbench.studies.campaign.meanings import told
 from testbench.studies.campaign.report import PAIRS, Preset, TrialTable
+from testbench.studies.campaigns import NOT_OF_A_MODEL, TRUE, CampaignRow, distinct, told
 from testbench.studies.paper import SECTION_6
 from testbench.studies.study import IN_PAPER, Run
 from testbench.workflows.cell import build_cell, true_cell
-from testbench.workflows.evaluation import CampaignRow
 from testbench.workflows.model_selection import DEFAULT
 from testbench.workflows.models import JOINTS
-from testbench.workflows.workspace_errors import ErrorPlaces
 
 PAPERS_ARM = "kr500_l480"
 PAPER = SECTION_6 | {f"{name}{IN_PAPER}": cells for name, cells in SECTION_6.items()}
@@ -39,14 +34,11 @@ PANES = {
 """Columns that are drawn, where it matters first."""
 FIGURE_5, METHODS_BESIDE = ("MGCO68", "MLS32"), ("MLS56", "MGCO56", DEFAULT)
 """Models of the paper's figure of residuals; one of least squares beside one of GCO and the default."""
-DETAILED = (*FIGURE_5, *METHODS_BESIDE)
-"""Models whose residuals, predictions and eigenvalues report.json has."""
 SHORT = f"name meaning conservative {TRUE}"
 MODELS = (
     "name parameters rank conservative status f_m f_m_floor identification.rms_mm check.rms_mm "
     f"check_true.rms_mm check.max_mm check.max_relative_percent {TRUE}"
 )
-WORST = "name place_error_mm x_m y_m z_m joints"
 
 
 def tables(asked: CalibrationSettings) -> Mapping[str, TrialTable]:
@@ -90,9 +82,8 @@ def _report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
         dataset=campaigns.dataset(trials),
         map=errors,
         over=ratios_of(trials, found.numbers["ours"], TRUE),
-        details=campaigns.details(trials, DETAILED),
+        details=campaigns.details(trials, (*FIGURE_5, *METHODS_BESIDE)),
     )
-    worst = Table(columns(WORST), list(_worst(errors)), "Where models err most, first trial")
     body = [*(name for name in found.body if name != "short"), "worst"]
     title = say(
         "{arm} under {payload_kg:g} kg: markers move {dataset.deflection_min_mm:~.2f} to "
@@ -102,17 +93,8 @@ def _report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
         true=called(asked.true_arm),
         how=found.title,
     )
-    return replace(found, title=title, numbers=numbers, tables={**found.tables, "worst": worst}, body=body)
-
-
-def _worst(errors: ErrorPlaces) -> Iterator[Row]:
-    """Rows of the worst place of every model of the map."""
-    for name in errors.compared:
-        worst_place = errors.worst[name]
-        x, y, z = worst_place.position_m
-        yield Row(
-            name=name, place_error_mm=worst_place.error_mm, x_m=x, y_m=y, z_m=z, joints=worst_place.joints
-        )
+    shown = {**found.tables, "worst": campaigns.worst_places(errors)}
+    return replace(found, title=title, numbers=numbers, tables=shown, body=body)
 
 
 def figures(found: Report) -> Mapping[str, Figure]:

@@ -1,8 +1,9 @@
-"""The least and the greatest deflection over all conservative models that fit the data: conic programs.
+"""Intervals beside ours: bounds over all conservative models that fit the data, and the bootstrap.
 
-The set. Let pi_LS be the unconstrained least-squares fit and A the rows of Eq. (13) divided by the standard
-deviation of their readings. With linear truth A (pi_true - pi_LS) is the noise projected on the r directions
-that the data see, and its squared length is chi squared with exactly r degrees of freedom. So
+Bounds are the least and the greatest deflection over a set of models, by conic programs. Let pi_LS be the
+unconstrained least-squares fit and A the rows of Eq. (13) divided by the standard deviation of their
+readings. With linear truth A (pi_true - pi_LS) is the noise projected on the r directions that the data see,
+and its squared length is chi squared with exactly r degrees of freedom. So
     S = {pi conservative: |A (pi - pi_LS)|^2 <= q_r},  q_r the quantile at the confidence,
 holds the truth with exactly that probability, whatever the unseen directions are, and the bounds of ALL
 functionals hold at once. chi^2(pi) <= q_e over all e equations covers as well, and is wider nearly always: it
@@ -11,20 +12,25 @@ of rank 49 at 95 %: 77 on average against 66).
 
 Compliance that no reading shows could grow without end. A ceiling ends it: C <= k P in every block, P the
 prior's. Then every bound is finite.
+
+The parametric bootstrap refits new readings from the fitted model.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import gammaincinv
 
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify import cone
+from testbench.identify.conic import scale_program, sensitivity_units, solve_clarabel
+from testbench.identify.estimate import Estimate
+from testbench.identify.least_squares import complete_conservatively, minimum_norm
 from testbench.identify.metric import PriorScaling, weighted_rows
-from testbench.identify.posterior import check_confidence
-from testbench.identify.regression import RANK_TOLERANCE, Regression
+from testbench.identify.posterior import Intervals, check_confidence, linearise
+from testbench.identify.regression import RANK_TOLERANCE, Regression, Term
 
 TOLERANCE = 1e-8  #: Feasibility and gap asked of the solver, of functionals of length one in the metric.
 CEILING = 10.0  #: Most that a block may exceed the prior.
@@ -180,3 +186,84 @@ def _ceiling(sizes: tuple[int, ...], first: int, n: int, ceiling: float) -> list
     return [
         cone.Rows("psd", np.eye(n)[block.at], ceiling * cone.svec(np.eye(block.size))) for block in blocks
     ]
+
+
+def bootstrap(
+    estimate: Estimate, functionals: Array, confidence: float, *, draws: int, rng: np.random.Generator
+) -> Intervals:
+    """Compute basic bootstrap intervals of functionals a . pi: errors of refits, turned round.
+
+    A refit errs about the fit as the fit errs about the truth, so the truth lies at the prediction LESS such
+    an error. Where the cone binds it pushes both errors the same way, and the basic interval takes the push
+    back; a percentile interval would add it a second time. Order statistics k and draws + 1 - k with k =
+    (draws + 1) (1 - confidence) / 2 make it exact for least squares; 39 draws are the least for 95 %. Where a
+    functional is not seen the refits fill it as the fit, made without a prior, did, which proves nothing: the
+    interval is infinite.
+
+    Args:
+        estimate: The estimate.
+        functionals: Deflections asked for, (k, n).
+        confidence: Probability of the interval [1].
+        draws: Number of refits.
+        rng: Source of randomness.
+
+    Returns:
+        The intervals.
+
+    Raises:
+        BenchError: When the confidence is outside (0, 1), there are too few draws for it, or a functional has
+            another length.
+    """
+    check_confidence(confidence)
+    a = check_array(functionals, (None, estimate.structure.n), "functionals [m per unit of pi]")
+    tail = (1 - confidence) / 2
+    k = int((draws + 1) * tail * (1 + 1e-12))
+    if k < 1:
+        least = math.ceil(1 / tail - 1e-9) - 1
+        raise BenchError(f"draws: expected at least {least} for {100 * confidence:g} %, got {draws}")
+    centre, linear = a @ estimate.pi, linearise(estimate)
+    again = resampler(estimate.regression)
+    refits = _refits([again(estimate.pi, rng) for _ in range(draws)], estimate)
+    errors = refits @ a.T - centre
+    errors.sort(axis=0)
+    unseen = np.where(np.isinf(linear.deviations(a)), np.inf, 0.0)
+    lower, upper = centre - errors[-k] - unseen, centre - errors[k - 1] + unseen
+    return Intervals(centre, lower, upper, confidence, linear.on_boundary)
+
+
+def _refits(regressions: Sequence[Regression], estimate: Estimate) -> Array:
+    """Parameters, (datasets, n), of datasets that differ from an estimate's in their readings alone."""
+    if estimate.penalty is not None:
+        penalty = estimate.penalty
+        lifted = [penalty.lifted(regression) for regression in regressions]
+        return np.array([penalty.lift @ solve_clarabel(r, scale_program(r, penalty)).pi for r in lifted])
+    fit = complete_conservatively if estimate.constraint == "free" else minimum_norm
+    return np.array([fit(r).pi for r in regressions])
+
+
+def resampler(regression: Regression) -> Callable[[Array, np.random.Generator], Regression]:
+    """Draws of reduced datasets, at parameters, (n,), in the same poses under the same loads.
+
+    The rows are divided by sqrt(2) sigma sqrt(N): each orthonormal coordinate in the range of R has noise of
+    deviation 1 / sqrt(N), and the rest is chi squared of all other equations over N.
+    """
+    unit = sensitivity_units(regression)
+    spans = [_range(term.R * unit) for term in regression.terms]
+
+    def draw(pi: Array, rng: np.random.Generator) -> Regression:
+        terms = [_new_readings(term, pi, U, rng) for term, U in zip(regression.terms, spans, strict=True)]
+        return replace(regression, terms=tuple(terms))
+
+    return draw
+
+
+def _new_readings(term: Term, pi: Array, U: Array, rng: np.random.Generator) -> Term:
+    N, spare = term.equations / 3, term.equations - U.shape[1]
+    z = term.R @ pi + U @ rng.standard_normal(U.shape[1]) / math.sqrt(N)
+    return replace(term, z=z, unexplained=float(rng.chisquare(spare)) / N if spare else 0.0)
+
+
+def _range(R: Array) -> Array:
+    """Orthonormal basis of the columns, (n, r)."""
+    U, s, _ = np.linalg.svd(R)
+    return np.asarray(U[:, : int((s > RANK_TOLERANCE * s[0]).sum())])

@@ -1,10 +1,12 @@
-"""Other ways to fill what data do not see, in the metric of a prior: least trace, and a log determinant.
+"""Estimators beside ours: other fillings of what data do not see, ridge regression, clipped eigenvalues.
 
-The log-determinant prior is Stein's divergence from what was expected.
-D(X, s) = tr(X) / s - log det(X / s) - n is zero at X = s and grows without bound as X becomes singular:
-every compliance stays positive definite. Near X = s it is |X / s - 1|^2 / 2, so that D / u^2 is the Gaussian
-penalty of relative uncertainty u there. The log determinant is the barrier of interior points, which minimise
-chi^2 / 2 + D / u^2.
+What data do not see is filled in the metric of a prior by least trace or a log determinant. That prior is
+Stein's divergence from what was expected: D(X, s) = tr(X) / s - log det(X / s) - n is zero at X = s and grows
+without bound as X becomes singular: every compliance stays positive definite. Near X = s it is
+|X / s - 1|^2 / 2, so that D / u^2 is the Gaussian penalty of relative uncertainty u there. The log
+determinant is the barrier of interior points, which minimise chi^2 / 2 + D / u^2.
+
+Ridge regression and clipping hold least squares down without a cone.
 """
 
 import math
@@ -15,7 +17,8 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify import cone
+from testbench.identify import cone, least_squares, reduce
+from testbench.identify.cone import psd_part
 from testbench.identify.conic import EXACT_FIT, norms_below, solve_gco
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.fold import reduce_parts
@@ -144,3 +147,58 @@ def choose_strength(held: Sequence[Fold], metric: PriorScaling, fit: Callable[[C
         return float(np.mean([f_m(fold.held_out, fit(case)) for fold, case in cases]))
 
     return min(map(Strength, UNCERTAINTIES), key=error)
+
+
+UNSEEN = 1e-9  #: Length of a column over the longest one below which no reading sees it.
+RIDGES = np.geomspace(1e-9, 1, 60)  #: Tried, over the largest eigenvalue.
+
+
+def ridge(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+    """Identify by ridge regression in columns of length one, its size by generalised cross-validation.
+
+    Golub, Heath, Wahba 1979, "Generalized cross-validation as a method for choosing a good ridge parameter".
+
+    Args:
+        vjm: Kinematics of the arm.
+        structure: The unknowns.
+        data: Measured runs.
+
+    Returns:
+        The estimate.
+    """
+    regression = reduce(vjm, structure, data)
+    A, y = regression.rows
+    scale = np.linalg.norm(A, axis=0)
+    scale[scale < UNSEEN * scale.max()] = np.inf  # what no reading sees is zero
+    U, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
+    z = U.T @ y
+    rest = y @ y - z @ z + sum(term.equations / 3 * term.unexplained for term in regression.terms)
+
+    def score(size: float) -> float:
+        left = size / (s**2 + size)
+        return float(((left * z) @ (left * z) + rest) / (regression.equations - (1 - left).sum()) ** 2)
+
+    size = min(RIDGES * s[0] ** 2, key=score)
+    pi = Vt.T @ (s / (s**2 + size) * z) / scale
+    return replace(make_estimate(regression, pi, method="ridge", constraint="ridge"), status="solved")
+
+
+def clipped(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+    """Identify by least squares, negative eigenvalues of every block set to zero afterwards.
+
+    Args:
+        vjm: Kinematics of the arm.
+        structure: The unknowns.
+        data: Measured runs.
+
+    Returns:
+        The estimate.
+    """
+    plain = least_squares(vjm, structure, data)
+    C = plain.C_theta.copy()
+    for block in structure.blocks:
+        C[np.ix_(block, block)] = psd_part(C[np.ix_(block, block)])
+    pi, regression = structure.entries(C), plain.regression
+    return replace(
+        make_estimate(regression, pi, method="clipped least squares", constraint="clipped"), status="solved"
+    )

@@ -1,19 +1,24 @@
-"""Models identified from a campaign and judged, against its readings and by the truth; and as a row each."""
+"""Models of a simulated campaign: identified and judged, a row each, and what reports say of them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError
-from testbench.identify import Estimate, Method
-from testbench.identify.estimate import DeflectionErrors, all_deflections, make_estimate, score
-from testbench.identify.fold import reduce
-from testbench.model.vjm import Vjm
+from testbench.errors import Array
+from testbench.files.write import csv_text
+from testbench.identify import Estimate
+from testbench.identify.estimate import DeflectionErrors, all_deflections, score
+from testbench.model.structure import JOINTS, Constraint
+from testbench.report.columns import columns
+from testbench.report.schema import Table, best_of
+from testbench.report.table import Row, Trials, merged, nested
+from testbench.runs.spread import span
+from testbench.studies.study import DEFAULT_WITHOUT_CONE, IN_PAPER
 from testbench.workflows.cell import Campaign, Cell
-from testbench.workflows.fit_details import eigenvalues
-from testbench.workflows.models import Model
+from testbench.workflows.fit_details import eigenvalues, predictions, residual_histograms
+from testbench.workflows.model_selection import DEFAULT
+from testbench.workflows.models import EstimatorFailed, Model, failed_row, fit_or_rigid, has_failed
 from testbench.workflows.rows import (
     FAILED,
     NO_ERRORS,
@@ -24,7 +29,194 @@ from testbench.workflows.rows import (
     error_row,
     fit_row,
 )
-from testbench.workflows.workspace_errors import WorkspacePoses, kept_mm, places_of, rms
+from testbench.workflows.workspace_errors import (
+    ErrorPlaces,
+    WorkspacePoses,
+    error_places,
+    kept_mm,
+    places_of,
+    rms,
+)
+
+TRUE = "workspace.rms_mm"  #: What models are judged by.
+NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.", "data_file")
+"""Columns of a `CampaignRow` that are of its campaign."""
+
+
+def seeds_of(seeds: range) -> int | list[int]:
+    """Return what report.json says of the seeds: one number, or a list."""
+    return seeds[0] if len(seeds) == 1 else list(seeds)
+
+
+def seeds_label(seed: int | Sequence[int]) -> str:
+    """Say of which trials a report's numbers are, for its title."""
+    return f"seed {seed}" if isinstance(seed, int) else f"{len(seed)} seeds: median ({span(len(seed))})"
+
+
+def dataset(trials: Trials, fitted: int | None = None) -> Row:
+    """Summarise what was measured in every trial.
+
+    Args:
+        trials: Rows of the trials.
+        fitted: Number of poses that are counted; None for all.
+
+    Returns:
+        The numbers.
+    """
+    [row] = merged(trials.where(name=trials["name"][0]).inside("measured"))
+    if fitted is None:
+        return row
+    return Row(row, runs=row.identification_runs, points=row.identification_points, poses=fitted)
+
+
+def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
+    """Name the best model of one method over the workspace; joint stiffness alone is no method.
+
+    Of those alike the one of most unknowns: MLS32 is MLS56 without what no reading tells, to the digits.
+
+    Args:
+        models: Rows of models.
+        constraint: Constraint of the method.
+        prior: Whether it has a prior.
+
+    Returns:
+        The name; empty for none.
+    """
+    own = {
+        m.name: m for m in models if (m.constraint, m.prior) == (constraint, prior) and m.structure != JOINTS
+    }
+    alike = best_of({name: m.workspace.rms_mm for name, m in own.items()}).names
+    return max(alike, key=lambda name: own[name].parameters, default="")
+
+
+def by_arm(trials: Trials, value: str, of: str = "name") -> list[Row]:
+    """Merge a quantity of every model, or of what another column names, by true arm.
+
+    Args:
+        trials: Rows of the trials.
+        value: Column of the quantity.
+        of: Column of the name.
+
+    Returns:
+        Rows; none where there is one true arm.
+    """
+    several = len(trials.values("true_arm")) > 1
+    return merged(trials.keep(of, "true_arm", value), of, "true_arm") if several else []
+
+
+def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
+    """Map errors of the first seed pose by pose, ordered by those models that are compared.
+
+    Args:
+        trials: Rows of the trials.
+        compared: Names of the models.
+
+    Returns:
+        The errors by place.
+    """
+    drawn = trials.where(seed=trials["seed"][0])
+    workspace_poses = WorkspacePoses(
+        **nested({name: cells[0] for name, cells in drawn.keep("places.").columns.items()}).places
+    )
+    mm = dict(zip(drawn["name"], drawn["place_mm"], strict=True))
+    return error_places(workspace_poses, mm, [name for name in dict.fromkeys(compared) if name in mm])
+
+
+def details(trials: Trials, compared: Sequence[str]) -> Row:
+    """Collect what figures show of the first seed's fits.
+
+    Args:
+        trials: Rows of a campaign.
+        compared: Models, by name; those that are not there are left out.
+
+    Returns:
+        `residuals` at all measured runs, `predictions` over the workspace, and `eigenvalues`, by model: see
+        `workflows.fit_details`; nothing where no fit was kept.
+    """
+    first = trials.where(seed=trials["seed"][0])
+    kept = {name: k for k, name in enumerate(first["name"].tolist()) if first["drawn.wrong_m"][k] is not None}
+    names, whole = [name for name in compared if name in kept], min(kept.values(), default=None)
+    if whole is None or not names:
+        return Row()
+    left, wrong, values = (
+        {name: np.array(first[f"drawn.{key}"][kept[name]]) for name in names}
+        for key in ("residuals_m", "wrong_m", "eigenvalues_urad_per_Nm")
+    )
+    parts = first["drawn.parts"][whole]
+    moved = np.reshape(first["drawn.moved_m"][whole], (-1, 3))
+    return Row(
+        residuals=residual_histograms(left),
+        predictions=predictions(moved, {name: own.reshape(-1, 3) for name, own in wrong.items()}),
+        eigenvalues={
+            name: [
+                Row(part=part, urad_per_Nm=own[[k for k, x in enumerate(parts) if x == part]].tolist())
+                for part in dict.fromkeys(parts)
+            ]
+            for name, own in values.items()
+        },
+    )
+
+
+def distinct(models: Sequence[Row]) -> list[Row]:
+    """Drop completions that exist in no seed: they are least squares once more."""
+    return [m for m in models if m.constraint != "free" or m.conservative is not False]
+
+
+def user_estimators(models: Sequence[Row]) -> list[str]:
+    """Name the user's estimators that worked in a trial."""
+    return [m.name for m in models if m.constraint == "own"]
+
+
+WORST = "name place_error_mm x_m y_m z_m joints"
+MEANINGS = {
+    DEFAULT: "GCO of all, learnt prior: default",
+    DEFAULT_WITHOUT_CONE: "the default without its cone",
+    JOINTS: "rigid links: the usual model",
+    "MGCO56": "GCO of beams, learnt weight",
+    f"MGCO56{IN_PAPER}": "GCO of beams, as in the paper",
+    "MLS56": "least squares of beams",
+}
+"""The models that are printed, in this order, and what they are."""
+METHODS = {
+    "psd": "GCO",
+    "none": "least squares",
+    "free": "least squares with GCO's prior",
+    "own": "an estimator of your own",
+}
+"""What a model is whose name is none of these, by its constraint."""
+
+
+def told(rows: Sequence[Row]) -> Sequence[Row]:
+    """Select the models that tell the story, and those of the user; all of an arm that names others.
+
+    Args:
+        rows: All models.
+
+    Returns:
+        Rows with the column `meaning`.
+    """
+    models = {m.name: m for m in distinct(rows)}
+    listed = [name for name in (*MEANINGS, *user_estimators([*models.values()])) if name in models]
+    names = listed if len(listed) > 2 else models
+    return [Row(models[name], meaning=_meaning(models[name])) for name in names]
+
+
+def _meaning(model: Row) -> str:
+    """Say what a model is: its method and, where its name says nothing, its unknowns."""
+    if model.name in MEANINGS:
+        return MEANINGS[model.name]
+    method = METHODS[model.constraint]
+    return method if model.constraint == "own" else f"{method} of {model.parameters} unknowns"
+
+
+def worst_places(errors: ErrorPlaces) -> Table:
+    """Tabulate where every model of a map errs most."""
+    rows = []
+    for name in errors.compared:
+        worst = errors.worst[name]
+        x, y, z = worst.position_m
+        rows.append(Row(name=name, place_error_mm=worst.error_mm, x_m=x, y_m=y, z_m=z, joints=worst.joints))
+    return Table(columns(WORST), rows, "Where models err most, first trial")
 
 
 @dataclass(frozen=True)
@@ -45,14 +237,6 @@ class Result:
     def places(self) -> Array:
         """Compute errors against the true deflections run by run, RMS over the markers, (runs,) [m]."""
         return rms(self.error_vectors)
-
-
-class EstimatorFailed(BenchError):
-    """Signal that a user's estimator failed, or that its answer is none."""
-
-    def __init__(self, model: Model, why: str) -> None:
-        super().__init__(f"{model.name}: its estimator failed: {why}")
-        self.model, self.why = model, why
 
 
 def identify(
@@ -115,65 +299,6 @@ def _judged(cell: Cell, campaign: Campaign, found: Sequence[tuple[Model, Estimat
         )
         for (model, estimate, seconds), *own in zip(found, *predicted, strict=True)
     ]
-
-
-def fit_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
-    """Fit a model to runs; a user's estimator does not see the folder's compliances.
-
-    Args:
-        cell: The arm with its model and its truth.
-        model: The model.
-        data: Measured runs.
-
-    Returns:
-        The estimate.
-    """
-    if isinstance(model.estimator, Method):
-        return model.estimator(cell.vjm, model.structure, data)
-    try:
-        estimate = model.estimator(without_compliances(cell.vjm), model.structure, data)
-    except Exception as err:
-        why = str(err) if isinstance(err, BenchError) else f"{type(err).__name__}: {err}"
-        raise EstimatorFailed(model, " ".join(why.split())) from err
-    if not isinstance(estimate, Estimate):
-        raise EstimatorFailed(model, f"expected an Estimate, got {type(estimate).__name__}")
-    n = model.structure.n
-    if estimate.pi.shape != (n,) or not (
-        np.isfinite(estimate.pi).all() and np.isfinite(estimate.C_theta).all()
-    ):
-        raise EstimatorFailed(model, f"expected {n} finite parameters, got shape {estimate.pi.shape}")
-    return estimate
-
-
-def fit_or_rigid(cell: Cell, model: Model, data: Dataset) -> Estimate:
-    """Fit a model to runs; of an estimator that fails return a rigid arm, whose status says why.
-
-    Args:
-        cell: The arm with its model and its truth.
-        model: The model.
-        data: Measured runs.
-
-    Returns:
-        The estimate; see `has_failed`.
-    """
-    try:
-        return fit_model(cell, model, data)
-    except EstimatorFailed as err:
-        regression = reduce(cell.vjm, model.structure, data)
-        rigid = make_estimate(regression, np.zeros(model.structure.n), method="own estimator")
-        return replace(rigid, status=FAILED + err.why)
-
-
-def has_failed(estimate: Estimate) -> bool:
-    """Tell whether an estimate is of a user's estimator that failed: its numbers say nothing."""
-    return estimate.status.startswith(FAILED)
-
-
-def without_compliances(vjm: Vjm) -> Vjm:
-    """Replace an arm's compliances by NaN: in simulations the folder's may be the true ones."""
-    links = tuple(replace(link, compliance=np.full((6, 6), np.nan)) for link in vjm.arm.links)
-    joints = tuple(replace(joint, compliance=np.nan) for joint in vjm.arm.joints)
-    return replace(vjm, arm=replace(vjm.arm, links=links, joints=joints))
 
 
 @dataclass(frozen=True)
@@ -259,21 +384,11 @@ def _fit(result: Result) -> FitRow:
     return fit_row(model.name, estimate, result.seconds, prior=prior)
 
 
-def failed_row(err: EstimatorFailed) -> FitRow:
-    """Make the row of an estimator that failed."""
-    name, structure, status = err.model.name, err.model.structure, FAILED + err.why
-    return FitRow(
-        name=name, structure=structure.name, prior=err.model.filled, status=status, parameters=structure.n
-    )
-
-
 def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> DrawnErrors:
     """What pictures need of a model; `whole` with the runs, once a campaign."""
     measured, over, moved, names = None, None, None, None
     parts = eigenvalues(cell.arm, result.estimate.structure, result.estimate.C_theta)
     if whole:
-        from testbench.files.write import csv_text  # here: commands on measured runs write none
-
         measured, over = (csv_text(own, cell.arm) for own in (campaign.measured, campaign.truth))
         moved = tuple(campaign.truth.deflection.ravel().tolist())
         names = tuple(part.part for part in parts for _ in part.urad_per_Nm)

@@ -1,0 +1,191 @@
+"""Trials of the preset `instruments`: the same poses read by gauges, wires, a camera or a tracker."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.arm.folder import find_arm
+from testbench.design.criteria import criterion_of
+from testbench.design.gauges import Gauges, choose_gauges, gauge_rows
+from testbench.design.planning import candidate_set
+from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
+from testbench.errors import Array
+from testbench.identify.metric import scale_by_prior
+from testbench.identify.prior import cad_prior
+from testbench.model.load import weight
+from testbench.model.structure import all153
+from testbench.plant.instruments import BALLBAR, DRAW_WIRE, Gauge
+from testbench.plant.tracker import Tracker, trial_rng
+from testbench.plant.true_arms import FAMILY, true_arm_of_seed
+from testbench.studies.campaign.trial import (
+    CampaignFitRow,
+    Cover,
+    TrialCase,
+    cover,
+    each_seed,
+    fitted,
+    score_cases,
+)
+from testbench.workflows.campaign_flags import TrueArmFlag
+from testbench.workflows.cell import (
+    Cell,
+    Scenario,
+    build_cell,
+    draw_poses,
+    measure_markers,
+    poses_with_weight,
+    true_cell,
+)
+from testbench.workflows.instruments import CAMERA, PROBE, Mounted, read_instruments
+from testbench.workflows.model_selection import DEFAULT, with_priors
+from testbench.workflows.models import ALL_UNKNOWNS, JOINTS, named_models
+from testbench.workflows.own_estimator import Models
+from testbench.workflows.perturbed_prior import wrong_prior
+
+ARM = "kr500_l480"
+TRACKER, THREE, ONE = "tracker, 50 um", "three gauges, 5 um", "one gauge, moved"
+LIGHT, LIGHTER = "ballbar, a tenth of the weight", 0.1  #: The payload moves most markers out of its range.
+ALONE = (ONE, "one draw-wire", LIGHT)  #: Instruments that read one marker in a pose.
+POSES, USUAL = (8, 12, 20), 12  #: From how many poses is identified, nested; the number of the headline.
+ANCHORS = np.array([[2.2, 0.0, 0.1], [1.2, -1.6, 0.1], [1.2, 1.6, 0.1]])  #: Of wires and ballbar [m].
+UNCERTAINTY = 0.3  #: Of the prior that the choice of directions counts with [1].
+
+
+@dataclass(frozen=True)
+class Options:
+    """Hold the flags of the study."""
+
+    true_arm: TrueArmFlag = FAMILY
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Hold what is tried."""
+
+    first: int  #: The first seed.
+    poses: tuple[int, ...] = POSES
+    workspace: int = 100  #: Poses in which the models are judged.
+    true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
+    arm: str = ARM
+
+
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+    """
+    found = Settings(seeds[0], true_arm=options.true_arm)
+    return replace(found, poses=(USUAL,), workspace=30) if quick else found
+
+
+@dataclass(frozen=True, kw_only=True)
+class InstrumentRow(CampaignFitRow):
+    """Hold the numbers of one model from the readings of one instrument."""
+
+    read_percent: float  #: Share of the readings that were in range.
+    cover: Cover | None = None  #: Of the default.
+
+
+def directions(cell: Cell, q: Array, around: Array, mass: float, count: int) -> Array:
+    """Choose world axes of gauges in given poses.
+
+    Args:
+        cell: The arm with its model.
+        q: Poses, (poses, n) [rad, m].
+        around: Poses in which the model is to predict, (tasks, n) [rad, m].
+        mass: Hung mass [kg].
+        count: Gauges in each pose.
+
+    Returns:
+        Directions, (poses, m, 3) [1]; zero for markers without a gauge.
+    """
+    scaling, hung = scale_by_prior(cad_prior(cell.arm), cell.vjm, all153(cell.arm)), weight(cell.vjm, mass)
+    setup = MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, Gauge.sigma)
+    spec = Specification(setup, (hung,), Tasks(around, hung), around, UNCERTAINTY, len(q))
+    problem, gauges = candidate_set(spec, q).problem, Gauges(count, Gauge.sigma, Gauge.tilt)
+    rows = gauge_rows(spec, q, np.zeros(len(q), dtype=int), gauges, problem.lift)
+    chosen = choose_gauges(rows, problem, criterion_of("I", problem, workspace_rows(spec)), gauges)
+    found = np.zeros((len(q), len(cell.arm.markers), 3))
+    found[chosen.pose[:, None], chosen.marker] = np.eye(3)[chosen.axis]
+    return found
+
+
+def instruments(cell: Cell, q: Array, around: Array, mass: float) -> dict[str, list[Mounted]]:
+    """Set up every instrument in all poses.
+
+    Args:
+        cell: The arm with its model.
+        q: Poses, (poses, n) [rad, m].
+        around: Poses in which the model is to predict, (tasks, n) [rad, m].
+        mass: Hung mass [kg].
+
+    Returns:
+        The instruments by name.
+    """
+    markers = cell.arm.markers
+    three, one = (directions(cell, q, around, mass, count) for count in (len(markers), 1))
+    wires = [Mounted(DRAW_WIRE, name, fixed=at) for name, at in zip(markers, ANCHORS, strict=True)]
+    return {
+        TRACKER: [Mounted(Tracker(50e-6))],
+        "probe of six degrees": [Mounted(PROBE)],
+        "camera, 100 um": [Mounted(CAMERA)],
+        THREE: [Mounted(Gauge(), name, three[:, k]) for k, name in enumerate(markers)],
+        ONE: [Mounted(Gauge(), name, one[:, k]) for k, name in enumerate(markers)],
+        "three draw-wires, 50 um": wires,
+        "one draw-wire": wires[:1],
+        LIGHT: [Mounted(BALLBAR, markers[0], fixed=ANCHORS[0])],
+    }
+
+
+def _cases(cell: Cell, true: Cell, asked: Settings, seed: int, arm: str) -> Iterator[TrialCase]:
+    """Yield every instrument in few and in many poses, the few among the many."""
+    most = max(asked.poses)
+    scenario = Scenario(arm=cell.arm.name, identification_poses=most, workspace_poses=asked.workspace)
+    poses = draw_poses(cell, scenario, seed)
+    q, around = poses.station[:most], poses.anywhere
+    everywhere = poses_with_weight(cell, around, np.arange(len(around)) + 1, scenario.mass)
+    truth = measure_markers(true, scenario, everywhere)
+    for name, own in instruments(cell, q, around, scenario.mass).items():
+        for n in asked.poses:
+            some = [m if m.direction is None else replace(m, direction=m.direction[:n]) for m in own]
+            mass = scenario.mass * (LIGHTER if name == LIGHT else 1)
+            loaded = poses_with_weight(cell, q[:n], np.arange(n) + 1, mass)
+            runs = read_instruments(true, scenario.truth, loaded, some, trial_rng(seed, 1))
+            shown = runs if (name, n, seed) == (THREE, USUAL, asked.first) else None
+            if runs.seen.any():
+                yield TrialCase(runs, truth, {"true_arm": arm, "instrument": name, "poses": n}, shown)
+
+
+@each_seed
+def trials(asked: Settings, seed: int, own: Models) -> Iterator[InstrumentRow]:
+    """Yield the rows of a seed, one per model, instrument and number of poses.
+
+    Args:
+        asked: The settings.
+        seed: The seed.
+        own: Makes models of a user's estimators.
+
+    Yields:
+        The rows.
+    """
+    cell, arm = build_cell(find_arm(asked.arm)), true_arm_of_seed(asked.true_arm, seed)
+    true, prior = true_cell(cell, arm, seed), wrong_prior(cell, seed)
+    joints, plain = named_models(cell, (JOINTS, ALL_UNKNOWNS))
+    models = [joints, *own(cell, prior), *with_priors(cell.arm, [plain], prior)]
+    tried = list(_cases(cell, true, asked, seed, arm))
+    fits = fitted(cell, models, tried)
+
+    def more(name: str, k: int) -> Mapping[str, object]:
+        runs = tried[k].runs
+        wanted = runs.runs * (1 if tried[k].factors["instrument"] in ALONE else len(runs.markers))
+        shares = cover(cell, fits[name][k], tried[k].test) if name == DEFAULT else None
+        return {"read_percent": 100 * float(runs.seen.sum() / wanted), "cover": shares}
+
+    yield from score_cases(cell, tried, fits, InstrumentRow, more)

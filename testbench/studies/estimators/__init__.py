@@ -1,1 +1,0 @@
-"""Estimators that only studies and benchmarks use: other programs, other solvers, resampling, shrinkage."""
