@@ -12,22 +12,25 @@ file each and different kinds; tables are of all files together. `--seeds 0` pri
 import json
 import sys
 from argparse import ArgumentParser
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from time import process_time
+from unittest.mock import patch
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
-from testbench.identify import gco
+from testbench.identify import average, gco, intervals
 from testbench.identify.estimate import deflections, score
+from testbench.identify.trace import paired
 from testbench.model.structure import template56
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed, true_arms
 from testbench.runs.spread import median_interval
 from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
-from testbench.studies.campaign.trial import cover, reread, worst_tenth
+from testbench.studies.campaign.trial import covers, reread, worst_tenth
 from testbench.studies.estimators.shrunk import ridge
 from testbench.studies.study import without_cone
 from testbench.workflows.cell import Scenario, build_cell, draw_poses, simulate_at, true_cell
@@ -45,6 +48,7 @@ WORDS = {**CALLED, FAMILY: "family of six kinds", DISTURBED: "family, all distur
 KINDS += true_arms.added  # those of installed packages
 CLEARLY = 1.05  #: Ratio of errors from which on an arm counts as lost.
 DRAWS = 4000  #: Of a bootstrap.
+SCALES = np.linspace(0.6, 1.4, 17)  #: Factors on half widths whose coverage every line has.
 
 
 def measured(cell, poses, kind, seed):
@@ -66,32 +70,84 @@ def judge(cell, poses, kind, seed):
     [joints] = named_models(cell, (JOINTS,))
     plain = [*named_models(cell, (ALL_UNKNOWNS,)), without_cone(cell)]
     default, squares = with_priors(cell.arm, plain, prior)
+    others = {"joints": fit(cell, joints, readings), "squares": fit(cell, squares, readings)}
+    others |= {name: own(cell.vjm, template, readings) for name, own in (("gco", gco), ("ridge", ridge))}
+    errors = {name: error(cell, own, truth) for name, own in others.items()}
+    return {"kind": kind, "seed": seed, **of_default(cell, default, readings, truth), **errors}
 
-    def fit(model):
-        return model.estimator(cell.vjm, model.structure, readings)
 
-    def error(estimate):
-        return 1e3 * score(deflections(cell.vjm, estimate, truth), truth.deflection).rms
+def fit(cell, model, readings):
+    """Estimate of a model."""
+    return model.estimator(cell.vjm, model.structure, readings)
 
+
+def error(cell, estimate, truth):
+    """RMS error over the workspace [mm]."""
+    return 1e3 * score(deflections(cell.vjm, estimate, truth), truth.deflection).rms
+
+
+def of_default(cell, default, readings, truth):
+    """Error and coverage of the default, and what it weighs: columns of a line."""
     start = process_time()
-    own = fit(default)
-    seconds, known = process_time() - start, own.average
-    whole, covered = (known.all_parts if known else own), cover(cell, own, truth)
+    with watched() as seen:
+        own = fit(cell, default, readings)
+    seconds, found = process_time() - start, intervals(cell.vjm, own, truth)
+    half = (found.upper - found.lower) / 2
+    covered = covers(found.centre, half, truth.deflection)
     return {
-        "kind": kind,
-        "seed": seed,
-        "default": error(own),
-        "joints": error(fit(joints)),
-        "squares": error(fit(squares)),
-        "gco": error(gco(cell.vjm, template, readings)),
-        "ridge": error(ridge(cell.vjm, template, readings)),
+        "default": error(cell, own, truth),
         "covered": covered.covered_percent,
         "half": covered.half_mm,
         "ideal": covered.ideal_mm,
-        "rigid": known.weight if known else 0.0,
-        "ties": known.ties_weight if known else 0.0,
-        "wanders": whole.regression.wander is not None,
+        "covered_at": covered_at(found.centre, half, truth.deflection),
+        "rigid": own.average.weight if own.average else 0.0,
+        "ties": own.average.ties_weight if own.average else 0.0,
         "seconds": seconds,
+        **candidates(cell, truth, *seen[0]),
+    }
+
+
+def covered_at(centre, half, true):
+    """Coverage of intervals whose half widths are multiplied by each of `SCALES` [%]."""
+    inside = np.abs(centre - true)[..., None] <= half[..., None] * SCALES
+    return (100 * inside.reshape(-1, len(SCALES)).mean(axis=0)).tolist()
+
+
+@contextmanager
+def watched():
+    """Record what the default passes to the last step of its fit, in which joints alone get their weight."""
+    seen, last = [], average.steadied
+
+    def watch(*given):
+        seen.append(given)
+        return last(*given)
+
+    with patch.object(average, "steadied", watch):
+        yield seen
+
+
+def candidates(cell, truth, regression, constraint, prior, mean, _):
+    """Errors of the fit at every weight of joints alone [mm], and what decides: columns of a line.
+
+    The weights are those of `average.links_or_joints`: links passed the test of poses left out, links change
+    and are not surely worse, links failed it.
+    """
+    rivals = average.links_and_joints(regression, mean, prior)
+    gain = (0.0, 0.0)
+    if rivals is not None:
+        links, joints = (np.log(own) for own in rivals.errors)
+        gain = paired(joints - links)
+    changes = rivals is not None and rivals.likeliest.regression.wander is not None
+    weights = (average.RIGID, average.RIGID_IF_UNSURE, 1.0) if changes else (0.0, 1.0, 1.0)
+    tried = {w: average.steadied(regression, constraint, prior, mean, w) for w in set(weights)}
+    errors = {w: error(cell, own, truth) for w, own in tried.items()}
+    return {
+        "passed": errors[weights[0]],
+        "unsure": errors[weights[1]],
+        "failed": errors[weights[2]],
+        "gain": gain,
+        "evidence": rivals.log_evidence if rivals is not None else None,
+        "changes": changes,
     }
 
 
