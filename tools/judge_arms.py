@@ -7,6 +7,9 @@ are joint stiffness only, the default without its cone (least squares with the s
 prior, GCO and ridge regression on MGCO56. An arm is a line of JSON in the first file. The judge may be
 stopped at any time: started again, it goes on behind the last whole line. Two judges share the cores with a
 file each and different kinds; tables are of all files together. `--seeds 0` prints the tables alone.
+
+Every line holds the coverage at several scales of the half widths, and the errors of the default for each
+answer of the test of poses left out, so that tables of other scales and thresholds need no fit.
 """
 
 import json
@@ -15,16 +18,16 @@ from argparse import ArgumentParser
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from time import process_time
 from unittest.mock import patch
 
 import numpy as np
+from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
 from testbench.identify import average, gco, intervals
 from testbench.identify.estimate import deflections, score
-from testbench.identify.trace import paired
+from testbench.identify.trace import SELECTION_PROBABILITY, paired
 from testbench.model.structure import template56
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed, true_arms
@@ -49,6 +52,12 @@ KINDS += true_arms.added  # those of installed packages
 CLEARLY = 1.05  #: Ratio of errors from which on an arm counts as lost.
 DRAWS = 4000  #: Of a bootstrap.
 SCALES = np.linspace(0.6, 1.4, 17)  #: Factors on half widths whose coverage every line has.
+SHOWN = (2, 4, 6, 8, 12)  #: Those of them that the table has.
+MEANS, WORST = (92.0, 97.0), 80.0  #: Where the mean coverage should be, and the least of the worst tenth [%].
+ANSWERS = ("passed", "unsure", "failed")
+SURE = float(stdtrit(7, SELECTION_PROBABILITY))  #: Of eight poses, how sure links have to be.
+THRESHOLDS = (-np.inf, 1.0, SURE, 3.0, 4.0, np.inf)
+STIFF = ("stiffer_10", "stiffer_30", "stiffer_100")
 
 
 def measured(cell, poses, kind, seed):
@@ -70,9 +79,9 @@ def judge(cell, poses, kind, seed):
     [joints] = named_models(cell, (JOINTS,))
     plain = [*named_models(cell, (ALL_UNKNOWNS,)), without_cone(cell)]
     default, squares = with_priors(cell.arm, plain, prior)
-    others = {"joints": fit(cell, joints, readings), "squares": fit(cell, squares, readings)}
-    others |= {name: own(cell.vjm, template, readings) for name, own in (("gco", gco), ("ridge", ridge))}
-    errors = {name: error(cell, own, truth) for name, own in others.items()}
+    rivals = {"joints": fit(cell, joints, readings), "squares": fit(cell, squares, readings)}
+    rivals |= {name: own(cell.vjm, template, readings) for name, own in (("gco", gco), ("ridge", ridge))}
+    errors = {name: error(cell, own, truth) for name, own in rivals.items()}
     return {"kind": kind, "seed": seed, **of_default(cell, default, readings, truth), **errors}
 
 
@@ -87,11 +96,10 @@ def error(cell, estimate, truth):
 
 
 def of_default(cell, default, readings, truth):
-    """Error and coverage of the default, and what it weighs: columns of a line."""
-    start = process_time()
-    with watched() as seen:
+    """Error and coverage of the default, what it weighs, and how it decided: columns of a line."""
+    with watched() as steps:
         own = fit(cell, default, readings)
-    seconds, found = process_time() - start, intervals(cell.vjm, own, truth)
+    found = intervals(cell.vjm, own, truth)
     half = (found.upper - found.lower) / 2
     covered = covers(found.centre, half, truth.deflection)
     return {
@@ -100,10 +108,8 @@ def of_default(cell, default, readings, truth):
         "half": covered.half_mm,
         "ideal": covered.ideal_mm,
         "covered_at": covered_at(found.centre, half, truth.deflection),
-        "rigid": own.average.weight if own.average else 0.0,
         "ties": own.average.ties_weight if own.average else 0.0,
-        "seconds": seconds,
-        **candidates(cell, truth, *seen[0]),
+        **decision(cell, truth, *steps[0]),
     }
 
 
@@ -115,38 +121,37 @@ def covered_at(centre, half, true):
 
 @contextmanager
 def watched():
-    """Record what the default passes to the last step of its fit, in which joints alone get their weight."""
-    seen, last = [], average.steadied
+    """Record what the last step of the default's fit is given, which weighs joints alone."""
+    steps, last = [], average.steadied
 
     def watch(*given):
-        seen.append(given)
+        steps.append(given)
         return last(*given)
 
     with patch.object(average, "steadied", watch):
-        yield seen
+        yield steps
 
 
-def candidates(cell, truth, regression, constraint, prior, mean, _):
-    """Errors of the fit at every weight of joints alone [mm], and what decides: columns of a line.
+def decision(cell, truth, regression, constraint, prior, mean, _):
+    """What poses left out and the evidence say of links, and errors by each answer [mm]: columns of a line.
 
-    The weights are those of `average.links_or_joints`: links passed the test of poses left out, links change
-    and are not surely worse, links failed it.
+    The answers are those of `average.links_or_joints`: links passed the test, links change and are not surely
+    worse, links failed.
     """
     rivals = average.links_and_joints(regression, mean, prior)
-    gain = (0.0, 0.0)
-    if rivals is not None:
-        links, joints = (np.log(own) for own in rivals.errors)
-        gain = paired(joints - links)
     changes = rivals is not None and rivals.likeliest.regression.wander is not None
     weights = (average.RIGID, average.RIGID_IF_UNSURE, 1.0) if changes else (0.0, 1.0, 1.0)
-    tried = {w: average.steadied(regression, constraint, prior, mean, w) for w in set(weights)}
-    errors = {w: error(cell, own, truth) for w, own in tried.items()}
+    errors = {
+        w: error(cell, average.steadied(regression, constraint, prior, mean, w), truth) for w in {*weights}
+    }
+    gain = None
+    if rivals is not None:
+        links, joints = (np.log(own) for own in rivals.errors)
+        gain = paired(joints - links)  # mean and standard error over poses
     return {
-        "passed": errors[weights[0]],
-        "unsure": errors[weights[1]],
-        "failed": errors[weights[2]],
+        **dict(zip(ANSWERS, (errors[w] for w in weights), strict=True)),
         "gain": gain,
-        "evidence": rivals.log_evidence if rivals is not None else None,
+        "evidence": rivals and rivals.log_evidence,
         "changes": changes,
     }
 
@@ -178,7 +183,7 @@ def lines(file):
 
 
 def tables(rows):
-    """The table of the default beside its rivals, then that of GCO without a prior."""
+    """The default beside its rivals; GCO without a prior; scaled intervals; other thresholds of links."""
     kinds = [kind for kind in KINDS if any(row["kind"] == kind and "default" in row for row in rows)]
     own = {kind: [row for row in rows if row["kind"] == kind and "default" in row] for kind in kinds}
     yield "| true arms | n | default, mm | Joints-only, mm | loses | least squares with the prior, mm "
@@ -188,6 +193,14 @@ def tables(rows):
     yield "\n| true arms | n | GCO, mm | Joints-only, mm | ridge, mm | GCO over the better (95 %) |\n"
     yield "| --- | ---: | ---: | ---: | ---: | ---: |\n"
     yield from (without_prior(kind, own[kind]) for kind in kinds)
+    scales = " | ".join(f"{SCALES[k]:.1f}" for k in SHOWN)
+    yield f"\n| true arms | n | {scales} | scales that meet both bars |\n"
+    yield f"| --- | ---: |{' ---: |' * len(SHOWN)} --- |\n"
+    yield from scaled(own)
+    yield "\n| links count above | loses, links 10, 30, 100 times stiffer | loses, worst other kind "
+    yield "| loses to least squares with the prior | median error over the default's |\n"
+    yield "| --- | ---: | ---: | ---: | ---: |\n"
+    yield from (threshold(own, least) for least in THRESHOLDS)
     refused = [f"{row['kind']} {row['seed']}" for row in rows if "refused" in row]
     yield f"\nRefused: {', '.join(refused) or 'none'}.\n"
 
@@ -211,6 +224,61 @@ def beside(kind, rows):
         f"{wide:.2f}",
     ]
     return f"| {' | '.join(map(str, cells))} |\n"
+
+
+def scaled(own):
+    """Rows of the third table: mean and worst tenth of the coverage where all half widths are scaled."""
+    common = np.ones(len(SCALES), bool)
+    for kind, rows in own.items():
+        covered = np.array([row["covered_at"] for row in rows])
+        means, worst = covered.mean(axis=0), np.apply_along_axis(worst_tenth, 0, covered)
+        good = (means >= MEANS[0]) & (means <= MEANS[1]) & (worst >= WORST)
+        common &= good
+        cells = " | ".join(f"{means[k]:.1f} / {worst[k]:.1f}" for k in SHOWN)
+        yield f"| {WORDS.get(kind, kind)} | {len(rows)} | {cells} | {extent(good)} |\n"
+    yield f"| all of them at once | {sum(map(len, own.values()))} | {' | ' * len(SHOWN)}{extent(common)} |\n"
+
+
+def extent(good):
+    """The least and the largest of some scales."""
+    some = SCALES[good]
+    return f"{some[0]:.2f} to {some[-1]:.2f}" if len(some) else "none"
+
+
+def threshold(own, least):
+    """A row of the fourth table: what the default would lose if links had to be surer, or less sure."""
+    by = {kind: np.array([decided(row, least) for row in rows]) for kind, rows in own.items()}
+
+    def lost(kind, rival):
+        return int((by[kind] > CLEARLY * np.array([row[rival] for row in own[kind]])).sum())
+
+    def share(kind):
+        return 100 * lost(kind, "joints") / len(own[kind])
+
+    ratio = {
+        kind: np.median(by[kind]) / np.median([row["default"] for row in rows]) for kind, rows in own.items()
+    }
+    others = max((kind for kind in own if kind not in STIFF), key=share)
+    worst = max(ratio, key=ratio.get)
+    called = {-np.inf: "always", np.inf: "never where asked"}.get(least, f"{least:.1f}")
+    cells = [
+        called + (" (default)" if least == SURE else ""),
+        ", ".join(f"{lost(kind, 'joints')} of {len(own[kind])}" for kind in STIFF if kind in own),
+        f"{lost(others, 'joints')} of {len(own[others])}",
+        f"{sum(lost(kind, 'squares') for kind in own)} of {sum(map(len, own.values()))}",
+        f"{min(ratio.values()):.2f} to {ratio[worst]:.2f} ({WORDS.get(worst, worst)})",
+    ]
+    return f"| {' | '.join(cells)} |\n"
+
+
+def decided(row, least):
+    """Error [mm] if links count only above so many standard errors, where the evidence leaves doubt."""
+    if row["gain"] is None or not (row["changes"] or row["evidence"] <= average.CERTAIN_LOG_EVIDENCE):
+        return row["passed"]
+    gain, error_ = row["gain"]
+    if gain > least * error_:
+        return row["passed"]
+    return row["unsure" if gain > -SURE * error_ else "failed"]
 
 
 def middle(errors):

@@ -105,8 +105,9 @@ def freedom(problems: Problems, x: Array, s: Array) -> Array:
     Returns:
         The numbers, (folds, weights); NaN where there is no solution.
     """
-    some, groups = np.isfinite(x).all(axis=2), cone.groups_of(problems.sizes)
-    inner = _Newton.of(problems.R[some.nonzero()[0]], x[some], s[some], groups).inner
+    some: Mask = np.asarray(np.isfinite(x).all(axis=2))
+    fold, groups = np.nonzero(some)[0], cone.groups_of(problems.sizes)
+    inner = _Newton.of(problems.R[fold], x[some], s[some], groups).inner
     found = np.full(some.shape, np.nan)
     found[some] = inner.shape[-1] - np.trace(np.linalg.inv(inner), axis1=1, axis2=2)
     return found
