@@ -13,7 +13,7 @@ answer of the test of poses left out, so that tables of other scales and thresho
 """
 
 import json
-import sys
+import re
 from argparse import ArgumentParser
 from contextlib import contextmanager
 from functools import partial
@@ -31,6 +31,7 @@ from testbench.identify.trace import SELECTION_PROBABILITY, paired
 from testbench.model.structure import template56
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed, true_arms
+from testbench.report import markdown
 from testbench.runs.spread import median_interval
 from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
 from testbench.studies.campaign.trial import covers, reread, worst_tenth
@@ -54,6 +55,7 @@ DRAWS = 4000  #: Of a bootstrap.
 SCALES = np.linspace(0.6, 1.4, 17)  #: Factors on half widths whose coverage every line has.
 SHOWN = (2, 4, 6, 8, 12)  #: Those of them that the table has.
 MEANS, WORST = (92.0, 97.0), 80.0  #: Where the mean coverage should be, and the least of the worst tenth [%].
+MARK = re.compile(r"(<!-- judged ([\w ]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 ANSWERS = ("passed", "unsure", "failed")
 SURE = float(stdtrit(7, SELECTION_PROBABILITY))  #: Of eight poses, how sure links have to be.
 THRESHOLDS = (-np.inf, 1.0, SURE, 3.0, 4.0, np.inf)
@@ -183,26 +185,32 @@ def lines(file):
 
 
 def tables(rows):
-    """The default beside its rivals; GCO without a prior; scaled intervals; other thresholds of links."""
+    """Tables by name: beside rivals, GCO without a prior, scaled intervals, other thresholds of links."""
     kinds = [kind for kind in KINDS if any(row["kind"] == kind and "default" in row for row in rows)]
     own = {kind: [row for row in rows if row["kind"] == kind and "default" in row] for kind in kinds}
-    yield "| true arms | n | default, mm | Joints-only, mm | loses | least squares with the prior, mm "
-    yield "| loses | covered, % | worst tenth, % | half width over the narrowest |\n"
-    yield "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n"
-    yield from (beside(kind, own[kind]) for kind in kinds)
-    yield "\n| true arms | n | GCO, mm | Joints-only, mm | ridge, mm | GCO over the better (95 %) |\n"
-    yield "| --- | ---: | ---: | ---: | ---: | ---: |\n"
-    yield from (without_prior(kind, own[kind]) for kind in kinds)
-    scales = " | ".join(f"{SCALES[k]:.1f}" for k in SHOWN)
-    yield f"\n| true arms | n | {scales} | scales that meet both bars |\n"
-    yield f"| --- | ---: |{' ---: |' * len(SHOWN)} --- |\n"
-    yield from scaled(own)
-    yield "\n| links count above | loses, links 10, 30, 100 times stiffer | loses, worst other kind "
-    yield "| loses to least squares with the prior | median error over the default's |\n"
-    yield "| --- | ---: | ---: | ---: | ---: |\n"
-    yield from (threshold(own, least) for least in THRESHOLDS)
-    refused = [f"{row['kind']} {row['seed']}" for row in rows if "refused" in row]
-    yield f"\nRefused: {', '.join(refused) or 'none'}.\n"
+    scales = [f"{SCALES[k]:.1f}" for k in SHOWN]
+    return {
+        "default": table(
+            "true arms|n|default, mm|Joints-only, mm|loses|least squares with the prior, mm|loses|covered, %"
+            "|worst tenth, %|half width over the narrowest".split("|"),
+            [beside(kind, own[kind]) for kind in kinds],
+        ),
+        "without prior": table(
+            "true arms|n|GCO, mm|Joints-only, mm|ridge, mm|GCO over the better (95 %)".split("|"),
+            [without_prior(kind, own[kind]) for kind in kinds],
+        ),
+        "scales": table(["true arms", "n", *scales, "both bars met"], scaled(own)),
+        "thresholds": table(
+            "links count above|loses, links 10, 30, 100 times stiffer|loses, worst other kind"
+            "|over 5 % worse than now|over 5 % better|largest rise of a median".split("|"),
+            [threshold(own, least) for least in THRESHOLDS],
+        ),
+    }
+
+
+def table(heads, rows):
+    """Markdown of cells, words or numbers, under headings."""
+    return markdown.lines(heads, [[str(cell) for cell in row] for row in rows])
 
 
 def beside(kind, rows):
@@ -234,9 +242,9 @@ def scaled(own):
         means, worst = covered.mean(axis=0), np.apply_along_axis(worst_tenth, 0, covered)
         good = (means >= MEANS[0]) & (means <= MEANS[1]) & (worst >= WORST)
         common &= good
-        cells = " | ".join(f"{means[k]:.1f} / {worst[k]:.1f}" for k in SHOWN)
-        yield f"| {WORDS.get(kind, kind)} | {len(rows)} | {cells} | {extent(good)} |\n"
-    yield f"| all of them at once | {sum(map(len, own.values()))} | {' | ' * len(SHOWN)}{extent(common)} |\n"
+        cells = [f"{means[k]:.1f} / {worst[k]:.1f}" for k in SHOWN]
+        yield [WORDS.get(kind, kind), len(rows), *cells, extent(good)]
+    yield ["all of them at once", sum(map(len, own.values())), *[""] * len(SHOWN), extent(common)]
 
 
 def extent(good):
@@ -248,27 +256,24 @@ def extent(good):
 def threshold(own, least):
     """A row of the fourth table: what the default would lose if links had to be surer, or less sure."""
     by = {kind: np.array([decided(row, least) for row in rows]) for kind, rows in own.items()}
+    now = {kind: np.array([row["default"] for row in rows]) for kind, rows in own.items()}
+    lost = {kind: by[kind] > CLEARLY * np.array([row["joints"] for row in own[kind]]) for kind in own}
+    rise = {kind: np.median(by[kind]) / np.median(now[kind]) - 1 for kind in own}
+    moved = np.concatenate([by[kind] / now[kind] for kind in own])
 
-    def lost(kind, rival):
-        return int((by[kind] > CLEARLY * np.array([row[rival] for row in own[kind]])).sum())
+    def of(kind):
+        return f"{lost[kind].sum()} of {len(lost[kind])}"
 
-    def share(kind):
-        return 100 * lost(kind, "joints") / len(own[kind])
-
-    ratio = {
-        kind: np.median(by[kind]) / np.median([row["default"] for row in rows]) for kind, rows in own.items()
-    }
-    others = max((kind for kind in own if kind not in STIFF), key=share)
-    worst = max(ratio, key=ratio.get)
+    worst = max(own, key=rise.get)
     called = {-np.inf: "always", np.inf: "never where asked"}.get(least, f"{least:.1f}")
-    cells = [
+    return [
         called + (" (default)" if least == SURE else ""),
-        ", ".join(f"{lost(kind, 'joints')} of {len(own[kind])}" for kind in STIFF if kind in own),
-        f"{lost(others, 'joints')} of {len(own[others])}",
-        f"{sum(lost(kind, 'squares') for kind in own)} of {sum(map(len, own.values()))}",
-        f"{min(ratio.values()):.2f} to {ratio[worst]:.2f} ({WORDS.get(worst, worst)})",
+        ", ".join(of(kind) for kind in own if kind in STIFF),
+        of(max((kind for kind in own if kind not in STIFF), key=lambda kind: lost[kind].mean())),
+        f"{(moved > CLEARLY).sum()} of {len(moved)}",
+        f"{(moved < 1 / CLEARLY).sum()} of {len(moved)}",
+        f"{100 * rise[worst]:.0f} %, {WORDS.get(worst, worst)}" if rise[worst] > 0 else "none",
     ]
-    return f"| {' | '.join(cells)} |\n"
 
 
 def decided(row, least):
@@ -297,9 +302,9 @@ def without_prior(kind, rows):
 
     drawn = over(np.random.default_rng(0).integers(0, len(rows), (DRAWS, len(rows))))
     low, high = np.quantile(drawn, (0.025, 0.975))
-    medians = " | ".join(f"{np.median(own):.3f}" for own in (gco_, joints, ridge_))
+    medians = [f"{np.median(own):.3f}" for own in (gco_, joints, ridge_)]
     ratio = over(np.arange(len(rows)))
-    return f"| {WORDS.get(kind, kind)} | {len(rows)} | {medians} | {ratio:.2f} ({low:.2f} to {high:.2f}) |\n"
+    return [WORDS.get(kind, kind), len(rows), *medians, f"{ratio:.2f} ({low:.2f} to {high:.2f})"]
 
 
 def main():
@@ -309,10 +314,18 @@ def main():
     flags.add_argument("--seed", type=int, default=780001, help="first seed")
     flags.add_argument("--seeds", type=int, default=100, help="arms of each kind; 0 for tables alone")
     flags.add_argument("--kind", action="append", choices=KINDS, help="again for more; all if none")
+    flags.add_argument("--into", type=Path, help="page whose parts `<!-- judged NAME -->` are these tables")
     asked = flags.parse_args()
     with threadpool_limits(1):
         run(asked.files[0], asked.kind or KINDS, range(asked.seed, asked.seed + asked.seeds))
-    sys.stdout.writelines(tables([row for file in asked.files for row in lines(file)]))
+    rows = [row for file in asked.files for row in lines(file)]
+    found = tables(rows)
+    refused = [f"{row['kind']} {row['seed']}" for row in rows if "refused" in row]
+    print(*found.values(), f"Refused: {', '.join(refused) or 'none'}.", sep="\n\n")
+    if asked.into:
+        text = asked.into.read_text(encoding="utf-8")
+        filled = MARK.sub(lambda part: f"{part[1]}{found[part[2]]}\n\n{part[3]}", text)
+        asked.into.write_text(filled, encoding="utf-8")
 
 
 if __name__ == "__main__":
