@@ -20,6 +20,7 @@ from corrections import correcting_ten_thousand_points
 from equilibrium import newton_against_forward_passes, newton_against_stepping
 from families import families_of_fits
 from large_dataset import reducing_large_datasets
+from learnt_fits import learnt_fits
 from many_trials import parallel_efficiency
 from measure import Row, processor
 from million_runs import identifying_a_million_runs
@@ -47,6 +48,7 @@ BENCHMARKS = {
     "l": calibrating_by_absolute_poses,
     "m": correcting_ten_thousand_points,
     "n": identifying_a_million_runs,
+    "o": learnt_fits,
 }
 
 app = typer.Typer(add_completion=False)
@@ -54,7 +56,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghijklmn",
+    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghijklmno",
     out: Annotated[Path, typer.Option(help="Folder of bench.json.")] = Path("runs") / "bench",
 ) -> int:
     """Run the benchmarks and judge them."""

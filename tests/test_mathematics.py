@@ -74,7 +74,7 @@ def test_constants_have_the_values_and_places_of_the_tables():
 def test_coverage_by_kind_is_that_of_the_study():
     with (ROOT / "docs/studies/model_error/kinds.csv").open(encoding="utf-8") as file:
         found = {
-            row["true arms"]: [row["covered, %"], row["in the worst tenth, %"]]
+            row["true arms"]: [row["trials"], row["covered, %"], row["in the worst tenth, %"]]
             for row in csv.DictReader(file)
         }
     table = rows("intervals", "true arms")

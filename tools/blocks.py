@@ -2,7 +2,8 @@
 
 `<!-- from STUDY: PART; PART -->`: of the report of a full run, tables by name or blocks of its template, such
 as title and answer. `<!-- bench -->`: the rows of bench.json. `<!-- times -->`: how long the full runs took.
-A part whose run is not there stays as it was.
+`<!-- expected -->`, `<!-- covered -->`: of the tables beside the pages of studies. A part whose run is not
+there stays as it was.
 """
 
 import csv
@@ -21,7 +22,14 @@ from testbench.studies.study import DEFAULT_WITHOUT_CONE
 from testbench.workflows.model_selection import DEFAULT
 
 FROM = re.compile(r"(<!-- from (\w+): ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-PLAIN = re.compile(r"(<!-- (bench|times|expected) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+PLAIN = re.compile(r"(<!-- (bench|times|expected|covered) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+COVERAGE = ("true arms", "trials", "covered, %", "in the worst tenth, %")
+COVERAGE_HEADS = ["true arms", "n", "covered, %", "worst tenth, %"]
+COVERED = (
+    "the family", "undisturbed family", "links of tubes", "unequal joints", "cast links",
+    "links 40 % off tubes", "coupled links", "disturbances times 2",
+)  # fmt: skip
+"""Kinds of arms that the page of intervals has, of `docs/studies/model_error/kinds.csv`."""
 STUDIES = Path(__file__).resolve().parents[1] / "docs" / "studies"
 
 
@@ -42,6 +50,7 @@ def fill(page: Path, runs: Path, bench: Path) -> bool:
         "bench": lambda: bars(bench),
         "times": lambda: times(runs),
         "expected": expected,
+        "covered": covered,
     }
     found = PLAIN.sub(lambda mark: _put(mark[1], tables[mark[2]](), mark[3], mark[4]), found)
     if found != text:
@@ -134,6 +143,13 @@ def expected() -> str:
         f"the paper, GCO errs {papers} mm."
     )
     return f"{lines(heads, rows)}\n\n{said}"
+
+
+def covered() -> str:
+    """How often the default's intervals hold on kinds of arms, best covered first, of the table beside it."""
+    some = [row for row in _table("model_error/kinds.csv") if row["true arms"] in COVERED]
+    rows = [[row[key] for key in COVERAGE] for row in some]
+    return lines(COVERAGE_HEADS, sorted(rows, key=lambda row: -float(row[2])))
 
 
 def _table(name: str) -> list[dict[str, str]]:

@@ -7,27 +7,34 @@ are joint stiffness only, the default without its cone (least squares with the s
 prior, GCO and ridge regression on MGCO56. An arm is a line of JSON in the first file. The judge may be
 stopped at any time: started again, it goes on behind the last whole line. Two judges share the cores with a
 file each and different kinds; tables are of all files together. `--seeds 0` prints the tables alone.
+
+Every line holds the coverage at several scales of the half widths, and the errors of the default for each
+answer of the test of poses left out, so that tables of other scales and thresholds need no fit.
 """
 
 import json
-import sys
+import re
 from argparse import ArgumentParser
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from time import process_time
+from unittest.mock import patch
 
 import numpy as np
+from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
-from testbench.identify import gco
+from testbench.identify import average, gco, intervals
 from testbench.identify.estimate import deflections, score
+from testbench.identify.trace import SELECTION_PROBABILITY, paired
 from testbench.model.structure import template56
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed, true_arms
+from testbench.report import markdown
 from testbench.runs.spread import median_interval
 from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
-from testbench.studies.campaign.trial import cover, reread, worst_tenth
+from testbench.studies.campaign.trial import covers, reread, worst_tenth
 from testbench.studies.shrinkage import ridge
 from testbench.studies.study import without_cone
 from testbench.workflows.cell import Scenario, build_cell, draw_poses, simulate_at, true_cell
@@ -45,6 +52,14 @@ WORDS = {**CALLED, FAMILY: "family of six kinds", DISTURBED: "family, all distur
 KINDS += true_arms.added  # those of installed packages
 CLEARLY = 1.05  #: Ratio of errors from which on an arm counts as lost.
 DRAWS = 4000  #: Of a bootstrap.
+SCALES = np.linspace(0.6, 1.4, 17)  #: Factors on half widths whose coverage every line has.
+SHOWN = (2, 4, 6, 8, 12)  #: Those of them that the table has.
+MEANS, WORST = (92.0, 97.0), 80.0  #: Where the mean coverage should be, and the least of the worst tenth [%].
+MARK = re.compile(r"(<!-- judged ([\w ]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+ANSWERS = ("passed", "unsure", "failed")
+SURE = float(stdtrit(7, SELECTION_PROBABILITY))  #: Of eight poses, how sure links have to be.
+THRESHOLDS = (-np.inf, 1.0, SURE, 3.0, 4.0, np.inf)
+STIFF = ("stiffer_10", "stiffer_30", "stiffer_100")
 
 
 def measured(cell, poses, kind, seed):
@@ -66,32 +81,80 @@ def judge(cell, poses, kind, seed):
     [joints] = named_models(cell, (JOINTS,))
     plain = [*named_models(cell, (ALL_UNKNOWNS,)), without_cone(cell)]
     default, squares = with_priors(cell.arm, plain, prior)
+    rivals = {"joints": fit(cell, joints, readings), "squares": fit(cell, squares, readings)}
+    rivals |= {name: own(cell.vjm, template, readings) for name, own in (("gco", gco), ("ridge", ridge))}
+    errors = {name: error(cell, own, truth) for name, own in rivals.items()}
+    return {"kind": kind, "seed": seed, **of_default(cell, default, readings, truth), **errors}
 
-    def fit(model):
-        return model.estimator(cell.vjm, model.structure, readings)
 
-    def error(estimate):
-        return 1e3 * score(deflections(cell.vjm, estimate, truth), truth.deflection).rms
+def fit(cell, model, readings):
+    """Estimate of a model."""
+    return model.estimator(cell.vjm, model.structure, readings)
 
-    start = process_time()
-    own = fit(default)
-    seconds, known = process_time() - start, own.average
-    whole, covered = (known.all_parts if known else own), cover(cell, own, truth)
+
+def error(cell, estimate, truth):
+    """RMS error over the workspace [mm]."""
+    return 1e3 * score(deflections(cell.vjm, estimate, truth), truth.deflection).rms
+
+
+def of_default(cell, default, readings, truth):
+    """Error and coverage of the default, what it weighs, and how it decided: columns of a line."""
+    with watched() as steps:
+        own = fit(cell, default, readings)
+    found = intervals(cell.vjm, own, truth)
+    half = (found.upper - found.lower) / 2
+    covered = covers(found.centre, half, truth.deflection)
     return {
-        "kind": kind,
-        "seed": seed,
-        "default": error(own),
-        "joints": error(fit(joints)),
-        "squares": error(fit(squares)),
-        "gco": error(gco(cell.vjm, template, readings)),
-        "ridge": error(ridge(cell.vjm, template, readings)),
+        "default": error(cell, own, truth),
         "covered": covered.covered_percent,
         "half": covered.half_mm,
         "ideal": covered.ideal_mm,
-        "rigid": known.weight if known else 0.0,
-        "ties": known.ties_weight if known else 0.0,
-        "wanders": whole.regression.wander is not None,
-        "seconds": seconds,
+        "covered_at": covered_at(found.centre, half, truth.deflection),
+        "ties": own.average.ties_weight if own.average else 0.0,
+        **decision(cell, truth, *steps[0]),
+    }
+
+
+def covered_at(centre, half, true):
+    """Coverage of intervals whose half widths are multiplied by each of `SCALES` [%]."""
+    inside = np.abs(centre - true)[..., None] <= half[..., None] * SCALES
+    return (100 * inside.reshape(-1, len(SCALES)).mean(axis=0)).tolist()
+
+
+@contextmanager
+def watched():
+    """Record what the last step of the default's fit is given, which weighs joints alone."""
+    steps, last = [], average.steadied
+
+    def watch(*given):
+        steps.append(given)
+        return last(*given)
+
+    with patch.object(average, "steadied", watch):
+        yield steps
+
+
+def decision(cell, truth, regression, constraint, prior, mean, _):
+    """What poses left out and the evidence say of links, and errors by each answer [mm]: columns of a line.
+
+    The answers are those of `average.links_or_joints`: links passed the test, links change and are not surely
+    worse, links failed.
+    """
+    rivals = average.links_and_joints(regression, mean, prior)
+    changes = rivals is not None and rivals.likeliest.regression.wander is not None
+    weights = (average.RIGID, average.RIGID_IF_UNSURE, 1.0) if changes else (0.0, 1.0, 1.0)
+    errors = {
+        w: error(cell, average.steadied(regression, constraint, prior, mean, w), truth) for w in {*weights}
+    }
+    gain = None
+    if rivals is not None:
+        links, joints = (np.log(own) for own in rivals.errors)
+        gain = paired(joints - links)  # mean and standard error over poses
+    return {
+        **dict(zip(ANSWERS, (errors[w] for w in weights), strict=True)),
+        "gain": gain,
+        "evidence": rivals and rivals.log_evidence,
+        "changes": changes,
     }
 
 
@@ -122,18 +185,32 @@ def lines(file):
 
 
 def tables(rows):
-    """The table of the default beside its rivals, then that of GCO without a prior."""
+    """Tables by name: beside rivals, GCO without a prior, scaled intervals, other thresholds of links."""
     kinds = [kind for kind in KINDS if any(row["kind"] == kind and "default" in row for row in rows)]
     own = {kind: [row for row in rows if row["kind"] == kind and "default" in row] for kind in kinds}
-    yield "| true arms | n | default, mm | Joints-only, mm | loses | least squares with the prior, mm "
-    yield "| loses | covered, % | worst tenth, % | half width over the narrowest |\n"
-    yield "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n"
-    yield from (beside(kind, own[kind]) for kind in kinds)
-    yield "\n| true arms | n | GCO, mm | Joints-only, mm | ridge, mm | GCO over the better (95 %) |\n"
-    yield "| --- | ---: | ---: | ---: | ---: | ---: |\n"
-    yield from (without_prior(kind, own[kind]) for kind in kinds)
-    refused = [f"{row['kind']} {row['seed']}" for row in rows if "refused" in row]
-    yield f"\nRefused: {', '.join(refused) or 'none'}.\n"
+    scales = [f"{SCALES[k]:.1f}" for k in SHOWN]
+    return {
+        "default": table(
+            "true arms|n|default, mm|Joints-only, mm|loses|least squares with the prior, mm|loses|covered, %"
+            "|worst tenth, %|half width over the narrowest".split("|"),
+            [beside(kind, own[kind]) for kind in kinds],
+        ),
+        "without prior": table(
+            "true arms|n|GCO, mm|Joints-only, mm|ridge, mm|GCO over the better (95 %)".split("|"),
+            [without_prior(kind, own[kind]) for kind in kinds],
+        ),
+        "scales": table(["true arms", "n", *scales, "both bars met"], scaled(own)),
+        "thresholds": table(
+            "links count above|loses, links 10, 30, 100 times stiffer|loses, worst other kind"
+            "|over 5 % worse than now|over 5 % better|largest rise of a median".split("|"),
+            [threshold(own, least) for least in THRESHOLDS],
+        ),
+    }
+
+
+def table(heads, rows):
+    """Markdown of cells, words or numbers, under headings."""
+    return markdown.lines(heads, [[str(cell) for cell in row] for row in rows])
 
 
 def beside(kind, rows):
@@ -157,6 +234,58 @@ def beside(kind, rows):
     return f"| {' | '.join(map(str, cells))} |\n"
 
 
+def scaled(own):
+    """Rows of the third table: mean and worst tenth of the coverage where all half widths are scaled."""
+    common = np.ones(len(SCALES), bool)
+    for kind, rows in own.items():
+        covered = np.array([row["covered_at"] for row in rows])
+        means, worst = covered.mean(axis=0), np.apply_along_axis(worst_tenth, 0, covered)
+        good = (means >= MEANS[0]) & (means <= MEANS[1]) & (worst >= WORST)
+        common &= good
+        cells = [f"{means[k]:.1f} / {worst[k]:.1f}" for k in SHOWN]
+        yield [WORDS.get(kind, kind), len(rows), *cells, extent(good)]
+    yield ["all of them at once", sum(map(len, own.values())), *[""] * len(SHOWN), extent(common)]
+
+
+def extent(good):
+    """The least and the largest of some scales."""
+    some = SCALES[good]
+    return f"{some[0]:.2f} to {some[-1]:.2f}" if len(some) else "none"
+
+
+def threshold(own, least):
+    """A row of the fourth table: what the default would lose if links had to be surer, or less sure."""
+    by = {kind: np.array([decided(row, least) for row in rows]) for kind, rows in own.items()}
+    now = {kind: np.array([row["default"] for row in rows]) for kind, rows in own.items()}
+    lost = {kind: by[kind] > CLEARLY * np.array([row["joints"] for row in own[kind]]) for kind in own}
+    rise = {kind: np.median(by[kind]) / np.median(now[kind]) - 1 for kind in own}
+    moved = np.concatenate([by[kind] / now[kind] for kind in own])
+
+    def of(kind):
+        return f"{lost[kind].sum()} of {len(lost[kind])}"
+
+    worst = max(own, key=rise.get)
+    called = {-np.inf: "always", np.inf: "never where asked"}.get(least, f"{least:.1f}")
+    return [
+        called + (" (default)" if least == SURE else ""),
+        ", ".join(of(kind) for kind in own if kind in STIFF),
+        of(max((kind for kind in own if kind not in STIFF), key=lambda kind: lost[kind].mean())),
+        f"{(moved > CLEARLY).sum()} of {len(moved)}",
+        f"{(moved < 1 / CLEARLY).sum()} of {len(moved)}",
+        f"{100 * rise[worst]:.0f} %, {WORDS.get(worst, worst)}" if rise[worst] > 0 else "none",
+    ]
+
+
+def decided(row, least):
+    """Error [mm] if links count only above so many standard errors, where the evidence leaves doubt."""
+    if row["gain"] is None or not (row["changes"] or row["evidence"] <= average.CERTAIN_LOG_EVIDENCE):
+        return row["passed"]
+    gain, error_ = row["gain"]
+    if gain > least * error_:
+        return row["passed"]
+    return row["unsure" if gain > -SURE * error_ else "failed"]
+
+
 def middle(errors):
     """The median, with its 95 % interval where there are arms enough."""
     ends = median_interval(errors)
@@ -173,9 +302,9 @@ def without_prior(kind, rows):
 
     drawn = over(np.random.default_rng(0).integers(0, len(rows), (DRAWS, len(rows))))
     low, high = np.quantile(drawn, (0.025, 0.975))
-    medians = " | ".join(f"{np.median(own):.3f}" for own in (gco_, joints, ridge_))
+    medians = [f"{np.median(own):.3f}" for own in (gco_, joints, ridge_)]
     ratio = over(np.arange(len(rows)))
-    return f"| {WORDS.get(kind, kind)} | {len(rows)} | {medians} | {ratio:.2f} ({low:.2f} to {high:.2f}) |\n"
+    return [WORDS.get(kind, kind), len(rows), *medians, f"{ratio:.2f} ({low:.2f} to {high:.2f})"]
 
 
 def main():
@@ -185,10 +314,18 @@ def main():
     flags.add_argument("--seed", type=int, default=780001, help="first seed")
     flags.add_argument("--seeds", type=int, default=100, help="arms of each kind; 0 for tables alone")
     flags.add_argument("--kind", action="append", choices=KINDS, help="again for more; all if none")
+    flags.add_argument("--into", type=Path, help="page whose parts `<!-- judged NAME -->` are these tables")
     asked = flags.parse_args()
     with threadpool_limits(1):
         run(asked.files[0], asked.kind or KINDS, range(asked.seed, asked.seed + asked.seeds))
-    sys.stdout.writelines(tables([row for file in asked.files for row in lines(file)]))
+    rows = [row for file in asked.files for row in lines(file)]
+    found = tables(rows)
+    refused = [f"{row['kind']} {row['seed']}" for row in rows if "refused" in row]
+    print(*found.values(), f"Refused: {', '.join(refused) or 'none'}.", sep="\n\n")
+    if asked.into:
+        text = asked.into.read_text(encoding="utf-8")
+        filled = MARK.sub(lambda part: f"{part[1]}{found[part[2]]}\n\n{part[3]}", text)
+        asked.into.write_text(filled, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -33,6 +33,7 @@ from testbench.studies.run import headed_figures
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES, README = ROOT / "docs" / "studies", ROOT / "README.md"
+MATHEMATICS = ROOT / "docs" / "mathematics"
 STUDIES = (
     "gravity_calibration", "single_link", "six_dof_arm", "solver_comparison", "loaded_stiffness",
     "identifiability", "noise_sensitivity", "model_error", "pose_selection", "which_model",
@@ -65,7 +66,7 @@ def main(
         print(PAGES / f"{name}.md")
     if (runs / BENCH / "report.json").is_file():
         leaderboard(runs / BENCH)
-    for own in (README, *sorted(PAGES.parent.glob("*.md"))):
+    for own in (README, *sorted(PAGES.parent.glob("*.md")), *sorted(MATHEMATICS.glob("*.md"))):
         if fill(own, runs, bench):
             print(own)
     if demo:

@@ -29,7 +29,8 @@ that change from pose to pose count unless they predict these poses worse.
 """
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtri, stdtrit
@@ -242,8 +243,10 @@ def average_two_priors(
         return estimate
     changing = _with_changing_links(r, constraint, (prior, softened), estimate)
     mean = changing or estimate
-    weight = links_or_joints(_held_out(r, mean, prior), changes=changing is not None)
-    return _steadied(r, constraint, prior, mean, weight)
+    rivals = links_and_joints(r, mean, prior)
+    errors = None if rivals is None or rivals.certain else rivals.errors
+    weight = links_or_joints(errors, changes=changing is not None)
+    return steadied(r, constraint, prior, mean, weight)
 
 
 def _with_changing_links(
@@ -278,15 +281,45 @@ def _before_laws(r: Regression, estimate: Estimate) -> Estimate:
     return known.all_parts if changing > lawful.log_evidence - math.log(LINEAR_JOINTS_ODDS) else estimate
 
 
-def _held_out(r: Regression, estimate: Estimate, prior: PriorScaling) -> tuple[Array, Array] | None:
-    """Compute errors in poses left out in turn, of the likeliest model and of joints alone, (poses,) [1].
+@dataclass(frozen=True)
+class LinksAndJoints:
+    """Hold the likeliest model of an average beside joints alone; poses left out compare them."""
 
-    Each is the root mean square over a pose in standard deviations. What was learnt of the prior stays: with
-    it a fit without a pose is one solution of normal equations. The cone is left out.
+    r: Regression  #: The reduced dataset, with its rows pose by pose.
+    likeliest: Estimate  #: The model of greatest weight, joints alone apart.
+    belief: WeightedPrior  #: Its learnt prior.
+    joints: Regression  #: The dataset of joints alone.
+    alone: WeightedPrior  #: Their prior.
+    log_evidence: float  #: Of the likeliest model over joints alone.
+
+    @property
+    def certain(self) -> bool:
+        """Tell whether the evidence leaves no doubt of links that do not change."""
+        return self.likeliest.regression.wander is None and self.log_evidence > CERTAIN_LOG_EVIDENCE
+
+    @cached_property
+    def errors(self) -> tuple[Array, Array]:
+        """Compute errors in poses left out in turn, of the likeliest model and of joints alone, (poses,) [1].
+
+        Each is the root mean square over a pose in standard deviations. What was learnt of the prior stays:
+        with it a fit without a pose is one solution of normal equations. The cone is left out.
+        """
+        wander, rigid = self.likeliest.regression.wander, self.joints.poses
+        own = restrict_to(self.r, self.likeliest.structure).poses
+        weighed = own if wander is None else tuple(_weighed(rows, wander) for rows in own)
+        return _left_out(own, weighed, self.belief), _left_out(rigid, rigid, self.alone)
+
+
+def links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> LinksAndJoints | None:
+    """Set the likeliest model of an average beside joints alone.
+
+    Args:
+        r: The reduced dataset, with its rows pose by pose.
+        estimate: An average by evidence.
+        prior: Metric of the prior.
 
     Returns:
-        Both, or None where joints alone are no model, or the evidence leaves no doubt of links that do not
-        change.
+        Both, or None where joints alone are no model.
     """
     regression, bare = _joints(r, prior)
     try:
@@ -294,15 +327,11 @@ def _held_out(r: Regression, estimate: Estimate, prior: PriorScaling) -> tuple[A
     except BenchError:  # no joint is loaded, or all turn against their loads
         return None
     likeliest = _likeliest(estimate)
-    belief, wander = likeliest.weighted_prior, likeliest.regression.wander
+    belief = likeliest.weighted_prior
     if belief is None or belief.log_evidence is None:
         return None
-    if wander is None and belief.log_evidence - log_evidence > CERTAIN_LOG_EVIDENCE:
-        return None
-    own = restrict_to(r, likeliest.structure).poses
-    weighed = own if wander is None else tuple(_weighed(rows, wander) for rows in own)
-    rigid = restrict_to(r, regression.structure).poses
-    return _left_out(own, weighed, belief), _left_out(rigid, rigid, alone)
+    over = belief.log_evidence - log_evidence
+    return LinksAndJoints(r, likeliest, belief, regression, alone, over)
 
 
 def _likeliest(estimate: Estimate) -> Estimate:
@@ -359,13 +388,23 @@ def links_or_joints(held_out: tuple[Array, Array] | None, *, changes: bool) -> f
     return RIGID_IF_UNSURE if changes and gain > -sure else 1.0
 
 
-def _steadied(
+def steadied(
     r: Regression, constraint: Constraint, prior: PriorScaling, estimate: Estimate, weight: float
 ) -> Estimate:
     """Average a fit with joints alone; laws and coupled joints keep their weight unless these weigh one.
 
     Joints alone are fitted to the readings as they are: weighed for links that change, they err a third more.
     Intervals stay those of the average, about the mean of greater weight of joints alone.
+
+    Args:
+        r: The reduced dataset, with its rows pose by pose.
+        constraint: Least squares or GCO.
+        prior: Metric of the prior.
+        estimate: An average by evidence.
+        weight: Weight of joints alone, by `links_or_joints` [1].
+
+    Returns:
+        The averaged estimate.
     """
     known = estimate.average or ModelAverage(0.0, estimate)
     if weight < 1:

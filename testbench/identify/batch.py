@@ -4,14 +4,18 @@
 
 for every fold f of the readings and every weight l. The step is that of `interior`: Mehrotra's predictor and
 corrector along the direction of Nesterov and Todd. Held-out errors distinguish weights at a precision of per
-cents, so a hundredth of the cost is accurate enough, and so few steps need no warm start. Readings determine
-fewer directions than there are unknowns: Newton's matrix R^T R + E, E of blocks, is inverted by Woodbury's
-identity.
+cents, so a hundredth of the cost is accurate enough, and so few steps need no warm start.
+
+Steps are taken in the scaled coordinates y of Nesterov and Todd, dx = K y with K = svec(G . G^T). There
+Newton's matrix is 1 + S^T S with S = R K. Readings determine fewer directions than there are unknowns, so
+that Woodbury's identity solves it: y = u - S^T t, (1 + S S^T) t = S u. The step of the residuals is R dx = t.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotrs
 
 from testbench.errors import Array, Ids, Mask
 from testbench.identify import cone
@@ -41,13 +45,17 @@ class _State:
     """Hold the problems that are not solved yet."""
 
     at: Ids  #: Their places among all problems, (problems,).
+    R: Array  #: (problems, rank, n).
+    linear: Array  #: Gradient at x = 0, (problems, n).
+    half: Array  #: Cost at x = 0, (problems,).
     x: Array  #: (problems, n).
     s: Array  #: Multipliers, (problems, n).
+    gradient: Array  #: (problems, n).
     step: Array  #: Length of the last step, 1 for a full one, (problems,).
 
     def only(self, some: Mask) -> "_State":
         """Some of them."""
-        return _State(*(own[some] for own in vars(self).values()))
+        return self if some.all() else _State(*(own[some] for own in vars(self).values()))
 
 
 def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
@@ -58,41 +66,51 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
         weights: Of the trace term, (weights,).
 
     Returns:
-        x, (folds, weights, n), NaN where none was found; and the effective number of parameters, the trace
-        of what maps readings to predictions, (folds, weights).
+        x and its multipliers, (folds, weights, n) each, NaN where none was found.
     """
-    folds, many = len(problems.g), len(weights)
-    fold, price = np.repeat(np.arange(folds), many), np.tile(weights, folds)[:, None] * problems.c
-    groups = cone.groups_of(problems.sizes)
-    found, freedom = np.full(price.shape, np.nan), np.full(len(price), np.nan)
+    groups, shape = cone.groups_of(problems.sizes), (len(problems.g), len(weights), len(problems.c))
+    found = np.full((2, shape[0] * shape[1], shape[2]), np.nan)
     with np.errstate(all="ignore"):  # a problem that is not finite is given up
-        state = _start(problems, fold, price, groups)
+        state = _start(problems, weights, groups)
         for _ in range(STEPS):
-            R, linear = problems.R[fold[state.at]], price[state.at] - problems.g[fold[state.at]]
-            gradient = np.vecmat(np.matvec(R, state.x), R) + linear
+            cost = np.vecdot(state.x, state.gradient + state.linear) / 2 + state.half
+            missing = np.linalg.norm(state.gradient - state.s, axis=1)
+            left = np.vecdot(state.x, state.s) + np.linalg.norm(state.x, axis=1) * missing
+            done = left <= COST_TOLERANCE * cost
+            found[:, state.at[done]] = state.x[done], state.s[done]
+            state = state.only(~done)
+            if not len(state.at):
+                break
             try:
-                scalings = [Scaling.of(own, state.x, state.s) for own in groups]
-                newton = _Newton.of(R, groups, scalings)
+                state = _moved(state, _Newton.of(state.R, state.x, state.s, groups))
             except np.linalg.LinAlgError:
                 sound = _definite(state.x, groups) & _definite(state.s, groups)
                 if sound.all() or not sound.any():
                     break
                 state = state.only(sound)
                 continue
-            cost = np.vecdot(state.x, gradient + linear) / 2 + problems.half[fold[state.at]]
-            missing = gradient - state.s
-            left = np.linalg.norm(state.x, axis=1) * np.linalg.norm(missing, axis=1)
-            done = np.vecdot(state.x, state.s) + left <= COST_TOLERANCE * cost
-            found[state.at[done]] = state.x[done]
-            freedom[state.at[done]] = R.shape[1] - np.trace(newton.inner[done], axis1=1, axis2=2)
-            try:
-                state = _moved(state, missing, newton, scalings).only(~done)
-            except np.linalg.LinAlgError:  # a step is not finite
-                break
             state = state.only(np.asarray(np.isfinite(np.hstack([state.x, state.s])).all(axis=1)))
-            if not len(state.at):
-                break
-    return found.reshape(folds, many, -1), freedom.reshape(folds, many)
+    x, s = found.reshape(2, *shape)
+    return x, s
+
+
+def freedom(problems: Problems, x: Array, s: Array) -> Array:
+    """Compute effective numbers of parameters: traces of what maps readings to predictions.
+
+    Args:
+        problems: The folds.
+        x: Solutions, (folds, weights, n).
+        s: Their multipliers, (folds, weights, n).
+
+    Returns:
+        The numbers, (folds, weights); NaN where there is no solution.
+    """
+    some: Mask = np.asarray(np.isfinite(x).all(axis=2))
+    fold, groups = np.nonzero(some)[0], cone.groups_of(problems.sizes)
+    inner = _Newton.of(problems.R[fold], x[some], s[some], groups).inner
+    found = np.full(some.shape, np.nan)
+    found[some] = inner.shape[-1] - np.trace(np.linalg.inv(inner), axis1=1, axis2=2)
+    return found
 
 
 def _definite(x: Array, groups: list[Ids]) -> Mask:
@@ -101,61 +119,101 @@ def _definite(x: Array, groups: list[Ids]) -> Mask:
     return np.asarray(np.min(least, axis=0) > 0)
 
 
-def _moved(state: _State, missing: Array, newton: "_Newton", scalings: list[Scaling]) -> _State:
+def _moved(state: _State, newton: "_Newton") -> _State:
     """Take one step: predicted to first order, then corrected to second order."""
-    x, s, order = state.x, state.s, sum(one.d.shape[1] * one.d.shape[2] for one in scalings)
+    missing = state.gradient - state.s
+    x, s, order = state.x, state.s, sum(one.d.shape[1] * one.d.shape[2] for one in newton.scalings)
     aim = np.maximum((1 - state.step) ** 2, MIN_AIM) * np.vecdot(x, s) / order
-    predicted, w, sums = newton.solve(-s - missing), np.empty_like(x), []
-    for (own, _), scaling in zip(newton.D, scalings, strict=True):
-        sums.append(np.nan_to_num(scaling.corrected(aim[:, None, None], scaling.scaled(predicted))))
-        w[:, own] = cone.svec(scaling.inverse.swapaxes(-1, -2) @ sums[-1] @ scaling.inverse)
-    dx = newton.solve(w - missing)
+    scaled, wanted, sums = newton.scaled_back(missing), np.empty_like(x), []
+    for scaling in newton.scalings:  # s is diag d there
+        wanted[:, scaling.at] = cone.svec(scaling.d[..., None] * np.eye(scaling.d.shape[-1]))
+    predicted, _ = newton.solve(-wanted - scaled)
+    for scaling in newton.scalings:
+        both = scaling.corrected(aim[:, None, None], cone.smat(predicted[:, scaling.at]))
+        sums.append(np.nan_to_num(both))
+        wanted[:, scaling.at] = cone.svec(sums[-1])
+    y, moved = newton.solve(wanted - scaled)
     step = np.ones(len(x))
-    for scaling, both in zip(scalings, sums, strict=True):
-        step = np.minimum(step, scaling.longest(np.nan_to_num(scaling.scaled(dx)), both))
+    for scaling, both in zip(newton.scalings, sums, strict=True):
+        step = np.minimum(step, scaling.longest(np.nan_to_num(cone.smat(y[:, scaling.at])), both))
     step *= MIN_BOUNDARY_SHARE + (0.99 - MIN_BOUNDARY_SHARE) * step
-    ds = missing + np.vecmat(np.matvec(newton.R, dx), newton.R)
-    return _State(state.at, x + step[:, None] * dx, s + step[:, None] * ds, step)
+    turned = step[:, None] * np.vecmat(moved, state.R)  # what the step changes of the gradient
+    return replace(
+        state,
+        x=x + step[:, None] * newton.unscaled(y),
+        s=s + step[:, None] * missing + turned,
+        gradient=state.gradient + turned,
+        step=step,
+    )
 
 
-def _start(problems: Problems, fold: Ids, price: Array, groups: list[Ids]) -> _State:
+def _start(problems: Problems, weights: Array, groups: list[Ids]) -> _State:
     """Start with equal blocks that fit the readings best, and multipliers of the gradient's size."""
+    fold = np.repeat(np.arange(len(problems.g)), len(weights))
+    linear = np.tile(weights, len(problems.g))[:, None] * problems.c - problems.g[fold]
     one = np.concatenate([cone.svec(np.eye(size)) for size in problems.sizes])
     moved = np.vecmat(problems.R @ one, problems.R)
     square = np.maximum(moved @ one, TINY)
     size = np.maximum(problems.g @ one / square, INITIAL_SIZE * np.sqrt(2 * problems.half / square))[fold]
-    gradient = size[:, None] * moved[fold] - problems.g[fold] + price
+    gradient = size[:, None] * moved[fold] + linear
     fit = size**2 * square[fold] / 2 - size * (problems.g @ one)[fold] + problems.half[fold]
     large = [np.abs(np.linalg.eigvalsh(cone.smat(gradient[:, at]))).max(axis=(1, 2)) for at in groups]
     s = np.maximum(FIRST * fit / sum(problems.sizes) / size, np.max(large, axis=0))
-    return _State(np.arange(len(fold)), size[:, None] * one, s[:, None] * one, np.full(len(fold), 0.5))
+    return _State(
+        at=np.arange(len(fold)),
+        R=problems.R[fold],
+        linear=linear,
+        half=problems.half[fold],
+        x=size[:, None] * one,
+        s=s[:, None] * one,
+        gradient=gradient,
+        step=np.full(len(fold), 0.5),
+    )
 
 
 @dataclass(frozen=True)
 class _Newton:
-    """Apply (R^T R + E)^-1 = D - D R^T (R D R^T + 1)^-1 R D, with D = E^-1 block by block."""
+    """Solve (1 + S^T S) y = u in scaled coordinates, S = R K."""
 
-    R: Array  #: (problems, rank, n).
-    RD: Array  #: (problems, rank, n).
-    inner: Array  #: (R D R^T + 1)^-1, (problems, rank, rank).
-    D: list[tuple[Ids, Array]]  #: Places of the blocks of one order, and their part of D.
+    scalings: list[Scaling]  #: Of the blocks of each order.
+    K: list[Array]  #: svec(Y) -> svec(G Y G^T) of their blocks, (problems, blocks, t, t) each.
+    S: Array  #: (problems, rank, n).
+    inner: Array  #: 1 + S S^T, (problems, rank, rank).
+
+    @cached_property
+    def roots(self) -> list[Array]:
+        """Return Cholesky factors of `inner`, (rank, rank) each."""
+        return [dpotrf(own, lower=1)[0] for own in self.inner]
 
     @classmethod
-    def of(cls, R: Array, groups: list[Ids], scalings: list[Scaling]) -> "_Newton":
-        D = [
-            (at, cone.congruence(scaling.G @ scaling.G.swapaxes(-1, -2)))
-            for at, scaling in zip(groups, scalings, strict=True)
-        ]
-        RD = np.empty_like(R)
-        for at, own in D:
-            for k, places in enumerate(at):
-                RD[:, :, places] = R[:, :, places] @ own[:, k]
-        inner: Array = np.asarray(np.linalg.inv(RD @ R.swapaxes(1, 2) + np.eye(R.shape[1])), dtype=float)
-        return cls(R, RD, inner, D)
+    def of(cls, R: Array, x: Array, s: Array, groups: list[Ids]) -> "_Newton":
+        scalings = [Scaling.of(at, x, s) for at in groups]
+        K, S = [cone.congruence(scaling.G) for scaling in scalings], np.empty_like(R)
+        for scaling, own in zip(scalings, K, strict=True):
+            if own.shape[-1] == 1:
+                S[:, :, scaling.at[:, 0]] = R[:, :, scaling.at[:, 0]] * own[:, None, :, 0, 0]
+                continue
+            for k, places in enumerate(scaling.at):
+                some = slice(places[0], places[-1] + 1)
+                np.matmul(R[:, :, some], own[:, k], out=S[:, :, some])
+        return cls(scalings, K, S, S @ S.swapaxes(1, 2) + np.eye(R.shape[1]))
 
-    def solve(self, v: Array) -> Array:
-        """Newton's step for right hand sides, (problems, n)."""
+    def scaled_back(self, v: Array) -> Array:
+        """Scale gradients: svec(G^T V G) of svec(V), (problems, n)."""
         u = np.empty_like(v)
-        for at, own in self.D:
-            u[:, at] = np.matvec(own, v[:, at])
-        return np.asarray(u - np.vecmat(np.matvec(self.inner, np.matvec(self.R, u)), self.RD))
+        for scaling, own in zip(self.scalings, self.K, strict=True):
+            u[:, scaling.at] = np.vecmat(v[:, scaling.at], own)
+        return u
+
+    def unscaled(self, y: Array) -> Array:
+        """Return steps of x from scaled ones: svec(G Y G^T) of svec(Y), (problems, n)."""
+        x = np.empty_like(y)
+        for scaling, own in zip(self.scalings, self.K, strict=True):
+            x[:, scaling.at] = np.matvec(own, y[:, scaling.at])
+        return x
+
+    def solve(self, u: Array) -> tuple[Array, Array]:
+        """Solve for scaled steps y, (problems, n), and steps of the residuals R dx, (problems, rank)."""
+        right = np.matvec(self.S, u)
+        t = np.array([dpotrs(L, own, lower=1)[0] for L, own in zip(self.roots, right, strict=True)])
+        return u - np.vecmat(t, self.S), t

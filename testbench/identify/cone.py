@@ -185,6 +185,32 @@ def _unpacked(n: int) -> tuple[Ids, Array]:
     return places, np.where(np.eye(n) == 1, 1.0, math.sqrt(0.5))
 
 
+def cholesky(X: Array) -> Array:
+    """Factor matrices, (..., n, n); numbers in closed form, for which LAPACK takes ten times as long.
+
+    Raises:
+        LinAlgError: If a matrix is not positive definite.
+    """
+    if X.shape[-1] > 1:
+        return np.asarray(np.linalg.cholesky(X))
+    if not (X > 0).all():
+        raise np.linalg.LinAlgError
+    return np.asarray(np.sqrt(X))
+
+
+def eigh(X: Array) -> tuple[Array, Array]:
+    """Compute eigenvalues and eigenvectors of symmetric matrices, (..., n, n); of numbers in closed form."""
+    if X.shape[-1] > 1:
+        values, V = np.linalg.eigh(X)
+        return values, V
+    return X[..., 0], np.ones_like(X)
+
+
+def eigvalsh(X: Array) -> Array:
+    """Compute eigenvalues of symmetric matrices, (..., n, n); of numbers in closed form."""
+    return np.asarray(np.linalg.eigvalsh(X)) if X.shape[-1] > 1 else X[..., 0]
+
+
 def congruence(A: Array) -> Array:
     """Compute the maps svec(Y) -> svec(A Y A^T), (..., t, t), of matrices A, (..., n, n)."""
     n = A.shape[-1]

@@ -267,9 +267,9 @@ class Scaling:
     """Hold the Nesterov-Todd scaling G^-1 X G^-T = G^T S G = diag d of blocks of one order, many pairs."""
 
     at: Ids  #: Places of the blocks, (blocks, entries).
-    G: Array  #: (..., blocks, m, m).
-    inverse: Array  #: G^-1, (..., blocks, m, m).
-    d: Array  #: (..., blocks, m).
+    L: Array  #: Cholesky factor of X, (..., blocks, m, m).
+    V: Array  #: Eigenvectors of L^T S L, (..., blocks, m, m).
+    d: Array  #: Roots of its eigenvalues, (..., blocks, m).
 
     @classmethod
     def of(cls, at: Ids, x: Array, s: Array) -> "Scaling":
@@ -288,12 +288,19 @@ class Scaling:
         Raises:
             LinAlgError: If a block is not positive definite.
         """
-        L = np.linalg.cholesky(cone.smat(x[..., at]))
-        squares, V = np.linalg.eigh(L.swapaxes(-1, -2) @ cone.smat(s[..., at]) @ L)
-        d = np.sqrt(np.maximum(squares, TINY))
-        root = np.sqrt(d)
-        inverse = root[..., None] * (V.swapaxes(-1, -2) @ np.linalg.inv(L))
-        return cls(at, L @ V / root[..., None, :], inverse, d)
+        L = cone.cholesky(cone.smat(x[..., at]))
+        squares, V = cone.eigh(L.swapaxes(-1, -2) @ cone.smat(s[..., at]) @ L)
+        return cls(at, L, V, np.sqrt(np.maximum(squares, TINY)))
+
+    @cached_property
+    def G(self) -> Array:
+        """Return G = L V d^-1/2, (..., blocks, m, m)."""
+        return np.asarray(self.L @ self.V / np.sqrt(self.d)[..., None, :])
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Return G^-1, (..., blocks, m, m)."""
+        return np.asarray(np.sqrt(self.d)[..., None] * (self.V.swapaxes(-1, -2) @ np.linalg.inv(self.L)))
 
     def scaled(self, x: Array) -> Array:
         """Scale a direction of x: G^-1 X G^-T, (..., blocks, m, m)."""
@@ -328,5 +335,5 @@ class Scaling:
         """
         root = 1 / np.sqrt(self.d)
         steps = np.stack([X, both - X]) * (root[..., :, None] * root[..., None, :])
-        least = np.linalg.eigvalsh(steps)[..., 0].min(axis=(0, -1))
+        least = cone.eigvalsh(steps)[..., 0].min(axis=(0, -1))
         return np.asarray(1 / np.maximum(-least, TINY))

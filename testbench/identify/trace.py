@@ -202,6 +202,8 @@ JOINT_PRICE = 1e-6
 """Cost of a joint over that of a link [1]: it keeps joints that no reading shows at zero."""
 GRAM_ROUNDING = 1e-12
 """Least eigenvalue of a Gram matrix, over the largest, that is not rounding [1]."""
+ROOT_ROUNDING = 1e-15
+"""The same of a root that is only shortened: what is kept in vain costs time alone."""
 WEIGHT_RATIO, TRIED_WEIGHTS = 5.0, 6
 """Ratio of neighbouring weights that are tried, and their number."""
 SELECTION_PROBABILITY = 0.95
@@ -265,34 +267,55 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
     size[s.a[diagonal]] = np.sqrt(np.diag(folds.total)[:-1][diagonal])
     d = 1 / np.sqrt(size + weights[TRIED_WEIGHTS // 2] / unit * penalty.diagonal)
     scale = (d[s.a] * d[s.b])[order] * np.where(s.mirrored[order], math.sqrt(0.5), 1.0)
-    problems = batch.Problems(
-        R=_roots(G[:, order][:, :, order] * np.outer(scale, scale)),
-        g=G[:, order, -1] * scale / unit,
-        half=G[:, -1, -1] / unit**2 / 2,
-        c=penalty.price[order] * scale / unit,
-        sizes=tuple(len(block) for block in s.blocks),
-    )
-    x, freedom = batch.solve(problems, weights[1:])
-    found = np.empty((len(G), TRIED_WEIGHTS, s.n))
-    found[:, 0], found[:, 1:, order] = straight, x * scale * unit
-    weights[0] *= WEIGHT_RATIO  # so that no rounding bends a link
-    left = _squares(folds.total, found[0])
+    H = G[:, order][:, :, order] * np.outer(scale, scale)
+    seen = _span(H[0])
+
+    def problems(some: slice) -> batch.Problems:
+        return batch.Problems(
+            R=_roots(H[some], seen),
+            g=G[some, order, -1] * scale / unit,
+            half=G[some, -1, -1] / unit**2 / 2,
+            c=penalty.price[order] * scale / unit,
+            sizes=tuple(len(block) for block in s.blocks),
+        )
+
+    def parameters(x: Array) -> Array:
+        pi = np.empty((*x.shape[:-1], s.n))
+        pi[..., order] = x * scale * unit
+        return pi
+
     if len(folds.out):
-        held = np.array([_squares(out, own) for out, own in zip(folds.out, found[1:], strict=True)])
+        x, _ = batch.solve(problems(slice(1, None)), weights[1:])
+        found = np.concatenate([straight[1:, None], parameters(x)], axis=1)
+        held = np.array([_squares(out, own) for out, own in zip(folds.out, found, strict=True)])
         k = _strongest(np.sqrt(held / (folds.equations[:, None] / 3)))
+        best = straight[0]
+        if k:
+            best = parameters(batch.solve(problems(slice(0, 1)), weights[k : k + 1])[0])[0, 0]
+        left = float(_squares(folds.total, best))
     else:
-        spent = np.r_[np.count_nonzero(straight[0]), freedom[0]]
-        k = int(np.nanargmin(left / (folds.all_parts - spent) ** 2))
-    chi2 = max(left[k], GRAM_ROUNDING * folds.total[-1, -1])  # of an exact fit rounding alone
+        whole = problems(slice(0, 1))
+        x, multipliers = batch.solve(whole, weights[1:])
+        errors = _squares(folds.total, np.concatenate([straight[:1], parameters(x[0])]))
+        spent = np.r_[np.count_nonzero(straight[0]), batch.freedom(whole, x, multipliers)[0]]
+        k = int(np.nanargmin(errors / (folds.all_parts - spent) ** 2))
+        left = float(errors[k])
+    weights[0] *= WEIGHT_RATIO  # so that no rounding bends a link
+    chi2 = max(left, GRAM_ROUNDING * folds.total[-1, -1])  # of an exact fit rounding alone
     return replace(penalty, weight=float(weights[k] * folds.terms / math.sqrt(chi2 * folds.all_parts / 3)))
 
 
-def _roots(H: Array) -> Array:
-    """Roots R of Gram matrices, R^T R = H, (folds, rank, n), in the space that the first of them spans."""
-    values, V = np.linalg.eigh(H[0])
-    V = V[:, values > GRAM_ROUNDING * values[-1]]
+def _span(H: Array) -> Array:
+    """Orthonormal directions that a Gram matrix spans, (n, rank)."""
+    values, V = np.linalg.eigh(H)
+    return np.asarray(V[:, values > GRAM_ROUNDING * values[-1]])
+
+
+def _roots(H: Array, V: Array) -> Array:
+    """Roots R of Gram matrices, R^T R = H, (folds, rank, n), inside the span of V, (n, k)."""
     values, Q = np.linalg.eigh(V.T @ H @ V)
-    return np.asarray(np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))
+    some = (values > ROOT_ROUNDING * values[:, -1:]).any(axis=0)
+    return np.asarray((np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))[:, some])
 
 
 def _joints(s: Structure, gram: Array) -> Array:

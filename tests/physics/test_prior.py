@@ -790,8 +790,8 @@ def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(k
         return replace(e, average=replace(e.average or ModelAverage(0.0, e), laws_weight=0.5))
 
     monkeypatch.setattr(average, "_of_two", with_laws_of_half)
-    same = np.ones(8), np.ones(8)
-    monkeypatch.setattr(average, "_held_out", lambda *_: same)
+    monkeypatch.setattr(average.LinksAndJoints, "certain", False)
+    monkeypatch.setattr(average.LinksAndJoints, "errors", (np.ones(8), np.ones(8)))
     found = method.fit_reduced(kr500.vjm, regression)
     assert (found.average.weight, found.average.laws_weight) == (1, 0)
     assert not found.pi[found.structure.a < 6 * found.structure.links].any()

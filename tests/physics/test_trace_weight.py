@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench import BenchError, Scenario, deflections, score, simulate
-from testbench.identify import batch, certify, gco, least_squares, paper_gco, reduce, trace
+from testbench.identify import batch, certify, cone, gco, least_squares, paper_gco, reduce, trace
 from testbench.identify.fold import reduce_parts
 from testbench.identify.trace import _strongest, divide_poses, learn_trace_weight, trace_penalty
 from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
@@ -88,23 +88,41 @@ def test_a_weaker_weight_has_to_predict_better_in_pose_after_pose():
 
 
 def test_all_folds_and_weights_are_solved_as_if_one_by_one(kr500, campaign, monkeypatch):
-    """The coarse answers of the batch fit the readings as the proven ones do."""
-    s, seen = all153(kr500.arm), {}
-    whole = batch.solve
+    """And all readings with the chosen weight alone; coarse answers fit the readings as proven ones do."""
+    s, calls, whole = all153(kr500.arm), [], batch.solve
 
     def spied(problems, weights):
-        seen["x"], seen["weights"] = whole(problems, weights)[0], weights
-        return seen["x"], whole(problems, weights)[1]
+        calls.append((problems, weights, whole(problems, weights)))
+        return calls[-1][2]
 
     monkeypatch.setattr(batch, "solve", spied)
     [parts] = reduce_parts(kr500.vjm, [s], campaign.identification, divide_poses(campaign.identification))
     taken = learn_trace_weight(kr500.vjm, parts)
-    assert np.isfinite(seen["x"]).all()
-    assert len(seen["weights"]) == 5  # beside joint stiffness only, which needs no program
+    (folds, weights, (x, _)), (_, [rate], _) = calls
+    assert x.shape[:2] == (8, 5)  # joint stiffness only needs no program
+    assert np.isfinite(x).all()
+    for k, i in ((0, 4), (3, 0), (7, 2)):
+        own = batch.Problems(
+            folds.R[k : k + 1], folds.g[k : k + 1], folds.half[k : k + 1], folds.c, folds.sizes
+        )
+        [[alone]], _ = whole(own, weights[i : i + 1])
+        np.testing.assert_allclose(alone, x[k, i], rtol=0, atol=1e-6 * np.abs(alone).max())
+    assert rate in weights
     exact = replace(gco, trace_weight=taken.weight)(kr500.vjm, s, campaign.identification)
-    rate = taken.weight * exact.f_m * exact.regression.equations / 3
-    near = np.abs(np.log(seen["weights"] / rate)).min()
-    assert near < 0.02  # w is of the rate whose fit leaves this F_M
+    # w is of the rate whose fit leaves this F_M
+    assert taken.weight * exact.f_m * exact.regression.equations / 3 == pytest.approx(rate, rel=0.02)
+
+
+def test_factors_of_single_numbers_are_those_of_lapack(rng):
+    """So that blocks of one number may be done in closed form, wherever a matrix is expected."""
+    X = rng.uniform(1e-9, 1e3, (4, 5, 1, 1))
+    np.testing.assert_array_equal(cone.cholesky(X), np.linalg.cholesky(X))
+    for found, expected in zip(cone.eigh(X - 1), np.linalg.eigh(X - 1), strict=True):
+        np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(cone.eigvalsh(X - 1), np.linalg.eigvalsh(X - 1))
+    for bad in (-X, 0 * X, np.nan * X):
+        with pytest.raises(np.linalg.LinAlgError):
+            cone.cholesky(bad)
 
 
 def test_without_poses_to_hold_out_generalised_cross_validation_chooses(kr500, campaign):
