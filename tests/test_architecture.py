@@ -1,6 +1,9 @@
 """The walls of the house: rooms on floors, one door for each heavy package, modules of a readable size."""
 
 import ast
+import re
+import sys
+import tomllib
 from functools import cache
 from pathlib import Path
 
@@ -209,6 +212,41 @@ def test_each_heavy_package_has_one_door(package):
     doors = (doors,) if isinstance(doors, str) else doors
     assert found
     assert all(any(name == d or name.startswith(f"{d}/") for d in doors) for name in found), found
+
+
+def declared():
+    """Packages by what pyproject.toml needs them for, and those that docs/dependencies.md lists."""
+    root = PACKAGE.parent
+    about = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    project, groups = about["project"], about["dependency-groups"]
+    wanted = {"run": project["dependencies"], **project["optional-dependencies"], **groups}
+    names = {use: {re.match(r"[\w-]+", one)[0] for one in own} for use, own in wanted.items()}
+    page = (root / "docs" / "dependencies.md").read_text(encoding="utf-8")
+    return names, set(re.findall(r"\[([\w-]+)\]\(https:", page))
+
+
+IMPORTED_AS = {
+    **{"pinocchio": "pin", "rerun": "rerun-sdk", "rerun_cli": "rerun-sdk", "PIL": "pillow"},
+    **{"markdown_it": "markdown-it-py", "python_calamine": "python-calamine"},
+    **{"markupsafe": "jinja2", "pydantic_core": "pydantic"},  # these need them
+    "fast_simplification": "fast-simplification",
+}
+"""Packages by the names under which they are imported, where these differ."""
+
+
+def test_what_is_imported_is_installed_with_the_package():
+    """Also inside functions: a package that only the tests or the documentation bring is missed by users."""
+    names = {n.partition(".")[0] for path in modules().values() for n in imports(path)}
+    names -= {"testbench", "_typeshed", *sys.stdlib_module_names}
+    needed = {IMPORTED_AS.get(name, name) for name in names}
+    found, _ = declared()
+    assert needed <= found["run"] | found["cluster"]
+    assert found["run"] <= needed | {"pycollada"}  # by it trimesh reads COLLADA
+
+
+def test_the_page_of_dependencies_lists_every_package_and_no_other():
+    found, listed = declared()
+    assert sorted(listed) == sorted(set().union(*found.values()))
 
 
 def test_only_modules_of_figures_import_matplotlib():

@@ -1,4 +1,9 @@
-"""Trials of a study on disk: their plan, and the store that is resumed if plan and versions are the same."""
+"""Trials of a study on disk: their plan, and the store that is resumed if plan and versions are the same.
+
+A part is a Parquet file of a chunk of trials: whole or absent after a kill, a crash or a full disk. Trials come
+back in the order of their seeds, however they came. Whoever opens a store has claimed the folder of the run
+(`whole.claimed`).
+"""
 
 import contextlib
 import hashlib
@@ -15,7 +20,6 @@ from typing import Any, Generic, TypeVar
 
 import pyarrow as pa
 import pyarrow.compute as pc
-from filelock import FileLock, Timeout
 from pyarrow import parquet
 
 from testbench.errors import BenchError, InputError, open_file
@@ -306,7 +310,6 @@ def _put(own: dict[int, float], seed: object, value: object) -> None:
 
 PARTS, WHOLE = "trials", "trials.parquet"
 """Folder with the trials of a run that is under way, and file of one that has come to its end."""
-LOCK = ".lock"  #: File beside the parts, locked by the run that writes them.
 HEADER, SEEDS = "testbench", "seeds"
 """Keys of a part's metadata: what the trials are of, and which they are."""
 
@@ -421,11 +424,11 @@ def open_store(folder: Path, experiment: TrialPlan, *, row: type[R], resume: boo
         The store.
 
     Raises:
-        InputError: When another run writes it; when it cannot be written or is damaged; when it holds
-            trials of something else (resume), or of a run that was stopped (no resume).
+        InputError: When it cannot be written or is damaged; when it holds trials of something else (resume),
+            or of a run that was stopped (no resume).
     """
     store = TrialStore(folder, experiment, row)
-    with folder_for(store.parts), _locked(store.parts):
+    with folder_for(store.parts):
         try:
             store.load(resume=resume)
             yield store
@@ -434,23 +437,3 @@ def open_store(folder: Path, experiment: TrialPlan, *, row: type[R], resume: boo
         finally:
             if not store.held:
                 shutil.rmtree(store.parts, ignore_errors=True)
-
-
-@contextlib.contextmanager
-def _locked(parts: Path) -> Iterator[None]:
-    """Keep other runs out of a folder.
-
-    Raises:
-        InputError: When one writes it.
-    """
-    lock = FileLock(parts / LOCK)
-    with writing(parts):
-        try:
-            lock.acquire(timeout=0)
-        except Timeout as err:
-            problem = "another run is writing it: wait for it or choose another folder"
-            raise InputError(parts, "", problem) from err
-    try:
-        yield
-    finally:
-        lock.release()

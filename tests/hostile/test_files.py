@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 from spoil import Spoil, holds, instead, link, sparse
 
+from testbench.files import model_folder, text, workbook
+from testbench.files.robot import meshes, source
+
 MANY = 16_000_000  #: Bytes of a large file.
 
 
@@ -41,3 +44,15 @@ def test_a_hostile_file_of_readings_is_refused(attack, lab, name):
     spoil, said = HOSTILE[name]
     spoil(lab / "data.csv")
     attack(lab, "identify", "arm", "data.csv", "--out", "out").refused("data.csv", said)
+
+
+def test_the_security_page_states_the_limits_of_the_readers():
+    page = (Path(__file__).parents[2] / "SECURITY.md").read_text(encoding="utf-8")
+    said = [
+        f"a table {text.MAX_BYTES // 10**6} MB and {text.MAX_LINES // 10**6} million lines",
+        f"a workbook {workbook.MAX_UNPACKED // 10**6} MB when unpacked",
+        f"a robot file {source.MAX_BYTES // 10**6} MB and {source.MOST_OF['joint']} joints",
+        f"a mesh {meshes.MAX_BYTES // 10**6} MB",
+        f"the arrays of a model {model_folder.MAX_ROOT // 10**6} MB",
+    ]
+    assert ", ".join(said) in " ".join(page.split())

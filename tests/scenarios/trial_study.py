@@ -14,7 +14,7 @@ import typer
 from testbench.runs import command, interrupt
 from testbench.runs.engine import run_study
 from testbench.runs.store import TrialPlan, open_store, write_parquet
-from testbench.runs.whole import whole_folder
+from testbench.runs.whole import claimed, whole_folder
 from testbench.studies.run import choose_backend, show_progress
 from testbench.workflows.options import Common, takes
 
@@ -44,6 +44,7 @@ def main(common: Common, toy: Toy) -> None:
     work = partial(trial_work.endless_trials if toy.endless else trial_work.trials, 0.0, pids)
     chosen = choose_backend(common)
     with (
+        claimed(toy.where),
         open_store(toy.where, study, row=trial_work.Toy, resume=common.resume) as store,
         whole_folder(toy.where) as folder,
     ):

@@ -232,16 +232,6 @@ def test_a_run_keeps_off_a_stopped_one_and_is_resumed_with_more_trials_or_fewer(
         assert pq.read_table(write_parquet(store, tmp_path))["seed"].to_pylist() == [7, 8]
 
 
-def test_one_run_at_a_time_writes_a_folder(tmp_path):
-    with (
-        open_store(tmp_path, TOY, row=X, resume=False),
-        pytest.raises(InputError, match="another run is writing it"),
-        open_store(tmp_path, TOY, row=X, resume=True),
-    ):
-        pass
-    assert not files(tmp_path)
-
-
 def test_a_full_disk_loses_nothing_that_is_stored(tmp_path):
     full = OSError(errno.ENOSPC, "No space left on device")
     with open_store(tmp_path, TOY, row=X, resume=False) as store:
