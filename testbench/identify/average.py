@@ -523,7 +523,14 @@ def _untied(
 
 
 def without_laws(metric: PriorScaling) -> PriorScaling:
-    """Return the metric of compliances alone, without joint laws."""
+    """Return the scaling of the prior of compliances alone, without joint laws.
+
+    Args:
+        metric: The scaling of all parameters.
+
+    Returns:
+        The scaling without laws.
+    """
     return metric if not metric.law.any() else restrict_scaling(metric, linear(metric.structure))
 
 
@@ -595,7 +602,14 @@ def _joints(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScalin
 
 
 def joint_columns(metric: PriorScaling) -> Ids:
-    """Find the parameters that are joints of their own, (joints,)."""
+    """Find the parameters that are compliances of joints.
+
+    Args:
+        metric: The scaling, whose structure names the parameters.
+
+    Returns:
+        Their places, (joints,).
+    """
     s = metric.structure
     return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.n_compliance_rows))
 

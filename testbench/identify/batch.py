@@ -46,7 +46,14 @@ class _State:
     step: Array  #: Length of the last step, 1 for a full one, (problems,).
 
     def only(self, some: Mask) -> "_State":
-        """Some of them."""
+        """Select some of the problems.
+
+        Args:
+            some: Which problems, (problems,).
+
+        Returns:
+            Their state.
+        """
         return _State(*(own[some] for own in vars(self).values()))
 
 
@@ -142,6 +149,16 @@ class _Newton:
 
     @classmethod
     def of(cls, R: Array, groups: list[Ids], scalings: list[Scaling]) -> "_Newton":
+        """Compute the matrices of a Newton step of many problems.
+
+        Args:
+            R: Rows of every problem, (problems, rows, n).
+            groups: Places of the blocks of each order, (blocks, entries) per order.
+            scalings: Nesterov-Todd scalings of these blocks.
+
+        Returns:
+            The matrices.
+        """
         D = [
             (at, cone.congruence(scaling.G @ scaling.G.swapaxes(-1, -2)))
             for at, scaling in zip(groups, scalings, strict=True)
@@ -154,7 +171,14 @@ class _Newton:
         return cls(R, RD, inner, D)
 
     def solve(self, v: Array) -> Array:
-        """Newton's step for right hand sides, (problems, n)."""
+        """Solve for the step of every problem.
+
+        Args:
+            v: Right-hand sides, (problems, n).
+
+        Returns:
+            The steps, (problems, n).
+        """
         u = np.empty_like(v)
         for at, own in self.D:
             u[:, at] = np.matvec(own, v[:, at])

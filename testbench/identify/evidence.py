@@ -40,12 +40,26 @@ class Hyperprior:
 
 
 def normal_density(z: Array) -> tuple[Array, Array, Array]:
-    """Compute -log of the standard normal density without its constant, and its two derivatives."""
+    """Compute -log of the standard normal density without its constant.
+
+    Args:
+        z: Standardised values, (...) [1].
+
+    Returns:
+        It and its first two derivatives, (...) each.
+    """
     return z**2 / 2, z, np.ones_like(z)
 
 
 def student_density(z: Array) -> tuple[Array, Array, Array]:
-    """Compute -log of Student's density with `STUDENT_DOF`, without its constant, and its two derivatives."""
+    """Compute -log of Student's density with `STUDENT_DOF`, without its constant.
+
+    Args:
+        z: Standardised values, (...) [1].
+
+    Returns:
+        It and its first two derivatives, (...) each.
+    """
     over = STUDENT_DOF + z**2
     return (
         (STUDENT_DOF + 1) / 2 * np.log(over / STUDENT_DOF),
@@ -89,13 +103,26 @@ class Normal:
         return np.asarray(inverse / self.size / self.size[:, None])
 
     def variances(self, columns: Ids) -> Array:
-        """Compute the variances of some unknowns, (k,)."""
+        """Compute the variances of some unknowns.
+
+        Args:
+            columns: The unknowns, (k,).
+
+        Returns:
+            Variances, (k,).
+        """
         some = np.eye(len(self.size))[:, columns]
         return np.asarray((some * cho_solve(self.root, some)).sum(axis=0) / self.size[columns] ** 2)
 
 
 def normal(H: Array) -> Normal:
-    """Solve for the most probable unknowns from the Gram matrix of the whitened [A | y], (c + 1, c + 1).
+    """Solve for the most probable unknowns.
+
+    Args:
+        H: Gram matrix of the whitened [A | y], (c + 1, c + 1).
+
+    Returns:
+        The unknowns, (c,), with the factor of their precision.
 
     Raises:
         BenchError: If an unknown is undetermined: only frames and targets have no prior.

@@ -96,7 +96,14 @@ class LearntPriorModel:
         return 3 + self.has_ties
 
     def scale(self, h: Array) -> Array:
-        """Compute the prior scale of every entry of x, (n,) [1]."""
+        """Compute the prior scale of every entry of x.
+
+        Args:
+            h: Hyperparameters, (K + kinds + W + T + 3,); the first K are log s.
+
+        Returns:
+            Scales, (n,) [1].
+        """
         return np.asarray(np.exp(self.shares @ h[: self.blocks]))
 
 
@@ -317,6 +324,12 @@ def contradicted_scales(belief: WeightedPrior) -> tuple[LearntScale, ...]:
     """List the scales of a learnt prior that the readings contradict.
 
     Mathematics: `prior-15`.
+
+    Args:
+        belief: The learnt prior.
+
+    Returns:
+        Those far from 1, by their size and by their deviation.
     """
 
     def wrong(scale: LearntScale) -> bool:

@@ -76,9 +76,15 @@ class HiddenQuantity:
 
 
 def null_space(A: Array) -> Array:
-    """Compute a basis of the null space of rows, (rows, n), whose columns differ in unit: (n, n - rank).
+    """Compute a basis of the null space of rows whose columns differ in unit.
 
     Mathematics: `obs-5`.
+
+    Args:
+        A: The rows, (rows, n).
+
+    Returns:
+        Basis, (n, n - rank).
     """
     n = A.shape[1]
     seen = np.flatnonzero(~zero_columns(A))
@@ -128,7 +134,14 @@ def directions(A: Array, unit: Array, groups: Sequence[Ids], known: Array) -> Ar
 
 
 def zero_columns(A: Array) -> Mask:
-    """Tell which columns are zero up to rounding, (n,)."""
+    """Tell which columns are zero up to rounding.
+
+    Args:
+        A: The rows, (rows, n).
+
+    Returns:
+        Mask, (n,).
+    """
     norm = np.linalg.norm(A, axis=0)
     return np.asarray(norm <= ZERO_COLUMN * norm.max(initial=0))
 
@@ -166,7 +179,14 @@ def circuits(N: Array, unit: Array) -> Array:
 
 
 def participants(row: Array) -> Direction:
-    """Describe a direction, (n,), by the unknowns that take part in it."""
+    """Describe a direction by the unknowns that take part in it.
+
+    Args:
+        row: The direction, (n,).
+
+    Returns:
+        The unknowns, the one that changes most first.
+    """
     size = np.abs(row) / np.abs(row).max()
     order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > ZERO_ENTRY]
     return Direction(
@@ -203,7 +223,7 @@ def hidden_quantities(
     Args:
         quantities: Quantities that may be named.
         L: Root of the prior's covariance L L^T, (size, size).
-        M: Information of the readings in units of the prior, L^T A^T A L.
+        M: Information of the readings in units of the prior, L^T A^T A L, (size, size).
         never: Structural directions, orthonormal, in units of the prior, (size, k); they count as known.
         further: Information that further readings would add: one joint turned after the other, then all of
             them.

@@ -67,7 +67,14 @@ class Frame:
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
     def of(self, pose: Array) -> "Frame":
-        """Return the frame that takes the place of the base, given its pose in base axes, (4, 4) [m]."""
+        """Return the frame that takes the place of the base.
+
+        Args:
+            pose: Pose of the new frame's origin in base axes, (4, 4) [m].
+
+        Returns:
+            The frame, with its covariance.
+        """
         turn, place = pose[:3, :3], pose[:3, 3]
         J = np.eye(6)
         J[:3, :3], J[3:, :3] = turn.T, -self.rotation @ skew(place)
@@ -180,7 +187,14 @@ def register(
 
 
 def largest_deviation(covariance: Array) -> float:
-    """Compute the largest standard deviation along any direction, from a covariance of (n, n)."""
+    """Compute the largest standard deviation along any direction.
+
+    Args:
+        covariance: Covariance, (n, n).
+
+    Returns:
+        Root of its largest eigenvalue.
+    """
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0)))
 
 

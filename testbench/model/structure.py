@@ -245,7 +245,14 @@ class Structure(Displayed):
 
 
 def labels_of(arm: Arm) -> tuple[str, ...]:
-    """Name every row of C_theta, (n_theta,): link and axis such as "link_2.phi_x", then the joints."""
+    """Name every row of C_theta.
+
+    Args:
+        arm: The arm.
+
+    Returns:
+        Link and axis such as "link_2.phi_x", then the joints, (n_theta,).
+    """
     links = [
         f"{link.name}.{axis}" for link in arm.links for axis in ("x", "y", "z", "phi_x", "phi_y", "phi_z")
     ]
@@ -297,7 +304,14 @@ mgco47 = _named("MGCO47", (2, 3), slice(1, None))  #: Links 2 and 3 in full and 
 
 
 def joints_only(arm: Arm) -> Structure:
-    """Build the structure of joint stiffness only, links rigid: the model of most calibrations."""
+    """Build the structure of joint stiffness only, links rigid: the model of most calibrations.
+
+    Args:
+        arm: The arm, n joints.
+
+    Returns:
+        Structure of n parameters, one compliance per joint.
+    """
     return Structure.of(arm, joints=[joint.name for joint in arm.joints], name=JOINTS)
 
 

@@ -59,7 +59,14 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
 
 
 def exactly_loaded(plant: Plant) -> Plant:
-    """Copy a plant without errors of the recorded load: its mass and its centre are exact."""
+    """Copy a plant without errors of the recorded load: its mass and its centre are exact.
+
+    Args:
+        plant: The plant.
+
+    Returns:
+        The copy.
+    """
     exact = replace(plant.disturbances, mass_error=0.0, centre_error=0.0)
     return replace(plant, disturbances=exact, centre=np.zeros(3))
 

@@ -36,7 +36,14 @@ class ArmsInRow:
 
 
 def open_row(plant: Plant) -> ArmsInRow:
-    """Make the MuJoCo model with copies of the plant's arm in a row, which are evaluated together."""
+    """Make the MuJoCo model with copies of the plant's arm in a row, which are evaluated together.
+
+    Args:
+        plant: The plant.
+
+    Returns:
+        The model with views of its arrays, one row per copy.
+    """
     model, data = plant.abreast, mujoco.MjData(plant.abreast)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
     return ArmsInRow(

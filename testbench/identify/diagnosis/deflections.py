@@ -161,7 +161,7 @@ class Loads:
 
         Args:
             data: The changed runs; None for these runs.
-            h: Hyperparameters of the prior, learnt from other readings; None to learn them here.
+            h: Hyperparameters of the prior, (h,), learnt from other readings; None to learn them here.
 
         Returns:
             The fitted model with its residuals.
@@ -208,7 +208,7 @@ def residual_model(vjm: Vjm, metric: PriorScaling, data: Dataset, h: Array | Non
         vjm: The arm's virtual joint model.
         metric: Prior of its compliances.
         data: The runs.
-        h: Hyperparameters of the prior, learnt from other readings; None to learn them here.
+        h: Hyperparameters of the prior, (h,), learnt from other readings; None to learn them here.
 
     Returns:
         The fitted model with its residuals and their covariance.

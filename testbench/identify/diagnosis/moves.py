@@ -115,6 +115,15 @@ def settled(
     """
 
     def undo(parts: Parts, now: Fitted) -> tuple[list[Issue], Parts, Fitted] | None:
+        """Fit the parts again, each with its tracker or targets as they moved.
+
+        Args:
+            parts: The parts of the series.
+            now: Their fit.
+
+        Returns:
+            Findings, the parts as divided now, and their fit; None if nothing moved.
+        """
         steps = [_clear(now[0], one, now[1], elastic) for one in parts]
         issues = [step for step in steps if step]
         if not issues:

@@ -167,7 +167,16 @@ class _Rest:
     shared: float  #: How many of them say the same.
 
     def tested(self, Z: Array, *, turns: bool) -> tuple[Score, Score]:
-        """Moves of the targets and of the tracker in a batch of rows, (batch, z, c + 1 + z)."""
+        """Test whether the targets or the tracker moved, in a batch of rows.
+
+        Args:
+            Z: Whitened sums over each batch, (batch, z, c + 1 + z): products of the moves with A, with e and
+                with themselves.
+            turns: Whether the moves may turn.
+
+        Returns:
+            Scores of moved targets, and of a moved tracker.
+        """
         c = len(self.e)
         half = solve_triangular(self.L, (Z[:, :, :c] / self.size).reshape(-1, c).T, lower=True)
         K = half.T.reshape(*Z.shape[:2], c)
