@@ -56,7 +56,9 @@ class CompensateOptions:
 
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
     program: Annotated[Path, typer.Argument(help="Table of points and loads, or a robot's program.")]
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Ends with .csv, .src, .mod, .script, .ls, .jbi.")]
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="Corrected program: .csv, .src, .mod, .script, .ls, .jbi.")
+    ]
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of the report (default: beside --out).")
     ] = None
@@ -66,7 +68,9 @@ class CompensateOptions:
     asked: Annotated[
         Meant | None, typer.Option(metavar="HOW", help="Meaning of positions: unloaded or drawn.")
     ] = None
-    hold: Annotated[Hold, typer.Option(metavar="WHAT", help="Correct the pose, axis or position.")] = "pose"
+    hold: Annotated[Hold, typer.Option(metavar="WHAT", help="What to correct: pose, axis or position.")] = (
+        "pose"
+    )
     tool_point: Annotated[
         str, typer.Option("--tip", metavar="X,Y,Z", help="Tool point in the tool's frame, m.")
     ] = "0,0,0"

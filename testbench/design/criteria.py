@@ -187,13 +187,13 @@ class LargestCriterion:
         return found
 
     def tangent(self, M: Array) -> Tangent:
-        """Compute the plane of the weighted mean of the costs; its height is 1 / their power mean.
+        """Compute a plane above Phi: that of 1 / the power mean of the costs, which is at most their maximum.
 
         Args:
             M: Information matrix, (r, r).
 
         Returns:
-            A plane above Phi. It need not touch Phi at M.
+            The plane. Its height at M is 1 / the power mean, so it need not touch Phi there.
         """
         costs = self.costs(M)
         most = costs.max()

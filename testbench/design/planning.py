@@ -41,6 +41,7 @@ from testbench.design.rows import (
     task_rows,
     workspace_rows,
 )
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, Mask
 
 MAX_NEIGHBOURS = 12  #: Nearest other places of each place whose legs come first.
@@ -175,8 +176,8 @@ class CandidateSet:
     problem: DesignProblem  #: Their whitened rows, and the prior.
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChosenPoses:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ChosenPoses(Displayed):
     """Hold the chosen poses in the order of measuring, with the certificate of the choice."""
 
     criterion: Criterion  #: Information function Phi that the plan maximises.
@@ -190,6 +191,14 @@ class ChosenPoses:
     #: Relaxed optimum over all examined poses: its bound holds for all plans of as many poses.
     relaxed: Relaxed
 
+    def about(self) -> dict[str, object]:
+        """Summarise the choice: poses, candidates and efficiency."""
+        return {
+            "poses": len(self.q),
+            "candidates": len(self.examined.q),
+            "efficiency": f"{self.efficiency:.3g}",
+        }
+
     @property
     def efficiency(self) -> float:
         """Return a lower bound on Phi(plan) / Phi(best plan of as many of the examined poses) [1]."""
@@ -201,7 +210,7 @@ class ChosenPoses:
         return information(self.examined.problem, self.chosen)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Plan(ChosenPoses):
     """Hold the poses to measure under loads that are hung and taken off, and the specification they serve."""
 

@@ -67,6 +67,9 @@ ROUNDING_SHARE = 1e-9
 """Rows below this share of the largest are rounding [1]."""
 
 
+# --- Links that change with the pose ------------------------------------------------------------------------
+
+
 def stiffness_scatter(r: Regression, estimate: Estimate, back: float = 0.0) -> float:
     """Find the relative change rho of link compliances between poses of greatest evidence.
 
@@ -215,6 +218,9 @@ of 70 %, of ones 30 and 100 times stiffer to 90 % in place of 86 %, and interval
 MIN_LAW_PROBABILITY = 0.05
 
 
+# --- The average of the default -----------------------------------------------------------------------------
+
+
 def average_two_priors(
     r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling
 ) -> Estimate:
@@ -276,6 +282,9 @@ def _before_laws(r: Regression, estimate: Estimate) -> Estimate:
     gains = _scatter_evidence(r, known.all_parts)
     changing = plain.log_evidence + gains.max() - gains[0] - MIN_LOG_EVIDENCE
     return known.all_parts if changing > lawful.log_evidence - math.log(LINEAR_JOINTS_ODDS) else estimate
+
+
+# --- Links or joints alone, by poses that are left out ------------------------------------------------------
 
 
 def _held_out(r: Regression, estimate: Estimate, prior: PriorScaling) -> tuple[Array, Array] | None:
@@ -372,6 +381,7 @@ def _steadied(
         weight *= (1 - known.laws_weight) * (1 - known.ties_weight)
     if not weight:
         return replace(estimate, f_m=f_m(restrict_to(r, estimate.structure), estimate.pi))
+    # Joints alone, fitted with their wide prior, and the average of both.
     regression, bare = _joints(r, prior)
     rigid = solve(regression, constraint, log_evidence_alone(regression, bare)[1])
     pi = (1 - weight) * estimate.pi + weight * scatter_to(rigid.pi, rigid.structure, estimate.structure)
@@ -387,6 +397,9 @@ def _steadied(
         ),
     )
     return replace(mean, f_m=f_m(restrict_to(r, mean.structure), mean.pi))
+
+
+# --- Averages by evidence, under two priors and under one ---------------------------------------------------
 
 
 def _of_two(r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling) -> Estimate:
@@ -456,6 +469,7 @@ def _of_prior(
     """Fit under one prior and average with simpler models; also return the evidence, None without one."""
     if not prior.ties.any():
         return _untied(r, constraint, prior, widths=widths)
+    # Both models: without and with couplings between joints.
     bare, tied = (
         restrict_scaling(prior, structure)
         for structure in (without_ties(prior.structure), with_ties(linear(prior.structure)))
@@ -466,12 +480,14 @@ def _of_prior(
     coupled = restrict_to(r, tied.structure)
     belief = learn_prior(coupled, tied, widths=widths)
     assert belief.log_evidence is not None
+    # Their odds by evidence; a model that hardly counts is left out.
     odds = belief.log_evidence - log_evidence - math.log(UNTIED_ODDS)
     together, share = log_evidence + float(np.logaddexp(0, odds)), _logistic(odds)
     if share < MIN_LAW_PROBABILITY:
         return mean, together
     share = share if share < 1 - MIN_LAW_PROBABILITY else 1.0
     estimate, known = solve(coupled, constraint, belief), mean.average or ModelAverage(0.0, mean)
+    # The average of their compliances.
     pi = share * scatter_to(estimate.pi, estimate.structure, r.structure)
     pi[: len(mean.pi)] += (1 - share) * mean.pi
     found = replace(
@@ -520,6 +536,9 @@ def _untied(
         average=replace(average, laws_weight=weight, laws_probability=likely, with_laws=lawful),
     )
     return mean, together
+
+
+# --- Parts of a model ---------------------------------------------------------------------------------------
 
 
 def without_laws(metric: PriorScaling) -> PriorScaling:

@@ -244,6 +244,7 @@ def reduce_parts(
         BenchError: When there is no run, a number is too large, or a marker is none of the arm's.
     """
     widest = max(structures, key=lambda s: s.n)
+    # Structures whose unknowns are some of the widest one's share its factors.
     places = [_columns(s, widest) for s in structures]
     own = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
     unknowns = [compliance_unknowns(model_for(vjm, s), s) for s in own]
@@ -251,6 +252,7 @@ def reduce_parts(
     found = [TriangularFactors(s.n + 1) for s in own]
     check_runs(vjm, runs)
     runs, lines = resolve_lines(vjm, runs), runs.direction is not None
+    # Rows are made and folded block by block, so that memory does not grow with the runs.
     for these in _blocks_of(part, runs.pose if lines else np.arange(len(part))):
         load = Load(runs.wrench[these], runs.point[these])
         told = {
@@ -416,8 +418,10 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
         series_rows(linearisation.unknowns, linearisation.state, series),
         linearisation.state.frame(series).rotation,
     )
+    # Weights by the loss, and the right-hand side for the unknowns themselves in place of steps.
     _, pull = weights(series, linearisation.noise, rotation, A[:, :, -1], linearisation.loss)
     A[:, :, -1] += np.einsum("sxcr,c->sxr", A[:, :, :-1], linearisation.unknowns.current(linearisation.state))
+    # Readings of one pose become a mean and differences, (abs-4), and are whitened.
     groups = repeated_rows(series)
     A, (W, kinds) = (
         combine_rows(groups, A),

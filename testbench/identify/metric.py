@@ -295,6 +295,7 @@ def _root(P: Array, prior: Prior, structure: Structure) -> Array:
         label = structure.labels[structure.blocks[structure.block_of[row]][0]]
         return BenchError(f"prior {prior.name}, {label} ...: expected a {problem}")
 
+    # Each block is scaled to unit diagonal, because metres and radians differ in size.
     d = np.sqrt(np.maximum(np.diag(P), 0))
     safe = np.where(d > 0, d, 1.0)
     unit, root = P / np.outer(safe, safe), np.zeros_like(P)

@@ -234,10 +234,12 @@ def hidden_quantities(
     H, names = np.vstack([one.H for one in quantities]) @ L, [one.name for one in quantities]
     ends = np.cumsum([len(one.H) for one in quantities])
     parts = [np.arange(end - len(one.H), end) for end, one in zip(ends, quantities, strict=True)]
+    # Covariance of all quantities, structural directions held.
     pins = STRUCTURAL_INFORMATION * never @ never.T
     K = H @ _covariance(M + pins) @ H.T
     after = [_covariance(M + extra + pins) for extra in further]
     found = []
+    # Of every quantity that is left open: what hides it, and which joint helps.
     for k, (observed_quantity, at) in enumerate(zip(quantities, parts, strict=True)):
         unit = _unit(H[at], never)
         if (
@@ -260,6 +262,7 @@ def hidden_quantities(
                     observed_quantity.name, tuple(names[i] for i in behind), share, correlation, helps
                 )
             )
+    # Of those that hide behind each other the most uncertain is named.
     kept: dict[object, HiddenQuantity] = {}
     for left in sorted(found, key=lambda left: (not left.behind, -left.share)):
         kept.setdefault(frozenset((left.name, *left.behind)) if left.behind else left.name, left)

@@ -167,6 +167,7 @@ def register(
         BenchError: When the readings do not determine a frame or target, or no search converges.
     """
     frames, targets = frame_and_target_names(series)
+    # What is known: nominal targets and given frames.
     expected = np.array([nominal.get(name, np.full(3, np.nan)) for name in targets])
     known = FrameLayout(np.full((len(frames), 3, 3), np.nan), np.full((len(frames), 3), np.nan), expected)
     for name, frame in (given or {}).items():
@@ -175,6 +176,7 @@ def register(
         known.rotation[frames.index(name)] = frame.rotation
         known.translation[frames.index(name)] = frame.translation
     readings, free = mean_readings(vjm, series), np.isnan(known.translation[:, 0])
+    # Refine every start in closed form; the smallest residual wins.
     none = np.zeros(0)
     tried = [
         _refined(readings, Registration(frames, targets, expected, start, free, none, none, ASSUMED_NOISE, 0))

@@ -100,6 +100,7 @@ class Structure(Displayed):
                 nothing is unknown.
         """
         check_type(arm, Arm, "arm")
+        # Entries are those of one triangle, or of both.
         symmetric = all(a <= b for a, b in entries)
         mirrored = {(b, a) for a, b in entries} == set(entries)
         inside = all(min(pair) >= 0 and max(pair) < 6 for pair in entries)
@@ -111,6 +112,7 @@ class Structure(Displayed):
         link_names, joint_names = [x.name for x in arm.links], [x.name for x in arm.joints]
         i = _indices("link", links, link_names, arm.name)
         j = _indices("joint", joints, joint_names, arm.name)
+        # Rows and columns of C_theta: of each link, then of each joint.
         pairs = [(6 * k + a, 6 * k + b) for k in i for a, b in entries]
         pairs += [(6 * len(link_names) + k,) * 2 for k in j]
         if not pairs:

@@ -165,6 +165,7 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
         The plant.
     """
     theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
+    # Compliances in the order of MuJoCo's degrees of freedom.
     C = np.zeros((model.nv, model.nv))
     C[np.ix_(theta, theta)] = arm.C_theta
     data = mujoco.MjData(model)

@@ -77,6 +77,7 @@ def evaluate(row: ArmsInRow, qpos: Array, bodies: Collection[int] = ()) -> BodyS
     motion, centre = np.empty((placed, nv, 6)), np.empty((placed, 3))
     position = {body: np.empty((room, 3)) for body in bodies}
     rotation = {body: np.empty((room, 3, 3)) for body in bodies}
+    # One call of MuJoCo for each row of arms; the last row is filled up.
     for start in range(0, room, arms):
         some = slice(start, start + arms)
         row.qpos[: poses - start] = qpos[some]

@@ -295,8 +295,8 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
         named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if len(numbers) > NAMED else "")
         raise BenchError(
             f"tasks {named} ({len(numbers)} of {len(rows)}): their loads move the arm in directions that "
-            "these loads cannot show, so that the error has no bound; needed is a prior, or a load or "
-            "pull in another direction"
+            "these loads cannot show, so the error has no bound; add a prior, or a load or pull in another "
+            "direction"
         )
 
 

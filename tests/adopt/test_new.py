@@ -225,7 +225,7 @@ def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, a
     np.testing.assert_allclose(markers, drawn, atol=2e-3)
     assert load == pytest.approx(drawn + 0.05 * vjm.reach, abs=2e-3)
     doubted = [doubt.sentence for doubt in found.doubts if doubt.name == "flange"]
-    inside = [f"tool is {1e3 * drawn:.0f} mm behind the end of link_6 as drawn: is it where the tool is?"]
+    inside = [f"tool is {1e3 * drawn:.0f} mm behind the end of link_6 as drawn: is that where the tool is?"]
     assert doubted == (inside if long > 1 else [])
 
 

@@ -305,6 +305,7 @@ def _choose(
         linearised_readings.reduced,
         linearised_readings.state.vjm,
     )
+    # The errors that may be added to geometry, in their order.
     joints, links = (
         scale_by_prior(linearised_readings.prior, vjm, most(vjm.arm)) for most in (joints_only, all153)
     )
@@ -317,6 +318,7 @@ def _choose(
     on = [every[name] for name in SELECTABLE_ERRORS if name in options.may]
     if options.only is None:
         return select_errors(unknowns, reduced, on, rules)
+    # Chosen by hand: all of them at once, and then the pattern if joints share one.
     kinds = GEOMETRY.union(*(candidate.kinds for candidate in on))
     elastic = [candidate.elastic for candidate in on if candidate.elastic is not None]
     active = activate(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)

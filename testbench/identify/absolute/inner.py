@@ -207,6 +207,7 @@ def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
     unknowns = active.unknowns
     every = np.zeros(unknowns.size)
     every[active.columns] = x
+    # Geometry, frames and mounts move; compliances and joint errors are replaced.
     theta_0 = state.theta_0.copy()
     theta_0[unknowns.inner] = every[unknowns.columns("geometry")]
     frames = {**state.frames}

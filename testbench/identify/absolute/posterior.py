@@ -313,6 +313,7 @@ def pull_of(
             total += told(_moved(one, rows, arm.followed(q)))
         return total
 
+    # Readings all over joint space: with the elastic arm, and with the rigid one.
     everywhere = []
     for one in series:
         count = -(-AMPLE * unknowns.size // (3 * len(one.markers) * len(series)))

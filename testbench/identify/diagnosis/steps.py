@@ -202,6 +202,7 @@ def _rest(linear: Linear, series: Sequence[Series], sums: Sequence[_Sums]) -> _R
 
 def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Issue:
     behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
+    # Score of a step at every place, of targets and of the tracker; the greatest is taken.
     target, tracker = rest.tested(behind, turns=turns)
     slipped = target.gain.max() > tracker.gain.max()
     score, other = (target, tracker) if slipped else (tracker, target)
