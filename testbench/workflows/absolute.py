@@ -135,7 +135,7 @@ def _check_new(path: Path, series: Sequence[Series], before: Sequence[Series]) -
     again = sum(reading in known for reading in own)
     if again > len(own) / 2:
         raise InputError(
-            path, "", f"expected new readings: {again} of its {len(own)} stand in another file too"
+            path, "", f"expected new readings: {again} of its {len(own)} are in another file too"
         )
 
 

@@ -756,7 +756,7 @@ HYPOTHESES = Hypotheses(
         Hypothesis(
             "levels",
             _levels,
-            lambda *_: "the readings fit if the loads stand in reversed order",
+            lambda *_: "the readings fit if the loads are in reversed order",
             nats=CLEAR,
         ),
     ),
