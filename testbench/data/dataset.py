@@ -45,7 +45,7 @@ class Dataset(Displayed):
     #: was lost, of rank one where one direction was read. None where sigma holds along every axis: a
     #: deflection then has 2 sigma^2.
     precision: Array | None = None
-    #: Station of the tracker that read each run, (runs,): each has a frame of its own. None for one station.
+    #: Station of the tracker that read each run, (runs,); each has a frame of its own. None for one station.
     station: Ids | None = None
     #: Whether the load was taken off before the unloaded reading of a run, (runs,); None for no run.
     taken_off: Mask | None = None
@@ -57,7 +57,7 @@ class Dataset(Displayed):
     #: Length of a reading that is a distance to a fixed point, (runs, m) [m]; 0 for the travel of a gauge on
     #: a plane face of the tool, which turns with the tool. With `direction`.
     reach: Array | None = None
-    #: How a tilt moves each reading: tilt times direction x deflection, as a model predicts it, (runs, m, 3)
+    #: How a tilt moves each reading, tilt times direction x deflection, as a model predicts it, (runs, m, 3)
     #: [m]. `identify.lines` fills it in; None before. Readings of one set-up share their tilt.
     slide: Array | None = None
 
@@ -96,12 +96,12 @@ class Dataset(Displayed):
 
     @property
     def points(self) -> int:
-        """Count the measured points: markers times runs."""
+        """Count the measured points, markers times runs."""
         return len(self.run) * len(self.markers)
 
     @property
     def seen(self) -> Mask:
-        """Tell which targets were read, (runs, m): not those that the tracker lost."""
+        """Tell which targets were read, (runs, m), not those that the tracker lost."""
         if self.precision is None:
             return np.ones((self.runs, len(self.markers)), dtype=bool)
         return np.asarray(self.precision.any(axis=(2, 3)))

@@ -55,7 +55,7 @@ class Intervals(Displayed):
     lower: Array  #: -inf where the data see nothing.
     upper: Array  #: inf where the data see nothing.
     confidence: float  #: Of each interval by itself [1].
-    on_boundary: bool  #: Whether the cone holds the estimate: then the intervals are not exact.
+    on_boundary: bool  #: Whether the cone holds the estimate; the intervals are then not exact.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -128,7 +128,7 @@ class PlanSettings:
 
     @property
     def conditions(self) -> PoseConditions:
-        """Return the conditions of a pose, under the largest load: all others hang inside its outline."""
+        """Return the conditions of a pose, under the largest load; all others hang inside its outline."""
         payload = Payload(max(self.loads_kg), self.sling_m) if self.loads_kg else None
         return PoseConditions(self.area, self.station, payload)
 
