@@ -15,7 +15,10 @@ DRAWN = re.compile(r"report/(recording/.*|scene|colours|figure.*|run_figure)\.py
 """Modules that draw, whose docstrings are still to be read."""
 NO_VERBS = set(
     "a an the all as at by each how its no of one that this those what where whether which whose why rows "
-    "flags numbers errors poses models every rms columns parameters sentences root readings".split()
+    "flags numbers errors poses models every rms columns parameters sentences root readings 5th base "
+    "cells chi draws does entry estimates follows friction gaps heading keys kinds labels legs places "
+    "plain rivals real seeds shown some springs tip trials type versions weights when words workers world "
+    "yes".split()
 )
 ARGS = re.compile(r"^Args:\n((?:(?:    .*)?\n?)*)", re.MULTILINE)
 NAME = re.compile(r"^    \*{0,2}(\w+):", re.MULTILINE)

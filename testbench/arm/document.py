@@ -128,7 +128,7 @@ def _inside(line: str, start: int, keys: Sequence[str | int]) -> int:
 
 
 class Strict(BaseModel):
-    """Base of data models that admit their keys alone and finite numbers, and convert nothing."""
+    """Give data models that admit their keys alone and finite numbers, and convert nothing."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 

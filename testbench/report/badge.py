@@ -192,7 +192,7 @@ def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:
 
 
 def incumbents(models: Iterable[Row], ours: str) -> list[str]:
-    """Rivals of a model's class: least squares and joint stiffness, with a prior only where it has one.
+    """List the rivals of a model's class: least squares and joint stiffness, with a prior only if it has one.
 
     Args:
         models: The models.

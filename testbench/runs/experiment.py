@@ -48,7 +48,7 @@ class TrialPlan:
 
 
 def numeric_versions() -> dict[str, str]:
-    """Versions of Python, of the packages that compute and of our sources: other ones may change results."""
+    """List the versions of Python, of packages that compute and of our sources, which may change results."""
     packages = {k: v for k, v in files.versions().items() if k != "rerun-sdk"}
     python = ".".join(platform.python_version_tuple()[:2])  # without the number of the bug fix
     return {"python": python, **packages, "sources": files.sources()}

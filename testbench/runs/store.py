@@ -264,11 +264,11 @@ class TrialStore(Generic[R]):
 
     @property
     def count(self) -> int:
-        """Trials of the experiment that are stored."""
+        """Count the trials of the experiment that are stored."""
         return len(self.done)
 
     def missing(self) -> list[int]:
-        """Seeds that are not stored, in order."""
+        """List the seeds that are not stored, in order."""
         return [seed for seed in self.experiment.seeds if seed not in self.done]
 
     def rows(self) -> list[R]:

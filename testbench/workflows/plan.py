@@ -358,7 +358,7 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
 
 
 def best_of(union: JointUnknowns, q: Array, wanted: Array) -> tuple[list[int], float]:
-    """`FURTHER` of some poses (poses, n) [rad, m], each the best next one; RMS error of `wanted` then [m].
+    """Choose `FURTHER` of some poses, each the best next one; return them and the RMS error of `wanted`.
 
     Args:
         union: All unknowns.

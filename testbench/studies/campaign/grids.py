@@ -93,7 +93,7 @@ class GridSettings:
     full_pose: CellGrid = FULL_POSE
 
     def arms(self, seed: int) -> list[str]:
-        """Kinds of true arm in a trial: neighbours in the family, so that all take turns."""
+        """List the kinds of true arm in a trial: neighbours in the family, so that all take turns."""
         count = len(self.truths)
         return [self.truths[(AT_ONCE * seed + k) % count] for k in range(min(AT_ONCE, count))]
 

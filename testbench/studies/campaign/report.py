@@ -439,7 +439,7 @@ def weighed_as(gco: Estimate) -> Regression:
 
 
 def added(ls: Estimate, gco: Estimate) -> float:
-    """Chi squared of GCO less that of least squares, as least squares weighs, over the rank [1].
+    """Compute chi squared of GCO less that of least squares, as least squares weighs, over the rank [1].
 
     Args:
         ls: Fit of least squares.
