@@ -46,9 +46,9 @@ WORDS = {
     "and turn [m, rad]",
     "joints": "compliance times the torque about the joint's axis, or the force along it, gives the "
     "deflection of the joint [rad/(N m), m/N]",
-    "errors": "a hinge at the command q is off by the sum of sine_k sin(order_k q) + cosine_k cos(order_k q) "
-    "plus ratio q + play tanh(10 t) + stiffening t |t|, with t its torque over torque_scale [rad]. A slide "
-    "has no sine and cosine [m]",
+    "errors": "a hinge turns further than its command q by the sum of sine_k sin(order_k q) + cosine_k "
+    "cos(order_k q), plus ratio q + play tanh(10 t) + stiffening t |t|, with t its torque over torque_scale "
+    "[rad]. A slide has no sine and cosine [m]",
     "laws": "sizes s of a joint. Let x be the joint's torque times its compliance in elastic.toml, x_0 under "
     "own weight and compensator, x_1 under the load too. Beside its compliance the joint turns by the sum "
     "of {formulas} [rad, m]. With r the compensator's lever over its longest lever, it also turns by "
