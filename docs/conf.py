@@ -39,6 +39,8 @@ html_show_sourcelink = False
 html_copy_source = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+autodoc_default_options = {"exclude-members": "about"}  # what a repr shows
 napoleon_google_docstring = True
 
 # What the theme leaves out for screen readers and keyboards: levels, names, and focus on what scrolls.

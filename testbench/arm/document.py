@@ -22,12 +22,26 @@ MAX_CHARACTERS = 400  #: Most characters of a number: 17 digits hold all that a 
 
 
 def is_decimal(text: str) -> bool:
-    """Tell whether a text is a decimal number in ASCII digits, at most `MAX_CHARACTERS` characters long."""
+    """Tell whether a text is a decimal number in ASCII digits, at most `MAX_CHARACTERS` characters long.
+
+    Args:
+        text: The text.
+
+    Returns:
+        Whether it is one.
+    """
     return len(text) <= MAX_CHARACTERS and DECIMAL.fullmatch(text) is not None
 
 
 def is_integer(text: str) -> bool:
-    """Tell whether a text is an integer of 64 bits in ASCII digits."""
+    """Tell whether a text is an integer of 64 bits in ASCII digits.
+
+    Args:
+        text: The text.
+
+    Returns:
+        Whether it is one.
+    """
     return WHOLE.fullmatch(text) is not None and -(2**63) <= int(text) < 2**63
 
 
@@ -114,7 +128,7 @@ def _inside(line: str, start: int, keys: Sequence[str | int]) -> int:
 
 
 class Strict(BaseModel):
-    """Base of data models that admit their keys alone and finite numbers, and convert nothing."""
+    """Give data models that admit their keys alone and finite numbers, and convert nothing."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -216,6 +230,13 @@ def parse_xml(path: Path, text: str) -> ET.Element:
 
 
 def place_of(e: ET.Element) -> str:
-    """Name an XML element for a message, by its tag and name attribute."""
+    """Name an XML element for a message, by its tag and name attribute.
+
+    Args:
+        e: The element.
+
+    Returns:
+        Text such as "<body name='link_2'>".
+    """
     name = e.get("name", "")[:MAX_SHOWN]
     return f"<{e.tag} name={name!r}>" if name else f"<{e.tag}>"

@@ -198,7 +198,14 @@ def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = MA
 
 
 def angle_unit(root: ET.Element) -> float:
-    """Return the size of one unit of the file's angles [rad]; MJCF's default is the degree."""
+    """Find the unit of a file's angles; MJCF's default is the degree.
+
+    Args:
+        root: Root element of the MJCF.
+
+    Returns:
+        Size of one unit [rad].
+    """
     angle = "degree"
     for compiler in root.iter("compiler"):
         angle = compiler.get("angle", angle)

@@ -34,7 +34,14 @@ def rpy_of(R: Array) -> Array:
 
 
 def words(values: Array) -> str:
-    """Write numbers as a URDF has them, with at most `DECIMALS` decimals and no needless zeros."""
+    """Write numbers as a URDF has them, with at most `DECIMALS` decimals and no needless zeros.
+
+    Args:
+        values: Numbers, (k,).
+
+    Returns:
+        The numbers with a space between them.
+    """
     texts = (f"{x:.{DECIMALS}f}".rstrip("0").rstrip(".") for x in np.round(values, DECIMALS) + 0.0)
     return " ".join(texts)
 
@@ -87,6 +94,12 @@ def _origins(data: bytes) -> dict[str, tuple[int, int]]:
     parser = expat.ParserCreate("utf-8")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        """Record where an origin begins and ends.
+
+        Args:
+            tag: Name of the element that begins.
+            attributes: Its attributes.
+        """
         at = parser.CurrentByteIndex
         within = [name for name, _ in above]
         if within == ["robot"] and tag == "joint":

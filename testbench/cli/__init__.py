@@ -9,7 +9,7 @@ GARBAGE = 200_000  #: Objects between two searches for garbage: every 700 they t
 
 
 def main() -> None:
-    """Entry point of the command."""
+    """Run the command."""
     interrupt.handle(interrupt.leave_at_once)
     gc.set_threshold(GARBAGE)
     from testbench.runs import command  # here: imports can be interrupted from now on

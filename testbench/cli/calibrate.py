@@ -97,7 +97,7 @@ class CalibrateOptions:
     ] = False
     frame_poses: Annotated[
         int | None,
-        typer.Option(min=MIN_POSES, metavar="N", help="With --score: poses that fit the frame only."),
+        typer.Option(min=MIN_POSES, metavar="N", help="With --score: poses that only fit the frame."),
     ] = None
     at_most: Annotated[
         float | None,

@@ -48,7 +48,9 @@ class CompensateOptions:
 
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
     program: Annotated[Path, typer.Argument(help="Table of points and loads, or a robot's program.")]
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Ends with .csv, .src, .mod, .script, .ls, .jbi.")]
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="Corrected program: .csv, .src, .mod, .script, .ls, .jbi.")
+    ]
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of the report (default: beside --out).")
     ] = None
@@ -58,7 +60,9 @@ class CompensateOptions:
     asked: Annotated[
         Meant | None, typer.Option(metavar="HOW", help="Meaning of positions: unloaded or drawn.")
     ] = None
-    hold: Annotated[Hold, typer.Option(metavar="WHAT", help="Correct the pose, axis or position.")] = "pose"
+    hold: Annotated[Hold, typer.Option(metavar="WHAT", help="What to correct: pose, axis or position.")] = (
+        "pose"
+    )
     tool_point: Annotated[
         str, typer.Option("--tip", metavar="X,Y,Z", help="Tool point in the tool's frame, m.")
     ] = "0,0,0"
@@ -160,7 +164,7 @@ def badge_of(f: Row) -> Badge | None:
     why = "the correction may make the error larger" if f.harmful else ""
     if not why and f.tolerance and f.tolerance.failed:
         why = f"{number_of(f.tolerance.failed, 'point')} may be off by more than {f.tolerance.mm:g} mm"
-    badge = decide((CORRECTED, sizes[0]), (BEFORE, sizes[1]), "point", why)
+    badge = decide((f"the {CORRECTED}", sizes[0]), (f"the {BEFORE}", sizes[1]), "point", why)
     badge = replace(badge, what="95 % bound")
     likely = badge.verdict == "holds" and f.chance < SURE_PROBABILITY
     return replace(badge, verdict="likely", chance=f.chance) if likely else badge

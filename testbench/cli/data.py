@@ -37,7 +37,7 @@ from testbench.workflows.rows import MM
 
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
-LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's joints, if apart.")]
+LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="File of the joints, if another one.")]
 LayoutName = Annotated[
     str | None, typer.Option(metavar="NAME", help="Layout of the file; default: the one that fits.")
 ]
@@ -54,10 +54,10 @@ class DataOptions:
     force: Force = False
 
 
-@group.command("check", cls=ProjectCommand)
+@group.command("check", cls=ProjectCommand, help="Show which column is which quantity, and likely mistakes.")
 @takes(ReadingOptions, DataOptions)
 def check(runs: ReadingOptions, asked: DataOptions) -> None:
-    """Say which column is which quantity, what was assumed, and show the runs on the arm.
+    """Show which column is which quantity, likely mistakes, and the runs on the arm.
 
     Args:
         runs: The file, and how it is read.
@@ -160,7 +160,7 @@ class MapOptions:
 @group.command("map", cls=ProjectCommand)
 @takes(MapOptions)
 def propose_map(asked: MapOptions) -> None:
-    """Propose a map of an export, guesses as comments; show what it reads, and whether that fits the arm."""
+    """Propose a map of an export, and show what it reads and how well that fits the arm."""
     file = sheet_of(asked.dataset)[0]
     out, console = asked.out or file.with_suffix(".toml"), plain_console()
     inputs = [find_arm(asked.arm), file, *([asked.log] if asked.log else [])]

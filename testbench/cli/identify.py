@@ -91,7 +91,7 @@ class IdentifyOptions:
         False
     )
     identifiability: Annotated[
-        bool, typer.Option("--identifiability", help="List what is not observable; what to add.")
+        bool, typer.Option("--identifiability", help="List what is not observable, and what to add.")
     ] = False
     strict: Annotated[bool, typer.Option("--strict", help="Fail if there is any warning.")] = False
     force: Force = False

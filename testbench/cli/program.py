@@ -12,18 +12,18 @@ from testbench.workflows.options import ProjectCommand
 
 COMMANDS = {
     "new": "Make an arm's folder from a robot's URDF or MJCF.",
-    "check": "Read an arm's folder; say what is in it, or what is wrong.",
-    "plan": "Choose the poses to measure; say what they promise.",
-    "simulate": "Measure the true arm in given poses.",
-    "data": "Read a file of measured runs; say what was understood.",
-    "identify": "Identify stiffness models from measured runs.",
-    "calibrate": "Calibrate an arm by absolute readings: geometry, gears, elasticity.",
+    "check": "Check an arm's folder, and list what to confirm.",
+    "plan": "Choose the poses to measure, and predict the error that remains.",
+    "simulate": "Simulate readings of an arm in given poses.",
+    "data": "Read a file of readings, and show what was understood.",
+    "identify": "Identify stiffness models from readings without and with a load.",
+    "calibrate": "Calibrate an arm by absolute readings: geometry, joint errors, compliances.",
     "export": "Write the identified geometry into the robot's URDF.",
-    "predict": "Say where loads bring the tool, how sure that is, how stiff it is.",
-    "compensate": "Correct a robot's program for what loads do to the arm.",
+    "predict": "Predict the deflection under loads, with intervals and stiffness.",
+    "compensate": "Correct a robot's program for the deflection under loads.",
     "demo": "Calibrate a heavy arm in simulation.",
-    "bench": "Rank estimators of anybody in frozen tasks.",
-    "compare": "Say what differs between runs, and which errs less.",
+    "bench": "Rank your estimators beside others in frozen tasks.",
+    "compare": "Compare two runs: which errs less, and which inputs differ.",
     "view": "Open the newest recording of a run in the Rerun viewer.",
 }
 """What there is, one module each, and its line of help."""
@@ -63,7 +63,7 @@ def _version(asked: bool) -> None:
 
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say which version this is.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Flags of the program itself."""

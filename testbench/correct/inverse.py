@@ -120,7 +120,7 @@ STEADY, FASTEST = 0.1, 3.0
 """Motion between two points that is no jump: this one [rad, m] beyond twice that of the joints interpolated
 between supports, which counts up to `FASTEST` per stride [rad, m]."""
 REPEATS = 4  #: Most repairs of a path.
-SEEDS = 256  #: Random configurations from which the first point is solved.
+START_CONFIGURATIONS = 256  #: Random configurations from which the first point is solved.
 TRIED = 8  #: Configurations of the first point with which the path is tried.
 SAMPLE = 400  #: Most points of the path that such a trial uses.
 LIMIT_CLEARANCE = 0.05
@@ -190,11 +190,13 @@ def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
         reached = solve_poses(vjm, target, start[None])
         if reached.converged.all():
             return reached.q
+    # Else from many random configurations, nearest to the start or to zero.
     near = arm.within(np.zeros(arm.n_joints) if start is None else start)
-    seeds = arm.drawn(np.random.default_rng(0), SEEDS)
-    many = solve_poses(vjm, in_order(target, np.zeros(SEEDS, dtype=int)), seeds)
+    seeds = arm.drawn(np.random.default_rng(0), START_CONFIGURATIONS)
+    many = solve_poses(vjm, in_order(target, np.zeros(START_CONFIGURATIONS, dtype=int)), seeds)
     if not many.converged.any():
         return many.q[[np.argmin(many.distance + vjm.reach * many.angle)]]
+    # Away from the limits first, then the nearest.
     q = _unwound(vjm, many.q[many.converged], near)
     away = np.linalg.norm(q - near, axis=1)
     tight = np.minimum(q - lower, upper - q).min(axis=1) < LIMIT_CLEARANCE

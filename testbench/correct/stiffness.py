@@ -56,6 +56,7 @@ def process_wrench(
     position = check_array(position, (len(along), 3), "position [m]")
     spindle = check_array(spindle, (len(along), 3), "spindle [1]")
     feed = tangents(position, np.asarray(along[:, :2].any(axis=1)))
+    # Axes at every point: feed, across, spindle.
     across = np.cross(spindle, feed)
     sine = np.linalg.norm(across, axis=1)
     there = sine > MIN_DIRECTION_LENGTH
@@ -64,6 +65,7 @@ def process_wrench(
         ("feed", ~feed.any(axis=1), "the path stands still or turns back"),
         ("cross", ~there, "the path stands still, turns back or runs along the spindle"),
     )
+    # A force along a direction that is not defined is refused.
     for k, (name, lost, why) in enumerate(untold):
         bad = np.flatnonzero(lost & (along[:, k] != 0))
         if len(bad):

@@ -106,6 +106,7 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
     scatter, found = _scatter(model), []
     for some in batches(len(end.q)):
         before = None if start is None else start.of(some)
+        # Widths by the posterior, then what a linear model leaves out, or the scatter of positions.
         rows = rows_between(model, end.of(some), before, points)
         half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:

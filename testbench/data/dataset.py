@@ -45,7 +45,7 @@ class Dataset(Displayed):
     #: was lost, of rank one where one direction was read. None where sigma holds along every axis: a
     #: deflection then has 2 sigma^2.
     precision: Array | None = None
-    #: Station of the tracker that read each run, (runs,): each has a frame of its own. None for one station.
+    #: Station of the tracker that read each run, (runs,); each has a frame of its own. None for one station.
     station: Ids | None = None
     #: Whether the load was taken off before the unloaded reading of a run, (runs,); None for no run.
     taken_off: Mask | None = None
@@ -57,7 +57,7 @@ class Dataset(Displayed):
     #: Length of a reading that is a distance to a fixed point, (runs, m) [m]; 0 for the travel of a gauge on
     #: a plane face of the tool, which turns with the tool. With `direction`.
     reach: Array | None = None
-    #: How a tilt moves each reading: tilt times direction x deflection, as a model predicts it, (runs, m, 3)
+    #: How a tilt moves each reading, tilt times direction x deflection, as a model predicts it, (runs, m, 3)
     #: [m]. `identify.lines` fills it in; None before. Readings of one set-up share their tilt.
     slide: Array | None = None
 
@@ -96,12 +96,12 @@ class Dataset(Displayed):
 
     @property
     def points(self) -> int:
-        """Count the measured points: markers times runs."""
+        """Count the measured points, markers times runs."""
         return len(self.run) * len(self.markers)
 
     @property
     def seen(self) -> Mask:
-        """Tell which targets were read, (runs, m): not those that the tracker lost."""
+        """Tell which targets were read, (runs, m), not those that the tracker lost."""
         if self.precision is None:
             return np.ones((self.runs, len(self.markers)), dtype=bool)
         return np.asarray(self.precision.any(axis=(2, 3)))
@@ -136,7 +136,7 @@ class Dataset(Displayed):
             vectors: Such as predicted deflections, (..., runs, m, 3) [m].
 
         Returns:
-            The same for positions, the part along the direction for readings along a line.
+            Positions unchanged, readings along a line as the part along it, (..., runs, m, 3) [m].
         """
         if self.direction is None:
             return vectors
@@ -150,7 +150,14 @@ class Dataset(Displayed):
 
     @property
     def rotation(self) -> Array:
-        """Compute the measured rotation of the tool, world axes, (runs, 3) [rad]; BenchError if not read."""
+        """Compute the measured rotation of the tool.
+
+        Returns:
+            Rotation vectors, world axes, (runs, 3) [rad].
+
+        Raises:
+            BenchError: If orientations were not read.
+        """
         if self.rotation_before is None or self.rotation_after is None:
             raise BenchError("dataset: expected orientations, it has positions only")
         return rotation_between(self.rotation_before, self.rotation_after)
@@ -185,13 +192,17 @@ def rotation_between(before: Array, after: Array) -> Array:
 
 
 def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], own: Shapes) -> None:
-    """Refuse, by BenchError, what is wrong with readings.
+    """Check the shapes and values of readings.
 
     Args:
         data: The readings.
         rows: How many there are.
         ids: Names of their identifiers.
         own: Shapes of arrays that other readings have not.
+
+    Raises:
+        BenchError: If an array has another shape or kind, two targets have one name, or a sigma is
+            not positive.
     """
     have = vars(data)
     for name, found in ((name, np.asarray(have[name])) for name in ids if have[name] is not None):
@@ -281,14 +292,28 @@ Rows = TypeVar("Rows", bound="DataclassInstance")
 
 
 def join_rows(parts: Sequence[Rows]) -> Rows:
-    """Concatenate the rows of several parts."""
+    """Concatenate the rows of several parts.
+
+    Args:
+        parts: The parts; all else is taken from the first.
+
+    Returns:
+        One part with all rows.
+    """
     every = [arrays(part) for part in parts]
     whole = {name: np.concatenate([own[name] for own in every]) for name in every[0]}
     return replace(parts[0], **whole)
 
 
 def arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:
-    """Return the fields that are arrays with one row per run, reading or pose."""
+    """Return the fields that are arrays with one row per run, reading or pose.
+
+    Args:
+        data: A dataclass of such arrays.
+
+    Returns:
+        The arrays by the names of their fields.
+    """
     every = {field.name: getattr(data, field.name) for field in fields(data)}
     return {name: own for name, own in every.items() if isinstance(own, np.ndarray)}
 
@@ -298,7 +323,7 @@ def in_order(data: Rows, rows: Ids | Mask | slice) -> Rows:
 
     Args:
         data: The rows.
-        rows: Mask, or indices in any order.
+        rows: Mask, (rows,), or indices in any order.
 
     Returns:
         The rows.
@@ -324,7 +349,7 @@ def split(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:
 
     Args:
         data: The runs.
-        poses: Identifiers of poses.
+        poses: Identifiers of poses, (poses,).
 
     Returns:
         The runs in these poses, and all others.

@@ -187,13 +187,13 @@ class LargestCriterion:
         return found
 
     def tangent(self, M: Array) -> Tangent:
-        """Compute the plane of the weighted mean of the costs; its height is 1 / their power mean.
+        """Compute a plane above Phi: that of 1 / the power mean of the costs, which is at most their maximum.
 
         Args:
             M: Information matrix, (r, r).
 
         Returns:
-            A plane above Phi. It need not touch Phi at M.
+            The plane. Its height at M is 1 / the power mean, so it need not touch Phi there.
         """
         costs = self.costs(M)
         most = costs.max()
@@ -250,12 +250,25 @@ def criterion_of(
 
 
 def criterion_e() -> LargestCriterion:
-    """Build the E-criterion: the least eigenvalue of M, whose costs are the eigenvalues of M^-1."""
+    """Build the E-criterion: the least eigenvalue of M, whose costs are the eigenvalues of M^-1.
+
+    Returns:
+        The criterion.
+    """
 
     def costs(M: Array) -> Array:
         return np.asarray(1 / np.linalg.eigvalsh(M))
 
     def mix(M: Array, share: Array) -> Array:
+        """Make the matrix with the eigenvectors of M and other eigenvalues.
+
+        Args:
+            M: Information matrix, (n, n).
+            share: The eigenvalues, (n,) [1].
+
+        Returns:
+            The matrix, (n, n).
+        """
         V = np.linalg.eigh(M)[1]
         return np.asarray((V * share) @ V.T)
 
@@ -329,13 +342,20 @@ class Gains:
     growth: float = 1.0
 
     def after(self) -> Array:
-        """Compute 1 / tr(W M^-1) with one more candidate, for every candidate, (candidates,)."""
+        """Compute 1 / tr(W M^-1) with one more candidate.
+
+        Returns:
+            It with every candidate, (candidates,).
+        """
         return np.asarray(1 / ((self.I * self.W).sum() - self.reductions()))
 
     def reductions(self) -> Array:
-        """Compute tr(K^-1 N) of every candidate, (candidates,).
+        """Compute tr(K^-1 N), the reduction of tr(W M^-1) by one more candidate.
 
         It eliminates row by row for all candidates together: LAPACK, one by one, takes three times as long.
+
+        Returns:
+            It for every candidate, (candidates,).
         """
         K, N = self.K, self.N
         # symmetric elimination: pivot by pivot, each leaves a smaller K and N

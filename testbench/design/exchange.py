@@ -108,19 +108,19 @@ def exchange(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Id
     for k in itertools.islice(itertools.cycle(range(len(plan))), SWEEPS * len(plan)):
         if k == 0:
             before, after = problem.prior, suffix_information(rows[plan])
-        # hopeful candidates: in place of k they lift the plane, an upper bound of Phi, above Phi of the plan
+        # promising candidates: in place of k they lift the plane, a bound of Phi, above Phi of the plan
         floor, rest = (1 + MIN_GAIN) * value, before + after[k + 1]
-        hopeful = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
+        promising = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
         # an old plane leaves too many: take it anew at the present M
-        if not fresh and len(hopeful) > STALE_SHARE * len(rows):
+        if not fresh and len(promising) > STALE_SHARE * len(rows):
             Z, fresh = criterion.tangent(M).Z, True
             useful = sensitivity(rows, Z)
-            hopeful = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
-        # exact Phi of the hopeful ones; if the best is better it replaces k, and all poses are tried again
-        reached = criterion.after(rest, rows[hopeful]) if len(hopeful) else np.zeros(1)
+            promising = np.flatnonzero((Z * M).sum() - useful[plan[k]] + useful > floor)
+        # exact Phi of the promising ones; if the best is better it replaces k, and all poses are tried again
+        reached = criterion.after(rest, rows[promising]) if len(promising) else np.zeros(1)
         left -= 1
         if reached.max() > floor:
-            plan[k], value = hopeful[reached.argmax()], float(reached.max())
+            plan[k], value = promising[reached.argmax()], float(reached.max())
             M, left, fresh = rest + rows[plan[k]].T @ rows[plan[k]], len(plan), False
         elif left == 0:
             break

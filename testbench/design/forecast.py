@@ -26,6 +26,7 @@ from testbench.design.rows import (
     measured_rows,
     reading_rows,
 )
+from testbench.display import Displayed, span
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.metric import precision_root
 from testbench.identify.prior import Strength
@@ -45,8 +46,8 @@ links 92 %.
 UNSEEN_SHARE = 1e-6  #: Share of a prediction's norm along unseen directions from which it has no bound [1].
 
 
-@dataclass(frozen=True)
-class Forecast:
+@dataclass(frozen=True, repr=False)
+class Forecast(Displayed):
     """Hold RMS distances of predicted from true targets, per pose and over all poses, with intervals.
 
     The intervals hold 90 % of the errors that noise and the remaining uncertainty of the prior produce.
@@ -60,6 +61,11 @@ class Forecast:
     overall: float  #: Root mean square over all poses [m].
     overall_low: float  #: 5th percentile of that [m].
     overall_high: float  #: 95th percentile [m].
+
+    def about(self) -> dict[str, object]:
+        """Summarise the forecast: number of poses, RMS error over them and its 90 % interval."""
+        overall = span(1e3 * np.array([self.overall_low, self.overall_high]))
+        return {"poses": len(self.error), "rms_mm": f"{1e3 * self.overall:.3g}", "interval_mm": overall}
 
 
 def inflate_intervals(forecast: Forecast) -> Forecast:
@@ -194,7 +200,7 @@ class LinearFit:
 def fit_of(
     whole: MeasurementSetup, uncertainty: float, spec: Specification, q: Array, load: Ids
 ) -> LinearFit:
-    """Fit a specification's model, with or without its prior, to a plan that is measured on the whole arm.
+    """Fit the model of a specification to a plan, as a linear function of all unknowns of the arm.
 
     Mathematics: `pose-12`.
 

@@ -41,6 +41,7 @@ from testbench.design.rows import (
     task_rows,
     workspace_rows,
 )
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, Mask
 
 MAX_NEIGHBOURS = 12  #: Nearest other places of each place whose legs come first.
@@ -81,6 +82,15 @@ def shortest_path(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids
     stops = np.unique(first)
 
     def beyond(a: int, b: int) -> float:
+        """Compute what a motion between two stops costs beyond its length.
+
+        Args:
+            a: Place of the first stop, 0 for the start.
+            b: Place of the second stop.
+
+        Returns:
+            The surcharge, 0 from the start.
+        """
         return surcharge(int(stops[a - 1]), int(stops[b - 1])) if a else 0.0
 
     trip = round_trip(np.pad(cost[np.ix_(stops, stops)], (1, 0)), beyond)
@@ -166,8 +176,8 @@ class CandidateSet:
     problem: DesignProblem  #: Their whitened rows, and the prior.
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChosenPoses:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ChosenPoses(Displayed):
     """Hold the chosen poses in the order of measuring, with the certificate of the choice."""
 
     criterion: Criterion  #: Information function Phi that the plan maximises.
@@ -181,6 +191,14 @@ class ChosenPoses:
     #: Relaxed optimum over all examined poses: its bound holds for all plans of as many poses.
     relaxed: Relaxed
 
+    def about(self) -> dict[str, object]:
+        """Summarise the choice: poses, candidates and efficiency."""
+        return {
+            "poses": len(self.q),
+            "candidates": len(self.examined.q),
+            "efficiency": f"{self.efficiency:.3g}",
+        }
+
     @property
     def efficiency(self) -> float:
         """Return a lower bound on Phi(plan) / Phi(best plan of as many of the examined poses) [1]."""
@@ -192,7 +210,7 @@ class ChosenPoses:
         return information(self.examined.problem, self.chosen)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Plan(ChosenPoses):
     """Hold the poses to measure under loads that are hung and taken off, and the specification they serve."""
 
@@ -272,6 +290,15 @@ def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -
     load = examined.load[chosen]
 
     def rows(trial: Array, places: Ids) -> Array:
+        """Compute the readings of poses in other places.
+
+        Args:
+            trial: The poses, (k, n) [rad, m].
+            places: Their places among the chosen poses, whose loads they have, (k,).
+
+        Returns:
+            Readings per unit of a over their standard deviation.
+        """
         return search.measured(trial, load[places], examined.problem.lift)
 
     q = refine_plan(examined.q[chosen], examined.problem.prior, criterion, rows, search)
@@ -346,6 +373,16 @@ def _order(q: Array, load: Ids, reach: Feasibility) -> Ids:
         own = q[load == kind]
 
         def detour(a: int, b: int, own: Array = own) -> float:
+            """Compute what a motion costs beyond its length.
+
+            Args:
+                a: Place of its first pose.
+                b: Place of its last pose.
+                own: Poses with the same load, (k, n) [rad, m].
+
+            Returns:
+                0 for a motion without collision, else `DETOUR`.
+            """
             return 0.0 if reach.clear(own[a], own[b]) else DETOUR
 
         found += np.flatnonzero(load == kind)[shortest_path(joint_travel(own), detour)].tolist()

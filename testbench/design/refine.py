@@ -68,7 +68,7 @@ class Search:
 
         Args:
             q: Actuated joints, (..., n) [rad, m].
-            step: Standard deviation of the step; broadcasts with q to the shape of the draw [rad, m].
+            step: Standard deviation of the step, (..., n) [rad, m]; broadcasts with q.
 
         Returns:
             Poses, (..., n) [rad, m].

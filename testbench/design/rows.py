@@ -125,12 +125,26 @@ def deflection_rows(experiment: MeasurementSetup, q: Array, load: Load) -> Array
 
 
 def task_rows(spec: Specification) -> Array:
-    """Compute deflections at the tasks per unit of x, (tasks, 3 m, n) [m]."""
+    """Compute deflections at the tasks.
+
+    Args:
+        spec: What is planned.
+
+    Returns:
+        Deflections per unit of x, (tasks, 3 m, n) [m].
+    """
     return deflection_rows(spec.experiment, spec.tasks.q, spec.tasks.load)
 
 
 def workspace_rows(spec: Specification) -> Array:
-    """Compute deflections over the workspace under the first load per unit of x, (poses, 3 m, n) [m]."""
+    """Compute deflections over the workspace under the first load.
+
+    Args:
+        spec: What is planned.
+
+    Returns:
+        Deflections per unit of x, (poses, 3 m, n) [m].
+    """
     return deflection_rows(spec.experiment, spec.workspace, spec.loads[0])
 
 

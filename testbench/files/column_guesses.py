@@ -180,7 +180,7 @@ def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
 
 
 def _unlike(table: TableCells, what: str) -> InputError:
-    hint = '[columns] of a map by hand says which it is, as x = "X", or before_x and after_x of pairs'
+    hint = 'name it in [columns] of a map, as x = "X", or before_x and after_x of pairs'
     hint = f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
     return table.header_error(f"no column looks like {what}; columns are {list(table.names)}; {hint}")
 

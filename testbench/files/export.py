@@ -39,23 +39,22 @@ MAX_URDF_ERROR = 1e-6  #: Most that the written URDF may differ from the model [
 KIND = "what a URDF cannot hold"
 BEGINS = rb'\{\s*"format": 1,\s*"kind": "what a URDF cannot hold"'
 WORDS = {
-    "geometry": "is in the URDF; constants here are what was added to the drawing, slides x, y, z [m], then "
-    "turns about x, y, z [rad] in the link's beam axes at its end, and an offset a joint [rad, m]",
-    "links": "at_m is the link's end as identified and axes its beam axes, as columns, in the frame of "
-    "urdf_link; compliance times force and moment there, in these axes [N, N m], is its slide and "
-    "turn [m, rad]",
-    "joints": "compliance times the torque about, or the force along, the joint's axis is how far it gives "
-    "way [rad/(N m), m/N]",
-    "errors": "a hinge at q is further by sum sine_k sin(order_k q) + cosine_k cos(order_k q) + ratio q "
-    "+ play tanh(10 t) + stiffening t |t|, t its torque over torque_scale; [rad, m], of a slide without sine "
-    "and cosine",
-    "laws": "sizes s of a joint; beside its compliance, with x the torque times that of elastic.toml, "
-    "x_0 of own weight and compensator and x_1 under the load too, it turns by the sum of {formulas} "
-    "[rad, m], and with the lever r of "
-    f"elastic.toml's compensator over its longest, -s (x_1 - x_0) {UNIT_COMPENSATOR:g} r^2 / (1 + "
-    f"{UNIT_COMPENSATOR:g} r^2)",
-    "weights": "masses [kg] and centres [m] in the frame of urdf_link that the model bends under",
-    "joint_map": "only where files count joints otherwise: a joint of the URDF is its row of L times "
+    "geometry": "is in the URDF. The constants here were added to the nominal geometry: slides x, y, z [m] "
+    "and turns about x, y, z [rad] in the link's beam axes at its end, and one offset per joint [rad, m]",
+    "links": "at_m is the identified end of the link, axes has its beam axes as columns; both are in the "
+    "frame of urdf_link. Compliance times force and moment there, in the beam axes [N, N m], gives slide "
+    "and turn [m, rad]",
+    "joints": "compliance times the torque about the joint's axis, or the force along it, gives the "
+    "deflection of the joint [rad/(N m), m/N]",
+    "errors": "a hinge turns further than its command q by the sum of sine_k sin(order_k q) + cosine_k "
+    "cos(order_k q), plus ratio q + play tanh(10 t) + stiffening t |t|, with t its torque over torque_scale "
+    "[rad]. A slide has no sine and cosine [m]",
+    "laws": "sizes s of a joint. Let x be the joint's torque times its compliance in elastic.toml, x_0 under "
+    "own weight and compensator, x_1 under the load too. Beside its compliance the joint turns by the sum "
+    "of {formulas} [rad, m]. With r the compensator's lever over its longest lever, it also turns by "
+    f"-s (x_1 - x_0) {UNIT_COMPENSATOR:g} r^2 / (1 + {UNIT_COMPENSATOR:g} r^2)",
+    "weights": "masses [kg] and their centres [m] in the frame of urdf_link, which bend the model",
+    "joint_map": "only if files count joints otherwise: a joint of the URDF is its row of L times "
     "file_joints, plus its number in q_0 [rad, m]",
     "root": "the URDF's first link in the model's world",
     "tool": "the URDF's tip in the model's tool",

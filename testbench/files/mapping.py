@@ -77,7 +77,7 @@ class Log(Strict):
     @model_validator(mode="after")
     def _keyed(self) -> "Log":
         if bool(self.on) == (self.rows is not None):
-            raise ValueError("expected on, the columns to join by, or rows, how many to a row of the log")
+            raise ValueError("expected `on` (columns to join by) or `rows` (readings per row of the log)")
         return self
 
 
@@ -308,7 +308,7 @@ def _columns(
                 known = recognise(our, ours)
                 if known is None or "{" in their:
                     problem = (
-                        f"expected one of our quantities and its own {{...}} in both names, got {name!r}"
+                        f"expected one of our quantities, with the same {{...}} in both names, got {name!r}"
                     )
                     raise InputError(path, f"{section}.{key}", problem)
                 if "{" in key and known[0] in alone:

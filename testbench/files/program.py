@@ -109,7 +109,7 @@ class Program(Displayed):
 
     @property
     def corrected(self) -> bool:
-        """Tell whether the program was corrected: its joints are then commands."""
+        """Tell whether the program was corrected; its joints are then commands."""
         return any(name.startswith(CORRECTION) for name in self.other)
 
 

@@ -78,7 +78,7 @@ def _in_one_row(table: TableCells, conditions: RowConditions, read: FileReadings
     run = np.arange(len(first)) + 1 if own.run is None else own.run[first]
     # Every run needs each marker exactly once.
     again = repeats(code, marker) > 0
-    table.refuse(again, "", lambda row: f"run {run[code[row]]} stands in the file twice")
+    table.refuse(again, "", lambda row: f"run {run[code[row]]} is in the file twice")
     if read.long:
         short = np.bincount(code) < len(read.markers)
         each = f"expected one line for each of {', '.join(read.markers)}; those of a lost target are blank"

@@ -128,7 +128,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     whole, first, lost, more = _assembled(columns, arm, (conditions, read, scatter), fit)
     notes += [*columns.warnings, *shots, *conditions.notes, *scatter.notes, *more]
     if columns.names.map.frame == "base":
-        notes.append("the map says base: its pose is found all the same")
+        notes.append("the map says that readings are in the base's frame: the frame is fitted all the same")
     return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes), lost, fit)
 
 

@@ -218,7 +218,7 @@ def changed_numbers(
         line.setdefault(key, lines[k])
         if max(abs(first[name] - own[name]) for name in own) > SHARED:
             problem = f"lines {line[key]} and {lines[k]} share the point {point.name}"
-            raise InputError(text.path, "", f"{problem}, which their corrections need twice: copy it")
+            raise InputError(text.path, "", f"{problem} but need different corrections: copy the point")
     return found
 
 

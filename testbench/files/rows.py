@@ -191,7 +191,7 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
         if not acts and not needed:
             return np.zeros((table.rows, 6)), ["no column gives a load: only own weight is assumed"]
         if not acts:
-            hint = "; one for the whole file stands in [values] of a map, as mass_kg = 150; "
+            hint = "; one for the whole file goes into [values] of a map, as mass_kg = 150; "
             hint += "absolute readings without a load are for `testbench calibrate`"
             raise columns.lack(["mass_kg (or force_x_N, force_y_N, force_z_N)"], hint)
         raise table.header_error("expected a mass or forces, got both")

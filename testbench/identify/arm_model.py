@@ -70,7 +70,7 @@ class ArmModel:
 
     @property
     def unknowns(self) -> Unknowns:
-        """Return all unknowns that the model may have: geometry, joint errors, compliances."""
+        """Return all unknowns that the model may have, in the order geometry, joint errors, compliances."""
         return Unknowns(self.vjm, (), {}, self.state.errors, self.structure)
 
 

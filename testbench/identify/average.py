@@ -68,6 +68,9 @@ ROUNDING_SHARE = 1e-9
 """Rows below this share of the largest are rounding [1]."""
 
 
+# --- Links that change with the pose ------------------------------------------------------------------------
+
+
 def stiffness_scatter(r: Regression, estimate: Estimate, back: float = 0.0) -> float:
     """Find the relative change rho of link compliances between poses of greatest evidence.
 
@@ -216,6 +219,9 @@ of 70 %, of ones 30 and 100 times stiffer to 90 % in place of 86 %, and interval
 MIN_LAW_PROBABILITY = 0.05
 
 
+# --- The average of the default -----------------------------------------------------------------------------
+
+
 def average_two_priors(
     r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling
 ) -> Estimate:
@@ -279,6 +285,9 @@ def _before_laws(r: Regression, estimate: Estimate) -> Estimate:
     gains = _scatter_evidence(r, known.all_parts)
     changing = plain.log_evidence + gains.max() - gains[0] - MIN_LOG_EVIDENCE
     return known.all_parts if changing > lawful.log_evidence - math.log(LINEAR_JOINTS_ODDS) else estimate
+
+
+# --- Links or joints alone, by poses that are left out ------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -411,6 +420,7 @@ def steadied(
         weight *= (1 - known.laws_weight) * (1 - known.ties_weight)
     if not weight:
         return replace(estimate, f_m=f_m(restrict_to(r, estimate.structure), estimate.pi))
+    # Joints alone, fitted with their wide prior, and the average of both.
     regression, bare = _joints(r, prior)
     rigid = solve(regression, constraint, log_evidence_alone(regression, bare)[1])
     pi = (1 - weight) * estimate.pi + weight * scatter_to(rigid.pi, rigid.structure, estimate.structure)
@@ -426,6 +436,9 @@ def steadied(
         ),
     )
     return replace(mean, f_m=f_m(restrict_to(r, mean.structure), mean.pi))
+
+
+# --- Averages by evidence, under two priors and under one ---------------------------------------------------
 
 
 def _of_two(r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling) -> Estimate:
@@ -495,6 +508,7 @@ def _of_prior(
     """Fit under one prior and average with simpler models; also return the evidence, None without one."""
     if not prior.ties.any():
         return _untied(r, constraint, prior, widths=widths)
+    # Both models: without and with couplings between joints.
     bare, tied = (
         restrict_scaling(prior, structure)
         for structure in (without_ties(prior.structure), with_ties(linear(prior.structure)))
@@ -505,12 +519,14 @@ def _of_prior(
     coupled = restrict_to(r, tied.structure)
     belief = learn_prior(coupled, tied, widths=widths)
     assert belief.log_evidence is not None
+    # Their odds by evidence; a model that hardly counts is left out.
     odds = belief.log_evidence - log_evidence - math.log(UNTIED_ODDS)
     together, share = log_evidence + float(np.logaddexp(0, odds)), _logistic(odds)
     if share < MIN_LAW_PROBABILITY:
         return mean, together
     share = share if share < 1 - MIN_LAW_PROBABILITY else 1.0
     estimate, known = solve(coupled, constraint, belief), mean.average or ModelAverage(0.0, mean)
+    # The average of their compliances.
     pi = share * scatter_to(estimate.pi, estimate.structure, r.structure)
     pi[: len(mean.pi)] += (1 - share) * mean.pi
     found = replace(
@@ -561,8 +577,18 @@ def _untied(
     return mean, together
 
 
+# --- Parts of a model ---------------------------------------------------------------------------------------
+
+
 def without_laws(metric: PriorScaling) -> PriorScaling:
-    """Return the metric of compliances alone, without joint laws."""
+    """Return the scaling of the prior of compliances alone, without joint laws.
+
+    Args:
+        metric: The scaling of all parameters.
+
+    Returns:
+        The scaling without laws.
+    """
     return metric if not metric.law.any() else restrict_scaling(metric, linear(metric.structure))
 
 
@@ -634,7 +660,14 @@ def _joints(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScalin
 
 
 def joint_columns(metric: PriorScaling) -> Ids:
-    """Find the parameters that are joints of their own, (joints,)."""
+    """Find the parameters that are compliances of joints.
+
+    Args:
+        metric: The scaling, whose structure names the parameters.
+
+    Returns:
+        Their places, (joints,).
+    """
     s = metric.structure
     return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.n_compliance_rows))
 

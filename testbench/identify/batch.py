@@ -54,7 +54,14 @@ class _State:
     step: Array  #: Length of the last step, 1 for a full one, (problems,).
 
     def only(self, some: Mask) -> "_State":
-        """Some of them."""
+        """Select some of the problems.
+
+        Args:
+            some: Which problems, (problems,).
+
+        Returns:
+            Their state.
+        """
         return self if some.all() else _State(*(own[some] for own in vars(self).values()))
 
 
@@ -187,6 +194,17 @@ class _Newton:
 
     @classmethod
     def of(cls, R: Array, x: Array, s: Array, groups: list[Ids]) -> "_Newton":
+        """Compute the matrices of a Newton step of many problems.
+
+        Args:
+            R: Rows of every problem, (problems, rows, n).
+            x: Points in the cone, (problems, n).
+            s: Points in the dual cone, (problems, n).
+            groups: Places of the blocks of each order, (blocks, entries) per order.
+
+        Returns:
+            The matrices.
+        """
         scalings = [Scaling.of(at, x, s) for at in groups]
         K, S = [cone.congruence(scaling.G) for scaling in scalings], np.empty_like(R)
         for scaling, own in zip(scalings, K, strict=True):

@@ -182,6 +182,15 @@ def lower_bound_certificate(
 
     def over(cost: float, price: Array) -> float:
         # A negative eigenvalue of S_i can lower the cost by at most -lambda_min t_i.
+        """Bound how far a cost lies above the least.
+
+        Args:
+            cost: The cost.
+            price: Gradient of the trace term that it includes, (n,).
+
+        Returns:
+            The bound, 0 or more.
+        """
         least = constant - float(np.maximum(0, -_smallest(regression, g, price)) @ t)
         return max(0.0, cost - max(0.0, least))  # the cost is a sum of norms and traces
 

@@ -141,24 +141,52 @@ def norm_below(column: int, R: Array, z: Array) -> Rows:
 
 
 def triangle(size: int) -> int:
-    """Count the entries of the upper triangle of a matrix of this order."""
+    """Count the entries of the upper triangle of a matrix.
+
+    Args:
+        size: Order of the matrix.
+
+    Returns:
+        Number of entries.
+    """
     return size * (size + 1) // 2
 
 
 def order(entries: int) -> int:
-    """Order of the matrix whose upper triangle has so many entries."""
+    """Compute the order of a matrix from the number of entries of its upper triangle.
+
+    Args:
+        entries: Number of entries.
+
+    Returns:
+        Order of the matrix.
+    """
     return (math.isqrt(8 * entries + 1) - 1) // 2
 
 
 @cache
 def upper_indices(size: int) -> tuple[Ids, Ids]:
-    """Return rows and columns of the upper triangle of a matrix of this order, by column."""
+    """List the places of the upper triangle of a matrix, by column.
+
+    Args:
+        size: Order of the matrix.
+
+    Returns:
+        Rows and columns, (size (size + 1) / 2,) each.
+    """
     column, row = np.tril_indices(size)
     return row, column
 
 
 def svec(X: Array) -> Array:
-    """Pack symmetric matrices, (..., n, n), as upper triangles by column, off-diagonals times sqrt 2."""
+    """Pack symmetric matrices as upper triangles by column, off-diagonals times sqrt 2.
+
+    Args:
+        X: Symmetric matrices, (..., n, n).
+
+    Returns:
+        Their entries, (..., n (n + 1) / 2).
+    """
     places, scale = _packed(X.shape[-1])
     return np.asarray(X.reshape(*X.shape[:-2], -1).take(places, axis=-1) * scale)
 
@@ -171,7 +199,14 @@ def _packed(n: int) -> tuple[Ids, Array]:
 
 
 def smat(x: Array) -> Array:
-    """Unpack symmetric matrices from their svec, (..., n (n + 1) / 2) -> (..., n, n)."""
+    """Unpack symmetric matrices from their svec.
+
+    Args:
+        x: Entries, (..., n (n + 1) / 2).
+
+    Returns:
+        Symmetric matrices, (..., n, n).
+    """
     places, scale = _unpacked(order(x.shape[-1]))
     return np.asarray(x.take(places, axis=-1) * scale)
 
@@ -212,7 +247,14 @@ def eigvalsh(X: Array) -> Array:
 
 
 def congruence(A: Array) -> Array:
-    """Compute the maps svec(Y) -> svec(A Y A^T), (..., t, t), of matrices A, (..., n, n)."""
+    """Compute the maps svec(Y) -> svec(A Y A^T).
+
+    Args:
+        A: Matrices, (..., n, n).
+
+    Returns:
+        The maps, (..., t, t) with t = n (n + 1) / 2.
+    """
     n = A.shape[-1]
     places, weight = _products(n)
     a, b, c, d = (A.reshape(*A.shape[:-2], n * n).take(place, axis=-1) for place in places)
@@ -230,7 +272,14 @@ def _products(n: int) -> tuple[tuple[Ids, ...], Array]:
 
 @lru_cache(maxsize=64)
 def groups_of(sizes: tuple[int, ...]) -> list[Ids]:
-    """Find the places of the blocks of each order in the svec of all, (blocks, entries) per order."""
+    """Find the places of the blocks of each order in the svec of all blocks.
+
+    Args:
+        sizes: Orders of the blocks, in their order.
+
+    Returns:
+        Places, (blocks, entries), for every order.
+    """
     ends = np.cumsum([triangle(n) for n in sizes])
     return [
         np.array([np.arange(e - triangle(n), e) for n, e in zip(sizes, ends, strict=True) if n == size])
@@ -239,13 +288,27 @@ def groups_of(sizes: tuple[int, ...]) -> list[Ids]:
 
 
 def psd_part(X: Array) -> Array:
-    """Compute the nearest positive semi-definite matrices, (..., n, n): negative eigenvalues become zero."""
+    """Compute the nearest positive semi-definite matrices: negative eigenvalues become zero.
+
+    Args:
+        X: Symmetric matrices, (..., n, n).
+
+    Returns:
+        The nearest ones, (..., n, n).
+    """
     values, Q = np.linalg.eigh(X)
     return np.asarray((Q * np.maximum(values, 0)[..., None, :]) @ Q.swapaxes(-1, -2))
 
 
 def settings(tolerance: float) -> clarabel.DefaultSettings:
-    """Make Clarabel's settings for a tolerance of feasibility and gap [1]."""
+    """Make Clarabel's settings.
+
+    Args:
+        tolerance: Tolerance of feasibility and gap [1].
+
+    Returns:
+        The settings.
+    """
     own = clarabel.DefaultSettings()
     own.verbose = False
     own.max_threads = 1

@@ -105,6 +105,7 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
     papers, penalty = penalty is None, penalty or tie_break(regression)
     lifted = penalty.lifted(regression)
     program = scale_program(lifted, penalty)
+    # Own solver, else Clarabel; an answer without proof is solved again by the sum of squares.
     answer = solve_interior_point(lifted, program) or solve_clarabel(lifted, program)
     pi = answer.pi
     certificate, reached = _judged(lifted, program, pi, answer.dual)
@@ -113,6 +114,7 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
         proof, better = _judged(lifted, program, other, gradient_dual(lifted, other))
         if better or proof.duality_gap < certificate.duality_gap:
             pi, certificate, reached = other, proof, better
+    # Back to the unknowns that were asked for.
     left, cost = f_m(lifted, pi), float(penalty.price @ pi)
     method = PAPER_GCO if papers else "GCO (conic program)"
     estimate = make_estimate(regression, penalty.lift @ pi, method=method, constraint="psd")
@@ -230,6 +232,7 @@ def scale_program(regression: Regression, penalty: Penalty) -> ConicProgram:
     s = regression.structure
     block, seen = s.block_of[s.a], np.zeros(len(s.blocks), dtype=bool)
     seen[block[regression.columns > 0]] = True
+    # Blocks that no reading shows stay zero.
     columns = np.flatnonzero(seen[block])
     kept = _kept(s, columns.tobytes())
     unit = f_m(regression, np.zeros(s.n)) or 1.0

@@ -76,7 +76,7 @@ class Penalty:
 class Certificate(Displayed):
     """Hold bounds of how far an estimate is from the best conservative one within `trace_bounds`."""
 
-    #: Upper bound of F_M + w <W, C> above its least value [1]: how well the convex program is solved.
+    #: Upper bound of F_M + w <W, C> above its least value [1]; it says how well the program is solved.
     duality_gap: float
     #: Upper bound of F_M above its least value [1]; for a solved program, the cost of its trace term.
     f_m_excess_bound: float
@@ -133,7 +133,7 @@ class Estimate(Displayed):
     """
 
     method: str  #: Name of the method.
-    regression: Regression  #: The equations that it was identified from: structure and reduced dataset.
+    regression: Regression  #: The equations that it was identified from, with structure and reduced dataset.
     pi: Array  #: Parameters, (n,) [m/N, rad/(N m), rad/N].
     #: Aggregated compliance of the virtual joints, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
     C_theta: Array

@@ -40,12 +40,26 @@ class Hyperprior:
 
 
 def normal_density(z: Array) -> tuple[Array, Array, Array]:
-    """Compute -log of the standard normal density without its constant, and its two derivatives."""
+    """Compute -log of the standard normal density without its constant.
+
+    Args:
+        z: Standardised values, (...) [1].
+
+    Returns:
+        It and its first two derivatives, (...) each.
+    """
     return z**2 / 2, z, np.ones_like(z)
 
 
 def student_density(z: Array) -> tuple[Array, Array, Array]:
-    """Compute -log of Student's density with `STUDENT_DOF`, without its constant, and its two derivatives."""
+    """Compute -log of Student's density with `STUDENT_DOF`, without its constant.
+
+    Args:
+        z: Standardised values, (...) [1].
+
+    Returns:
+        It and its first two derivatives, (...) each.
+    """
     over = STUDENT_DOF + z**2
     return (
         (STUDENT_DOF + 1) / 2 * np.log(over / STUDENT_DOF),
@@ -89,13 +103,26 @@ class Normal:
         return np.asarray(inverse / self.size / self.size[:, None])
 
     def variances(self, columns: Ids) -> Array:
-        """Compute the variances of some unknowns, (k,)."""
+        """Compute the variances of some unknowns.
+
+        Args:
+            columns: The unknowns, (k,).
+
+        Returns:
+            Variances, (k,).
+        """
         some = np.eye(len(self.size))[:, columns]
         return np.asarray((some * cho_solve(self.root, some)).sum(axis=0) / self.size[columns] ** 2)
 
 
 def normal(H: Array) -> Normal:
-    """Solve for the most probable unknowns from the Gram matrix of the whitened [A | y], (c + 1, c + 1).
+    """Solve for the most probable unknowns.
+
+    Args:
+        H: Gram matrix of the whitened [A | y], (c + 1, c + 1).
+
+    Returns:
+        The unknowns, (c,), with the factor of their precision.
 
     Raises:
         BenchError: If an unknown is undetermined: only frames and targets have no prior.
@@ -142,6 +169,7 @@ def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
     kinds, D = len(problem.counts), problem.drawn
     d, s2 = np.where(D.any(axis=1), np.exp(D @ h), np.inf), np.exp(2 * h[-kinds:])
     mean = np.exp(problem.scale @ h) * problem.expected
+    # Gram matrix of readings and prior, and the most probable unknowns.
     H = problem.known + sum(gram / own for gram, own in zip(problem.gram, s2, strict=True))
     H[:-1, -1] += mean / d**2
     H.flat[: -1 : len(H) + 1] += d**-2
@@ -149,6 +177,7 @@ def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
     V, v, off = found.covariance, np.r_[found.x, -1.0], (found.x - mean) / d
     left = problem.gram @ v @ v / s2
     spent = np.array([np.vdot(gram[:-1, :-1], V) for gram in problem.gram]) / s2
+    # -log p, its derivative, and the hyperpriors.
     value = (left.sum() + off @ off + v @ problem.known @ v + found.log_size) / 2
     value += problem.counts @ h[-kinds:] + (D @ h).sum()
     g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - problem.scale.T @ (mean * off / d)
@@ -178,12 +207,14 @@ def evidence_hessian(problem: EvidenceModel, h: Array, posterior: EvidencePoster
     D, S, V, kinds = problem.drawn, problem.scale, posterior.covariance, len(posterior.residual_squares)
     w, off = posterior.deviation**-2, (posterior.normal.x - posterior.mean) / posterior.deviation
     a, K, s2 = off / posterior.deviation, np.eye(len(h))[-kinds:], np.exp(2 * h[-kinds:])
+    # U: derivative of the gradient in x by h; J = V U is how x moves.
     pulls = (problem.gram @ np.r_[posterior.normal.x, -1.0])[:, :-1] / s2[:, None]
     U = 2 * a[:, None] * D + (w * posterior.mean)[:, None] * S + 2 * pulls.T @ K
     J = V @ U
     shares = _shares(problem, V, w, s2)
     N = w[:, None] * (np.array([(M * V).sum(axis=1) for M in shares]).T @ K)
     wD = w[:, None] * D
+    # Second derivatives of the quadratic form and of log det P.
     traces = np.array([[np.vdot(M, other.T) for other in shares] for M in shares])
     mixed = D.T @ ((posterior.mean * a)[:, None] * S) - D.T @ N
     H = 2 * D.T @ ((off**2 + np.diag(V) * w)[:, None] * D) + 2 * (mixed + mixed.T) - U.T @ J

@@ -105,7 +105,11 @@ class TriangularFactors:
         self.factors[at] = dtpqrt(0, panel, T, lines.T, overwrite_a=True, overwrite_b=True)[0]
 
     def join(self, other: "TriangularFactors") -> None:
-        """Add all rows of another set of factors."""
+        """Add all rows of another set of factors.
+
+        Args:
+            other: The other factors, with the same columns.
+        """
         for at, T in other.factors.items():
             self.add(*at, T.T.copy())
             self.equations[at] += other.equations[at]
@@ -115,8 +119,8 @@ class TriangularFactors:
 
         Args:
             kind: Kind of the equations.
-            parts: Numbers of the parts.
-            columns: Columns that are wanted.
+            parts: Numbers of the parts, (parts,).
+            columns: Columns that are wanted, (k,).
 
         Returns:
             Triangular factor, (columns, columns) [1].
@@ -142,14 +146,28 @@ class PartitionedRegression:
         return np.unique([part for _, part in self.factors.factors])
 
     def some_parts(self, parts: Ids) -> "PartitionedRegression":
-        """Return the equations of these parts only."""
+        """Return the equations of some parts only.
+
+        Args:
+            parts: Numbers of the parts, (parts,).
+
+        Returns:
+            Their equations.
+        """
         kept, own = TriangularFactors(self.factors.columns), set(parts.tolist())
         kept.factors = {at: T for at, T in self.factors.factors.items() if at[1] in own}
         kept.equations.update({at: n for at, n in self.factors.equations.items() if at[1] in own})
         return replace(self, factors=kept)
 
     def joined(self, parts: Ids | None = None) -> Regression:
-        """Make one regression of some parts, or of all: rows over sqrt(N), as in F_M, Eq. (19)."""
+        """Make one regression of some parts: rows over sqrt(N), as in F_M, Eq. (19).
+
+        Args:
+            parts: Numbers of the parts, (parts,); None for all.
+
+        Returns:
+            The regression.
+        """
         terms, some = [], (self.all_parts if parts is None else parts).tolist()
         for kind in sorted({kind for kind, _ in self.factors.factors}):
             equations = sum(self.factors.equations[kind, k] for k in some)
@@ -226,6 +244,7 @@ def reduce_parts(
         BenchError: When there is no run, a number is too large, or a marker is none of the arm's.
     """
     widest = max(structures, key=lambda s: s.n)
+    # Structures whose unknowns are some of the widest one's share its factors.
     places = [_columns(s, widest) for s in structures]
     own = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
     unknowns = [compliance_unknowns(model_for(vjm, s), s) for s in own]
@@ -233,6 +252,7 @@ def reduce_parts(
     found = [TriangularFactors(s.n + 1) for s in own]
     check_runs(vjm, runs)
     runs, lines = resolve_lines(vjm, runs), runs.direction is not None
+    # Rows are made and folded block by block, so that memory does not grow with the runs.
     for these in _blocks_of(part, runs.pose if lines else np.arange(len(part))):
         load = Load(runs.wrench[these], runs.point[these])
         told = {
@@ -314,7 +334,14 @@ class ReducedReadings:
         return sum_gram(self.parts)
 
     def turned(self, basis: csr_array) -> "ReducedReadings":
-        """Return the equations in another basis of the unknowns: x = basis @ z, (size, size)."""
+        """Return the equations in another basis of the unknowns, x = basis @ z.
+
+        Args:
+            basis: The basis, (size, size).
+
+        Returns:
+            The equations of z.
+        """
         B = block_diag((basis, 1.0), format="csr").T
         grams = [np.array([B @ np.asarray(B @ own).T for own in block.gram]) for block in self.parts]
         parts = tuple(replace(block, gram=gram) for block, gram in zip(self.parts, grams, strict=True))
@@ -391,8 +418,10 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
         series_rows(linearisation.unknowns, linearisation.state, series),
         linearisation.state.frame(series).rotation,
     )
+    # Weights by the loss, and the right-hand side for the unknowns themselves in place of steps.
     _, pull = weights(series, linearisation.noise, rotation, A[:, :, -1], linearisation.loss)
     A[:, :, -1] += np.einsum("sxcr,c->sxr", A[:, :, :-1], linearisation.unknowns.current(linearisation.state))
+    # Readings of one pose become a mean and differences, (abs-4), and are whitened.
     groups = repeated_rows(series)
     A, (W, kinds) = (
         combine_rows(groups, A),
@@ -408,5 +437,12 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
 
 
 def sum_gram(parts: Sequence[SeriesBlock]) -> Array:
-    """Sum the Gram matrices of several parts, (kinds, size + 1, size + 1)."""
+    """Sum the Gram matrices of several parts.
+
+    Args:
+        parts: The parts.
+
+    Returns:
+        The sum, (kinds, size + 1, size + 1).
+    """
     return np.asarray(sum(part.gram for part in parts))

@@ -96,7 +96,14 @@ class LearntPriorModel:
         return 3 + self.has_ties
 
     def scale(self, h: Array) -> Array:
-        """Compute the prior scale of every entry of x, (n,) [1]."""
+        """Compute the prior scale of every entry of x.
+
+        Args:
+            h: Hyperparameters, (K + kinds + W + T + 3,); the first K are log s.
+
+        Returns:
+            Scales, (n,) [1].
+        """
         return np.asarray(np.exp(self.shares @ h[: self.blocks]))
 
 
@@ -123,15 +130,19 @@ def evidence_model(regression: Regression, metric: PriorScaling, *, alike: bool 
     size = math.sqrt(gram.diagonal()[:-1].max())
     if size == 0:
         raise BenchError(f"prior {metric.prior}: expected runs under load, none moves the model")
+    # Places of the hyperparameters in h: K scales, factors of the kinds, widths of whole links, ties, and the
+    # last three for the widths of shapes and couplings and for the misfit.
     shares, kinds, _ = metric.scaled
     kind, tied = np.unique(kinds, return_inverse=True)[1], bool(metric.ties.any())
     K, whole = len(kind), np.flatnonzero((np.array(metric.sizes) == 6) & (metric.kinds == 0))
     first = K + kind.max() + 1
     last = first + len(whole)
     m = last + tied + 3
+    # Which of them scale each entry of x, and which widen it.
     of_kind = np.where(metric.ties, last, np.where(metric.couplings, m - 2, m - 3))
     start, scale, drawn = np.zeros(m), np.zeros((len(shares), m)), np.eye(m)[of_kind]
     scale[:, :K], drawn[:, first:last] = shares, shares[:, whole]
+    # Start at their medians, within bounds.
     start[last : last + tied] = math.log(TIE_PRIOR[0])
     start[-3:] = (
         math.log(SHAPE_PRIOR[0]),
@@ -270,6 +281,7 @@ def log_evidence_alone(regression: Regression, metric: PriorScaling) -> tuple[fl
         Log evidence [1], and the loose prior with which joints are then fitted.
     """
     metric, n = rescale_to_data(metric, regression), regression.structure.n
+    # The prior of the compliances is fixed, so that kappa is the only hyperparameter.
     B = np.column_stack(precision_root(metric, Strength(JOINTS_ONLY_SIZE)))
     problem = EvidenceModel(
         gram=gram_matrix(regression, metric)[None],
@@ -282,6 +294,7 @@ def log_evidence_alone(regression: Regression, metric: PriorScaling) -> tuple[fl
         bounds=np.array([[0.0], [MAX_MISFIT]]),
     )
     h = maximise_evidence(problem, np.zeros(1))
+    # Its determinant, the common scale integrated out.
     size = 2 * n * math.log(JOINTS_ONLY_SIZE) + math.log(
         metric.expected @ metric.expected / JOINTS_ONLY_SIZE**2
     )
@@ -317,6 +330,12 @@ def contradicted_scales(belief: WeightedPrior) -> tuple[LearntScale, ...]:
     """List the scales of a learnt prior that the readings contradict.
 
     Mathematics: `prior-15`.
+
+    Args:
+        belief: The learnt prior.
+
+    Returns:
+        Those far from 1, by their size and by their deviation.
     """
 
     def wrong(scale: LearntScale) -> bool:

@@ -63,11 +63,25 @@ class BlockProgram:
         return np.asarray(self.R.swapaxes(1, 2) @ self.R)
 
     def share(self, norms: Array) -> Array:
-        """Return the weight of every residual in the gradient: 1 / |r_k|, or 1 for squares, (K,)."""
+        """Compute the weight of every residual in the gradient.
+
+        Args:
+            norms: Norms of the residuals, (K,).
+
+        Returns:
+            1 / |r_k|, or 1 for squares, (K,).
+        """
         return np.ones_like(norms) if self.squares else 1 / np.maximum(norms, TINY)
 
     def fit(self, norms: Array) -> float:
-        """Compute the sum of norms, (K,), or of half their squares."""
+        """Compute the sum of norms, or of half their squares.
+
+        Args:
+            norms: Norms of the residuals, (K,).
+
+        Returns:
+            The sum.
+        """
         return float((norms**2 / 2 if self.squares else norms).sum())
 
     def cost(self, x: Array, norms: Array) -> float:
@@ -87,7 +101,14 @@ class BlockProgram:
         return cost
 
     def at(self, x: Array) -> tuple[Array, Array]:
-        """Compute the norms at x, (K,), and the gradients of their contributions, (K, n)."""
+        """Compute the norms at x and the gradients of their contributions.
+
+        Args:
+            x: Coordinates of the blocks, (n,).
+
+        Returns:
+            Norms, (K,), and gradients, (K, n).
+        """
         left = self.R @ x - self.z
         norms = np.sqrt((left**2).sum(axis=1) + self.rest**2)
         return norms, np.vecmat(left, self.R) * self.share(norms)[:, None]
@@ -109,6 +130,12 @@ class Iterate:
         """Bound the distance from the optimum: the duality gap plus |x| |gradient - s|.
 
         With a barrier, the distance of the products X S from the barrier replaces the gap.
+
+        Args:
+            program: The program that is solved.
+
+        Returns:
+            The bound, in units of the cost.
         """
         gap = float(self.x @ self.s)
         if program.barrier:
@@ -303,7 +330,14 @@ class Scaling:
         return np.asarray(np.sqrt(self.d)[..., None] * (self.V.swapaxes(-1, -2) @ np.linalg.inv(self.L)))
 
     def scaled(self, x: Array) -> Array:
-        """Scale a direction of x: G^-1 X G^-T, (..., blocks, m, m)."""
+        """Scale a direction of x: G^-1 X G^-T.
+
+        Args:
+            x: The direction, (..., n).
+
+        Returns:
+            Scaled blocks, (..., blocks, m, m).
+        """
         return np.asarray(self.inverse @ cone.smat(x[..., self.at]) @ self.inverse.swapaxes(-1, -2))
 
     def corrected(self, aim: float | Array, X: Array) -> Array:

@@ -90,12 +90,26 @@ class PriorScaling:
         )
 
     def matrices(self, x: Array) -> list[Array]:
-        """Return the matrix X of every block, from x of (n,)."""
+        """Return the matrix X of every block.
+
+        Args:
+            x: Coordinates of all blocks, (n,).
+
+        Returns:
+            The matrices.
+        """
         ends = np.cumsum([cone.triangle(n) for n in self.sizes])[:-1]
         return [cone.smat(part) for part in np.split(x, ends)]
 
     def project(self, x: Array) -> Array:
-        """Set the negative eigenvalues of every block of x, (n,), to zero: the solver's last digits."""
+        """Set the negative eigenvalues of every block to zero: the solver's last digits.
+
+        Args:
+            x: Coordinates of all blocks, (n,).
+
+        Returns:
+            The coordinates, (n,).
+        """
         found = x.copy()
         for at in cone.groups_of(self.sizes):
             found[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
@@ -269,9 +283,19 @@ def _root(P: Array, prior: Prior, structure: Structure) -> Array:
     """Symmetric square root of a prior in every block, refused if not symmetric positive definite there."""
 
     def refused(row: int, problem: str) -> BenchError:
+        """Make the error about a block of the prior.
+
+        Args:
+            row: A row of the block.
+            problem: What was expected.
+
+        Returns:
+            The error.
+        """
         label = structure.labels[structure.blocks[structure.block_of[row]][0]]
         return BenchError(f"prior {prior.name}, {label} ...: expected a {problem}")
 
+    # Each block is scaled to unit diagonal, because metres and radians differ in size.
     d = np.sqrt(np.maximum(np.diag(P), 0))
     safe = np.where(d > 0, d, 1.0)
     unit, root = P / np.outer(safe, safe), np.zeros_like(P)

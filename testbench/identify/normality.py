@@ -44,7 +44,14 @@ def lilliefors(residuals: Array) -> float:
 
 
 def size_factor(n: int) -> float:
-    """Return the factor that makes D of n residuals comparable to that of other sizes [1]."""
+    """Return the factor that makes D of n residuals comparable to that of other sizes.
+
+    Args:
+        n: Number of residuals.
+
+    Returns:
+        The factor [1].
+    """
     return float(np.sqrt(n) - 0.01 + 0.85 / np.sqrt(n))
 
 

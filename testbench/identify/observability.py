@@ -76,9 +76,15 @@ class HiddenQuantity:
 
 
 def null_space(A: Array) -> Array:
-    """Compute a basis of the null space of rows, (rows, n), whose columns differ in unit: (n, n - rank).
+    """Compute a basis of the null space of rows whose columns differ in unit.
 
     Mathematics: `obs-5`.
+
+    Args:
+        A: The rows, (rows, n).
+
+    Returns:
+        Basis, (n, n - rank).
     """
     n = A.shape[1]
     seen = np.flatnonzero(~zero_columns(A))
@@ -128,7 +134,14 @@ def directions(A: Array, unit: Array, groups: Sequence[Ids], known: Array) -> Ar
 
 
 def zero_columns(A: Array) -> Mask:
-    """Tell which columns are zero up to rounding, (n,)."""
+    """Tell which columns are zero up to rounding.
+
+    Args:
+        A: The rows, (rows, n).
+
+    Returns:
+        Mask, (n,).
+    """
     norm = np.linalg.norm(A, axis=0)
     return np.asarray(norm <= ZERO_COLUMN * norm.max(initial=0))
 
@@ -166,7 +179,14 @@ def circuits(N: Array, unit: Array) -> Array:
 
 
 def participants(row: Array) -> Direction:
-    """Describe a direction, (n,), by the unknowns that take part in it."""
+    """Describe a direction by the unknowns that take part in it.
+
+    Args:
+        row: The direction, (n,).
+
+    Returns:
+        The unknowns, the one that changes most first.
+    """
     size = np.abs(row) / np.abs(row).max()
     order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > ZERO_ENTRY]
     return Direction(
@@ -203,7 +223,7 @@ def hidden_quantities(
     Args:
         quantities: Quantities that may be named.
         L: Root of the prior's covariance L L^T, (size, size).
-        M: Information of the readings in units of the prior, L^T A^T A L.
+        M: Information of the readings in units of the prior, L^T A^T A L, (size, size).
         never: Structural directions, orthonormal, in units of the prior, (size, k); they count as known.
         further: Information that further readings would add: one joint turned after the other, then all of
             them.
@@ -214,10 +234,12 @@ def hidden_quantities(
     H, names = np.vstack([one.H for one in quantities]) @ L, [one.name for one in quantities]
     ends = np.cumsum([len(one.H) for one in quantities])
     parts = [np.arange(end - len(one.H), end) for end, one in zip(ends, quantities, strict=True)]
+    # Covariance of all quantities, structural directions held.
     pins = STRUCTURAL_INFORMATION * never @ never.T
     K = H @ _covariance(M + pins) @ H.T
     after = [_covariance(M + extra + pins) for extra in further]
     found = []
+    # Of every quantity that is left open: what hides it, and which joint helps.
     for k, (observed_quantity, at) in enumerate(zip(quantities, parts, strict=True)):
         unit = _unit(H[at], never)
         if (
@@ -240,6 +262,7 @@ def hidden_quantities(
                     observed_quantity.name, tuple(names[i] for i in behind), share, correlation, helps
                 )
             )
+    # Of those that hide behind each other the most uncertain is named.
     kept: dict[object, HiddenQuantity] = {}
     for left in sorted(found, key=lambda left: (not left.behind, -left.share)):
         kept.setdefault(frozenset((left.name, *left.behind)) if left.behind else left.name, left)

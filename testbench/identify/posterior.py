@@ -55,7 +55,7 @@ class Intervals(Displayed):
     lower: Array  #: -inf where the data see nothing.
     upper: Array  #: inf where the data see nothing.
     confidence: float  #: Of each interval by itself [1].
-    on_boundary: bool  #: Whether the cone holds the estimate: then the intervals are not exact.
+    on_boundary: bool  #: Whether the cone holds the estimate; the intervals are then not exact.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -174,7 +174,14 @@ class Posterior(Displayed):
         return Intervals(centre, centre - half, centre + half, confidence, self.on_boundary)
 
     def covariance(self, functionals: Array) -> Array:
-        """Compute covariances of groups of k observable functionals: (..., k, n) -> (..., k, k)."""
+        """Compute covariances of groups of k observable functionals.
+
+        Args:
+            functionals: Rows of the functionals, (..., k, n).
+
+        Returns:
+            Covariances, (..., k, k).
+        """
         white = functionals @ self.root.T
         return np.asarray(white @ white.swapaxes(-1, -2))
 
@@ -409,6 +416,13 @@ def quantile(tail: float, p: float) -> float:
 
 
 def check_confidence(confidence: float) -> None:
-    """Refuse what is not between 0 and 1 by BenchError."""
+    """Check a confidence.
+
+    Args:
+        confidence: The confidence [1].
+
+    Raises:
+        BenchError: If it is not between 0 and 1.
+    """
     if not 0 < confidence < 1:
         raise BenchError(f"confidence: expected a number between 0 and 1, got {confidence}")

@@ -76,12 +76,14 @@ def register_dataset(
     check_type(vjm, Vjm, "vjm")
     check_type(data, Dataset, "data")
     check_runs(vjm, data)
+    # Directions and fixed points are in base axes: nothing is registered.
     if data.lines.any():
         if frame not in ("auto", "base"):
             raise BenchError("frame: expected base axes for directions of gauges and distances")
         none = np.zeros(len(data.markers), dtype=bool)
         why = "directions of gauges and distances are in base axes"
         return RegisteredDataset(vjm, resolve_lines(vjm, _at_markers(vjm, data)), None, "base", none, why)
+    # Register the unloaded readings; those that are in base axes already keep their frame.
     series, nominal = unloaded_series(data), dict(zip(vjm.arm.markers, vjm.markers, strict=True))
     base = {one.frame: Frame(np.eye(3), np.zeros(3)) for one in series}
     try:
@@ -97,6 +99,7 @@ def register_dataset(
         if frame not in ("auto", "base") or not set(data.markers) <= set(vjm.arm.markers):
             raise
         return RegisteredDataset(vjm, data, None, "base", np.zeros(len(data.markers), dtype=bool), str(why))
+    # Which targets replace those of the folder: in base axes only those that are far off.
     taken = np.ones(len(registration.markers), dtype=bool)
     if frame == "base":
         taken = ~(np.linalg.norm(registration.targets - registration.nominal, axis=1) <= MAX_TARGET_SHIFT)
@@ -117,7 +120,14 @@ def _at_markers(vjm: Vjm, data: Dataset) -> Dataset:
 
 
 def unloaded_series(data: Dataset) -> tuple[Series, ...]:
-    """Return the unloaded readings of runs, one series per station that read anything."""
+    """Return the unloaded readings of runs.
+
+    Args:
+        data: The runs.
+
+    Returns:
+        One series per station that read anything.
+    """
     every = (select_rows(series, np.arange(series.rows // 2)) for series in series_of(data, STATION, "tool"))
     return tuple(series for series in every if series.seen.any())
 
@@ -197,5 +207,12 @@ def transform_to_base(registration: Registration, data: Dataset) -> Dataset:
 
 
 def station_number(name: str) -> int:
-    """Return the number of the station from the name of its frame."""
+    """Return the number of the station from the name of its frame.
+
+    Args:
+        name: Name of the frame.
+
+    Returns:
+        The number.
+    """
     return int(name.removeprefix(STATION))

@@ -67,7 +67,14 @@ class Frame:
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
     def of(self, pose: Array) -> "Frame":
-        """Return the frame that takes the place of the base, given its pose in base axes, (4, 4) [m]."""
+        """Return the frame that takes the place of the base.
+
+        Args:
+            pose: Pose of the new frame's origin in base axes, (4, 4) [m].
+
+        Returns:
+            The frame, with its covariance.
+        """
         turn, place = pose[:3, :3], pose[:3, 3]
         J = np.eye(6)
         J[:3, :3], J[3:, :3] = turn.T, -self.rotation @ skew(place)
@@ -160,6 +167,7 @@ def register(
         BenchError: When the readings do not determine a frame or target, or no search converges.
     """
     frames, targets = frame_and_target_names(series)
+    # What is known: nominal targets and given frames.
     expected = np.array([nominal.get(name, np.full(3, np.nan)) for name in targets])
     known = FrameLayout(np.full((len(frames), 3, 3), np.nan), np.full((len(frames), 3), np.nan), expected)
     for name, frame in (given or {}).items():
@@ -168,6 +176,7 @@ def register(
         known.rotation[frames.index(name)] = frame.rotation
         known.translation[frames.index(name)] = frame.translation
     readings, free = mean_readings(vjm, series), np.isnan(known.translation[:, 0])
+    # Refine every start in closed form; the smallest residual wins.
     none = np.zeros(0)
     tried = [
         _refined(readings, Registration(frames, targets, expected, start, free, none, none, ASSUMED_NOISE, 0))
@@ -180,7 +189,14 @@ def register(
 
 
 def largest_deviation(covariance: Array) -> float:
-    """Compute the largest standard deviation along any direction, from a covariance of (n, n)."""
+    """Compute the largest standard deviation along any direction.
+
+    Args:
+        covariance: Covariance, (n, n).
+
+    Returns:
+        Root of its largest eigenvalue.
+    """
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0)))
 
 

@@ -105,7 +105,14 @@ def term_from_triangle(T: Array, rest: float, equations: int) -> Term:
 
 
 def triangular_factor(rows: Array) -> Array:
-    """Compute the triangular factor of rows by QR, (rows, n) -> (n, n)."""
+    """Compute the triangular factor of rows by QR.
+
+    Args:
+        rows: The rows, (rows, n).
+
+    Returns:
+        Upper triangular factor R with R^T R = rows^T rows, (n, n).
+    """
     R = np.linalg.qr(rows, mode="r")
     T = np.zeros((rows.shape[1],) * 2)
     T[: len(R)] = R
@@ -181,7 +188,14 @@ def scatter_to(values: Array, structure: Structure, widest: Structure) -> Array:
 
 
 def check_symmetric(structure: Structure) -> None:
-    """Refuse by BenchError a structure that no Gramian has: one that leaves the symmetry open."""
+    """Check that a structure can be a Gramian.
+
+    Args:
+        structure: The structure.
+
+    Raises:
+        BenchError: If it does not impose symmetry.
+    """
     if not structure.symmetric:
         raise BenchError(f"GCO: expected a symmetric structure, {structure.name} leaves the symmetry open")
 
@@ -190,6 +204,12 @@ def rank(A: Array) -> int:
     """Compute the rank of a matrix whose columns have unlike units: each is scaled to norm one first.
 
     Mathematics: `obs-4`.
+
+    Args:
+        A: The matrix, (rows, n).
+
+    Returns:
+        The rank.
     """
     norm = np.linalg.norm(A, axis=0)
     seen = norm > ZERO_COLUMN * norm.max(initial=0)

@@ -74,6 +74,7 @@ def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedRe
         raise BenchError(f"robust fit: expected at most {MAX_READINGS} readings, got {data.runs * each}")
     data = resolve_lines(vjm, data)
     vjm = model_for(vjm, structure)
+    # Rows of every reading, whitened, without lost ones.
     equilibrium = nominal_chain(vjm, data.q, [Load(data.wrench, data.point)])
     rows, kinds = pair_rows(compliance_unknowns(vjm, structure), equilibrium, data, np.arange(data.runs))
     A, marker = each_reading(rows, kinds), np.arange(each)
@@ -84,6 +85,7 @@ def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedRe
     lines = np.zeros((data.runs, each), dtype=bool)
     lines[:, : len(data.markers)] = data.lines
     lines = lines.ravel()[used]
+    # Size of a standard deviation: of a position the geometric mean of its axes.
     size = np.abs(np.linalg.det(np.where(lines[:, None, None], np.eye(3), root))) ** (-1 / 3)
     return WeightedReadings(
         A=A[:, :, :-1],

@@ -81,7 +81,7 @@ class JointLaw(Protocol):
 
 @dataclass(frozen=True)
 class Stiffening:
-    """Springs that stiffen: f(x_1) - x_1 - (f(x_0) - x_0), f + beta f^3 / phi^2 = x.
+    """Describe springs that stiffen: f(x_1) - x_1 - (f(x_0) - x_0), f + beta f^3 / phi^2 = x.
 
     f is the turn of a spring whose stiffness at the turn phi is (1 + beta) times that at zero.
     """
@@ -118,7 +118,7 @@ class Stiffening:
 
 @dataclass(frozen=True)
 class Backlash:
-    """Gaps in the gear: b (tanh(x_1 / b) - tanh(x_0 / b)), b half the gap.
+    """Describe gaps in the gear: b (tanh(x_1 / b) - tanh(x_0 / b)), b half the gap.
 
     The sign of the torque selects the side of the gap.
     """
@@ -158,7 +158,7 @@ class Backlash:
 
 @dataclass(frozen=True)
 class Friction:
-    """Friction that holds the joint back: -h clip((x_1 - x_0) / h, -1, 1), h half the hysteresis loop.
+    """Describe friction that holds the joint: -h clip((x_1 - x_0) / h, -1, 1), h half the hysteresis loop.
 
     It holds back no more than the turn itself. For a load that was put on in the pose and then taken off the
     full width counts, because the joint was held back both times.

@@ -83,6 +83,13 @@ def build_tree(arm: Arm) -> pin.Model:
         return pin.SE3(body_pose(arm, body, unit))
 
     def add(name: str, joint: int, placement: pin.SE3) -> None:
+        """Add the frame of a body to the tree.
+
+        Args:
+            name: Name of the body.
+            joint: Index of its parent joint in Pinocchio.
+            placement: Pose of the body in that joint's frame [m].
+        """
         model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.BODY))
 
     # pose of the base in the world, through all bodies above it

@@ -189,19 +189,25 @@ def law_kinds(structure: Structure) -> tuple[str, ...]:
 
 
 def size_prior(kind: str) -> tuple[float, float]:
-    """Return the median of a law's size before any reading, and the deviation of its logarithm [1].
+    """Return the prior of a law's size, before any reading.
 
     Args:
         kind: Kind of the law.
+
+    Returns:
+        Median of the size, and standard deviation of its logarithm [1].
     """
     return COMPENSATOR_LAW_PRIOR if kind == STRUT else joint_laws[kind].size_prior
 
 
 def law_unit(kind: str) -> float:
-    """Return the meaning of a size of one in SI units [1, rad; m for a slide].
+    """Return the meaning of a size of one in SI units.
 
     Args:
         kind: Kind of the law.
+
+    Returns:
+        The unit [1, rad; m for a slide].
     """
     return COMPENSATOR_UNIT if kind == STRUT else joint_laws[kind].unit
 

@@ -144,7 +144,14 @@ class Weights:
 
 
 def no_weights(arm: Arm) -> Weights:
-    """Make the weights of an arm whose links weigh nothing."""
+    """Make the weights of an arm whose links weigh nothing.
+
+    Args:
+        arm: The arm, n joints.
+
+    Returns:
+        Masses and first moments of the n + 2 bodies, all zero.
+    """
     return Weights(np.zeros(arm.n_joints + 2), np.zeros((arm.n_joints + 2, 3)))
 
 

@@ -100,6 +100,7 @@ class Structure(Displayed):
                 nothing is unknown.
         """
         check_type(arm, Arm, "arm")
+        # Entries are those of one triangle, or of both.
         symmetric = all(a <= b for a, b in entries)
         mirrored = {(b, a) for a, b in entries} == set(entries)
         inside = all(min(pair) >= 0 and max(pair) < 6 for pair in entries)
@@ -111,6 +112,7 @@ class Structure(Displayed):
         link_names, joint_names = [x.name for x in arm.links], [x.name for x in arm.joints]
         i = _indices("link", links, link_names, arm.name)
         j = _indices("joint", joints, joint_names, arm.name)
+        # Rows and columns of C_theta: of each link, then of each joint.
         pairs = [(6 * k + a, 6 * k + b) for k in i for a, b in entries]
         pairs += [(6 * len(link_names) + k,) * 2 for k in j]
         if not pairs:
@@ -245,7 +247,14 @@ class Structure(Displayed):
 
 
 def labels_of(arm: Arm) -> tuple[str, ...]:
-    """Name every row of C_theta, (n_theta,): link and axis such as "link_2.phi_x", then the joints."""
+    """Name every row of C_theta.
+
+    Args:
+        arm: The arm.
+
+    Returns:
+        Link and axis such as "link_2.phi_x", then the joints, (n_theta,).
+    """
     links = [
         f"{link.name}.{axis}" for link in arm.links for axis in ("x", "y", "z", "phi_x", "phi_y", "phi_z")
     ]
@@ -297,7 +306,14 @@ mgco47 = _named("MGCO47", (2, 3), slice(1, None))  #: Links 2 and 3 in full and 
 
 
 def joints_only(arm: Arm) -> Structure:
-    """Build the structure of joint stiffness only, links rigid: the model of most calibrations."""
+    """Build the structure of joint stiffness only, links rigid: the model of most calibrations.
+
+    Args:
+        arm: The arm, n joints.
+
+    Returns:
+        Structure of n parameters, one compliance per joint.
+    """
     return Structure.of(arm, joints=[joint.name for joint in arm.joints], name=JOINTS)
 
 

@@ -150,6 +150,9 @@ class Chain:
         return on_tool((self.position, self.rotation), points)
 
 
+# --- Kinematics, Eq. (1) to (3) -----------------------------------------------------------------------------
+
+
 def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     """Evaluate the extended chain: tool pose X = g(q, theta) of Eq. (1) and (2), and J_theta = dg / d theta.
 
@@ -326,6 +329,9 @@ def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
     return [(p.T, R.transpose(2, 0, 1)) for p, R in bodies]
 
 
+# --- Rotations of frames ------------------------------------------------------------------------------------
+
+
 def displace_link(p: Array, beam: Array, theta: Array) -> tuple[Array, Array, Array]:
     """Move a link's virtual joint away from zero: slides x, y, z, then hinges x, y, z in series.
 
@@ -404,6 +410,9 @@ def cross(a: Array, b: Array) -> Array:
         a x b, (3, ...).
     """
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+# --- Loads, Eq. (3), and the observation matrix, Eq. (12) ---------------------------------------------------
 
 
 def translation_rows(where: Chain, points: Array) -> Array:

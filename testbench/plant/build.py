@@ -121,6 +121,9 @@ def check_geoms(path: Path, model: mujoco.MjModel) -> None:
     Args:
         path: File of the model, for the message.
         model: The compiled MuJoCo model.
+
+    Raises:
+        InputError: If a geom is too large, or too many pairs of geoms can collide.
     """
     bounded = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
     reach = np.abs(np.hstack([model.geom_pos, model.geom_aabb])).max(axis=1)
@@ -139,6 +142,12 @@ def check_geoms(path: Path, model: mujoco.MjModel) -> None:
 def build_plant(arm: Arm) -> Plant:
     """Build the elastic MuJoCo model of an arm.
 
+    Args:
+        arm: The arm.
+
+    Returns:
+        The plant, without disturbances.
+
     Raises:
         InputError: If MuJoCo refuses the arm's MJCF.
     """
@@ -156,6 +165,7 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
         The plant.
     """
     theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
+    # Compliances in the order of MuJoCo's degrees of freedom.
     C = np.zeros((model.nv, model.nv))
     C[np.ix_(theta, theta)] = arm.C_theta
     data = mujoco.MjData(model)
@@ -198,7 +208,14 @@ def with_model(plant: Plant, model: mujoco.MjModel) -> Plant:
 
 
 def weightless(plant: Plant) -> Plant:
-    """Copy a plant without gravity."""
+    """Copy a plant without gravity.
+
+    Args:
+        plant: The plant.
+
+    Returns:
+        The copy.
+    """
     model = copy.copy(plant.model)
     model.opt.gravity[:] = 0
     return with_model(plant, model)

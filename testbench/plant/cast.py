@@ -111,10 +111,16 @@ class Sections:
         return np.asarray(np.einsum("sw,g,swgi,swgj->sij", ease, weights, self.flow, self.flow))
 
     def compliance(self, material: Material) -> Array:
-        """Compute the strain of the section per force and moment at its centroid, (sections, 6, 6).
+        """Compute the strain of the sections per force and moment at their centroids, per metre of beam.
 
-        (stretch, shear y, z, twist, curvature y, z) = c (N, V_y, V_z, T, M_y, M_z), per metre of beam. The
-        twist follows the torque about the shear centre e, T - (e_y V_z - e_z V_y).
+        (stretch, shear y, z, twist, curvature y, z) = c (N, V_y, V_z, T, M_y, M_z). The twist follows the
+        torque about the shear centre e: T - (e_y V_z - e_z V_y).
+
+        Args:
+            material: Material of the beam.
+
+        Returns:
+            Compliance c per metre, (sections, 6, 6) [1/N, 1/(N m), 1/(N m^2)].
         """
         E, G = material.E, material.G
         c = np.zeros((len(self.corners), 6, 6))
@@ -141,13 +147,13 @@ def rib_thickness(material: Material, width: Array, pitch: Array, rib: Array, th
 
     Args:
         material: Material of the ribs.
-        width: Width b of the wall that they replace [m].
-        pitch: Distance a of the ribs [m].
-        rib: Width of a rib along the beam [m].
-        thickness: Thickness of a rib [m].
+        width: Width b of the wall that they replace, (sections,) [m].
+        pitch: Distance a of the ribs, (sections,) [m].
+        rib: Width of a rib along the beam, (sections,) [m].
+        thickness: Thickness of a rib, (sections,) [m].
 
     Returns:
-        Thickness [m].
+        Thickness, (sections,) [m].
     """
     bending = pitch * width / (material.E * thickness * rib**3)
     shear = 1.2 * pitch / (width * material.G * thickness * rib)
@@ -227,7 +233,14 @@ class Casting:
     rib: float  #: Width of a rib over the pitch [1].
 
     def sections(self, s: Array) -> Sections:
-        """Compute the cross sections at shares of the length, (k,)."""
+        """Compute cross sections along the link.
+
+        Args:
+            s: Distances from the root over the length of the link, (k,) [1].
+
+        Returns:
+            The sections, k of them.
+        """
         width, height = (self.size * (1 + s[:, None] * (self.taper - 1))).T / 2
         top = self.trapezium * width
         y, z = np.array([-width, width, top, -top]).T, np.array([-height, -height, height, height]).T
@@ -246,7 +259,14 @@ class Casting:
         return whole
 
     def compliance(self, segments: int = SEGMENTS) -> Array:
-        """Compute the compliance at the link's end in the beam frame, (6, 6) [m/N, rad/(N m)]."""
+        """Compute the compliance at the link's end in the beam frame.
+
+        Args:
+            segments: Number of Gauss-Legendre nodes along the link.
+
+        Returns:
+            Compliance, (6, 6) [m/N, rad/(N m)].
+        """
         nodes, weights = np.polynomial.legendre.leggauss(segments)
         s = (1 + nodes) / 2
         sections = self.sections(s)
@@ -311,6 +331,15 @@ def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Cas
         return float(rng.uniform(*RANGES[name]))
 
     def each(name: str, count: int) -> Array:
+        """Draw several values of one dimension.
+
+        Args:
+            name: Its name in `RANGES`.
+            count: Number of values.
+
+        Returns:
+            The values, (count,).
+        """
         return rng.uniform(*RANGES[name], count)
 
     return Casting(

@@ -33,7 +33,13 @@ class Strut:
 
 
 def hinged_bodies(plant: Plant) -> tuple[int, int]:
-    """Find the bodies that the compensator connects: ids of link 1 and link 2.
+    """Find the bodies that the compensator connects: links 1 and 2.
+
+    Args:
+        plant: The plant.
+
+    Returns:
+        Their ids in MuJoCo.
 
     Raises:
         BenchError: If the arm has fewer than two joints, or joint 2 is prismatic.
@@ -80,7 +86,7 @@ def strut_force(strut: Strut, plant: Plant, state: BodyState, some: Ids) -> Arra
         strut: The compensator.
         plant: The plant.
         state: The present poses.
-        some: Places of the poses that are wanted.
+        some: Places of the poses that are wanted, (poses,).
 
     Returns:
         Force on every degree of freedom, (some, nv) [N, N m].
@@ -99,7 +105,7 @@ def correct_for_strut(strut: Strut, step: Array, some: Ids) -> Array:
     Args:
         strut: The compensator.
         step: Steps without it, (some, nv) [m, rad].
-        some: Places of the poses.
+        some: Places of the poses, (poses,).
 
     Returns:
         Steps with it, (some, nv) [m, rad].

@@ -39,6 +39,7 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
     if disturbances.compensator is not None:
         hinged_bodies(plant)
     n = plant.arm.n_joints
+    # All numbers are drawn whatever is switched on, so that one disturbance does not change another.
     offset, frames, centre = rng.standard_normal(n), rng.standard_normal((n + 1, 6)), rng.standard_normal(3)
     true = _on_foundation(plant, disturbances.foundation)
     if not disturbances.own_weight:
@@ -59,7 +60,14 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
 
 
 def exactly_loaded(plant: Plant) -> Plant:
-    """Copy a plant without errors of the recorded load: its mass and its centre are exact."""
+    """Copy a plant without errors of the recorded load: its mass and its centre are exact.
+
+    Args:
+        plant: The plant.
+
+    Returns:
+        The copy.
+    """
     exact = replace(plant.disturbances, mass_error=0.0, centre_error=0.0)
     return replace(plant, disturbances=exact, centre=np.zeros(3))
 

@@ -48,12 +48,26 @@ def virtual_joint(link: str, axis: str) -> str:
 
 
 def sprung_joint(joint: str) -> str:
-    """Return the name of the sprung hinge or slide on the axis of an actuated joint in the elastic MJCF."""
+    """Name the sprung hinge or slide on the axis of an actuated joint in the elastic MJCF.
+
+    Args:
+        joint: Name of the actuated joint.
+
+    Returns:
+        Name of the sprung joint.
+    """
     return f"{joint}_theta"
 
 
 def theta_names(arm: Arm) -> list[str]:
-    """List the names of the virtual joints in the order of theta, n_theta."""
+    """List the names of the virtual joints in the order of theta.
+
+    Args:
+        arm: The arm.
+
+    Returns:
+        The names, (n_theta,).
+    """
     links = [virtual_joint(link.name, axis) for link in arm.links for axis in AXES]
     return links + [sprung_joint(j.name) for j in arm.joints]
 

@@ -121,6 +121,15 @@ def solve_equilibrium(
     true_q = q + plant.offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
     def settled(some: slice, row: ArmsInRow) -> ArmEquilibrium:
+        """Find the equilibrium of some runs.
+
+        Args:
+            some: The runs.
+            row: Copies of the arm that are evaluated together.
+
+        Returns:
+            Their equilibrium.
+        """
         held, C = fixed_configurations(plant, true_q[some]), plant.compliance(q[some])
         poses = Batch(plant, held, wrench[some], point[some], C, law and law.of(some))
         if changes.compensator is not None:
@@ -317,7 +326,7 @@ def tangent(poses: Batch, row: ArmsInRow, qpos: Array, pose: int) -> Array:
     Args:
         poses: The poses.
         row: Arms in one MuJoCo model that are evaluated at once.
-        qpos: Configuration of the pose.
+        qpos: Configuration of the pose, (nv,) [m, rad].
         pose: Its number.
 
     Returns:
@@ -368,6 +377,15 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
     point = check_array(point, (len(q), 3), "point [m]")
 
     def settled(some: slice, row: ArmsInRow) -> ArmEquilibrium:
+        """Find the equilibrium of some runs.
+
+        Args:
+            some: The runs.
+            row: Copies of the arm that are evaluated together.
+
+        Returns:
+            Their equilibrium.
+        """
         return _displaced(plant, row, q[some], wrench[some], point[some])
 
     return in_parts(plant, len(q), settled)

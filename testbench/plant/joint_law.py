@@ -73,7 +73,14 @@ class JointLaw:
     added: TrueLaw | None = None  #: Effect that a user adds; None for none.
 
     def of(self, some: Ids | slice) -> "JointLaw":
-        """Select the law of some runs."""
+        """Select the law of some runs.
+
+        Args:
+            some: Places of the runs, (runs,).
+
+        Returns:
+            The same law with the states of these runs.
+        """
         return self if self.before is None else replace(self, before=self.before[some])
 
 
@@ -177,7 +184,7 @@ def friction_following(d: Array, slip: Array) -> Array:
 
     Args:
         d: Motion of the target, (..., n) [rad].
-        slip: Largest half width of a joint's elements, broadcast to d [rad].
+        slip: Largest half width of a joint's elements, (n,), broadcast to d [rad].
 
     Returns:
         Mean motion of the elements, (..., n) [rad].
@@ -191,7 +198,7 @@ def slipping_share(d: Array, slip: Array) -> Array:
 
     Args:
         d: Motion of the target, (..., n) [rad].
-        slip: Largest half width of a joint's elements, broadcast to d [rad].
+        slip: Largest half width of a joint's elements, (n,), broadcast to d [rad].
 
     Returns:
         Share, (..., n) [1].

@@ -65,7 +65,7 @@ def of_rows(frames: BodyFrames, rows: Ids) -> BodyFrames:
 
     Args:
         frames: Places of all bodies.
-        rows: Numbers of the poses, in the order wanted; one may stand in it more than once.
+        rows: Numbers of the poses, (rows,), in the order wanted; one may occur more than once.
 
     Returns:
         The places in these poses.
@@ -88,17 +88,38 @@ def origins(site: Site, names: Sequence[str], frames: BodyFrames) -> Array:
 
 
 def drawn_shapes(site: Site) -> list[Shape]:
-    """List the visual geoms of an arm; empty if it has none."""
+    """List the visual geoms of an arm.
+
+    Args:
+        site: The arm in its place.
+
+    Returns:
+        The geoms; none if the arm has none.
+    """
     return _shapes(site.model, site.model.geom_group < VISUAL_GROUPS)
 
 
 def visual_shapes(site: Site) -> list[Shape]:
-    """List the visual geoms of an arm; sticks from body to body if it has none."""
+    """List the visual geoms of an arm, or sticks from body to body if it has none.
+
+    Args:
+        site: The arm in its place.
+
+    Returns:
+        The geoms or sticks.
+    """
     return drawn_shapes(site) or _sticks(site.model)
 
 
 def solid_shapes(site: Site) -> list[Shape]:
-    """List the colliding geoms of an arm."""
+    """List the colliding geoms of an arm.
+
+    Args:
+        site: The arm in its place.
+
+    Returns:
+        The geoms.
+    """
     return _shapes(site.model, site.model.geom_contype != 0)
 
 
@@ -167,7 +188,14 @@ def _mesh(model: mujoco.MjModel, k: int) -> Mesh:
 
 
 def join_meshes(shapes: Sequence[Shape]) -> tuple[Mesh, list[int]]:
-    """Join meshes of one body to one mesh in the body's axes, with the number of vertices of each."""
+    """Join the meshes of one body to one mesh.
+
+    Args:
+        shapes: Shapes of the body; those without a mesh are skipped.
+
+    Returns:
+        The mesh in the body's axes [m], and the number of vertices of each part.
+    """
     pairs = [(shape, shape.mesh) for shape in shapes if shape.mesh is not None]
     counts = [len(mesh.vertices) for _, mesh in pairs]
     first = np.cumsum([0, *counts])
@@ -202,14 +230,28 @@ def _sticks(model: mujoco.MjModel) -> list[Shape]:
 
 
 def rotation_of(quaternion: Array) -> Array:
-    """Convert MuJoCo's quaternion w, x, y, z, (4,), to a rotation matrix, (3, 3)."""
+    """Convert MuJoCo's quaternion to a rotation matrix.
+
+    Args:
+        quaternion: w, x, y, z, (4,) [1].
+
+    Returns:
+        Rotation matrix, (3, 3) [1].
+    """
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, np.asarray(quaternion, dtype=float))
     return rotation.reshape(3, 3)
 
 
 def quaternions(R: Array) -> Array:
-    """Convert rotation matrices, (..., 3, 3), to quaternions x, y, z, w, (..., 4)."""
+    """Convert rotation matrices to quaternions.
+
+    Args:
+        R: Rotation matrices, (..., 3, 3) [1].
+
+    Returns:
+        x, y, z, w, (..., 4) [1].
+    """
     return np.asarray(Rotation.from_matrix(R).as_quat())
 
 
@@ -286,6 +328,13 @@ POINTS: dict[Kind, Callable[[Array], Array]] = {
 
 
 def corners(shape: Shape) -> Array:
-    """Compute points whose convex hull is that of a shape, in its body, (points, 3) [m]."""
+    """Compute points whose convex hull is that of a shape.
+
+    Args:
+        shape: The shape.
+
+    Returns:
+        Points in the axes of its body, (points, 3) [m].
+    """
     own = POINTS[shape.kind](shape.size) if shape.mesh is None else shape.mesh.vertices
     return np.asarray(shape.position + own @ shape.rotation.T)

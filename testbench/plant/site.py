@@ -107,7 +107,17 @@ class Site:
 
 
 def check_position(position: object) -> Array:
-    """Check the position of a station, (3,) [m]; BenchError if it is not finite or far from any arm."""
+    """Check the position of a station.
+
+    Args:
+        position: Three coordinates [m].
+
+    Returns:
+        The position, (3,) [m].
+
+    Raises:
+        BenchError: If it is not three finite numbers, or is far from any arm.
+    """
     where = check_array(position, (3,), "position of the station [m]")
     if np.abs(where).max() > FARTHEST:
         raise BenchError(
@@ -336,7 +346,14 @@ def check_poses(site: Site, q: Array) -> None:
 
 
 def has_surroundings(site: Site) -> bool:
-    """Tell whether anything of the world collides, such as a floor or a wall."""
+    """Tell whether anything of the world collides, such as a floor or a wall.
+
+    Args:
+        site: The arm in its place.
+
+    Returns:
+        Whether the world has a geom that collides.
+    """
     model = site.model
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     return bool((collides & (model.geom_bodyid == 0)).any())

@@ -36,7 +36,14 @@ class ArmsInRow:
 
 
 def open_row(plant: Plant) -> ArmsInRow:
-    """Make the MuJoCo model with copies of the plant's arm in a row, which are evaluated together."""
+    """Make the MuJoCo model with copies of the plant's arm in a row, which are evaluated together.
+
+    Args:
+        plant: The plant.
+
+    Returns:
+        The model with views of its arrays, one row per copy.
+    """
     model, data = plant.abreast, mujoco.MjData(plant.abreast)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
     return ArmsInRow(
@@ -70,6 +77,7 @@ def evaluate(row: ArmsInRow, qpos: Array, bodies: Collection[int] = ()) -> BodyS
     motion, centre = np.empty((placed, nv, 6)), np.empty((placed, 3))
     position = {body: np.empty((room, 3)) for body in bodies}
     rotation = {body: np.empty((room, 3, 3)) for body in bodies}
+    # One call of MuJoCo for each row of arms; the last row is filled up.
     for start in range(0, room, arms):
         some = slice(start, start + arms)
         row.qpos[: poses - start] = qpos[some]

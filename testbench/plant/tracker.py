@@ -60,7 +60,14 @@ class LaserTracker:
     share: float = TYPICAL  #: Standard deviation over the maximum permissible error [1].
 
     def covariance(self, positions: Array) -> Array:
-        """Compute transverse^2 (I - u u^T) + radial^2 u u^T for the beam directions u, (..., 3, 3) [m^2]."""
+        """Compute transverse^2 (I - u u^T) + radial^2 u u^T for the beam directions u.
+
+        Args:
+            positions: True positions, world, (..., 3) [m].
+
+        Returns:
+            Covariance of one reading, (..., 3, 3) [m^2].
+        """
         u, radial, transverse = self._beam(positions)
         along = u[..., :, None] * u[..., None, :]
         radial, transverse = radial[..., None], transverse[..., None]

@@ -336,7 +336,14 @@ true_arms: Registry[TrueArm] = Registry("true arm", "testbench.true_arms", {**TR
 
 
 def called(name: str) -> str:
-    """Return what reports call a kind of true arm; one that a user added bears its own name."""
+    """Return the words that reports use for a kind of true arm; one that a user added keeps its own name.
+
+    Args:
+        name: Name of the kind.
+
+    Returns:
+        The words.
+    """
     return CALLED.get(name, name)
 
 

@@ -96,8 +96,8 @@ class Badge:
             return Markdown(f"Too few: nothing compares {winner} with {rival}.")
         least = "at least " if self.exact else ""
         shown = least + ratio(max(self.factor, 1 / self.factor))
-        side = "smaller" if self.factor >= 1 else "larger"
-        size = f"the {self.what} of {winner} is {shown} times {side}"
+        side = "lower" if self.factor >= 1 else "higher"
+        size = f"the {self.what} of {winner} is {shown}x {side}"
         times = f"{size} than that of {rival}"
         first, _, of = self.each.partition(" ")
         shared = f"from {counted(self.trials, 'trial')}" if self.trials else ""
@@ -234,7 +234,7 @@ def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:
 
 
 def incumbents(models: Iterable[Row], ours: str) -> list[str]:
-    """Rivals of a model's class: least squares and joint stiffness, with a prior only where it has one.
+    """List the rivals of a model's class: least squares and joint stiffness, with a prior only if it has one.
 
     Args:
         models: The models.

@@ -37,7 +37,7 @@ from testbench.workflows.rows import MM
 from testbench.workflows.workspace_errors import ErrorPlaces
 
 MOVED, LEFT = 0.12, 0.2  #: Length of most arrows of deflections and of errors over the reach [1].
-LEFT_MM = "What is left in each run, at the target where it is worst (mm)"
+LEFT_MM = "Largest residual of each run (mm)"
 NOWHERE = "no bound"
 NEXT = "Measure next"  #: What is written where the chosen model is least sure.
 

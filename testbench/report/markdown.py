@@ -54,7 +54,7 @@ def grid(table: Table) -> Markdown:
 
 
 def lines(head: Sequence[str], rows: Sequence[Sequence[str]], words: Sequence[bool] = ()) -> Markdown:
-    """Cells of Markdown under headings; numbers stand on the right, the first column and `words` left.
+    """Write cells of Markdown under headings; numbers stand on the right, the first column and `words` left.
 
     Args:
         head: Headings.

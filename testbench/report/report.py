@@ -140,7 +140,7 @@ class Report:
         return Markdown("\n\n".join(filter(None, [title, grid(table)])) if table.rows else "")
 
     def whole(self) -> str:
-        """report.md."""
+        """Write report.md."""
         head = [
             f"# {titled(self.scenario)}",
             self.title,
@@ -151,7 +151,7 @@ class Report:
         return "\n\n".join(filter(None, parts)) + "\n"
 
     def json(self) -> dict[str, Any]:
-        """report.json: all that any view is made of; a number that is not finite is null."""
+        """Write report.json: all that any view is made of; a number that is not finite is null."""
         said = {name: getattr(self, name) for name in (*PARTS, "claims")}
         body = [part if isinstance(part, Markdown) else {"table": part} for part in self.body]
         tables = {name: _packed(table) for name, table in self.tables.items()}

@@ -313,7 +313,7 @@ LEGS, HEIGHT, SPREAD = 3, 1.2, 0.35  #: Of a tripod; how high and how wide it st
 
 
 def on_tool(cell: Cell, frames: BodyFrames, point: Array) -> Array:
-    """Places of points that are fixed in the tool's frame, of the arm as it is drawn.
+    """Compute the places of points that are fixed in the tool's frame, of the arm as it is drawn.
 
     Args:
         cell: The arm.
@@ -329,7 +329,7 @@ def on_tool(cell: Cell, frames: BodyFrames, point: Array) -> Array:
 
 
 def loads(hook: Array, force: Array, reach: float) -> list[Layer]:
-    """Weights where a force points straight down, arrows of all other forces, each with its size.
+    """Draw weights for forces that point straight down, arrows for all others, each with its size.
 
     Args:
         hook: Where they act, (poses, 3) [m].
@@ -395,7 +395,7 @@ def trackers(stations: Array, names: Sequence[str] = ("tracker",)) -> Layer:
 
 
 def legs(head: Array) -> Array:
-    """Legs of the tripods of trackers, (k, 3) to (3 k, 2, 3) [m]: down to the floor if that is near."""
+    """Compute the legs of the tripods of trackers, (k, 3) to (3 k, 2, 3) [m], down to the floor if near."""
     down = np.where((head[:, 2] > 0) & (head[:, 2] < 2 * HEIGHT), head[:, 2], HEIGHT)
     turn = 2 * np.pi * np.arange(LEGS) / LEGS
     way = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(LEGS)])

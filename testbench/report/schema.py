@@ -33,7 +33,7 @@ class TableColumn:
 
     @property
     def title(self) -> str:
-        """Heading and unit."""
+        """Return heading and unit."""
         return f"{self.heading}, {self.unit}" if self.unit else self.heading
 
     def value(self, row: object) -> Any:
@@ -249,12 +249,12 @@ def plain(number: str) -> str:
 
 
 def written_out(text: str) -> str:
-    """Words with every number in them as `plain` has it, whoever wrote them."""
+    """Write words with every number in them as `plain` has it, whoever wrote them."""
     return NUMBER.sub(lambda number: plain(number[0]), text)
 
 
 def show_truth(value: Share) -> str:
-    """Yes, no, or the share of trials."""
+    """Write yes, no, or the share of trials."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{100 * value:.0f} %"

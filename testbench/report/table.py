@@ -87,7 +87,7 @@ class Trials:
         return self.pick(found)
 
     def keep(self, *names: str) -> "Trials":
-        """Some columns; a name that ends with a dot is all that begin with it."""
+        """Select some columns; a name that ends with a dot is all that begin with it."""
         return Trials({name: make for name, make in self.made.items() if _named(name, names)})
 
     def held(self) -> "Trials":
@@ -202,7 +202,7 @@ def _middle(cells: Cells, trials: Cells | None) -> Any:
 
 
 def shared(trials: Trials, models: Sequence[str]) -> Cells | None:
-    """Labels of the trials of `aligned` where cases share them, (trials,); None where each has its own.
+    """Return labels of the trials of `aligned` that cases share, (trials,); None if each has its own.
 
     Args:
         trials: Rows of the trials.

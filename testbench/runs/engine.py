@@ -35,7 +35,7 @@ fit.
 
 @dataclass(frozen=True)
 class Chunk:
-    """Trials that a worker has done."""
+    """Hold trials that a worker has done."""
 
     seeds: Sequence[int]  #: Of the trials.
     found: Sequence[Table]  #: Their rows by column.
@@ -43,7 +43,7 @@ class Chunk:
 
 
 class WorkersLost(BenchError):
-    """Workers died, or the cluster went away, with trials under way."""
+    """Report that workers died, or the cluster went away, with trials under way."""
 
 
 Chunks = Generator[Chunk, None, None]

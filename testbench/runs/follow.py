@@ -23,7 +23,7 @@ SHORT = 0.05  #: What takes less has no line in run.log [s].
 
 
 class Follower:
-    """Follows a command; its bars are on standard error, so that a pipe has the results alone."""
+    """Follow a command; its bars are on standard error, so that a pipe has the results alone."""
 
     def __init__(self, *, quiet: bool) -> None:
         self.began, self.begun, self.tasks = time.monotonic(), dict[str, float](), dict[str, TaskID]()
@@ -61,7 +61,7 @@ class Follower:
             self.bars.stop()
 
     def log(self) -> str:
-        """When the command began, its words, and every kind of steps: when it began, how long it took."""
+        """Write when the command began, its words, and of every kind of steps beginning and length."""
         return "\n".join([*self.lines, f"{time.monotonic() - self.began:9.2f} s  files are written", ""])
 
 

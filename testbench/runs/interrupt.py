@@ -26,7 +26,7 @@ class Session(NamedTuple):
 
     @property
     def taken(self) -> frozenset[str]:
-        """Keys of the project file whose values were taken."""
+        """List the keys of the project file whose values were taken."""
         found = self.project.get("taken")
         return frozenset(found if isinstance(found, Mapping) else ())
 

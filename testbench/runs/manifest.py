@@ -185,7 +185,7 @@ def write_manifest(
     models: Mapping[str, Mapping[str, str]],
     **measured: object,
 ) -> None:
-    """manifest.json: what it takes to run again, and all files of the run, their SHA-256; so it comes last.
+    """Write manifest.json, the last file: what it takes to run again, and the SHA-256 of all files.
 
     Args:
         folder: Where to.
@@ -212,7 +212,7 @@ def write_manifest(
 
 
 def write_log(folder: Path) -> None:
-    """run.log: what the command did so far, and when; before the manifest, which has its SHA-256."""
+    """Write run.log: what the command did so far, and when; before the manifest, which has its SHA-256."""
     (folder / "run.log").write_text(SESSION.get().log(), encoding="utf-8")
 
 

@@ -37,7 +37,7 @@ def finite(value: float | None) -> float | None:
 
 @dataclass(frozen=True)
 class ColumnType:
-    """Type of a column."""
+    """Describe the type of a column."""
 
     kind: type  #: float, int, str or bool.
     several: bool  #: Whether a cell holds a tuple of them, perhaps None among them.

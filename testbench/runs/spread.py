@@ -141,7 +141,7 @@ def redrawn(count: int) -> Ids:
 
 
 def independent(holds: Cells, trials: Cells) -> int:
-    """Number of independent cases that would tell a share as precisely as these, of which some share a trial.
+    """Count the independent cases that tell a share as precisely as these, of which some share a trial.
 
     Args:
         holds: Whether something holds in each case, (n,).
@@ -192,7 +192,7 @@ def most(value: Number) -> float:
 
 
 def ends(value: Number) -> tuple[float, float]:
-    """5th and 95th percentile, of few trials the range; twice the number where it has no spread."""
+    """Compute the 5th and 95th percentile, of few trials the range; twice a number without spread."""
     return value.ends if isinstance(value, Spread) else (middle(value), middle(value))
 
 

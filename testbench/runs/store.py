@@ -63,7 +63,7 @@ class TrialPlan:
 
 
 def numeric_versions() -> dict[str, str]:
-    """Versions of Python, of the packages that compute and of our sources: other ones may change results."""
+    """List the versions of Python, of packages that compute and of our sources, which may change results."""
     packages = {k: v for k, v in files.versions().items() if k != "rerun-sdk"}
     python = ".".join(platform.python_version_tuple()[:2])  # without the number of the bug fix
     return {"python": python, **packages, "sources": files.sources()}
@@ -337,11 +337,11 @@ class TrialStore(Generic[R]):
 
     @property
     def count(self) -> int:
-        """Trials of the experiment that are stored."""
+        """Count the trials of the experiment that are stored."""
         return len(self.done)
 
     def missing(self) -> list[int]:
-        """Seeds that are not stored, in order."""
+        """List the seeds that are not stored, in order."""
         return [seed for seed in self.experiment.seeds if seed not in self.done]
 
     def rows(self) -> list[R]:

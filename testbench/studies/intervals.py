@@ -242,7 +242,7 @@ def _refits(regressions: Sequence[Regression], estimate: Estimate) -> Array:
 
 
 def resampler(regression: Regression) -> Callable[[Array, np.random.Generator], Regression]:
-    """Draws of reduced datasets, at parameters, (n,), in the same poses under the same loads.
+    """Draw reduced datasets, at parameters, (n,), in the same poses under the same loads.
 
     The rows are divided by sqrt(2) sigma sqrt(N): each orthonormal coordinate in the range of R has noise of
     deviation 1 / sqrt(N), and the rest is chi squared of all other equations over N.

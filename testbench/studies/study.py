@@ -29,7 +29,7 @@ P = TypeVar("P")
 
 
 class Everywhere(Protocol):
-    """Does pieces of work on all cores, as trials are done, and stores them for --resume."""
+    """Do pieces of work on all cores, as trials are done, and stores them for --resume."""
 
     def __call__(
         self, work: Callable[[Sequence[int]], Sequence[Sequence[P]]], pieces: int, row: type[P], words: str

@@ -136,7 +136,7 @@ def _check_new(path: Path, series: Sequence[Series], before: Sequence[Series]) -
     again = sum(reading in known for reading in own)
     if again > len(own) / 2:
         raise InputError(
-            path, "", f"expected new readings: {again} of its {len(own)} stand in another file too"
+            path, "", f"expected new readings: {again} of its {len(own)} are in another file too"
         )
 
 
@@ -240,20 +240,21 @@ def of_held(calibration: Calibration) -> list[str]:
         )
         names = ", ".join(series.markers)
         if mount in alone:
-            drawn = (
-                "as the arm's folder has them" if {*series.markers} <= {*vjm.arm.markers} else "at the tool"
-            )
+            known = {*series.markers} <= {*vjm.arm.markers}
+            drawn = "where the arm's folder has them" if known else "at the tool"
             by = (
-                f"a prior, {drawn} within {1e3 * NOMINAL_DEVIATION:.0f} mm, holds it; other orientations "
-                f"depend on it"
+                f"a prior holds the targets {drawn}, within {1e3 * NOMINAL_DEVIATION:.0f} mm; predictions of "
+                "other orientations depend on it"
             )
-            by = by if mount in every else "a series that shares the target or the frame tells it"
-            open_ = f"where {names} is on the tool and where the frame is cannot be told apart"
+            by = by if mount in every else "a series that shares the target or the frame determines it"
+            open_ = f"the places of {names} on the tool and of the frame cannot be told apart"
             words.append(f"{series.name}: its tool turns too little, so that {open_}: {by}")
         if frame in alone:
-            by = f"a prior, upright within {np.degrees(LEVEL):.1f} degrees, holds it"
-            by = by if frame in every else "a series that shares the target or the frame tells it"
-            words.append(f"{series.name}: a turn of its frame about the line of its positions is open: {by}")
+            by = f"a prior holds the frame upright, within {np.degrees(LEVEL):.1f} degrees"
+            by = by if frame in every else "a series that shares the target or the frame determines it"
+            words.append(
+                f"{series.name}: a turn of its frame about the line of its positions is not determined: {by}"
+            )
     return words
 
 
@@ -269,18 +270,18 @@ def of_masses(mass_fit: MassFit) -> str:
     """Say where masses from torques come from."""
     if not mass_fit.explained:
         return (
-            f"masses are rigid.xml's: weight leaves {mass_fit.rest:.3g} of {mass_fit.spread:.3g} N m "
-            f"of scatter "
-            "in the torques (order of joints, unit or payload?)"
+            "masses stay those of rigid.xml: fitted ones would leave "
+            f"{mass_fit.rest:.3g} of {mass_fit.spread:.3g} N m of the torques' scatter (order of joints, "
+            "unit or payload?)"
         )
     whose = "the motors' against the weight" if mass_fit.motors else "the weight's on the joints"
     limited = (
         f"; as far from rigid.xml as is allowed: {', '.join(mass_fit.limited)}" if mass_fit.limited else ""
     )
     return (
-        f"masses are fitted to {mass_fit.poses} poses' torques, taken as {whose}: scatter of "
-        f"{mass_fit.before:.3g} N m with rigid.xml's masses, {mass_fit.rest:.3g} N m with these, of "
-        f"{mass_fit.spread:.3g} N m{limited}"
+        f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}: of a scatter of "
+        f"{mass_fit.spread:.3g} N m they leave {mass_fit.rest:.3g} N m, the masses of rigid.xml "
+        f"{mass_fit.before:.3g} N m{limited}"
     )
 
 

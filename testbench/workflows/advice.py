@@ -13,10 +13,10 @@ from testbench.model.structure import PAPER_GCO
 
 MISFIT = 2.0  #: F_M over its floor beyond which noise is no explanation.
 MAX_REJECTED = 1 / 3  #: Share of rejected readings beyond which it is doubted that they are outliers.
-MINIMUM_NORM = "least squares filled the free directions with the solution of minimum norm"
+MINIMUM_NORM = "least squares has minimum norm in the directions that no reading shows"
 NEAREST = (
-    "least squares filled the free directions with the conservative model nearest to the solution of minimum "
-    "norm"
+    "in the directions that no reading shows, least squares is the conservative model nearest to that of "
+    "minimum norm"
 )
 
 
@@ -60,7 +60,9 @@ def _of_method(estimate: Estimate) -> list[str]:
         penalty = estimate.penalty
         if penalty is not None and not estimate.method.startswith(PAPER_GCO):
             return [f"GCO: trace weight {penalty.weight:.3g} N m/rad"]
-        said = [f"GCO filled the free directions with the least trace, weight {TIE_BREAK:g}"] * free
+        said = [
+            f"GCO has the least trace in the directions that no reading shows, weight {TIE_BREAK:g}"
+        ] * free
         if estimate.held_by_trace_weight:
             said.append(
                 f"{name}: only the trace weight limits the unobservable compliance; "

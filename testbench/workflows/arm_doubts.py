@@ -232,7 +232,7 @@ def _behind(arm: ArmContext) -> Iterator[str]:
         end = float((drawn @ way).max())
     if end - tool > INSIDE * vjm.reach:
         inside = f"{1e3 * (end - tool):.0f} mm behind the end of {links[-1].name} as drawn"
-        yield f"{arm.cell.arm.tool} is {inside}: is it where the tool is?"
+        yield f"{arm.cell.arm.tool} is {inside}: is that where the tool is?"
     names = arm.cell.arm.load, *arm.cell.arm.markers
     for name, place in zip(names, (vjm.load, *vjm.markers), strict=True):
         hidden = min(tool, end) - tool - float(way @ vjm.tool[:3, :3] @ place)

@@ -151,7 +151,7 @@ class SpreadPart(ModelPart):
 
 
 class Document(ModelPart):
-    """model.json; docs/formats.md says what each key holds."""
+    """Hold model.json; docs/formats.md says what each key holds."""
 
     format: int
     name: str  #: Of the model, such as ALL153 + prior.

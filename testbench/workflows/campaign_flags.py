@@ -35,18 +35,18 @@ def true_arm_name(text: str) -> str:
     raise typer.BadParameter(f"expected one of {', '.join([FAMILY, *true_arms])}, got {text!r}")
 
 
-ArmName = Annotated[str, typer.Argument(help="Folder of an arm, or one of ours.")]
+ArmName = Annotated[str, typer.Argument(help="Folder of an arm, or name of a built-in one.")]
 MapFile = Annotated[Path | None, typer.Option("--map", metavar="TOML", help="Names of the table's columns.")]
 SigmaUm = Annotated[
     float | None,
-    typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise per axis, where the file has none."),
+    typer.Option(min=0.001, max=10_000, metavar="UM", help="Noise per axis, if the file has none."),
 ]
 Load = Annotated[
     float | None,
     typer.Option(
         parser=mass,
         metavar="MASS",
-        help="Payload where the file has none: 240, 530lb.",
+        help="Payload if the file has none: 240, 530lb.",
     ),
 ]
 Payload = Annotated[
@@ -55,12 +55,13 @@ Payload = Annotated[
         "--load",
         parser=mass_or_none,
         metavar="MASS",
-        help="Load where the file has none (default: rated payload).",
+        help="Load if the file has none (default: rated payload).",
     ),
 ]
-ArmFlag = Annotated[str, typer.Option(metavar="ARM", help="Folder of an arm, or one of ours.")]
+ArmFlag = Annotated[str, typer.Option(metavar="ARM", help="Folder of an arm, or name of a built-in one.")]
 TrueArmFlag = Annotated[
-    str, typer.Option(parser=true_arm_name, metavar="NAME", help="True arm; 'family': one per seed.")
+    str,
+    typer.Option(parser=true_arm_name, metavar="NAME", help="Kind of true arm; family: one of six per seed."),
 ]
 
 
@@ -99,7 +100,9 @@ class ReadingOptions:
     mapping: MapFile = None
     sigma_um: SigmaUm = None
     load: Load = None
-    frame: Annotated[str, typer.Option(metavar="FRAME", help="auto, base, tracker, or a TOML file.")] = "auto"
+    frame: Annotated[
+        str, typer.Option(metavar="FRAME", help="Of the readings: auto, base, tracker, or a TOML.")
+    ] = "auto"
     new_target: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Target that the arm lacks; repeatable.")
     ] = None

@@ -194,7 +194,7 @@ class Campaign(Displayed):
     identification: Dataset  #: Runs to identify from.
     check: Dataset  #: Runs in poses that are never used for identification.
     check_true: Dataset  #: The check runs without noise.
-    truth: Dataset  #: Runs without noise: over the whole workspace in section 6, the check runs in section 5.
+    truth: Dataset  #: Runs without noise, over the whole workspace in section 6, the check runs in section 5.
     drawn: int = 0  #: In section 5 check runs drawn until enough had a deflection in range.
 
     def about(self) -> dict[str, object]:

@@ -65,8 +65,8 @@ def of_noise(estimates: Iterable[Estimate]) -> list[Doubt]:
         return []
     words = (
         f"{least.structure.name} leaves F_M {least.f_m:.2g} where noise alone leaves "
-        f"{least.f_m_floor:.3g}: is sigma too large ({1e6 * SIGMA[0]:g} um where none is stated), a U95 "
-        "perhaps, or were readings averaged or copied?"
+        f"{least.f_m_floor:.3g}: is sigma too large ({1e6 * SIGMA[0]:g} um if none is stated; perhaps "
+        "a U95), or were readings averaged or copied?"
     )
     return [Doubt("noise", words)]
 

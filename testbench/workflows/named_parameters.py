@@ -45,7 +45,7 @@ class Functionals:
 
     @property
     def scale(self) -> Array:
-        """Shown over SI units, (k,)."""
+        """Return the shown units over SI units, (k,)."""
         return np.array([1e3 if unit[0] == "m" else 1e6 for unit in self.units])
 
 

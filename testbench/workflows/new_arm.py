@@ -35,10 +35,10 @@ WORDS = {
     "locked": "limits of 0 to 0, so held at zero: {names}",
     "markers": "markers {mm:.0f} mm from the tool",
     "merged": "merged into {first}: {rest}",
-    "meshes": "meshes not read, so other shapes of their links stand in, if any: {names}",
-    "no limits": "no limits of {first} in the file: {deg[0]:.0f} to {deg[1]:.0f} deg stands in",
-    "no limits of a slide": "no limits of {first} in the file: {0:g} to {1:g} m stands in",
-    "no masses": "no mass in the file: {0:g} kg/m^3 inside of the shapes stand in, {1:.4g} kg in all: "
+    "meshes": "meshes not read; other shapes of their links are used, if any: {names}",
+    "no limits": "no limits of {first} in the file: {deg[0]:.0f} to {deg[1]:.0f} deg is assumed",
+    "no limits of a slide": "no limits of {first} in the file: {0:g} to {1:g} m is assumed",
+    "no masses": "no mass in the file: {0:g} kg/m^3 inside of the shapes is assumed, {1:.4g} kg in all: "
     "{names}",
     "outside": "not of this arm, so left out: {names}",
     "placeholders": "every link weighs {0:g} kg in the file, which no arm does: not used",
@@ -46,7 +46,7 @@ WORDS = {
     "rods": "held at zero they do not follow the arm, so their collisions do not count: {names}; "
     "a balancer's spring is for [compensator] of elastic.toml",
     "sites": "markers at the sites of the robot's file",
-    "specks": "no mass in the file, nor any to estimate: {mg:g} mg stands in for {names}",
+    "specks": "no mass in the file, nor any to estimate: {mg:g} mg is assumed for {names}",
     "tool": "tool at {first!r} of the robot's file",
     "touching": "hulls that touch in most poses, so their collisions do not count: {names}",
 }

@@ -295,8 +295,8 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
         named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if len(numbers) > NAMED else "")
         raise BenchError(
             f"tasks {named} ({len(numbers)} of {len(rows)}): their loads move the arm in directions that "
-            "these loads cannot show, so that the error has no bound; needed is a prior, or a load or "
-            "pull in another direction"
+            "these loads cannot show, so the error has no bound; add a prior, or a load or pull in another "
+            "direction"
         )
 
 
@@ -358,7 +358,7 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
 
 
 def best_of(union: JointUnknowns, q: Array, wanted: Array) -> tuple[list[int], float]:
-    """`FURTHER` of some poses (poses, n) [rad, m], each the best next one; RMS error of `wanted` then [m].
+    """Choose `FURTHER` of some poses, each the best next one; return them and the RMS error of `wanted`.
 
     Args:
         union: All unknowns.

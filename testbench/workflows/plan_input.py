@@ -57,7 +57,7 @@ def _read_pulls(table: TableCells) -> Array:
     if missing := [name for name in FORCE_COLUMNS if name not in table.names]:
         raise table.header_error(f"expected {', '.join(missing)} too")
     if others := [name for name in table.names if name.startswith(("moment_", "point_"))]:
-        problem = "expected forces alone, which act at the arm's load point"
+        problem = "expected forces without moments: they act at the arm's load point"
         raise table.header_error(f"{problem}, got {', '.join(others)}")
     pulls = np.nan_to_num(np.column_stack([_column(table, name) for name in FORCE_COLUMNS]))
     size, (low, high) = np.linalg.norm(pulls, axis=1), PULL_RANGE

@@ -136,7 +136,7 @@ class PlanSettings:
 
     @property
     def conditions(self) -> PoseConditions:
-        """Return the conditions of a pose, under the largest load: all others hang inside its outline."""
+        """Return the conditions of a pose, under the largest load; all others hang inside its outline."""
         payload = Payload(max(self.loads_kg), self.sling_m) if self.loads_kg else None
         return PoseConditions(self.area, self.station, payload)
 
@@ -210,7 +210,7 @@ class PlanOptions:
     ] = None
     load: Annotated[
         list[float] | None,
-        typer.Option(parser=mass, metavar="MASS", help="Payload, 240 or 530lb; repeatable, as a choice."),
+        typer.Option(parser=mass, metavar="MASS", help="Payload, 240 or 530lb; repeat it for a choice."),
     ] = None
     pull: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,Z", help="Force instead of a weight, N; repeatable.")
@@ -236,7 +236,9 @@ class PlanOptions:
     candidates: Annotated[int | None, typer.Option(metavar="N", help="Number of candidate poses.")] = None
     sling_m: Annotated[float, typer.Option(metavar="M", help="Length from load point to weight.")] = 0.5
     floor_z: Annotated[float | None, typer.Option(metavar="M", help="Height of a floor.")] = None
-    gauges: Annotated[int, typer.Option(metavar="N", help="Gauges in a pose, placed too (1 to 3).")] = 0
+    gauges: Annotated[
+        int, typer.Option(metavar="N", help="Gauges per pose, 1 to 3, which the plan places.")
+    ] = 0
     gauge_um: Annotated[float, typer.Option(metavar="UM", help="Noise of a gauge.")] = 5.0
     tilt_deg: Annotated[float, typer.Option(metavar="DEG", help="Error of a gauge's direction.")] = 0.5
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of random numbers.")] = 1

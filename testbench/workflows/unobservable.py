@@ -59,18 +59,18 @@ def structure_words(found: Structural, joints: Sequence[str], compliances: int) 
         shared = [f"{name} ({count})" for name, count in zip(joints, found.shared, strict=True) if count > 0]
         left = found.geometry - sum(found.shared)
         yield (
-            f"{found.geometry} directions of geometry, frames and mounts are structural, no pose tells them "
-            "apart and none moves a target: a turn about a joint's axis and a shift along it belong to the "
-            f"link before or behind it alike, {', '.join(shared)}"
-            f"{f'; {left} lie over several links' if left else ''}"
+            f"{found.geometry} directions of geometry, frames and mounts are structural: no pose separates "
+            "them, and none moves a target. A turn about a joint's axis, or a shift along it, may belong to "
+            f"the link before or behind it: {', '.join(shared)}"
+            f"{f'; {left} concern several links' if left else ''}"
         )
     if found.idle:
         idle = " and ".join(joints[j] for j in found.idle)
         yield f"The joint errors of {idle} are structural: no target moves with them"
     if found.elastic:
         yield (
-            f"{found.elastic} of {compliances} directions of compliance are structural: these loads move no "
-            "target by them that could be read, in any pose"
+            f"{found.elastic} of {compliances} directions of compliance are structural: under these loads "
+            "they move no target in any pose"
         )
 
 

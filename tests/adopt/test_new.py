@@ -156,7 +156,7 @@ def test_a_joint_that_is_locked_at_zero_is_no_joint_of_the_arm(tmp_path, limits)
         noted = " ".join(map(sentence, chain.notes))
         assert f"{chain.n_joints} joints" == said
         assert ("limits of 0 to 0, so held at zero: joint_a4" in noted) == (said[0] == "5")
-        assert ("-360 to 360 deg stands in" in noted) == (said[0] == "6")
+        assert ("-360 to 360 deg is assumed" in noted) == (said[0] == "6")
 
 
 def test_a_gripper_whose_fingers_follow_one_of_them_is_no_part_of_the_arm(tmp_path):
@@ -225,7 +225,7 @@ def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, a
     np.testing.assert_allclose(markers, drawn, atol=2e-3)
     assert load == pytest.approx(drawn + 0.05 * vjm.reach, abs=2e-3)
     doubted = [doubt.sentence for doubt in found.doubts if doubt.name == "flange"]
-    inside = [f"tool is {1e3 * drawn:.0f} mm behind the end of link_6 as drawn: is it where the tool is?"]
+    inside = [f"tool is {1e3 * drawn:.0f} mm behind the end of link_6 as drawn: is that where the tool is?"]
     assert doubted == (inside if long > 1 else [])
 
 
@@ -435,7 +435,7 @@ def test_a_dh_table_as_a_urdf_is_the_robot_that_its_convention_says(tmp_path, mo
     (tmp_path / "dh.csv").write_text("alpha,a,d,theta\n0,0,487,0\n")
     said = is_refused(do("new", tmp_path / "A", "--from", tmp_path / "dh.csv"))
     assert "expected a URDF or MJCF" in said
-    assert "a DH table as URDF stands in docs/robot_files.md" in said
+    assert "a DH table as URDF is in docs/robot_files.md" in said
     rows = [(np.radians(alpha), a, d, np.radians(theta)) for alpha, a, d, theta in DH]
     if modified:
         origins = [((a, -d * np.sin(alpha), d * np.cos(alpha)), alpha) for alpha, a, d, _ in rows]

@@ -185,7 +185,7 @@ def test_noise_that_is_stated_far_too_large_is_doubted(kr500, campaign, times, d
     data = campaign.identification
     runs = MeasuredRuns("runs.csv", *[replace(data, sigma=times * data.sigma)] * 2, None)
     found = fit_models(kr500, named_models(kr500, ["Joints", "MLS56"]), runs, lambda: 0.0)
-    said = "is sigma too large (50 um where none is stated), a U95 perhaps"
+    said = "is sigma too large (50 um if none is stated; perhaps a U95)"
     assert [doubt.name for doubt in found.fits.doubts if said in doubt.sentence] == doubted
     assert len(found.fits.doubts) == len(doubted)
 

@@ -32,7 +32,7 @@ def test_a_better_one_holds_by_the_median_of_the_ratios_trial_by_trial():
     assert (own.winner, own.rival, own.n, own.verdict) == ("ours", "theirs", 40, "holds")
     assert own.factor == pytest.approx(2)
     assert own.interval == (pytest.approx(2), pytest.approx(2))
-    assert own.words.index("ours") < own.words.index("2.0 times smaller") < own.words.index("theirs")
+    assert own.words.index("ours") < own.words.index("2.0x lower") < own.words.index("theirs")
 
 
 def test_a_worse_one_is_not_to_be_used_and_the_rival_is_the_winner():
@@ -44,7 +44,7 @@ def test_a_worse_one_is_not_to_be_used_and_the_rival_is_the_winner():
 
 
 @pytest.mark.parametrize("each", ["trial", badge.POSES])
-def test_errors_that_are_rounding_are_so_many_times_smaller_at_least_and_have_no_interval(each):
+def test_errors_that_are_rounding_are_so_much_lower_at_least_and_have_no_interval(each):
     own = decide(("ours", 1e-12 * NOISE), ("theirs", NOISE), each)
     assert json.loads(json.dumps(own.json()))["exact"] is True
     assert "at least" in own.words

@@ -213,7 +213,7 @@ def test_a_model_that_was_tampered_with_is_one_line(words, made, readings, tmp_p
     ("lines", "flags", "words"),
     [
         (5, (), "part: 4 poses with a reading are too few"),
-        (41, ("r_3.csv",), "expected new readings: 40 of its 40 stand in another file too"),
+        (41, ("r_3.csv",), "expected new readings: 40 of its 40 are in another file too"),
         (41, ("--without", "springs"), "--without: no errors called springs"),
         (41, ("--at-most", "1"), "--at-most: expected --score"),
     ],

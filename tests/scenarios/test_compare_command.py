@@ -122,7 +122,7 @@ def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path, legible
 def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many, folder, tmp_path):
     worse = calibration(folder / "worse", range(1, 21), 1.3, 100e-6)
     text, report = said(tmp_path, many, worse)
-    assert text.startswith("Do not use B: the error of A is 1.3 times smaller (20 trials, 95 %")
+    assert text.startswith("Do not use B: the error of A is 1.3x lower (20 trials, 95 %")
     badge = report["badge"]
     assert (badge["winner"], badge["rival"], badge["n"], badge["verdict"]) == ("A", "B", 20, "do not use")
     assert badge["interval"] == [pytest.approx(1.3)] * 2

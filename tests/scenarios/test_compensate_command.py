@@ -332,12 +332,12 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
         f"{OFF}/{name}" for name in within
     }
     unseen = fine("compensate", folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
-    assert unseen.startswith("Do not use corrected program: the correction may make the error larger")
+    assert unseen.startswith("Do not use the corrected program: the correction may make the error larger")
     chunks = sound(tmp_path / "right_report" / "recording.rrd", "12 points have no bound")
     assert np.isnan(series(chunks, f"{OFF}/corrected_program_within_95")).all()
     for name in ("report.html", "report.md"):
         text = (tmp_path / "right_report" / name).read_text()
-        assert text.index("Do not use corrected program") < text.index("have no bound"), name
+        assert text.index("Do not use the corrected program") < text.index("have no bound"), name
 
 
 def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(folder, bounded):

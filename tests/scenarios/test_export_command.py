@@ -107,7 +107,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         (("model", "--urdf", "in/robot.urdf", "--out", "in/notes.urdf"), "expected a URDF that testbench"),
         (("model", "--urdf", "in/robot.urdf", "--out", "in/robot.xml"), "ending with .urdf"),
         (("model", "--urdf", "in/robott.urdf", "--out", "x.urdf"), "expected the robot's own URDF; to write"),
-        (("model", "--urdf", "new.urdf", "--tip", "tool0"), "leave --out and --tip away"),
+        (("model", "--urdf", "new.urdf", "--tip", "tool0"), "omit --out and --tip"),
         (("model", "--urdf", "in/robot.urdf", "--tip", "tool1"), "no link 'tool1' for the tip"),
         (("model", "--urdf", "model/rigid.xml"), "expected URDF"),
         (("in", "--urdf", "new.urdf"), "expected the folder of a model"),

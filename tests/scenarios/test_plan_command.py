@@ -199,7 +199,7 @@ def test_tasks_that_no_hung_weight_can_serve_are_named_without_a_prior(tmp_path)
     sideways = tasks_with(tmp_path, "force_x_N,force_y_N,force_z_N", "500,800,-300")
     flags = ["--load", 460, "--candidates", 100, "--no-prior", "--out", tmp_path / "out"]
     line = refused("plan", ARM, "--task", sideways, *flags, said="tasks 1, 2, 3 (3 of 3)", below=tmp_path)
-    assert "needed is a prior, or a load or pull in another direction" in line
+    assert "add a prior, or a load or pull in another direction" in line
 
 
 @pytest.mark.study

@@ -123,7 +123,7 @@ def test_a_mount_that_moved_is_shared_no_more(ur10):
     """With which part another series would share it is not known."""
     one, two = read(ur10, series=2, share_target=True)
     found = gathered(ur10, target_moved(one, 20, (0, 0, 5e-3)), two)
-    assert moves(found, ur10)[1] == "series 2: shared that mount, is taken to have its own"
+    assert moves(found, ur10)[1] == "series 2: its mount should be shared, but is fitted separately"
     assert [part.target for part in found.series] == ["mount 1", "mount 1 from row 21", "mount 1 of series 2"]
     assert found.noise.open_position < 2e-4
 

@@ -252,10 +252,10 @@ PLAIN: list[tuple[Callable[[Rows], Rows], str]] = [
         "line 5, column marker: no marker 'P4' in kr500_l480; markers are P1, P",
     ),
     (lambda rows: rows[:5] + rows[6:], f"line 5: run 12: {EACH}"),  # P2 of the second run
-    (put("marker", "P1", lines=[6]), "line 6: run 12 stands in the file twice"),
+    (put("marker", "P1", lines=[6]), "line 6: run 12 is in the file twice"),
     (put("run", "99", lines=[6]), f"line 5: run 12: {EACH}"),
     (put("pose", "99", lines=[6]), f"line 6, column pose: {SAME}"),
-    (lambda rows: rows + rows[4:7], "line 14: run 12 stands in the file twice"),
+    (lambda rows: rows + rows[4:7], "line 14: run 12 is in the file twice"),
     *((loading(line, word), f"line {line}, column loading: {said}") for line, word, said in LOADING),
 ]
 TURNED = [

@@ -60,7 +60,10 @@ def test_a_series_of_one_orientation_foretells_others_of_it(arm, kind, targets, 
     assert undetermined_frames(cell.vjm, (fit,)) == open_
     found = calibrate_with_masses(cell.vjm, (fit,), SPRINGS)
     assert not found.calibration.findings  # nothing moved
-    assert any("where the frame is cannot be told apart: a prior, as the" in note for note in found.notes)
+    assert any(
+        "of the frame cannot be told apart: a prior holds the targets where the" in note
+        for note in found.notes
+    )
     assert any("a turn of its frame" in note for note in found.notes) == (len(open_) == 2)
     drawn = rms(align_all(nominal_state(cell.vjm, read_weights(cell.arm), np.ones(6)), (fit,)), fresh)
     model = model_of(found.calibration)
@@ -81,7 +84,7 @@ def test_another_series_of_the_target_tells_what_one_orientation_leaves_open(kr5
     assert undetermined_frames(kr500.vjm, (line,)) == {"mount mount 1"}
     assert not undetermined_frames(kr500.vjm, (line, rich))
     found = calibrate_with_masses(kr500.vjm, (line, rich), SPRINGS)
-    assert any("a series that shares the target or the frame tells it" in note for note in found.notes)
+    assert any("a series that shares the target or the frame determines it" in note for note in found.notes)
     true = truth.mounts[0].position + truth.mounts[0].rotation @ truth.markers[0]
     off = found.calibration.state.mounts["mount 1"].points[0] - true
     assert np.linalg.norm(off) < 3e-3

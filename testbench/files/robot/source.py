@@ -35,7 +35,7 @@ def read_xml(file: Path) -> ET.Element:
     """
     text = read_text(file, MAX_BYTES)
     if (start := text.strip("\ufeff \t\r\n")) and not start.startswith("<"):
-        problem = "expected a URDF or MJCF, which begin with <; how to write a DH table as URDF stands in"
+        problem = "expected a URDF or MJCF, which begin with <; how to write a DH table as URDF is in"
         raise InputError(file, "", f"{problem} docs/robot_files.md")
     if "<xacro:" in re.sub("<!--.*?-->", "", text, flags=re.DOTALL) or file.suffix == ".xacro":
         raise InputError(file, "", f"this is xacro; expand it first: {_expand(file, text)}")

@@ -103,6 +103,10 @@ def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
 
     Returns:
         Frame and mount.
+
+    Raises:
+        BenchError: If a target was never read, or the poses determine neither frame nor targets.
+        Misfit: If the readings do not fit this arm.
     """
     if lost := [name for name in series.markers if name not in _read(series)]:
         raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
@@ -265,13 +269,16 @@ def _check_shared(state: ArmState, series: tuple[Series, ...]) -> None:
 
 
 def check_fits(state: ArmState, series: Sequence[Series]) -> None:
-    """Refuse by Misfit a series that geometry and springs do not bring near the arm.
+    """Refuse a series that geometry and springs do not bring near the arm.
 
     No sound arm is that far from its readings: neither more poses nor a tracker that moved explains it.
 
     Args:
         state: The arm's state.
         series: The readings.
+
+    Raises:
+        Misfit: If a series is far from the arm.
     """
     for one in series:
         left = np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen]
@@ -310,6 +317,9 @@ def _joined(known: Mount, more: Mount) -> Mount:
 def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Issue]]:
     """Give all series of a mount the same targets in the same order, without those that were never read.
 
+    Args:
+        series: The readings.
+
     Returns:
         The series, and a finding for each series with a target that was never read.
     """
@@ -326,7 +336,14 @@ def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[I
 
 
 def read_only(series: Series) -> Series:
-    """Drop the targets that a series never read; a series that read none stays as it is."""
+    """Drop the targets that a series never read.
+
+    Args:
+        series: The readings.
+
+    Returns:
+        The series without them; unchanged if it read none at all.
+    """
     return with_targets(series, _read(series) or series.markers)
 
 

@@ -305,6 +305,7 @@ def _choose(
         linearised_readings.reduced,
         linearised_readings.state.vjm,
     )
+    # The errors that may be added to geometry, in their order.
     joints, links = (
         scale_by_prior(linearised_readings.prior, vjm, most(vjm.arm)) for most in (joints_only, all153)
     )
@@ -317,11 +318,22 @@ def _choose(
     on = [every[name] for name in SELECTABLE_ERRORS if name in options.may]
     if options.only is None:
         return select_errors(unknowns, reduced, on, rules)
+    # Chosen by hand: all of them at once, and then the pattern if joints share one.
     kinds = GEOMETRY.union(*(candidate.kinds for candidate in on))
     elastic = [candidate.elastic for candidate in on if candidate.elastic is not None]
     active = activate(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
 
     def learnt(own: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
+        """Learn the sizes of errors and noise from the reduced equations.
+
+        Args:
+            own: The selected unknowns.
+            reduced: The reduced equations.
+            start: Sizes to start from.
+
+        Returns:
+            The sizes.
+        """
         return learn_scales(own, gram_of_active(own, reduced.gram), reduced.counts, start, options.constraint)
 
     sizes = learnt(active, reduced, default_scales(unknowns, len(reduced.kinds)))
@@ -332,7 +344,14 @@ def _choose(
 
 
 def subsample(series: Sequence[Series]) -> tuple[Series, ...]:
-    """Thin series to the rows that an intermediate step needs; a pose keeps all of its rows or none."""
+    """Thin series to the rows that an intermediate step needs; a pose keeps all of its rows or none.
+
+    Args:
+        series: The readings.
+
+    Returns:
+        The series, about `ON_THE_WAY` rows in all.
+    """
     every, found = sum(one.rows for one in series), []
     for one in series:
         stride = min(-(-every // ON_THE_WAY), max(1, one.rows // LEAST_OF_ONE))

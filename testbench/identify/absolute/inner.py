@@ -120,7 +120,7 @@ def compliance_rows(T: Array, elastic: PriorScaling, equations: int) -> Regressi
     """Eliminate all other unknowns, and return the equations of the compliances.
 
     Args:
-        T: Triangular factor of all unknowns, compliances last.
+        T: Triangular factor of all unknowns, compliances last, (c + 1, c + 1).
         elastic: Metric of the compliances.
         equations: Number of equations.
 
@@ -136,7 +136,7 @@ def back_substitute(T: Array, pi: Array) -> Array:
     """Compute the most probable other unknowns for given compliances.
 
     Args:
-        T: Triangular factor of all unknowns, compliances last.
+        T: Triangular factor of all unknowns, compliances last, (c + 1, c + 1).
         pi: Compliances, (n,).
 
     Returns:
@@ -163,7 +163,10 @@ def factor_of(active: ActiveUnknowns, reduced: ReducedReadings, learnt: ErrorSca
         learnt: Learnt sizes of errors and noise.
 
     Returns:
-        The factor.
+        The factor, (c + 1, c + 1).
+
+    Raises:
+        BenchError: If the readings do not determine a frame or a target.
     """
     some = np.r_[active.columns, active.unknowns.size]
     # Rows of the priors.
@@ -204,6 +207,7 @@ def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
     unknowns = active.unknowns
     every = np.zeros(unknowns.size)
     every[active.columns] = x
+    # Geometry, frames and mounts move; compliances and joint errors are replaced.
     theta_0 = state.theta_0.copy()
     theta_0[unknowns.inner] = every[unknowns.columns("geometry")]
     frames = {**state.frames}

@@ -41,7 +41,14 @@ class Pattern:
 
 
 def wave_columns(errors: JointErrors) -> Ids:
-    """List the Fourier coefficients of a joint that a pattern may have, (2 k,): sines, then cosines."""
+    """List the Fourier coefficients of a joint that a pattern may have.
+
+    Args:
+        errors: The arm's joint errors.
+
+    Returns:
+        Places of the sines, then of the cosines, (2 k,).
+    """
     return np.flatnonzero(np.tile(errors.orders, 2) >= FIRST)
 
 
@@ -127,6 +134,15 @@ def find_pattern(
     every = [_pattern_information(*one, own, own + shared) for one in told]
 
     def best(j: int, others: dict[int, tuple[float, int]]) -> tuple[float, int, float, int]:
+        """Find the best shift and sign of a joint's pattern, given those of others.
+
+        Args:
+            j: The joint.
+            others: Shift [rad] and sign of the joints that have the pattern.
+
+        Returns:
+            Shift [rad], sign, log odds, and the joint.
+        """
         P, b = np.diag(1 / shared), np.zeros(len(shared))
         for i, (turn, sense) in others.items():
             R = shift_waves(np.eye(len(b)), turn, sense, orders)
@@ -176,6 +192,15 @@ def _best(
     before = _log_sum(P, b)
 
     def likely(turns: Array, sense: int) -> Array:
+        """Compute the log-likelihood of the most probable pattern at many shifts.
+
+        Args:
+            turns: Shifts, (s,) [rad].
+            sense: Sign of the pattern.
+
+        Returns:
+            Log-likelihoods up to a constant, (s,).
+        """
         x = shift_waves(f, turns, sense, orders)
         return np.asarray(x @ pattern_information.g - ((x @ pattern_information.W) * x).sum(axis=1) / 2)
 

@@ -60,9 +60,15 @@ def deviations_root(precision: Array, L: Array) -> Array:
 
 
 def posterior_of(calibration: "Calibration") -> Posterior:
-    """Return the posterior of all selected unknowns of a calibration, (c,); frames and mounts are steps.
+    """Return the posterior of all selected unknowns of a calibration; frames and mounts are steps.
 
     Mathematics: `abs-13`.
+
+    Args:
+        calibration: The calibration, c unknowns.
+
+    Returns:
+        The posterior, (c,).
     """
     active = calibration.active
     L = np.zeros((0, 0)) if active.elastic is None else active.elastic.L
@@ -71,7 +77,14 @@ def posterior_of(calibration: "Calibration") -> Posterior:
 
 
 def model_of(calibration: "Calibration") -> ArmModel:
-    """Convert a calibration to a model of the arm that does not depend on its series."""
+    """Convert a calibration to a model of the arm that does not depend on its series.
+
+    Args:
+        calibration: The calibration.
+
+    Returns:
+        The model, without frames and mounts.
+    """
     active, state, known = calibration.active, calibration.state, posterior_of(calibration)
     first = active.unknowns.starts["geometry"]
     f = int((active.columns < first).sum())
@@ -92,7 +105,7 @@ def locate_series(model: ArmModel, series: Series, rows: Ids) -> RegisteredSerie
     Args:
         model: The calibrated arm.
         series: The series.
-        rows: Rows to which they are fitted.
+        rows: Rows to which they are fitted, (rows,).
 
     Returns:
         The series' frame and mount, with their joint covariance with the arm's unknowns.
@@ -300,6 +313,7 @@ def pull_of(
             total += told(_moved(one, rows, arm.followed(q)))
         return total
 
+    # Readings all over joint space: with the elastic arm, and with the rigid one.
     everywhere = []
     for one in series:
         count = -(-AMPLE * unknowns.size // (3 * len(one.markers) * len(series)))

@@ -35,7 +35,14 @@ class Noise:
 
 
 def repeated_rows(series: Series) -> tuple[Ids, ...]:
-    """Group the rows of a pose that read the same targets: for every number k > 1 of them, (groups, k)."""
+    """Group the rows of a pose that read the same targets.
+
+    Args:
+        series: The readings.
+
+    Returns:
+        Rows, (groups, k), for every number k > 1 of rows in a group.
+    """
     read = np.column_stack([series.pose, series.seen, series.turned])
     code = np.unique(read, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(code, kind="stable")
@@ -45,7 +52,14 @@ def repeated_rows(series: Series) -> tuple[Ids, ...]:
 
 
 def kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
-    """List the kinds of equations that some series have, as places in `EQUATION_KINDS`."""
+    """List the kinds of equations that some series have.
+
+    Args:
+        series: The readings.
+
+    Returns:
+        Places in `EQUATION_KINDS`.
+    """
     turned = any(one.rotation is not None for one in series)
     again = any(repeated_rows(one) for one in series)
     return tuple(k for k in range(len(EQUATION_KINDS)) if (turned or k in POSITIONS) and (again or k < 2))
@@ -226,6 +240,9 @@ def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
 
 def expected_of(series: Sequence[Series]) -> tuple[Array, float]:
     """Average the stated variances of positions and orientations, and the number of combined readings.
+
+    Args:
+        series: The readings.
 
     Returns:
         Variances, (2,) [m^2, rad^2], and the number of readings behind a mean [1].

@@ -54,13 +54,33 @@ class ArmState(Displayed):
     mounts: Mapping[str, Mount] = field(default_factory=dict)  #: Mounts by name.
 
     def frame(self, series: Series) -> Frame:
-        """Return the frame of a series; BenchError if it is not known."""
+        """Return the frame of a series.
+
+        Args:
+            series: The readings.
+
+        Returns:
+            The frame.
+
+        Raises:
+            BenchError: If it is not known.
+        """
         if series.frame not in self.frames:
             raise BenchError(f"{series.name}: its frame {series.frame!r} is not known")
         return self.frames[series.frame]
 
     def mount(self, series: Series) -> Mount:
-        """Return the mount of a series, targets in the order of the series; BenchError if one is unknown."""
+        """Return the mount of a series, targets in the order of the series.
+
+        Args:
+            series: The readings.
+
+        Returns:
+            The mount.
+
+        Raises:
+            BenchError: If the mount or one of its targets is not known.
+        """
         if series.target not in self.mounts:
             raise BenchError(f"{series.name}: its target {series.target!r} is not known")
         mount = self.mounts[series.target]

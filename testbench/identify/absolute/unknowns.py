@@ -58,7 +58,14 @@ class Unknowns:
         return self.starts["end"]
 
     def columns(self, name: str) -> slice:
-        """Return the columns of "frame NAME", "mount NAME", "geometry", "errors" or "elastic"."""
+        """Return the columns of one group of unknowns.
+
+        Args:
+            name: "frame NAME", "mount NAME", "geometry", "errors" or "elastic".
+
+        Returns:
+            The columns.
+        """
         keys = list(self.starts)
         return slice(self.starts[name], self.starts[keys[keys.index(name) + 1]])
 
@@ -94,7 +101,14 @@ class Unknowns:
         return basis(self.pattern, self.errors, self.starts["errors"], self.size)
 
     def current(self, state: ArmState) -> Array:
-        """Return the values of all unknowns in a state, (size,); frames and mounts are steps, thus zero."""
+        """Return the values of all unknowns in a state; frames and mounts are steps, thus zero.
+
+        Args:
+            state: The arm's state.
+
+        Returns:
+            The values, (size,).
+        """
         x = np.zeros(self.size)
         x[self.columns("geometry")] = state.theta_0[self.inner]
         x[self.columns("errors")] = state.n.ravel()

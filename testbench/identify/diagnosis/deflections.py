@@ -161,7 +161,7 @@ class Loads:
 
         Args:
             data: The changed runs; None for these runs.
-            h: Hyperparameters of the prior, learnt from other readings; None to learn them here.
+            h: Hyperparameters of the prior, (h,), learnt from other readings; None to learn them here.
 
         Returns:
             The fitted model with its residuals.
@@ -208,7 +208,7 @@ def residual_model(vjm: Vjm, metric: PriorScaling, data: Dataset, h: Array | Non
         vjm: The arm's virtual joint model.
         metric: Prior of its compliances.
         data: The runs.
-        h: Hyperparameters of the prior, learnt from other readings; None to learn them here.
+        h: Hyperparameters of the prior, (h,), learnt from other readings; None to learn them here.
 
     Returns:
         The fitted model with its residuals and their covariance.
@@ -221,6 +221,7 @@ def residual_model(vjm: Vjm, metric: PriorScaling, data: Dataset, h: Array | Non
     h = maximise_evidence(model.problem, model.start) if h is None else h
     read = single_readings(vjm, structure, data)
     G = read.A.reshape(-1, structure.n) @ model.scaling.L
+    # The most probable compliances, by rows of readings and of the prior.
     s, kappa = model.scale(h), np.exp(h[-1])
     width = np.exp(model.problem.drawn @ h)
     residual = read.y.ravel() - G @ (s * model.scaling.expected)
@@ -228,6 +229,7 @@ def residual_model(vjm: Vjm, metric: PriorScaling, data: Dataset, h: Array | Non
     expected = np.concatenate([residual, np.zeros(len(width))])
     x = np.linalg.lstsq(np.vstack([half, kappa * np.eye(len(width))]), expected)[0]
     pi = model.scaling.L @ (s * model.scaling.expected + width * x)
+    # Their covariance, and that of sound joints, by the singular values of H.
     if vjm.arm.joints:
         half = np.hstack([half, sound_joint_columns(vjm, data, structure, pi)])
     U, size, _ = np.linalg.svd(half, full_matrices=False)

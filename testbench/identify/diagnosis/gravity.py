@@ -293,11 +293,13 @@ def by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
     turned = level is not None and angle(level, DOWN) > LEVEL
     if not turned and not _stuck(state):
         return None
+    # How well gravity along -z explains the readings.
     series = [_thin(one) for one in calibration.series]
     poses = sum(len(np.unique(one.pose)) for one in series)
     own = _scatter(state, series, prior, DOWN)
     if own > SCATTERED * state.vjm.reach:
         return None
+    # Other directions: first the one in which trackers stand level, then walls, ceiling and tilts.
     first = [snapped(level, LEVEL)] if level is not None and turned else []
     others = joined((*np.eye(3), *-np.eye(3)[:2]), _tilts(state, series, prior, own)) if _stuck(state) else ()
     for directions, least in ((first, LEVELLED), (others, CLEAR)):

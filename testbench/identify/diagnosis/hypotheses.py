@@ -486,7 +486,7 @@ def _mounting_words(issue: Issue, _: Arm) -> str:
     if abs(down[axis]) < np.cos(np.deg2rad(3)):
         how = f"the base is tilted by {tilt:.0f} deg"
         along = f"gravity along ({_three(down, 1, 2)}) of its axes"
-    known = "so its own weight bends it, unloaded" * (tilt > 120)  # weights pull upwards
+    known = "its unloaded readings show that own weight bends it so" * (tilt > 120)  # weights pull upwards
     known = "as it stands against a level tracker" if issue.numbers["level"] else known
     quat = " ".join(f"{round(float(x), 4) + 0.0:g}" for x in turn)
     state = f'state it as quat="{quat}" of the body {issue.where[0]} in rigid.xml'
@@ -756,7 +756,7 @@ HYPOTHESES = Hypotheses(
         Hypothesis(
             "levels",
             _levels,
-            lambda *_: "the readings fit if the loads stand in reversed order",
+            lambda *_: "the readings fit if the loads are in reversed order",
             nats=CLEAR,
         ),
     ),
@@ -812,12 +812,12 @@ OTHERS: Mapping[str, Callable[[Issue, Arm], str]] = {
     "scale": _scale_words,
     "noise": lambda f, _: (
         f"the readings scatter {f.numbers['factor']:.2g} times more than their noise, "
-        f"{1e6 * f.numbers['sigma']:.3g} um: is it more, or does the arm do what springs do not?"
+        f"{1e6 * f.numbers['sigma']:.3g} um: is the noise larger, or does the arm do what springs do not?"
     ),
     "never_read": lambda f, _: f"{f.where[0]}: {', '.join(f.where[1:])} was never read and is left out",
-    "unshared": lambda f, _: f"{f.where[0]}: shared that {f.where[1]}, is taken to have its own",
+    "unshared": lambda f, _: f"{f.where[0]}: its {f.where[1]} should be shared, but is fitted separately",
     "not_parted": lambda f, _: (
-        f"{', '.join(f.where)}: not parted, its parts alone do not tell where their frames or mounts are"
+        f"{', '.join(f.where)}: not divided: its parts alone do not determine their frames or mounts"
     ),
 }
 """Words of what no hypothesis explains, and of what a calibration does by itself."""

@@ -292,6 +292,7 @@ def fit(observations: Observations) -> Fit:
         ORIGIN, observations.markers, np.zeros(observations.vjm.arm.n_theta), observations.read, np.inf, count
     )
     where = _chain(observations, now)
+    # Start with the frame in closed form.
     if free.frame:
         base = where.points(now.markers)
         frame = Frame(
@@ -299,6 +300,7 @@ def fit(observations: Observations) -> Fit:
         )
         now = replace(now, frame=frame)
     now = _judged(observations, where, now)
+    # Gauss-Newton steps with the weights of the last residuals.
     for _ in range(ROUNDS if count else 0):
         before, now = now.loss, _refined(observations, where, now)
         if free.theta:

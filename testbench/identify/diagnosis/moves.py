@@ -172,7 +172,16 @@ class _Rest:
     shared: float  #: How many of them say the same.
 
     def tested(self, Z: Array, *, turns: bool) -> tuple[Score, Score]:
-        """Moves of the targets and of the tracker in a batch of rows, (batch, z, c + 1 + z)."""
+        """Test whether the targets or the tracker moved, in a batch of rows.
+
+        Args:
+            Z: Whitened sums over each batch, (batch, z, c + 1 + z): products of the moves with A, with e and
+                with themselves.
+            turns: Whether the moves may turn.
+
+        Returns:
+            Scores of moved targets, and of a moved tracker.
+        """
         c = len(self.e)
         half = solve_triangular(self.L, (Z[:, :, :c] / self.size).reshape(-1, c).T, lower=True)
         K = half.T.reshape(*Z.shape[:2], c)
@@ -198,6 +207,7 @@ def _rest(linear: Linear, series: Sequence[Series], sums: Sequence[_Sums]) -> _R
 
 def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Issue:
     behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
+    # Score of a step at every place, of targets and of the tracker; the greatest is taken.
     target, tracker = rest.tested(behind, turns=turns)
     slipped = target.gain.max() > tracker.gain.max()
     score, other = (target, tracker) if slipped else (tracker, target)
@@ -386,6 +396,15 @@ def settled(
     """
 
     def undo(parts: Parts, now: Fitted) -> tuple[list[Issue], Parts, Fitted] | None:
+        """Fit the parts again, each with its tracker or targets as they moved.
+
+        Args:
+            parts: The parts of the series.
+            now: Their fit.
+
+        Returns:
+            Findings, the parts as divided now, and their fit; None if nothing moved.
+        """
         steps = [_clear(now[0], one, now[1], elastic) for one in parts]
         issues = [step for step in steps if step]
         if not issues:

@@ -120,7 +120,7 @@ def embedded(png: Path) -> Markup:
 
 
 def data(value: object) -> Markup:
-    """Plain data as JSON that cannot end the script element in which it stands."""
+    """Write plain data as JSON that cannot end the script element in which it stands."""
     text = json.dumps(value, separators=(",", ":"), allow_nan=False)
     for letter in "<>&\u2028\u2029":
         text = text.replace(letter, f"\\u{ord(letter):04x}")

@@ -254,7 +254,7 @@ def figures(found: Report) -> Mapping[str, Figure]:
 
 STUDY = Study(
     name="bench",
-    about="Rank estimators of anybody in frozen tasks, beside the default of identify.",
+    about="Rank your estimators beside others, and the default of identify, in frozen tasks.",
     options=trial.BenchOptions,
     settings=trial.settings,
     seeds=(MIN_PERCENTILE_TRIALS, 2),

@@ -152,7 +152,7 @@ def weighed_as(gco: Estimate) -> Regression:
 
 
 def added(ls: Estimate, gco: Estimate) -> float:
-    """Chi squared of GCO less that of least squares, as least squares weighs, over the rank [1].
+    """Compute chi squared of GCO less that of least squares, as least squares weighs, over the rank [1].
 
     Args:
         ls: Fit of least squares.
@@ -203,7 +203,7 @@ class GridSettings:
     full_pose: CellGrid = FULL_POSE
 
     def arms(self, seed: int) -> list[str]:
-        """Kinds of true arm in a trial: neighbours in the family, so that all take turns."""
+        """List the kinds of true arm in a trial: neighbours in the family, so that all take turns."""
         count = len(self.truths)
         return [self.truths[(AT_ONCE * seed + k) % count] for k in range(min(AT_ONCE, count))]
 

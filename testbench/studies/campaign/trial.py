@@ -99,7 +99,7 @@ class TrialCase:
 
 
 class Fits(dict[str, Sequence[Estimate]]):
-    """Estimates by model, one a case."""
+    """Hold estimates by model, one per case."""
 
     def __init__(
         self,

@@ -169,7 +169,7 @@ class Job:
 
     @property
     def rotation(self) -> Array:
-        """World from tool: x is the spindle, y level, (points, 3, 3)."""
+        """Compute the orientation, world from tool: x is the spindle, y level, (points, 3, 3)."""
         y = np.cross([0.0, 0.0, 1.0], self.axis)
         y /= np.linalg.norm(y, axis=1, keepdims=True)
         return np.asarray(np.stack([self.axis, y, np.cross(self.axis, y)], axis=-1))

@@ -330,7 +330,7 @@ def order(fit: CorrectionModel, work: Tasks) -> Compensated | None:
 
 
 def execute(working: Settle, work: Tasks, orders: Sequence[Compensated | None]) -> Array:
-    """Tip of the tool minus where it was asked, not corrected, then by each order, (n, points, 3) [m].
+    """Compute errors of the tool's tip, not corrected, then corrected by each order, (n, points, 3) [m].
 
     Args:
         working: Settles the arm at work.

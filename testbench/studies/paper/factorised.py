@@ -45,7 +45,7 @@ CLOSE = 1e-5  #: Certified excess, relative to F_M, below which a local solution
 
 @dataclass(frozen=True)
 class Factorised:
-    """F_M(b) of Eq. (19) in units where the entries of b are of order one."""
+    """Evaluate F_M(b) of Eq. (19) in units where the entries of b are of order one."""
 
     regression: Regression  #: The reduced dataset.
     program: ConicProgram  #: The same problem over compliances, and its units.

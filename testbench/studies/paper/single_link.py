@@ -312,7 +312,7 @@ def prediction_errors(C: Array, truth: Dataset) -> dict[str, float]:
 
 
 def eigenvalues(C: Array) -> tuple[Array, Array]:
-    """Real parts of the eigenvalues of a matrix, as the paper counts, and those of its symmetric part."""
+    """Compute real parts of the eigenvalues of a matrix, as the paper does, and of its symmetric part."""
     return np.sort(np.linalg.eigvals(C).real), np.asarray(np.linalg.eigvalsh((C + C.T) / 2))
 
 

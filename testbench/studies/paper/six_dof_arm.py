@@ -74,7 +74,7 @@ class SixDofOptions:
     arm: ArmFlag = "arm_6r"
     per: Annotated[
         Literal["deflection", "reading"],
-        typer.Option(help="What has the noise of 25 um, 250 urad."),
+        typer.Option(help="What the noise of 25 um and 250 urad is of."),
     ] = "deflection"
 
 

@@ -38,7 +38,7 @@ def tables(asked: DisturbanceSettings) -> Mapping[str, TrialTable]:
     }
     return {
         "kinds": TrialTable(
-            f"All disturbances unless told, noise of {noise:g} um: median RMS errors",
+            f"All disturbances if not stated otherwise, noise of {noise:g} um: median RMS errors",
             columns=KINDS,
             where={"sigma_um": noise},
             rows=kinds,
