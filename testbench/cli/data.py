@@ -274,7 +274,8 @@ def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> dra
 
 def _words(cell: Cell, data: Dataset, k: int) -> str:
     """What the page says of a run that it shows."""
-    each = zip(data.markers, MM * np.linalg.norm(data.deflection[k], axis=1), data.seen[k], strict=True)
-    moved = [f"{name} {f'moves {mm:.3f} mm' if there else 'lost'}" for name, mm, there in each]
+    sizes, there = MM * np.linalg.norm(data.deflection[k], axis=1), data.seen[k]
+    each = zip(data.markers, sizes, there, there | data.lost[k], strict=True)
+    moved = [f"{name} {f'moves {mm:.3f} mm' if seen else 'lost'}" for name, mm, seen, meant in each if meant]
     force = float(np.linalg.norm(data.wrench[k, :3]))
     return f"{force:.5g} N: {', '.join(moved)}. {cell.arm.words(data.q[k])}."

@@ -60,7 +60,9 @@ def _others(f: Row) -> Iterator[tuple[str, str]]:
 
     yield "rows, runs, poses, stations", f"{f.rows}, {f.runs}, {f.poses}, {f.stations}"
     yield "markers", f"{len(f.markers)}: {few(f.markers)}"
-    yield "lost targets", f"{len(f.lost)} of {f.runs * len(f.markers)}: {few(f.lost)}"
+    yield "lost targets", f"{len(f.lost)} of {f.targets}: {few(f.lost)}"
+    if f.without:
+        yield "markers without an instrument", few(f.without)
     yield "loads", few(f.loads, "; ")
     yield "sigma of a reading, um", show(f.sigma_um, "g")
     yield "columns not read", few(f.ignored)
