@@ -83,6 +83,8 @@ class Language(Strict):
     beside: str = ""  #: Suffix of a file beside it that may hold its points.
     newline: Literal["\n", "\r\n"]  #: Line ending that is written.
     comment: str  #: Mark of a comment, up to the end of its line.
+    remark: str  #: Line of a comment, with {} for its text.
+    remark_after: Pattern  #: Beginning of the line behind which such a line may stand.
     begins: Pattern  #: Beginning of a file that we wrote.
     decimals: int  #: Decimals of a number.
     angle: Literal["deg", "rad"]  #: Unit of angles.

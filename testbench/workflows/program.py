@@ -18,7 +18,7 @@ from testbench.data.dataset import in_order
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
 from testbench.files.languages import known_languages, language_of
 from testbench.files.motion import CSV, Motion, format_of, turn_flags, write_moves
-from testbench.files.motion_read import changed_texts, files_of
+from testbench.files.motion_read import changed_texts, files_of, with_mark
 from testbench.files.program import Program, read_poses, read_program, refuse_joint_jumps, unread_columns
 from testbench.files.robot_program import RobotMotions, changed_numbers
 from testbench.files.table import read_table
@@ -183,6 +183,20 @@ def output_paths(out: Path, report: Path | None) -> tuple[str, Kind, Path]:
     return form, kind, report or out.with_name(f"{named}_report")
 
 
+def refuse_corrected(program: Program) -> None:
+    """Refuse a program that was corrected: it would be corrected twice.
+
+    Args:
+        program: The program as it was read.
+
+    Raises:
+        InputError: Names the file and the line that say so.
+    """
+    if program.mark is not None:
+        path, line = program.mark
+        raise InputError(path, f"line {line}", "the program was corrected before: correct the original")
+
+
 def refuse_unreached(corrected_program: CorrectedProgram) -> None:
     """Refuse a program with points that cannot be put right.
 
@@ -251,7 +265,8 @@ def input_files(program: Path) -> list[Path]:
 def write_corrected(corrected_program: CorrectedProgram, files: Sequence[Path], form: str) -> None:
     """Write a corrected program, as a table or in a robot's language.
 
-    A program in a robot language stays as it is in its own language, but for the numbers of its points.
+    A program in a robot language stays as it is in its own language, but for the numbers of its points and a
+    remark that it was corrected.
 
     Args:
         corrected_program: The corrected program.
@@ -269,11 +284,12 @@ def write_corrected(corrected_program: CorrectedProgram, files: Sequence[Path], 
     elif motions is not None and motions.text.language.name == form:
         position, rotation = tool_pose(corrected_program.model.vjm, q)
         changes = changed_numbers(motions, arm, q, position, rotation)
-        for file, (_, content) in zip(files, changed_texts(motions.text, changes), strict=True):
-            file.write_bytes(content)
+        for file, (source, content) in zip(files, changed_texts(motions.text, changes), strict=True):
+            text = with_mark(content.decode(source.encoding), motions.text.language)
+            file.write_bytes(text.encode(source.encoding))
     else:
         language = known_languages()[form]
-        motion = Motion(arm.to_file(q), arm.file_joints, program.labels)
+        motion = Motion(arm.to_file(q), arm.file_joints, program.labels, corrected=True)
         if motions is not None and motions.linear.any():
             at = motions.to_program(*tool_pose(corrected_program.model.vjm, q))
             posed = motions.linear & (language.linear_by == "pose")
@@ -371,9 +387,10 @@ def read_pose_file(
         return _of_plan(path, model, mass)
     program = read_program(path, model.arm, mapping, jumps=True)
     aim, notes = Aim(), unread_columns(program)
-    if program.corrected and program.q is not None:
-        notes += ("The program was corrected: its joints count as they stand",)
-        program = replace(program, position=None, rotation=None)
+    if program.corrected:
+        notes += ("The program was corrected: its points count as they stand",)
+        if not isinstance(program.content, RobotMotions):  # whose poses are commands, too
+            program = replace(program, position=None, rotation=None)
     program, said = with_payload(model, program, mass)
     q = _drawn_joints(model, program, aim, None)
     loads = _loads_of(model, program, aim, q)
