@@ -12,7 +12,7 @@ from rich.console import Console
 
 from testbench.arm.folder import find_arm
 from testbench.cli.arguments import ShownFolder
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, in_order
 from testbench.errors import BenchError, Ids, InputError, sheet_of
 from testbench.files.layouts import fitting
 from testbench.files.mapping import Map
@@ -23,7 +23,7 @@ from testbench.plant.shapes import rigid_frames
 from testbench.report import scene as draw
 from testbench.report.colours import MEASURED, NOMINAL, SERIES, Look
 from testbench.report.leave import RunRequest, write_run
-from testbench.report.loads import loads, trackers
+from testbench.report.loads import loads, read_along, trackers
 from testbench.report.readings import column_lines, file_lines, report, written
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
@@ -228,21 +228,22 @@ def seen(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
     hidden = np.where(data.seen, 0.0, np.nan)
     moved = MM * np.linalg.norm(data.deflection, axis=2) + hidden
     away = MM * np.linalg.norm(data.before - nominal_targets(registered), axis=2) + hidden
+    away[data.lines] = np.nan  # a reading along a line is no place
     some = draw.largest_and_even(np.nan_to_num(moved).max(axis=1), np.flatnonzero(data.seen.any(axis=1)))
     if not len(some):
         return draw.PageContent()
     M = draw.arrow_scale(data.deflection[some] + hidden[some][..., None], SHARE * cell.vjm.reach)
     labels, note = [str(data.run[k]) for k in some], draw.of_all(len(some), data.runs, "runs")
     looks = [Look(SERIES[k % len(SERIES)], k, prior=True) for k in range(len(data.markers))]
-    charts = [
-        draw.RunChart(
-            title, 0, "run", labels, [*map(draw.ModelLine, data.markers, looks, mm[some].T)], note=note
-        )
+    lines = (
+        (title, [draw.ModelLine(*own) for own in zip(data.markers, looks, mm[some].T, strict=True)])
         for title, mm in (
             ("How far loads moved each target (mm)", moved),
             ("Unloaded reading from where the arm without sag has the target (mm)", away),
         )
-    ]
+    )
+    read = ((title, [line for line in own if np.isfinite(line.values).any()]) for title, own in lines)
+    charts = [draw.RunChart(title, 0, "run", labels, own, note=note) for title, own in read if own]
     title = f"Deflections x {M:g}."
     return draw.PageContent(scene=draw.Scene(cell, title, [_runs(cell, registered, some, M)]), runs=charts)
 
@@ -257,6 +258,7 @@ def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> dra
         draw.Layer("read unloaded", MEASURED, "dots", row.before),
         draw.Layer("deflection", MEASURED, "arrows", row.before, row.before + M * data.deflection[some]),
         *loads(row.hook[:, 0], data.wrench[some, :3], cell.vjm.reach),
+        *read_along(in_order(data, some), row.tool[:, 0], cell.vjm.reach),
     ]
     if registered.frame == "tracker" and registration is not None:
         stands = np.array([-frame.rotation.T @ frame.translation for frame in registration.frames.values()])

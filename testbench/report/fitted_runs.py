@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.data.dataset import in_order
 from testbench.errors import Array, Ids
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.colours import MEASURED, NOMINAL, look
-from testbench.report.loads import loads, on_tool
+from testbench.report.loads import loads, on_tool, read_along
 from testbench.report.scene import (
     Layer,
     ModelLine,
@@ -107,6 +108,7 @@ def _runs(
         bent=bent,
         layers=[
             *loads(on_tool(cell, bent, data.point[some]), data.wrench[some, :3], reach),
+            *read_along(in_order(data, some), where.position, reach),
             Layer("targets read unloaded", NOMINAL, "dots", before),
             Layer("read under load", MEASURED, "dots", at),
             Layer("deflection as read", MEASURED, "lines", before, at),

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
+from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.plant.shapes import BodyFrames
 from testbench.report.colours import LOAD, MEASURED
@@ -18,6 +19,7 @@ CORD, ARROW = (
 )  #: Length of a weight's cord, and of the arrow of the largest force, over the reach [1].
 UPRIGHT = 1e-6  #: Of a force, most of what is not straight down in a weight [1].
 KINDS = 4  #: Most masses or forces that have a label each.
+GAUGE, GAUGE_RADIUS = 0.05, 0.008  #: Length and radius of a gauge over the reach [1].
 LEGS, HEIGHT, SPREAD = 3, 1.2, 0.35  #: Of a tripod; how high and how wide it stands at most [m].
 
 
@@ -101,6 +103,46 @@ def trackers(stations: Array, names: Sequence[str] = ("tracker",)) -> Layer:
         The layer.
     """
     return Layer("tracker", MEASURED, "trackers", np.reshape(stations, (1, -1, 3)), labels=names)
+
+
+def gauges(at: Array, direction: Array, tool: Array, reach: float) -> list[Layer]:
+    """Draw gauges: cylinders along their directions, which touch the markers from outside of the tool.
+
+    Args:
+        at: Where they touch, (poses, m, 3) [m].
+        direction: Their directions, unit vectors, (poses, m, 3) [1]; zero where there is none.
+        tool: Where the tool is, (poses, 3) [m].
+        reach: Of the arm [m].
+
+    Returns:
+        A layer; none without a gauge.
+    """
+    there = direction.any(axis=2, keepdims=True)
+    outward = np.sign(np.vecdot(at - tool[:, None], direction))[..., None]
+    tip = np.where(there, at, np.nan)
+    end = tip + GAUGE * reach * np.where(outward < 0, -1.0, 1.0) * direction
+    layer = Layer("gauges", MEASURED, "cylinders", tip, end, radius=GAUGE_RADIUS * reach)
+    return [layer] if np.isfinite(tip).any() else []
+
+
+def read_along(data: Dataset, tool: Array, reach: float) -> list[Layer]:
+    """Draw what reads along lines: gauges, and lines from fixed points, at the unloaded markers.
+
+    Args:
+        data: The runs, in the base's frame.
+        tool: Where the tool is, (runs, 3) [m].
+        reach: Of the arm [m].
+
+    Returns:
+        The layers; none for positions alone.
+    """
+    if data.direction is None or data.reach is None:
+        return []
+    along, length = np.where(data.lines[..., None], data.direction, 0.0), data.reach[..., None]
+    marker = np.where(data.lines[..., None] & (length > 0), data.before, np.nan)
+    meters = Layer("distances", MEASURED, "lines", marker - length * along, marker)
+    layers = gauges(data.before, np.where(length > 0, 0.0, along), tool, reach)
+    return [*layers, meters] if np.isfinite(marker).any() else layers
 
 
 def legs(head: Array) -> Array:

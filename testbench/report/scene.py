@@ -28,18 +28,19 @@ DEEP = 1e-3  #: Least error on a logarithmic scale over the greatest [1].
 class Layer:
     """Marks of one kind, the same number in every pose, or the same in all of them.
 
-    Dots, small ones, arrows, lines; tubes, coloured by a number each; weights on cords; trackers on tripods.
+    Dots, small ones, arrows, lines, cylinders; tubes, coloured by a number each; weights on cords; trackers
+    on tripods.
     """
 
     name: str  #: For the legend.
     colour: Colour
-    kind: Literal["dots", "specks", "arrows", "lines", "tubes", "weights", "trackers"]
+    kind: Literal["dots", "specks", "arrows", "lines", "cylinders", "tubes", "weights", "trackers"]
     at: Array  #: Where they are or begin, (poses, k, 3), of what stands still (1, k, 3) [m]; NaN: none.
-    to: Array | None = None  #: Where arrows, lines, tubes and the cords of weights end, as many [m].
+    to: Array | None = None  #: Where arrows, lines, cylinders, tubes and cords of weights end, as many [m].
     labels: Sequence[str] = ()  #: What stands beside each, (k,); none if empty.
     shown: bool = True  #: Whether it is visible at first.
     values: Array | None = None  #: Of tubes, on one scale in the scene, (k,) [mm]; NaN where there is none.
-    radius: float = 0.0  #: Of weights: cylinders, as high as wide [m].
+    radius: float = 0.0  #: Of cylinders, and of weights, which are as high as wide [m].
 
 
 @dataclass(frozen=True)
