@@ -62,6 +62,33 @@ class TurnFlags(Strict):
     name: str  #: Their name in the language.
     period_deg: float = Field(gt=0)  #: A flag counts turns of so many degrees.
     offset_deg: float = 0.0  #: A turn begins at minus so many degrees.
+    #: Regular expression of the flags in a point, a group for each; none for flags that are not read.
+    pattern: Pattern = "(?!)"
+    axes: list[str] = Field(default=[])  #: Axes of the flags, in their order.
+    bits: bool = False  #: Whether one number has a bit for each axis: 1 for a negative angle.
+    #: Regular expression of a configuration, in a group, that is not read and has to stay the same.
+    same: Pattern = "(?!)"
+
+    @property
+    def read(self) -> bool:
+        """Tell whether the flags choose the configuration of a pose."""
+        return bool(self.axes)
+
+    def found(self, point: str) -> tuple[int, ...]:
+        """Read the flags of a point as numbers of turns, -1 for a bit.
+
+        Args:
+            point: All of the point.
+
+        Returns:
+            A number for each of the axes; none where the point has no flags.
+        """
+        match = re.search(self.pattern, point, FLAGS)
+        if match is None:
+            return ()
+        if self.bits:
+            return tuple(-(int(match[1]) >> k & 1) for k in range(len(self.axes)))
+        return tuple(map(int, match.groups()))
 
 
 class NameSyntax(Strict):

@@ -74,6 +74,8 @@ class PointText:
     posed: bool  #: Whether it is a pose, not joints.
     mode: str  #: Mode that was in force, in capitals.
     numbers: Mapping[str, Number]  #: By the language's name of the axis.
+    flags: tuple[int, ...] = ()  #: Numbers of turns beside a pose, of the language's axes of flags.
+    same: str = ""  #: Its configuration, which is not read.
 
 
 @dataclass(frozen=True)
@@ -217,7 +219,8 @@ def _points(k: int, source: Source, language: Language) -> Iterator[PointText]:
     """Find all points of a file that have numbers, in their order."""
     stated = re.finditer(language.mode or "(?!)", source.code, FLAGS)
     modes = [(m.start(), m[1].upper()) for m in stated]
-    found = []
+    turns, found = language.flags, list[PointText]()
+    same = [] if turns is None else [*re.finditer(turns.same, source.code, FLAGS)]
     for syntax in language.targets:
         for match in re.finditer(syntax.pattern, source.code, FLAGS):
             mode = next((word for at, word in reversed(modes) if at < match.start()), "")
@@ -226,7 +229,12 @@ def _points(k: int, source: Source, language: Language) -> Iterator[PointText]:
             ):
                 name = match["name"] or "" if "name" in match.re.groupindex else ""
                 posed = syntax.holds == "pose"
-                found.append(PointText(k, match.start("target"), name, posed, mode, numbers))
+                flags = turns.found(match["target"]) if turns and posed else ()
+                kept = (
+                    next((own[1] for own in reversed(same) if own.start() < match.end()), "") if posed else ""
+                )
+                point = PointText(k, match.start("target"), name, posed, mode, numbers, flags, kept)
+                found.append(point)
     yield from sorted(found, key=lambda point: point.start)
 
 

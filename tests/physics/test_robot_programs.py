@@ -436,6 +436,63 @@ def test_a_pose_whose_joint_passes_a_turn_is_named(model, tmp_path):
     assert [int(x) for x in re.findall(r"\d+", note)] == expected
 
 
+FLIPPED = np.radians([[10, -80, 95, 5, 30, -10], [10, -80, 95, -175, -30, 170]])
+"""The same pose of the tool by both configurations of the wrist."""
+
+
+@pytest.mark.parametrize("q", FLIPPED, ids=["near zero", "flipped"])
+@pytest.mark.parametrize("name", ["krl", "rapid"])
+def test_flags_of_a_joint_move_choose_the_configuration_and_stay(name, q, model, tmp_path):
+    """From nothing, and behind joints of the other configuration; a linear move goes on as it was."""
+    language, other = known_languages()[name], FLIPPED[FLIPPED[:, 4] != q[4]]
+    joints, poses = np.array([other[0], q, q, q + 0.01]), np.array([False, True, True, True])
+    p, R = tool_pose(model.vjm, joints)
+    path = tmp_path / f"way{language.suffix}"
+    for some in (slice(None), slice(1, None)):
+        linear = np.array([False, False, False, True])[some]
+        motion = Motion(joints[some], ARM.joints, (), linear, poses[some], p[some], R[some])
+        write_moves(path, language, motion)
+        flags = f"T {sum(2**k for k in range(6) if q[k] < 0)}"
+        if name == "krl":
+            path.write_text(re.sub(r"(C [-\d.]+)\}", rf"\1,S 2,{flags}}}", path.read_text()))
+        program, _ = with_payload(model, read_program(path, model.arm), lambda: 300.0)
+        found = correct_program(model, program, Aim())
+        np.testing.assert_allclose(found.found.start, joints[some], rtol=0, atol=1e-6)
+        write_corrected(found, output_files(tmp_path / f"right{language.suffix}", name, path), name)
+        pattern = r"S 2,T \d+" if name == "krl" else r"\],\[(?:-?\d,){3}-?\d\]"
+        assert re.findall(pattern, (tmp_path / f"right{language.suffix}").read_text()) == re.findall(
+            pattern, path.read_text()
+        )
+    if name == "krl":
+        path.write_text(path.read_text().replace(flags, "T 1"))
+        with pytest.raises(
+            InputError, match=r"way\.src: line \d+: T states joints that the arm does not have"
+        ):
+            correct_program(model, read_program(path, model.arm), Aim())
+
+
+@pytest.mark.parametrize("name", ["fanuc", "inform"])
+def test_a_configuration_that_is_not_read_has_to_stay_the_same_and_needs_a_start(name, model, tmp_path):
+    language, posed = known_languages()[name], np.array([True, True])
+    q = FLIPPED[[0, 0]] + [[0], [0.01]]
+    path = tmp_path / f"way{language.suffix}"
+    write_moves(path, language, Motion(q, ARM.joints, (), None, posed, *tool_pose(model.vjm, q)))
+    program, said = read_program(path, model.arm), language.flags.name
+    np.testing.assert_allclose(correct_program(model, program, Aim(), start=q[0]).found.start, q, atol=1e-6)
+    with pytest.raises(
+        InputError, match=rf"line \d+: the program begins with a pose: the .*{said} .*--start"
+    ):
+        correct_program(model, program, Aim())
+    text = path.read_text()
+    if name == "fanuc":
+        text = "F U T".join(text.rsplit("N U T", 1))
+    else:
+        text = text.replace("C00001=", "///RCONF 0,0,0,0,0,0,0,0\nC00001=")
+    path.write_text(text)
+    with pytest.raises(InputError, match=rf"line \d+: {said} is not read: expected one configuration"):
+        correct_program(model, read_program(path, model.arm), Aim(), start=q[0])
+
+
 def test_linear_moves_need_poses_where_the_language_has_no_other(tmp_path):
     motion = Motion(np.zeros((1, 6)) + 0.1, ARM.joints, (), np.array([True]))
     with pytest.raises(BenchError, match="KUKA KRL: expected a pose at every linear move"):
