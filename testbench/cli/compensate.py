@@ -96,6 +96,7 @@ def command(asked: CompensateOptions) -> None:
             raise BenchError(f"{model.arm.name} has no joints: nothing could correct it")
         cell = build_cell(asked.model)
         program = read_program(asked.program, model.arm, asked.mapping, jumps=asked.jumps)
+        programs.refuse_corrected(program)
         hung = partial(payload_of, model.arm, asked.payload, "--load")
         program, notes = programs.with_payload(model, program, hung)
         start = None if asked.start is None else joints_of(asked.start, model.arm)

@@ -187,7 +187,7 @@ def printed(said: Report) -> Table:
 
 def _warnings(f: Row) -> Iterator[Markdown]:
     """List what must not be overlooked before anybody measures; `docs/planning.md` says what each means."""
-    if f.tracker_m is None:
+    if f.tracker_m is None and not f.gauges:
         yield Markdown("**Visibility was not checked**: add `--tracker x,y,z`.")
     if f.blocked:
         yield say(

@@ -7,6 +7,7 @@ are solved again. The points between start from joints interpolated between thei
 such joints for programs in Cartesian coordinates.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -208,6 +209,28 @@ def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
         ):
             kept.append(own_q)
     return np.array(kept)
+
+
+def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
+    """Find all joints that put the tool's origin into a pose, whole turns of hinges included.
+
+    Args:
+        vjm: Kinematics of the rigid arm.
+        position: Position, world, (3,) [m].
+        rotation: Orientation, world from tool, (3, 3) [1].
+
+    Returns:
+        Joints within the limits, (configurations, n) [rad, m].
+    """
+    seeds, (lower, upper) = vjm.arm.drawn(np.random.default_rng(0), SEEDS), vjm.arm.limits
+    target = Target(np.tile(position, (SEEDS, 1)), np.tile(rotation, (SEEDS, 1, 1)))
+    many = solve_poses(vjm, target, seeds)
+    turns = [(-1, 0, 1) if own else (0,) for own in vjm.arm.turns]
+    shifts = 2 * np.pi * np.array([*itertools.product(*turns)], dtype=float)
+    q = (many.q[many.converged][:, None] + shifts).reshape(-1, len(lower))
+    q = q[((q >= lower) & (q <= upper)).all(axis=1)]
+    _, first = np.unique(np.round(q / SAME_CONFIGURATION), axis=0, return_index=True)
+    return np.asarray(q[first])
 
 
 def _unwound(vjm: Vjm, q: Array, near: Array) -> Array:

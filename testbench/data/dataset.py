@@ -50,7 +50,8 @@ class Dataset(Displayed):
     #: Whether the load was taken off before the unloaded reading of a run, (runs,); None for no run.
     taken_off: Mask | None = None
     #: Direction of every reading along a line, unit vectors, world axes, (runs, m, 3) [1]; zero for positions
-    #: and lost readings. Such a reading is its number times this direction. None where all are positions.
+    #: and where there is no instrument. Such a reading is its number times this direction. None where all are
+    #: positions.
     direction: Array | None = None
     #: Standard deviation of that direction about each axis across it, (runs, m) [rad]; with `direction`.
     tilt: Array | None = None
@@ -112,6 +113,19 @@ class Dataset(Displayed):
         if self.direction is None:
             return np.zeros((self.runs, len(self.markers)), dtype=bool)
         return np.asarray(self.direction.any(axis=2)) & self.seen
+
+    @property
+    def lost(self) -> Mask:
+        """Tell which targets an instrument should have read but did not, (runs, m).
+
+        Beside readings along lines a target may have no instrument: it has no direction, and no tracker
+        reads it. A tracker reads its targets in all runs but those of other instruments alone.
+        """
+        if self.direction is None:
+            return ~self.seen
+        along, placed = np.asarray(self.direction.any(axis=2)), self.seen & ~self.lines
+        tracked = placed.any(axis=1) | ~along.any(axis=1)
+        return ~self.seen & (along | (tracked[:, None] & placed.any(axis=0)))
 
     @property
     def covariance(self) -> Array:

@@ -11,6 +11,7 @@ readings are y = A x + noise. A model's fit is affine in them, x_m = K y + k. So
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -22,12 +23,9 @@ from testbench.design.rows import (
     MeasurementSetup,
     Specification,
     deflection_rows,
-    loads_of,
-    measured_rows,
-    reading_rows,
 )
 from testbench.display import Displayed, span
-from testbench.errors import Array, Ids, Mask
+from testbench.errors import Array, Mask
 from testbench.identify.metric import precision_root
 from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE
@@ -198,7 +196,7 @@ class LinearFit:
 
 
 def fit_of(
-    whole: MeasurementSetup, uncertainty: float, spec: Specification, q: Array, load: Ids
+    whole: MeasurementSetup, uncertainty: float, spec: Specification, read: Callable[[Specification], Array]
 ) -> LinearFit:
     """Fit the model of a specification to a plan, as a linear function of all unknowns of the arm.
 
@@ -208,14 +206,14 @@ def fit_of(
         whole: The same measurement with every unknown of the arm.
         uncertainty: Relative uncertainty of the arm's compliances around their expectation [1].
         spec: Specification with the model's unknowns and its prior.
-        q: Poses measured, (poses, n_joints) [rad, m].
-        load: Index of the load in each pose, (poses,).
+        read: Function that gives whitened rows of all readings per unit of a specification's unknowns x,
+            (poses, k, n) [1].
 
     Returns:
         The fit x_m = K y + k.
     """
-    A = _flat(reading_rows(whole, q, loads_of(spec, load)))
-    K, k = _fit(spec, _flat(measured_rows(spec, q, load)))
+    A = _flat(read(replace(spec, experiment=whole)))
+    K, k = _fit(spec, _flat(read(spec)))
     return LinearFit(whole, uncertainty, spec.experiment, _narrow(K), k, K @ A)
 
 

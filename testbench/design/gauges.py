@@ -13,6 +13,7 @@ import numpy as np
 
 from testbench.design.criteria import Criterion
 from testbench.design.exchange import exchange, greedy
+from testbench.design.relaxation import sensitivity
 from testbench.design.rows import DesignProblem, Specification, deflection_rows, loads_of, row_products
 from testbench.errors import Array, BenchError, Ids
 from testbench.model.vjm import tool_pose
@@ -56,16 +57,86 @@ def gauge_rows(spec: Specification, q: Array, load: Ids, gauges: Gauges, lift: A
     Returns:
         Rows per unit of a, (poses, m, 3, r) [1].
     """
-    D = deflection_rows(spec.experiment, q, loads_of(spec, load))  # tool axes
-    poses, markers = len(q), len(spec.experiment.targets)
-    D = D.reshape(poses, markers, 3, -1)
-    if not gauges.on_tool:
-        D = np.einsum("pxy,pmyn->pmxn", tool_pose(spec.experiment.vjm, q)[1], D)
-    d = D @ spec.experiment.scaling.expected
-    across = (d**2).sum(axis=2, keepdims=True) - d**2  # |u x d|^2 along each axis u
-    deviation = np.sqrt(2 * gauges.sigma**2 + gauges.tilt**2 * across)
+    D = _motions(spec, q, load, gauges)
+    poses, markers = D.shape[:2]
+    deviation = _deviations(D @ spec.experiment.scaling.expected, gauges)
     rows = D.reshape(poses, markers * 3, -1) / deviation.reshape(poses, -1, 1)
     return row_products(rows, lift).reshape(poses, markers, 3, -1)
+
+
+def _motions(spec: Specification, q: Array, load: Ids, gauges: Gauges) -> Array:
+    """Compute motions of all markers per unit of x along the axes of their faces, (poses, m, 3, n) [m]."""
+    D = deflection_rows(spec.experiment, q, loads_of(spec, load))  # tool axes
+    D = D.reshape(len(q), len(spec.experiment.targets), 3, -1)
+    return D if gauges.on_tool else np.einsum("pxy,pmyn->pmxn", tool_pose(spec.experiment.vjm, q)[1], D)
+
+
+def _deviations(d: Array, gauges: Gauges) -> Array:
+    """Compute the deviation of a gauge along each axis u under the motions d, (poses, m, 3) [m]."""
+    across = (d**2).sum(axis=2, keepdims=True) - d**2  # |u x d|^2
+    return np.asarray(np.sqrt(2 * gauges.sigma**2 + gauges.tilt**2 * across))
+
+
+@dataclass(frozen=True)
+class PlacedGauges:
+    """Hold the gauges of a plan in the order of measuring."""
+
+    gauges: Gauges  #: How they read.
+    marker: Ids  #: Index of the marker of every gauge, (poses, count).
+    axis: Ids  #: Axis of every gauge, 0 to 2 for x, y, z, (poses, count).
+    deviation: Array  #: Standard deviation of every reading, a tilt included, (poses, count) [m].
+
+    def rows(self, spec: Specification, q: Array, load: Ids) -> Array:
+        """Compute whitened rows of the gauges per unit of a specification's unknowns x.
+
+        Args:
+            spec: Specification with its unknowns and loads.
+            q: The plan's poses, (poses, n) [rad, m].
+            load: Index into the specification's loads, (poses,).
+
+        Returns:
+            Rows, (poses, count, n) [1].
+        """
+        D = _motions(spec, q, load, self.gauges)
+        return np.asarray(D[np.arange(len(q))[:, None], self.marker, self.axis] / self.deviation[..., None])
+
+
+def placed_gauges(
+    spec: Specification, q: Array, load: Ids, gauges: Gauges, chosen: GaugePlan
+) -> PlacedGauges:
+    """Collect the gauges of a plan with the deviation of their readings, as `gauge_rows` counts it.
+
+    Args:
+        spec: Specification of the plan.
+        q: The plan's poses, (poses, n) [rad, m].
+        load: Index into the specification's loads, (poses,).
+        gauges: The gauges.
+        chosen: Their markers and axes.
+
+    Returns:
+        The gauges.
+    """
+    d = _motions(spec, q, load, gauges) @ spec.experiment.scaling.expected
+    own = np.arange(len(q))[:, None], chosen.marker, chosen.axis
+    return PlacedGauges(gauges, chosen.marker, chosen.axis, _deviations(d, gauges)[own])
+
+
+def most_telling(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids, Array]:
+    """Choose the gauges of each pose by a plane of the criterion: each marker's best axis, the best markers.
+
+    Args:
+        rows: Rows of the poses, `gauge_rows`, (poses, m, 3, r) [1].
+        Z: Matrix of a supporting plane, (r, r).
+        count: How many gauges are read in a pose.
+
+    Returns:
+        Markers and axes, (poses, count) each, and the sensitivity <Z, F^T F> of the poses, (poses,).
+    """
+    told = sensitivity(rows.reshape(-1, 1, rows.shape[-1]), Z).reshape(rows.shape[:3])
+    best = told.max(axis=2)
+    marker = np.sort(np.argsort(-best, axis=1, kind="stable")[:, :count], axis=1)
+    every = np.arange(len(rows))[:, None]
+    return marker, told.argmax(axis=2)[every, marker], best[every, marker].sum(axis=1)
 
 
 def choose_places(

@@ -30,6 +30,16 @@ from scipy.sparse.csgraph import connected_components, depth_first_order
 from testbench.design.criteria import Criterion, check_criterion, criterion_of
 from testbench.design.exchange import greedy, select_poses
 from testbench.design.forecast import Forecast, forecast
+from testbench.design.gauges import (
+    GaugePlan,
+    Gauges,
+    PlacedGauges,
+    choose_gauges,
+    choose_places,
+    gauge_rows,
+    most_telling,
+    placed_gauges,
+)
 from testbench.design.refine import Feasibility, Search, ascend_poses, refine_plan
 from testbench.design.relaxation import Relaxed, relax, sensitivity
 from testbench.design.rows import (
@@ -38,6 +48,7 @@ from testbench.design.rows import (
     information,
     measured_rows,
     problem_of,
+    sum_information,
     task_rows,
     workspace_rows,
 )
@@ -163,6 +174,8 @@ def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, whole: bool) 
 
 MAX_ASCENTS, CLIMBERS = 2, 60
 """Rounds in which the poses with most relaxed weight are improved, and how many poses in a round."""
+MAX_PLACES = 1000  #: Poses among which places with gauges are exchanged: those that tell most.
+PLANES = 2  #: Planes of the relaxed optimum that choose the gauges behind a bound, one after the other.
 DETOUR = 10.0
 """Surcharge on the travel of a leg that would collide [rad]: it is used only where no other is left."""
 
@@ -215,6 +228,19 @@ class Plan(ChosenPoses):
     """Hold the poses to measure under loads that are hung and taken off, and the specification they serve."""
 
     specification: Specification  #: Specification that the plan serves.
+    gauges: PlacedGauges | None = None  #: Gauges that are read in the poses; None for a tracker.
+
+    def read(self, spec: Specification) -> Array:
+        """Compute whitened rows of the plan's readings per unit of a specification's unknowns x.
+
+        Args:
+            spec: The plan's specification, or one with other unknowns, prior or loads.
+
+        Returns:
+            Rows, (poses, k, n) [1].
+        """
+        read = measured_rows if self.gauges is None else self.gauges.rows
+        return read(spec, self.q, self.load)
 
 
 def candidate_set(spec: Specification, q: Array) -> CandidateSet:
@@ -267,6 +293,73 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Feasibility, rng:
     search = Search(partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.followed)
     criterion = criterion_of(name, examined.problem, workspace_rows(spec), task_rows(spec))
     return Plan(specification=spec, **vars(choose_poses(search, criterion, examined)))
+
+
+def place_gauges(plan: Plan, gauges: Gauges, reach: Feasibility, rng: np.random.Generator) -> Plan:
+    """Choose poses together with the gauges that are read in each of them.
+
+    A place is a pose with its gauges. Places are exchanged one by one by the plan's criterion, among the
+    poses that tell most. Then the joint angles are refined, and the gauges chosen anew. The certificate holds
+    for all gauges in all poses examined.
+
+    Args:
+        plan: A plan for a tracker; its poses are among those that are tried.
+        gauges: The gauges that are at hand.
+        reach: Tells which poses near the candidates are feasible, and which ways between them are clear.
+        rng: Source of steps.
+
+    Returns:
+        The plan in the order of measuring; its certificate and its information are those of the gauges.
+
+    Raises:
+        BenchError: For more gauges than markers.
+    """
+    spec, examined, criterion = plan.specification, plan.examined, plan.criterion
+    problem, arm = examined.problem, spec.experiment.vjm.arm
+
+    def rows_of(q: Array, load: Ids) -> Array:
+        return gauge_rows(spec, q, load, gauges, problem.lift)
+
+    # the poses that tell most by the plane at the given plan; places of them, by exchange
+    every = rows_of(examined.q, examined.load)
+    given = choose_gauges(every[plan.chosen], problem, criterion, gauges)
+    useful = most_telling(every, criterion.tangent(given.information).Z, gauges.count)[2]
+    short = np.union1d(np.argsort(-useful, kind="stable")[:MAX_PLACES], plan.chosen)
+    found = choose_places(every[short], problem, criterion, gauges, spec.poses)
+    q, load = examined.q[short[found.pose]], examined.load[short[found.pose]]
+
+    # better joint angles with these gauges, in the order of measuring; other gauges where they are better now
+    def own_rows(trial: Array, places: Ids) -> Array:
+        own = np.arange(len(trial))[:, None], found.marker[places], found.axis[places]
+        return rows_of(trial, load[places])[own]
+
+    search = Search(partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.followed)
+    q = refine_plan(q, problem.prior, criterion, own_rows, search)
+    order = _order(q, load, reach)
+    q, load, marker, axis = q[order], load[order], found.marker[order], found.axis[order]
+    rows, places = rows_of(q, load), np.arange(len(q))[:, None]
+    kept = GaugePlan(order, marker, axis, sum_information(problem.prior, rows[places, marker, axis]))
+    chosen = max(
+        (kept, choose_gauges(rows, problem, criterion, gauges)),
+        key=lambda own: criterion.information(own.information),
+    )
+    # the bound: every pose with the gauges that tell most by a plane that is nearly the best one
+    Z, of_plan = criterion.tangent(chosen.information).Z, rows[places, chosen.marker, chosen.axis]
+    every = np.concatenate([every, rows])
+    for _ in range(PLANES):
+        marker, axis, _ = most_telling(every, Z, gauges.count)
+        told = every[np.arange(len(every))[:, None], marker, axis]
+        told[-len(q) :] = of_plan
+        whole = replace(problem, rows=told)
+        relaxed = relax(whole, criterion, spec.poses)
+        Z = relaxed.dual
+    most = most_telling(every, Z, gauges.count)[2].max()
+    relaxed = replace(relaxed, bound=float((Z * problem.prior).sum() + spec.poses * most))
+    whole_set = CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], whole)
+    last = np.arange(len(whole_set.q) - len(q), len(whole_set.q))
+    made = _measured(search, criterion, whole_set, last, relaxed)
+    placed = placed_gauges(spec, q, load, gauges, chosen)
+    return Plan(specification=spec, gauges=placed, **vars(made))
 
 
 def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -> ChosenPoses:

@@ -62,6 +62,33 @@ class TurnFlags(Strict):
     name: str  #: Their name in the language.
     period_deg: float = Field(gt=0)  #: A flag counts turns of so many degrees.
     offset_deg: float = 0.0  #: A turn begins at minus so many degrees.
+    #: Regular expression of the flags in a point, a group for each; none for flags that are not read.
+    pattern: Pattern = "(?!)"
+    axes: list[str] = Field(default=[])  #: Axes of the flags, in their order.
+    bits: bool = False  #: Whether one number has a bit for each axis: 1 for a negative angle.
+    #: Regular expression of a configuration, in a group, that is not read and has to stay the same.
+    same: Pattern = "(?!)"
+
+    @property
+    def read(self) -> bool:
+        """Tell whether the flags choose the configuration of a pose."""
+        return bool(self.axes)
+
+    def found(self, point: str) -> tuple[int, ...]:
+        """Read the flags of a point as numbers of turns, -1 for a bit.
+
+        Args:
+            point: All of the point.
+
+        Returns:
+            A number for each of the axes; none where the point has no flags.
+        """
+        match = re.search(self.pattern, point, FLAGS)
+        if match is None:
+            return ()
+        if self.bits:
+            return tuple(-(int(match[1]) >> k & 1) for k in range(len(self.axes)))
+        return tuple(map(int, match.groups()))
 
 
 class NameSyntax(Strict):
@@ -83,6 +110,8 @@ class Language(Strict):
     beside: str = ""  #: Suffix of a file beside it that may hold its points.
     newline: Literal["\n", "\r\n"]  #: Line ending that is written.
     comment: str  #: Mark of a comment, up to the end of its line.
+    remark: str  #: Line of a comment, with {} for its text.
+    remark_after: Pattern  #: Beginning of the line behind which such a line may stand.
     begins: Pattern  #: Beginning of a file that we wrote.
     decimals: int  #: Decimals of a number.
     angle: Literal["deg", "rad"]  #: Unit of angles.

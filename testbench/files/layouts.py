@@ -70,6 +70,7 @@ class ExportLayout(Map):
 
     title: Text  #: Name in reports.
     source: str  #: Source of the facts about the format.
+    facts: Literal["documentation", "public files", "common use", "assumed"]  #: Kind of that source.
     holds: list[Literal["positions", "joints"]] = Field(min_length=1)
     fits: Fits
     length: Literal["m", "mm"] | None = None  #: Unit of lengths where neither file nor columns say it.

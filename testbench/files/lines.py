@@ -115,13 +115,13 @@ def _deviation(columns: Columns, what: str, own: Mask, usual: tuple[float, float
 class PlacedLines:
     """Hold directions of the readings of every run and marker, as a dataset has them."""
 
-    direction: Array  #: Unit vectors, (runs, m, 3) [1]; zero for positions and lost readings.
+    direction: Array  #: Unit vectors, (runs, m, 3) [1]; zero for positions and without an instrument.
     tilt: Array  #: Standard deviations, (runs, m) [rad].
     reach: Array  #: Lengths of distances, (runs, m) [m]; 0 for gauges.
 
 
 def place_lines(
-    lines: FileLines, arm: Arm, names: tuple[str, ...], q: Array, at: tuple[Ids, Ids], lost: Mask
+    lines: FileLines, arm: Arm, names: tuple[str, ...], q: Array, at: tuple[Ids, Ids]
 ) -> PlacedLines:
     """Arrange directions by run and marker; those of distances are towards the marker of the rigid arm.
 
@@ -131,12 +131,12 @@ def place_lines(
         names: Markers of the runs, m of them.
         q: Joints of the runs, (runs, n) [rad, m].
         at: Run and marker of every row, (rows,) each.
-        lost: Readings that were lost, (runs, m).
 
     Returns:
         Directions, tilts and reaches.
     """
-    direction, tilt, reach = np.zeros((*lost.shape, 3)), np.zeros(lost.shape), np.zeros(lost.shape)
+    shape = len(q), len(names)
+    direction, tilt, reach = np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape)
     direction[at] = np.where(lines.gauge[:, None], lines.direction, 0.0)
     tilt[at] = lines.tilt
     if lines.meter.any():
@@ -148,5 +148,4 @@ def place_lines(
         direction[runs, markers] = beam[own] / length[own, None]
         reach[runs, markers] = length[own]
         tilt[runs, markers] = lines.fixed_sigma[own] / length[own]
-    direction[lost], tilt[lost], reach[lost] = 0.0, 0.0, 0.0
     return PlacedLines(direction, tilt, reach)

@@ -16,6 +16,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from testbench.arm.folder import ArmJoint
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.files.languages import FOLDER, Language, known_languages, language_of
+from testbench.files.motion_read import with_mark
 from testbench.runs.whole import write_whole
 
 CSV = "csv"
@@ -45,6 +46,7 @@ class Motion:
     rotation: Array | None = (
         None  #: Orientations, program's base from tool, (points, 3, 3); None without poses.
     )
+    corrected: bool = False  #: Whether the points were corrected, which the program then says.
 
 
 def format_of(path: Path) -> str:
@@ -102,6 +104,7 @@ def write_moves(path: Path, language: Language, motion: Motion, folder: Path = F
         ],
         points=points,
     )
+    text = with_mark(text, language) if motion.corrected else text
     write_whole(text.replace("\n", language.newline), path)
 
 

@@ -21,6 +21,7 @@ from testbench.files.languages import FLAGS, Language, TargetSyntax
 MAX_BYTES = 50_000_000  #: Largest program that is read [byte].
 MAX_SHOWN = 40  #: Most characters of a statement in a message.
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
+MARK = "Corrected by testbench"  #: Remark of a program whose points were corrected.
 ANY = "Linear moves and moves of the joints to points in the program are read"
 
 
@@ -73,6 +74,8 @@ class PointText:
     posed: bool  #: Whether it is a pose, not joints.
     mode: str  #: Mode that was in force, in capitals.
     numbers: Mapping[str, Number]  #: By the language's name of the axis.
+    flags: tuple[int, ...] = ()  #: Numbers of turns beside a pose, of the language's axes of flags.
+    same: str = ""  #: Its configuration, which is not read.
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,7 @@ class ProgramText:
     points: tuple[PointText, ...]  #: All points with numbers, in the order of the text.
     moves: tuple[MoveText, ...]  #: All moves to such points, in their order.
     notes: tuple[str, ...]  #: How the program was read.
+    mark: tuple[Path, int] | None = None  #: File and line that say that it was corrected; None if none does.
 
     @property
     def path(self) -> Path:
@@ -136,7 +140,30 @@ def read_motions(path: Path, language: Language) -> ProgramText:
     if not moves:
         raise InputError(path, "", f"expected moves in this {language.title} program, got none")
     notes = tuple(f"Moves to {name} stay as they are: its numbers are not in the program" for name in left)
-    return ProgramText(language, program.sources, program.points, moves, notes)
+    return ProgramText(language, program.sources, program.points, moves, notes, _mark(program))
+
+
+def _mark(program: ProgramText) -> tuple[Path, int] | None:
+    """Find the first remark that says that the program was corrected."""
+    said = re.compile(rf"{re.escape(program.language.comment)}[^\n]*\b{MARK}\b", re.IGNORECASE)
+    found = ((own, match) for own in program.sources for match in said.finditer(own.text))
+    return next(((own.path, own.line(match.start())) for own, match in found), None)
+
+
+def with_mark(text: str, language: Language) -> str:
+    """Add the remark that a program was corrected, behind its first line that may have one behind it.
+
+    Args:
+        text: The program, or a file of its points.
+        language: Its language.
+
+    Returns:
+        The text with a further line; the first one where no line may have it behind it.
+    """
+    found = re.search(language.remark_after, text, FLAGS)
+    newline = "\r\n" if "\r\n" in text else "\n"
+    at = 0 if found is None else text.find("\n", found.start()) + 1
+    return f"{text[:at]}{language.remark.format(MARK)}{newline}{text[at:]}"
 
 
 def read_points(path: Path, language: Language) -> ProgramText:
@@ -192,7 +219,8 @@ def _points(k: int, source: Source, language: Language) -> Iterator[PointText]:
     """Find all points of a file that have numbers, in their order."""
     stated = re.finditer(language.mode or "(?!)", source.code, FLAGS)
     modes = [(m.start(), m[1].upper()) for m in stated]
-    found = []
+    turns, found = language.flags, list[PointText]()
+    same = [] if turns is None else [*re.finditer(turns.same, source.code, FLAGS)]
     for syntax in language.targets:
         for match in re.finditer(syntax.pattern, source.code, FLAGS):
             mode = next((word for at, word in reversed(modes) if at < match.start()), "")
@@ -201,7 +229,12 @@ def _points(k: int, source: Source, language: Language) -> Iterator[PointText]:
             ):
                 name = match["name"] or "" if "name" in match.re.groupindex else ""
                 posed = syntax.holds == "pose"
-                found.append(PointText(k, match.start("target"), name, posed, mode, numbers))
+                flags = turns.found(match["target"]) if turns and posed else ()
+                kept = (
+                    next((own[1] for own in reversed(same) if own.start() < match.end()), "") if posed else ""
+                )
+                point = PointText(k, match.start("target"), name, posed, mode, numbers, flags, kept)
+                found.append(point)
     yield from sorted(found, key=lambda point: point.start)
 
 

@@ -109,8 +109,16 @@ class Program(Displayed):
 
     @property
     def corrected(self) -> bool:
-        """Tell whether the program was corrected; its joints are then commands."""
-        return any(name.startswith(CORRECTION) for name in self.other)
+        """Tell whether the program was corrected; its points are then commands."""
+        return self.mark is not None
+
+    @property
+    def mark(self) -> tuple[Path, int] | None:
+        """Return file and line that say that the program was corrected; None if none does."""
+        if not isinstance(self.content, Columns):
+            return self.content.text.mark
+        known = any(name.startswith(CORRECTION) for name in self.other)
+        return (self.path, self.content.table.header) if known else None
 
 
 def unread_columns(program: Program) -> tuple[str, ...]:

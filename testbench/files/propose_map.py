@@ -130,7 +130,7 @@ def propose(path: Path, arm: Arm, log: Path | None, beside: Path, layout: str | 
     if not stated.what & {*ROTATIONS}:
         turned, asked = _orientations(path, arm, table, entries, log)
         entries += turned
-    layouts = tuple(f"{one.name} ({one.layout.title})" for one, _ in every if one)
+    layouts = tuple(_called(one) for one, _ in every if one)
     return Proposal(tuple(entries), layouts, asked)
 
 
@@ -165,6 +165,12 @@ def _orientations(
     if best is None:
         return [], f"the columns of orientations: {unclear(fits)}"
     return next(columns for fit, columns in found if fit is best), ""
+
+
+def _called(one: Fitting) -> str:
+    """Name a layout with its title; of an assumed one also say what that means."""
+    guess = ". This layout is assumed: compare names and units" if one.layout.facts == "assumed" else ""
+    return f"{one.name} ({one.layout.title}){guess}"
 
 
 def fit_of_series(arm: Arm, series: Series) -> OrientationFit | None:

@@ -332,8 +332,8 @@ def _with_lines(
     """Give runs the directions of their readings along lines, and every reading the sigma of its row."""
     runs, read = places
     at, lost = (np.searchsorted(runs.row, runs.leader), read.marker[: len(sigma)]), ~data.seen
-    placed = place_lines(lines, arm, data.markers, data.q, at, lost)
-    own, along = np.full(lost.shape, data.sigma), np.asarray(placed.direction.any(axis=2))[..., None]
+    placed = place_lines(lines, arm, data.markers, data.q, at)
+    own, along = np.full(lost.shape, data.sigma), np.asarray(placed.direction.any(axis=2) & ~lost)[..., None]
     own[at] = sigma
     P = np.eye(3) / (2 * own[..., None, None] ** 2) * ~lost[..., None, None]
     P = P if covariances is None else covariances

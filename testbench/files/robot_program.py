@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.errors import Array, InputError, Mask
+from testbench.errors import Array, Ids, InputError, Mask
 from testbench.files.languages import Language
 from testbench.files.mapping import Controller
-from testbench.files.motion import axes_of, scale_of
+from testbench.files.motion import axes_of, scale_of, turn_flags
 from testbench.files.motion_read import PointText, ProgramText, read_motions, values_of
 from testbench.files.rows import ROUNDED, SAME_POSE
 
 SHARED = 1e-4  #: Difference of two corrections of one point that counts as none [deg, mm, pulses].
+FLAG_ROUNDING = np.radians(0.1)  #: Angle to the end of a turn within which a flag may state either [rad].
 MIN_NORM = 0.5  #: Least norm of a quaternion, which rounding leaves near one [1].
 
 Pose = tuple[Array, Array]
@@ -58,6 +59,64 @@ class RobotMotions:
         """
         (R_base, p_base), (R_tool, p_tool) = self.base, self.tool
         return (position + rotation @ p_tool - p_base) @ R_base, R_base.T @ rotation @ R_tool
+
+
+def flags_agree(motions: RobotMotions, arm: Arm, points: Ids, q: Array) -> Mask:
+    """Tell whether joints are in the turns that the flags of poses state.
+
+    Args:
+        motions: The program.
+        arm: The arm.
+        points: Indices of moves, (k,).
+        q: Joints of the chain there, (k, n) [rad, m].
+
+    Returns:
+        False where a flag states another turn, (k,).
+    """
+    text, turns = motions.text, motions.text.language.flags
+    found = np.ones(len(points), dtype=bool)
+    if turns is None or not turns.read:
+        return found
+    axes, in_file = axes_of(text.language, arm.file_joints), arm.to_file(q)
+    for row, k in enumerate(points):
+        flags = text.moves[k].point.flags
+        for name, flag in zip(turns.axes, flags, strict=False):
+            if name in axes:
+                near = in_file[row, axes[name]] + np.array([-FLAG_ROUNDING, 0.0, FLAG_ROUNDING])
+                turn = turn_flags(text.language, near)
+                found[row] &= bool(
+                    ((np.minimum(turn, 0) < 0) == (flag < 0) if turns.bits else turn == flag).any()
+                )
+    return found
+
+
+def refuse_other_configurations(motions: RobotMotions, *, started: bool) -> None:
+    """Refuse poses whose configuration is not read where it would choose between several.
+
+    Args:
+        motions: The program.
+        started: Whether joints before the first pose are known.
+
+    Raises:
+        InputError: If the program begins with such a pose and no joints are known; or if such configurations
+            differ.
+    """
+    text, turns, first = motions.text, motions.text.language.flags, ""
+    if turns is None or turns.read:
+        return
+    for k, move in enumerate(text.moves):
+        point, source = move.point, text.sources[move.point.source]
+        if not point.same:
+            continue
+        if k == 0 and not started:
+            problem = f"the configuration {turns.name} {point.same.strip()!r} is not read: give --start"
+            raise source.error(point.start, f"the program begins with a pose: {problem}")
+        if first and point.same.split() != first.split():
+            problem = (
+                f"expected one configuration in all poses, got {first.strip()!r} and {point.same.strip()!r}"
+            )
+            raise source.error(point.start, f"{turns.name} is not read: {problem}")
+        first = first or point.same
 
 
 @dataclass(frozen=True, eq=False)

@@ -144,9 +144,13 @@ def _along_lines(data: Dataset, arm: Arm | tuple[str, ...]) -> list[Block]:
     assert data.reach is not None
     if data.slide is not None:
         raise BenchError("dataset: expected directions as they were stated, got those of the loaded arm")
-    u, lines = data.direction, data.lines.reshape(-1, 1)
+    u, seen = data.direction, data.seen.reshape(-1, 1)
+    lines = u.any(axis=2).reshape(-1, 1)
     gauge, meter = lines & (data.reach.reshape(-1, 1) == 0), lines & (data.reach.reshape(-1, 1) > 0)
-    numbers = [(u * own).sum(axis=2).reshape(-1, 1).round(DECIMALS) for own in (data.before, data.after)]
+    numbers = [
+        np.where(seen, (u * own).sum(axis=2).reshape(-1, 1).round(DECIMALS), np.nan)
+        for own in (data.before, data.after)
+    ]
     blocks: list[Block] = []
     if gauge.any():
         names = [f"travel_{when}_m" for when in WHEN]

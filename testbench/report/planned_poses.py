@@ -21,6 +21,7 @@ from testbench.report.scene import (
     RunChart,
     Scene,
     evenly,
+    gauges,
     largest_and_even,
     loads,
     of_all,
@@ -150,7 +151,8 @@ def seen(made: Planned, f: Row) -> PageContent:
     world = World(cell, f.tracker_m, plan, work, chain(cell.vjm, made.found.q).position)
     force = np.array([row.get("pull_N") or [0, 0, -GRAVITY * row.get("load_kg", 0.0)] for row in f.plan])
     named = {f"Run {row.run}": _said(cell, row, q) for row, q in zip(f.plan, made.plan.q, strict=True)}
-    groups = [world.poses(ORDER, named, made.plan.q, world.measured(made.plan.q, force), ordered=True)]
+    layers = [*world.measured(made.plan.q, force), *_gauges(made)]
+    groups = [world.poses(ORDER, named, made.plan.q, layers, ordered=True)]
     charts = [_chart(0, f.plan)]
     if isinstance(made.plan, Plan):
         every = made.plan.specification.tasks.q
@@ -172,6 +174,17 @@ def seen(made: Planned, f: Row) -> PageContent:
         map=_map(f.map, len(groups) - 1, "after calibration" if f.absolute else "under the first load"),
         runs=charts,
     )
+
+
+def _gauges(made: Planned) -> list[Layer]:
+    """Draw the gauges of a plan; none for a tracker."""
+    placed = made.plan.gauges if isinstance(made.plan, Plan) else None
+    if placed is None:
+        return []
+    vjm, q = made.cell.vjm, made.plan.q
+    direction = np.zeros((len(q), len(vjm.markers), 3))
+    direction[np.arange(len(q))[:, None], placed.marker] = np.eye(3)[placed.axis]
+    return gauges(tool_points(vjm, q, vjm.markers), direction, chain(vjm, q).position, vjm.reach)
 
 
 def _said(cell: Cell, row: Row, q: Sequence[float] | Array) -> str:

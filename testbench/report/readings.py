@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, in_order
 from testbench.errors import Ids
 from testbench.identify.registered import RegisteredDataset
 from testbench.plant.shapes import elastic_frames, rigid_frames
@@ -14,7 +14,7 @@ from testbench.report.colours import GCO, MEASURED, NOMINAL, SERIES, Look
 from testbench.report.columns import columns
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.report import Report, bullets, say
-from testbench.report.scene import loads, trackers
+from testbench.report.scene import loads, read_along, trackers
 from testbench.report.schema import NUMBER, Table, plain, show, written_out
 from testbench.report.table import Row
 from testbench.workflows import calibration_numbers as counted
@@ -74,7 +74,9 @@ def _others(f: Row) -> Iterator[tuple[str, str]]:
 
     yield "rows, runs, poses, stations", f"{f.rows}, {f.runs}, {f.poses}, {f.stations}"
     yield "markers", f"{len(f.markers)}: {few(f.markers)}"
-    yield "lost targets", f"{len(f.lost)} of {f.runs * len(f.markers)}: {few(f.lost)}"
+    yield "lost targets", f"{len(f.lost)} of {f.targets}: {few(f.lost)}"
+    if f.without:
+        yield "markers without an instrument", few(f.without)
     yield "loads", few(f.loads, "; ")
     yield "sigma of a reading, um", show(f.sigma_um, "g")
     yield "columns not read", few(f.ignored)
@@ -133,21 +135,22 @@ def draw_runs(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
     hidden = np.where(data.seen, 0.0, np.nan)
     moved = MM * np.linalg.norm(data.deflection, axis=2) + hidden
     away = MM * np.linalg.norm(data.before - nominal_targets(registered), axis=2) + hidden
+    away[data.lines] = np.nan  # a reading along a line is no place
     some = draw.largest_and_even(np.nan_to_num(moved).max(axis=1), np.flatnonzero(data.seen.any(axis=1)))
     if not len(some):
         return draw.PageContent()
     M = draw.arrow_scale(data.deflection[some] + hidden[some][..., None], SHARE * cell.vjm.reach)
     labels, note = [str(data.run[k]) for k in some], draw.of_all(len(some), data.runs, "runs")
     looks = [Look(SERIES[k % len(SERIES)], k, prior=True) for k in range(len(data.markers))]
-    charts = [
-        draw.RunChart(
-            title, 0, "run", labels, [*map(draw.ModelLine, data.markers, looks, mm[some].T)], note=note
-        )
+    lines = (
+        (title, [draw.ModelLine(*own) for own in zip(data.markers, looks, mm[some].T, strict=True)])
         for title, mm in (
             ("How far loads moved each target (mm)", moved),
             ("Unloaded reading from where the arm without sag has the target (mm)", away),
         )
-    ]
+    )
+    read = ((title, [line for line in own if np.isfinite(line.values).any()]) for title, own in lines)
+    charts = [draw.RunChart(title, 0, "run", labels, own, note=note) for title, own in read if own]
     title = f"Deflections x {M:g}."
     return draw.PageContent(scene=draw.Scene(cell, title, [_runs(cell, registered, some, M)]), runs=charts)
 
@@ -162,6 +165,7 @@ def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> dra
         draw.Layer("read unloaded", MEASURED, "dots", row.before),
         draw.Layer("deflection", MEASURED, "arrows", row.before, row.before + M * data.deflection[some]),
         *loads(row.hook[:, 0], data.wrench[some, :3], cell.vjm.reach),
+        *read_along(in_order(data, some), row.tool[:, 0], cell.vjm.reach),
     ]
     if registered.frame == "tracker" and registration is not None:
         stands = np.array([-frame.rotation.T @ frame.translation for frame in registration.frames.values()])
@@ -179,8 +183,9 @@ def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> dra
 
 def _words(cell: Cell, data: Dataset, k: int) -> str:
     """What the page says of a run that it shows."""
-    each = zip(data.markers, MM * np.linalg.norm(data.deflection[k], axis=1), data.seen[k], strict=True)
-    moved = [f"{name} {f'moves {mm:.3f} mm' if there else 'lost'}" for name, mm, there in each]
+    sizes, there = MM * np.linalg.norm(data.deflection[k], axis=1), data.seen[k]
+    each = zip(data.markers, sizes, there, there | data.lost[k], strict=True)
+    moved = [f"{name} {f'moves {mm:.3f} mm' if seen else 'lost'}" for name, mm, seen, meant in each if meant]
     force = float(np.linalg.norm(data.wrench[k, :3]))
     return f"{force:.5g} N: {', '.join(moved)}. {cell.arm.words(data.q[k])}."
 

@@ -116,7 +116,8 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
     ends = np.stack([at, to], axis=1)[:, :, shown]  # one artist for all: each has a cost of its own
     known = np.isfinite(ends).all(axis=(1, 2))
     colours = tube_colours(layer, scene.tube_scale)[known] / 255 if layer.kind == "tubes" else colour
-    axes.add_collection(LineCollection(ends[known], colors=colours, linewidths=1.0, capstyle="projecting"))
+    wide, cap = (3.5, "butt") if layer.kind == "cylinders" else (1.0, "projecting")
+    axes.add_collection(LineCollection(ends[known], colors=colours, linewidths=wide, capstyle=cap))
     if layer.kind == "arrows":
         axes.plot(*to[:, shown].T, "o", color=colour, markersize=2)
     if layer.kind == "weights":

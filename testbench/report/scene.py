@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.arm.mjcf import GRAVITY
+from testbench.data.dataset import Dataset
 from testbench.errors import Array, Ids
 from testbench.model.structure import JOINTS
 from testbench.plant.shapes import BodyFrames, rigid_frames
@@ -30,18 +31,19 @@ DEEP = 1e-3  #: Least error on a logarithmic scale over the greatest [1].
 class Layer:
     """Marks of one kind, the same number in every pose, or the same in all of them.
 
-    Dots, small ones, arrows, lines; tubes, coloured by a number each; weights on cords; trackers on tripods.
+    Dots, small ones, arrows, lines, cylinders; tubes, coloured by a number each; weights on cords; trackers
+    on tripods.
     """
 
     name: str  #: For the legend.
     colour: Colour
-    kind: Literal["dots", "specks", "arrows", "lines", "tubes", "weights", "trackers"]
+    kind: Literal["dots", "specks", "arrows", "lines", "cylinders", "tubes", "weights", "trackers"]
     at: Array  #: Where they are or begin, (poses, k, 3), of what stands still (1, k, 3) [m]; NaN: none.
-    to: Array | None = None  #: Where arrows, lines, tubes and the cords of weights end, as many [m].
+    to: Array | None = None  #: Where arrows, lines, cylinders, tubes and cords of weights end, as many [m].
     labels: Sequence[str] = ()  #: What stands beside each, (k,); none if empty.
     shown: bool = True  #: Whether it is visible at first.
     values: Array | None = None  #: Of tubes, on one scale in the scene, (k,) [mm]; NaN where there is none.
-    radius: float = 0.0  #: Of weights: cylinders, as high as wide [m].
+    radius: float = 0.0  #: Of cylinders, and of weights, which are as high as wide [m].
 
 
 @dataclass(frozen=True)
@@ -309,6 +311,7 @@ CORD, ARROW = (
 )  #: Length of a weight's cord, and of the arrow of the largest force, over the reach [1].
 UPRIGHT = 1e-6  #: Of a force, most of what is not straight down in a weight [1].
 KINDS = 4  #: Most masses or forces that have a label each.
+GAUGE, GAUGE_RADIUS = 0.05, 0.008  #: Length and radius of a gauge over the reach [1].
 LEGS, HEIGHT, SPREAD = 3, 1.2, 0.35  #: Of a tripod; how high and how wide it stands at most [m].
 
 
@@ -392,6 +395,46 @@ def trackers(stations: Array, names: Sequence[str] = ("tracker",)) -> Layer:
         The layer.
     """
     return Layer("tracker", MEASURED, "trackers", np.reshape(stations, (1, -1, 3)), labels=names)
+
+
+def gauges(at: Array, direction: Array, tool: Array, reach: float) -> list[Layer]:
+    """Draw gauges: cylinders along their directions, which touch the markers from outside of the tool.
+
+    Args:
+        at: Where they touch, (poses, m, 3) [m].
+        direction: Their directions, unit vectors, (poses, m, 3) [1]; zero where there is none.
+        tool: Where the tool is, (poses, 3) [m].
+        reach: Of the arm [m].
+
+    Returns:
+        A layer; none without a gauge.
+    """
+    there = direction.any(axis=2, keepdims=True)
+    outward = np.sign(np.vecdot(at - tool[:, None], direction))[..., None]
+    tip = np.where(there, at, np.nan)
+    end = tip + GAUGE * reach * np.where(outward < 0, -1.0, 1.0) * direction
+    layer = Layer("gauges", MEASURED, "cylinders", tip, end, radius=GAUGE_RADIUS * reach)
+    return [layer] if np.isfinite(tip).any() else []
+
+
+def read_along(data: Dataset, tool: Array, reach: float) -> list[Layer]:
+    """Draw what reads along lines: gauges, and lines from fixed points, at the unloaded markers.
+
+    Args:
+        data: The runs, in the base's frame.
+        tool: Where the tool is, (runs, 3) [m].
+        reach: Of the arm [m].
+
+    Returns:
+        The layers; none for positions alone.
+    """
+    if data.direction is None or data.reach is None:
+        return []
+    along, length = np.where(data.lines[..., None], data.direction, 0.0), data.reach[..., None]
+    marker = np.where(data.lines[..., None] & (length > 0), data.before, np.nan)
+    meters = Layer("distances", MEASURED, "lines", marker - length * along, marker)
+    layers = gauges(data.before, np.where(length > 0, 0.0, along), tool, reach)
+    return [*layers, meters] if np.isfinite(marker).any() else layers
 
 
 def legs(head: Array) -> Array:

@@ -1,8 +1,8 @@
 """Trials of a study on disk: their plan, and the store that is resumed if plan and versions are the same.
 
-A part is a Parquet file of a chunk of trials: whole or absent after a kill, a crash or a full disk. Trials come
-back in the order of their seeds, however they came. Whoever opens a store has claimed the folder of the run
-(`whole.claimed`).
+A part is a Parquet file of a chunk of trials: whole or absent after a kill, a crash or a full disk. Trials
+come back in the order of their seeds, however they came. Whoever opens a store has claimed the folder of the
+run (`whole.claimed`).
 """
 
 import contextlib

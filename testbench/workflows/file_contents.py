@@ -47,13 +47,23 @@ def contents(export: Export) -> Row:
         poses=len(np.unique(data.pose)),
         stations=1 if data.station is None else len(np.unique(data.station)),
         markers=data.markers,
-        lost=[_where(data, i, k) for i, k in np.argwhere(~data.seen)],
+        targets=int((data.seen | data.lost).sum()),
+        lost=[_where(data, i, k) for i, k in np.argwhere(data.lost)],
+        without=list(_without_instrument(data)),
         loads=_loads(data, hung=bool(downward)),
         deflection_mm=Row(least=least, median=median, most=most),
         farthest=_where(data, *np.argwhere(size == most)[0]) if len(known) else "",
         sigma_um=UM * data.sigma,
         notes=[*table.notes, *export.notes],
     )
+
+
+def _without_instrument(data: Dataset) -> Iterator[str]:
+    """Name the markers that no instrument reads, in any run or in some."""
+    without = ~data.seen & ~data.lost
+    never = without.all(axis=0)
+    yield from (data.markers[k] for k in np.flatnonzero(never))
+    yield from (_where(data, i, k) for i, k in np.argwhere(without & ~never))
 
 
 def _where(data: Dataset, run: int, marker: int) -> str:

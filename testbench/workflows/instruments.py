@@ -154,7 +154,7 @@ def read_instruments(
         rng: Source of the instruments' errors.
 
     Returns:
-        The runs: along lines, positions, or both; a marker that no instrument reads counts as lost.
+        The runs: along lines, positions, or both; markers without an instrument are neither read nor lost.
 
     Raises:
         BenchError: When a marker is none of the arm's, or a probe of orientations is not the only instrument.
@@ -217,9 +217,9 @@ def _read(
         else:
             numbers = own.instrument.read(np.asarray(own.fixed), places, rng)  # type: ignore[arg-type]
         lost = np.asarray(np.isnan(numbers).any(axis=0))
-        direction[:, k] = np.where(lost[:, None], 0.0, u)
+        direction[:, k] = u
         read[:, :, k] = np.nan_to_num(numbers)[..., None] * u
-        P[:, k] = along_lines(direction[:, k], own.instrument.sigma)
+        P[:, k] = along_lines(u, own.instrument.sigma) * ~lost[:, None, None]
     lines = bool(direction.any() or tilt.any() or reach.any())
     whole = not lines and bool(P.any(axis=(2, 3)).all())
     return Dataset(

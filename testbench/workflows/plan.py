@@ -17,7 +17,7 @@ from testbench.design.baselines import error_after, observability
 from testbench.design.criteria import criterion_of
 from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast, forecast_on, inflate_intervals, unbounded_rows, without_bound
-from testbench.design.gauges import GaugePlan, Gauges, choose_gauges, gauge_rows
+from testbench.design.gauges import Gauges
 from testbench.design.planning import (
     ChosenPoses,
     Plan,
@@ -25,6 +25,7 @@ from testbench.design.planning import (
     choose_greedily,
     forecast_errors,
     make_plan,
+    place_gauges,
 )
 from testbench.design.planning import choose_poses as search_best
 from testbench.design.refine import Feasibility, Search
@@ -71,7 +72,6 @@ class Planned(Displayed):
     poses: Forecast  #: Errors to expect in these poses [m].
     forecast: Forecast  #: Errors to expect at the tasks; for absolute readings over the workspace [m].
     workspace: Forecast  #: Errors to expect over the workspace, under the first load [m].
-    gauges: GaugePlan | None  #: Where gauges touch in every pose of the plan; None for a tracker.
 
     def about(self) -> dict[str, object]:
         """Summarise the plan: arm, poses, criterion, and the error to expect at the tasks."""
@@ -142,7 +142,7 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
             f"poses: {settings.poses} poses see {indices.seen} of the {indices.of} directions that these "
             "loads can show; give more poses, or plan with a prior"
         )
-    fit = linear_fit_after(spec, cad_prior(cell.arm), best.q, best.load)
+    fit = linear_fit_after(spec, cad_prior(cell.arm), best.read)
     poses, forecast, around = (
         inflate_intervals(forecast_on(fit, at, load))
         for at, load in (
@@ -152,27 +152,7 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
         )
     )
     around = without_bound(around, unbounded_rows(best.examined.problem, workspace_rows(spec)))
-    gauges = place_gauges(best, settings) if settings.gauges else None
-    return Planned(cell, settings, candidates, best, poses, forecast, around, gauges)
-
-
-def place_gauges(best: Plan, settings: PlanSettings) -> GaugePlan:
-    """Choose markers and axes of the gauges in the poses of a plan.
-
-    Args:
-        best: The plan.
-        settings: Their number, noise and tilt.
-
-    Returns:
-        Marker and axis of every gauge, pose by pose.
-
-    Raises:
-        BenchError: For more gauges than markers.
-    """
-    spec, problem = best.specification, best.examined.problem
-    gauges = Gauges(settings.gauges, settings.gauge_um / UM, math.radians(settings.tilt_deg))
-    rows = gauge_rows(spec, best.q, best.load, gauges, problem.lift)
-    return choose_gauges(rows, problem, best.criterion, gauges)
+    return Planned(cell, settings, candidates, best, poses, forecast, around)
 
 
 def search(cell: Cell, settings: PlanSettings) -> Candidates:
@@ -262,8 +242,12 @@ def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, candidates: Candida
     )
     if spec.uncertainty is None:
         _check_without_prior(spec, candidates.q)
-    rng = trial_rng(settings.seed, 1)
-    return make_plan(spec, settings.criterion, candidates.q, reach_of(cell, settings), rng)
+    rng, reach = trial_rng(settings.seed, 1), reach_of(cell, settings)
+    best = make_plan(spec, settings.criterion, candidates.q, reach, rng)
+    if not settings.gauges:
+        return best
+    gauges = Gauges(settings.gauges, settings.gauge_um / UM, math.radians(settings.tilt_deg))
+    return place_gauges(best, gauges, reach, rng)
 
 
 def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:
@@ -332,7 +316,7 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
     best_of = search_best if given is None else choose_greedily
     best = best_of(asked, criterion_of(settings.criterion, examined.problem, wanted), examined)
     there, over = (forecast_errors(best, rows) for rows in (absolute.position_rows(union, best.q), wanted))
-    return AbsolutePlanned(cell, settings, candidates, best, there, over, over, None, union, q, wanted, given)
+    return AbsolutePlanned(cell, settings, candidates, best, there, over, over, union, q, wanted, given)
 
 
 def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, float]:

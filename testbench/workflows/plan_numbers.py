@@ -23,11 +23,11 @@ from testbench.design.baselines import (
 )
 from testbench.design.criteria import LinearCriterion, mean_square
 from testbench.design.exchange import greedy
-from testbench.design.forecast import Forecast, error_on, forecast, forecast_on, inflate_intervals
+from testbench.design.forecast import Forecast, error_on, forecast_on, inflate_intervals
 from testbench.design.planning import Plan, forecast_errors
 from testbench.design.rows import deflection_rows, loads_of, task_rows
 from testbench.errors import Array, Ids
-from testbench.identify.prior import cad_prior
+from testbench.identify.prior import Prior, cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.plant.site import has_surroundings
@@ -117,7 +117,7 @@ def _beside(f: Row) -> list[Row]:
     pairs = {
         "this plan": f.error_mm.expected,
         f"this plan, {f.model} alone, without averaging": chance.get("planned_mm"),
-        f"this plan, read by gauges, {f.model} alone": f.get("gauges_mm"),
+        "this plan, read by a tracker": f.get("tracker_mm"),
         "this plan, joint stiffness only": f.get("joints_alone_mm"),
         "this plan, prior twice as uncertain": doubted and doubted.expected,
         "this plan, with joint errors of all orders": beyond and math.hypot(f.error_mm.expected, beyond),
@@ -135,7 +135,7 @@ def _rests(f: Row) -> list[Row]:
     """List what a plan rests on: noise, prior, directions, certificate, advice."""
     seen, told = f.get("directions") or Row(), f.get("advice") or Row()
     pairs = {
-        "noise of a reading, um": f.sigma_um,
+        "noise of a reading, um": f.gauge_um if f.get("gauges") else f.sigma_um,
         "uncertainty of the prior, %": f.uncertainty_percent,
         f"efficiency by criterion {f.criterion}, at least, %": 100 * f.certificate.efficiency,
         "candidates examined": f.certificate.examined,
@@ -158,7 +158,7 @@ def _pairs(made: Planned) -> Row:
     assert isinstance(plan, Plan)
     spec, rows = plan.specification, task_rows(plan.specification)
     scaling, influence = spec.experiment.scaling, prior_influence(plan, rows)
-    alone = linear_fit_after(joints_alone(spec, prior), prior, plan.q, plan.load)
+    alone = linear_fit_after(joints_alone(spec, prior), prior, plan.read)
     drawn, rng = len(made.found.q) * len(spec.loads), trial_rng(made.settings.seed, 3)
     others = baselines(plan, rows, drawn=drawn, rng=rng)
     around, chance = made.workspace, others.random[made.settings.poses]
@@ -179,7 +179,7 @@ def _pairs(made: Planned) -> Row:
             best_tenth_mm=_percentile(chance, 10),
         ),
         plan=_runs(made, plan),
-        gauges_mm=_by_gauges(made, plan, rows),
+        tracker_mm=_by_tracker(plan, prior),
         tasks=_tasks(made, plan, rms(rows @ scaling.expected)),
         observability=observability(plan.examined.problem, plan.chosen),
         directions=_directions(plan, influence),
@@ -196,11 +196,13 @@ def _pairs(made: Planned) -> Row:
     )
 
 
-def _by_gauges(made: Planned, plan: Plan, rows: Array) -> float | None:
-    """Forecast the RMS error at the tasks by the gauges of the plan [mm]; None without gauges."""
-    if made.gauges is None:
+def _by_tracker(plan: Plan, prior: Prior) -> float | None:
+    """Forecast the RMS error at the tasks by a tracker in the poses of gauges [mm]; None without gauges."""
+    if plan.gauges is None:
         return None
-    return finite(MM * forecast(plan.examined.problem, made.gauges.information, rows).overall)
+    spec = plan.specification
+    fit = linear_fit_after(spec, prior, replace(plan, gauges=None).read)
+    return finite(MM * forecast_on(fit, spec.tasks.q, spec.tasks.load).overall)
 
 
 def _doubted(made: Planned, plan: Plan) -> Expected | None:
@@ -209,7 +211,7 @@ def _doubted(made: Planned, plan: Plan) -> Expected | None:
     if spec.uncertainty is None:
         return None
     doubted = replace(spec, uncertainty=2 * spec.uncertainty)
-    fit = linear_fit_after(doubted, cad_prior(made.cell.arm), plan.q, plan.load)
+    fit = linear_fit_after(doubted, cad_prior(made.cell.arm), plan.read)
     return forecast_summary(inflate_intervals(forecast_on(fit, spec.tasks.q, spec.tasks.load)))
 
 
@@ -462,10 +464,11 @@ def _write_table(head: Sequence[str], rows: Sequence[Sequence[object]], path: Pa
 
 def gauge_words(made: Planned) -> list[str] | None:
     """Write the gauges of every pose, such as "P1:z P2:x"; None without gauges."""
-    if made.gauges is None:
+    gauges = made.plan.gauges if isinstance(made.plan, Plan) else None
+    if gauges is None:
         return None
     markers = made.cell.arm.markers
-    pairs = zip(made.gauges.marker.tolist(), made.gauges.axis.tolist(), strict=True)
+    pairs = zip(gauges.marker.tolist(), gauges.axis.tolist(), strict=True)
     return [" ".join(f"{markers[m]}:{'xyz'[a]}" for m, a in zip(*own, strict=True)) for own in pairs]
 
 

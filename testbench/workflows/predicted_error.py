@@ -4,6 +4,7 @@ Laws of joints that a plan's readings do not determine, and further readings tha
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -12,7 +13,7 @@ from scipy.linalg import block_diag
 
 from testbench.design.forecast import BROAD, Forecast, LinearFit, error_on, fit_of
 from testbench.design.planning import Plan
-from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_rows, loads_of, measured_rows
+from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_rows, loads_of
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.metric import precision_root, scale_by_prior
 from testbench.identify.posterior import CONFIDENCE
@@ -65,21 +66,20 @@ def prior_uncertainty(spec: Specification) -> float:
     return UNKNOWN if spec.uncertainty is None else spec.uncertainty
 
 
-def linear_fit_after(spec: Specification, prior: Prior, q: Array, load: Ids) -> LinearFit:
+def linear_fit_after(spec: Specification, prior: Prior, read: Callable[[Specification], Array]) -> LinearFit:
     """Predict a specification's model after poses were measured, each under its load.
 
     Args:
         spec: What the plan is made for.
         prior: The prior.
-        q: Poses, (poses, n) [rad, m].
-        load: Load of every pose, (poses,).
+        read: Function that gives whitened rows of the readings, such as `Plan.read`.
 
     Returns:
         The fit.
     """
     every = spec.experiment
     whole = replace(every, scaling=scale_by_prior(prior, every.vjm, all153(every.vjm.arm)))
-    return fit_of(whole, prior_uncertainty(spec), spec, q, load)
+    return fit_of(whole, prior_uncertainty(spec), spec, read)
 
 
 def joints_alone(spec: Specification, prior: Prior) -> Specification:
@@ -137,7 +137,7 @@ def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
         if other is None or other == name:
             continue
         [model] = named_models(cell, [other])
-        fit = linear_fit_after(least_squares(spec, prior, model.structure), prior, plan.q, plan.load)
+        fit = linear_fit_after(least_squares(spec, prior, model.structure), prior, plan.read)
         found[other] = bounded_mm(error_on(fit, q, load))
     found[name] = bounded_mm(forecast.error)
     moved = rms(deflection_rows(spec.experiment, q, load) @ spec.experiment.scaling.expected)
@@ -208,7 +208,7 @@ def unloaded_joints(plan: Plan, prior: Prior) -> Unloaded | None:
     _, pull = _pull(plan, closed)
     if pull is None:
         return Unloaded([names[k] for k in closed], None, None)
-    error = error_on(linear_fit_after(spec, prior, plan.q, plan.load), spec.tasks.q, pull)
+    error = error_on(linear_fit_after(spec, prior, plan.read), spec.tasks.q, pull)
     mm = float(MM * np.sqrt(np.square(error).mean()))
     return Unloaded([names[k] for k in closed], pull.wrench[:3].tolist(), mm if math.isfinite(mm) else None)
 
@@ -332,7 +332,7 @@ def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification
 
 def _information(spec: Specification, plan: Plan) -> Array:
     """What the plan's poses tell of all unknowns, (n, n)."""
-    A = measured_rows(spec, plan.q, plan.load).reshape(-1, spec.experiment.scaling.structure.n)
+    A = plan.read(spec).reshape(-1, spec.experiment.scaling.structure.n)
     return np.asarray(A.T @ A)
 
 

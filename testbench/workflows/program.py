@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.correct.compensated import Compensated, Refusal, compensate
-from testbench.correct.inverse import Reached, joints_along
+from testbench.correct.inverse import Reached, configurations, joints_along
 from testbench.correct.newton import Aim, Hold
 from testbench.correct.newton import Asked as Meant
 from testbench.correct.predicted import Extent, Prediction, extent, predict
@@ -18,9 +18,14 @@ from testbench.data.dataset import in_order
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
 from testbench.files.languages import known_languages, language_of
 from testbench.files.motion import CSV, Motion, format_of, turn_flags, write_moves
-from testbench.files.motion_read import changed_texts, files_of
+from testbench.files.motion_read import changed_texts, files_of, with_mark
 from testbench.files.program import Program, read_poses, read_program, refuse_joint_jumps, unread_columns
-from testbench.files.robot_program import RobotMotions, changed_numbers
+from testbench.files.robot_program import (
+    RobotMotions,
+    changed_numbers,
+    flags_agree,
+    refuse_other_configurations,
+)
 from testbench.files.table import read_table
 from testbench.files.write import write_program
 from testbench.identify.arm_model import ArmModel
@@ -127,18 +132,44 @@ def _refuse_far(program: Program, reached: Reached, points: Ids) -> None:
 
 
 def _robot_joints(model: ArmModel, program: Program, motions: RobotMotions, start: Array | None) -> Array:
-    """Joints of a program in a robot language: each run of poses continues from the joints before it."""
+    """Joints of a program in a robot language: each run of poses continues from the joints before it.
+
+    Where the flags of a joint move to a pose state another turn, its configuration is the one of these flags.
+    """
     assert program.position is not None
     assert program.rotation is not None
+    refuse_other_configurations(motions, started=start is not None)
     q = np.full((program.points, model.arm.n_joints), np.nan) if program.q is None else program.q.copy()
     ends = np.flatnonzero(np.diff(motions.posed)) + 1
     for run in np.split(np.arange(program.points), ends):
-        if motions.posed[run[0]]:
-            near = q[run[0] - 1] if run[0] else start
+        near, chosen = q[run[0] - 1] if run[0] else start, False
+        while len(run) and motions.posed[run[0]]:
             reached = joints_along(model.vjm, program.position[run], program.rotation[run], start=near)
             _refuse_far(program, reached, run)
             q[run] = reached.q
+            # from the first joint move that its flags put into another turn the rest is found anew
+            free = ~motions.linear[run]
+            free[0] = not chosen and (free[0] or near is None)
+            other = free & ~flags_agree(motions, model.arm, run, reached.q)
+            if not other.any():
+                break
+            run, chosen = run[int(other.argmax()) :], True
+            near = _of_flags(model, program, motions, int(run[0]))
     return q
+
+
+def _of_flags(model: ArmModel, program: Program, motions: RobotMotions, k: int) -> Array:
+    """Joints of a pose in the turns of its flags, the nearest to zero, (n,) [rad, m]."""
+    assert program.position is not None
+    assert program.rotation is not None
+    every = configurations(model.vjm, program.position[k], program.rotation[k])
+    own = every[flags_agree(motions, model.arm, np.full(len(every), k), every)]
+    if not len(own):
+        flags = motions.text.language.flags
+        name = flags.name if flags else ""
+        problem = f"{name} states joints that the arm does not have in this pose; correct it, or give joints"
+        raise InputError(program.path, f"line {program.line[k]}", problem)
+    return np.asarray(own[np.linalg.norm(own, axis=1).argmin()])
 
 
 def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Load, ...]:
@@ -181,6 +212,20 @@ def output_paths(out: Path, report: Path | None) -> tuple[str, Kind, Path]:
         language = known_languages()[form]
         kind = Kind(f"a program in {language.title} that testbench wrote", language.begins.encode())
     return form, kind, report or out.with_name(f"{named}_report")
+
+
+def refuse_corrected(program: Program) -> None:
+    """Refuse a program that was corrected: it would be corrected twice.
+
+    Args:
+        program: The program as it was read.
+
+    Raises:
+        InputError: Names the file and the line that say so.
+    """
+    if program.mark is not None:
+        path, line = program.mark
+        raise InputError(path, f"line {line}", "the program was corrected before: correct the original")
 
 
 def refuse_unreached(corrected_program: CorrectedProgram) -> None:
@@ -251,7 +296,8 @@ def input_files(program: Path) -> list[Path]:
 def write_corrected(corrected_program: CorrectedProgram, files: Sequence[Path], form: str) -> None:
     """Write a corrected program, as a table or in a robot's language.
 
-    A program in a robot language stays as it is in its own language, but for the numbers of its points.
+    A program in a robot language stays as it is in its own language, but for the numbers of its points and a
+    remark that it was corrected.
 
     Args:
         corrected_program: The corrected program.
@@ -269,11 +315,12 @@ def write_corrected(corrected_program: CorrectedProgram, files: Sequence[Path], 
     elif motions is not None and motions.text.language.name == form:
         position, rotation = tool_pose(corrected_program.model.vjm, q)
         changes = changed_numbers(motions, arm, q, position, rotation)
-        for file, (_, content) in zip(files, changed_texts(motions.text, changes), strict=True):
-            file.write_bytes(content)
+        for file, (source, content) in zip(files, changed_texts(motions.text, changes), strict=True):
+            text = with_mark(content.decode(source.encoding), motions.text.language)
+            file.write_bytes(text.encode(source.encoding))
     else:
         language = known_languages()[form]
-        motion = Motion(arm.to_file(q), arm.file_joints, program.labels)
+        motion = Motion(arm.to_file(q), arm.file_joints, program.labels, corrected=True)
         if motions is not None and motions.linear.any():
             at = motions.to_program(*tool_pose(corrected_program.model.vjm, q))
             posed = motions.linear & (language.linear_by == "pose")
@@ -371,9 +418,10 @@ def read_pose_file(
         return _of_plan(path, model, mass)
     program = read_program(path, model.arm, mapping, jumps=True)
     aim, notes = Aim(), unread_columns(program)
-    if program.corrected and program.q is not None:
-        notes += ("The program was corrected: its joints count as they stand",)
-        program = replace(program, position=None, rotation=None)
+    if program.corrected:
+        notes += ("The program was corrected: its points count as they stand",)
+        if not isinstance(program.content, RobotMotions):  # whose poses are commands, too
+            program = replace(program, position=None, rotation=None)
     program, said = with_payload(model, program, mass)
     q = _drawn_joints(model, program, aim, None)
     loads = _loads_of(model, program, aim, q)

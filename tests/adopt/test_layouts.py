@@ -44,6 +44,7 @@ def test_a_sample_is_read_to_the_last_digit_by_its_own_layout_and_by_no_other(na
         log = part(tmp_path / "robot.csv", range(7))
     proposal = propose(file, ARM, log, tmp_path)
     (tmp_path / "map.toml").write_text(map_text(proposal.entries))
+    assert any("is assumed" in own for own in proposal.layouts) == (layout.facts == "assumed")
     [series] = read_series(file, ARM, tmp_path / "map.toml").series
     targets = len(series.markers)
     order = [series.markers.index(marker) for marker in ARM.markers] if targets > 1 else [0]
@@ -174,9 +175,10 @@ def test_the_documentation_lists_every_layout():
     table = (
         (ROOT / "docs/own_data.md")
         .read_text()
-        .partition("| layout | export | holds |\n| --- | --- | --- |\n")[2]
+        .partition("| layout | export | holds | from |\n| --- | --- | --- | --- |\n")[2]
     )
     rows = [
-        f"| `{name}` | {own.title} | {' and '.join(own.holds)} |" for name, own in known_layouts().items()
+        f"| `{name}` | {own.title} | {' and '.join(own.holds)} | {own.facts} |"
+        for name, own in known_layouts().items()
     ]
     assert table.partition("\n\n")[0].splitlines() == rows

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from itertools import combinations_with_replacement
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,6 +25,7 @@ from testbench.design.planning import (
     choose_greedily,
     forecast_errors,
     make_plan,
+    place_gauges,
 )
 from testbench.design.refine import Feasibility, Search
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
@@ -94,7 +96,8 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
 
     def left(poses, loads, spec=whole):
         q, load = np.tile(poses, (loads, 1)), np.repeat(np.arange(loads), len(poses))
-        found = open_laws(SimpleNamespace(specification=spec, q=q, load=load), prior)
+        read = partial(plans.measured_rows, q=q, load=load)
+        found = open_laws(SimpleNamespace(specification=spec, q=q, load=load, read=read), prior)
         return {law.kind: law for law in found}
 
     one, two = (left(poses[:11], loads) for loads in (1, 2))
@@ -230,7 +233,8 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
             off = deflections(kr500.vjm, method(kr500.vjm, structure, runs), true) - true.deflection
             squares[name].append(np.square(off).sum(axis=2).mean())
     for name, (model, *_) in fits.items():
-        fit = fit_of(replace(spec.experiment, scaling=whole), 0.3, model, q, load)
+        read = partial(plans.measured_rows, q=q, load=load)
+        fit = fit_of(replace(spec.experiment, scaling=whole), 0.3, model, read)
         promised = forecast_on(fit, spec.tasks.q, spec.tasks.load)
         found, errors = promised.overall**2, np.sqrt(squares[name])
         inside = np.mean((promised.overall_low < errors) & (errors < promised.overall_high))
@@ -367,6 +371,42 @@ def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, pl
     assert (row.joint, row.poses) == ("joint_1", pytest.approx((plan >= 40).sum(), abs=1))
     error = error_after(problem, wanted)
     assert error(plan) < min(error(trial_rng(k).choice(50, 8, replace=False)) for k in range(10))
+
+
+def test_poses_and_gauges_chosen_together_are_the_best_of_all_places(kr500, spec, poses):
+    """Of four poses and the nine places of one gauge in each, by trying all pairs of places."""
+    few, nowhere = replace(spec, poses=2), Feasibility(lambda q: np.zeros(len(q), dtype=bool))
+    given = make_plan(few, "I", poses[:4], nowhere, trial_rng(1))
+    gauges = Gauges(1, 5e-6, 0.01)
+    found = place_gauges(given, gauges, nowhere, trial_rng(1))
+    problem, criterion = given.examined.problem, found.criterion
+    rows = gauge_rows(spec, poses[:4], np.zeros(4, dtype=int), gauges, problem.lift).reshape(36, 1, -1)
+    every = [
+        criterion.information(plans.sum_information(problem.prior, rows[[a, b]]))
+        for a, b in combinations_with_replacement(range(36), 2)
+    ]
+    assert found.value == pytest.approx(max(every), rel=1e-9)
+    assert max(every) <= found.relaxed.bound * (1 + 1e-9)
+    alone = place_gauges(
+        replace(given, q=given.q[[0, 0]], chosen=given.chosen[[0, 0]]), gauges, nowhere, trial_rng(1)
+    )
+    assert alone.value == pytest.approx(found.value)  # wherever the tracker would read
+    read = plans.row_products(found.read(few), problem.lift)
+    np.testing.assert_allclose(
+        read, found.examined.problem.rows[found.chosen], rtol=1e-9, atol=1e-9 * abs(read).max()
+    )
+
+
+def test_refined_places_of_gauges_are_better_and_within_their_bound(kr500, spec, poses):
+    given = make_plan(spec, "test", poses[:40], Feasibility(lambda q: clear(kr500, q)), trial_rng(1))
+    nowhere = Feasibility(lambda q: np.zeros(len(q), dtype=bool))
+    refined, kept = (
+        place_gauges(given, Gauges(3, 5e-6, 0.01), reach, trial_rng(1))
+        for reach in (Feasibility(lambda q: clear(kr500, q)), nowhere)
+    )
+    assert kept.value < refined.value <= refined.relaxed.bound
+    assert clear(kr500, refined.q).all()
+    assert (np.diff(refined.gauges.marker, axis=1) > 0).all()
 
 
 def test_rows_of_gauges_are_those_of_readings_along_lines(kr500, spec, poses):

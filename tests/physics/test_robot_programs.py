@@ -13,10 +13,10 @@ from testbench.arm.folder import find_arm, load_arm
 from testbench.arm.joint_map import build_map
 from testbench.correct.newton import Aim
 from testbench.errors import BenchError, InputError
-from testbench.files.languages import known_languages, language_of, read_language
+from testbench.files.languages import FLAGS, known_languages, language_of, read_language
 from testbench.files.mapping import Controller
 from testbench.files.motion import Motion, write_moves
-from testbench.files.motion_read import changed_texts
+from testbench.files.motion_read import MARK, changed_texts, read_motions, with_mark
 from testbench.files.program import read_program
 from testbench.files.robot_program import changed_numbers, read_robot_program
 from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
@@ -26,6 +26,7 @@ from testbench.model.vjm import tool_pose
 from testbench.workflows.program import (
     correct_program,
     output_files,
+    refuse_corrected,
     turn_notes,
     with_payload,
     write_corrected,
@@ -363,6 +364,7 @@ def test_a_corrected_program_puts_the_loaded_tool_where_the_program_means(name, 
     path = tmp_path / f"way{language.suffix}"
     write_moves(path, language, Motion(q, arm.joints, (), posed, posed, p, R))
     program, _ = with_payload(model, read_program(path, arm), lambda: 300.0)
+    refuse_corrected(program)
     found = correct_program(model, program, Aim())
     (table := tmp_path / "way.csv").write_text(
         "\n".join(
@@ -381,6 +383,10 @@ def test_a_corrected_program_puts_the_loaded_tool_where_the_program_means(name, 
         out = tmp_path / f"right{known_languages()[form].suffix}"
         write_corrected(found, output_files(out, form, path), form)
         again = read(out)
+        [line] = [k for k, text in enumerate(out.read_text().splitlines(), 1) if "Corrected by" in text]
+        with pytest.raises(InputError, match=rf"right\.\w+: line {line}: the program was corrected before"):
+            refuse_corrected(read_program(out, arm))
+        assert re.match(known_languages()[form].begins, out.read_bytes().decode())
         by_pose = again.motions.posed
         assert (
             by_pose.tolist()
@@ -391,7 +397,29 @@ def test_a_corrected_program_puts_the_loaded_tool_where_the_program_means(name, 
         np.testing.assert_allclose(again.position[by_pose], at[by_pose], rtol=0, atol=ROUND_TRIP)
         np.testing.assert_allclose(again.rotation[by_pose], turned[by_pose], rtol=0, atol=ROUND_TRIP)
     write_corrected(found, [tmp_path / "right.csv"], "csv")
-    np.testing.assert_allclose(read_program(tmp_path / "right.csv", arm).q, wanted, rtol=0, atol=1e-7)
+    again = read_program(tmp_path / "right.csv", arm)
+    np.testing.assert_allclose(again.q, wanted, rtol=0, atol=1e-7)
+    with pytest.raises(InputError, match=r"right\.csv: line 1: the program was corrected before"):
+        refuse_corrected(again)
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+@pytest.mark.parametrize("name", NAMES)
+def test_the_remark_that_a_program_was_corrected_is_a_line_of_its_own_in_every_file(name, newline, tmp_path):
+    language, path = known_languages()[name], written(tmp_path, PROGRAMS[name][0], newline)
+    assert read_motions(path, language).mark is None
+    for source in read_motions(path, language).sources:
+        lines = with_mark(source.text, language).split(newline)
+        [k] = [k for k, line in enumerate(lines) if MARK in line]
+        assert lines[k] == language.remark.format(MARK)
+        assert newline.join(lines[:k] + lines[k + 1 :]) == source.text
+        assert re.match(language.remark_after, lines[k - 1], FLAGS)
+        source.path.write_bytes(newline.join(lines).encode(source.encoding))
+    assert read_motions(path, language).mark[0] == path
+    for source in read_motions(path, language).sources[:1]:  # the file of points says so, too
+        source.path.write_text(source.text.replace(MARK, ""), source.encoding, newline="")
+    beside = read_motions(path, language).mark
+    assert beside == ((path.with_suffix(".dat"), 3) if name == "krl" else None)
 
 
 def test_a_pose_whose_joint_passes_a_turn_is_named(model, tmp_path):
@@ -406,6 +434,63 @@ def test_a_pose_whose_joint_passes_a_turn_is_named(model, tmp_path):
     expected = [line for line, a, b in zip(program.line, *signs, strict=True) if a != b]
     [note] = turn_notes(found) or [""]
     assert [int(x) for x in re.findall(r"\d+", note)] == expected
+
+
+FLIPPED = np.radians([[10, -80, 95, 5, 30, -10], [10, -80, 95, -175, -30, 170]])
+"""The same pose of the tool by both configurations of the wrist."""
+
+
+@pytest.mark.parametrize("q", FLIPPED, ids=["near zero", "flipped"])
+@pytest.mark.parametrize("name", ["krl", "rapid"])
+def test_flags_of_a_joint_move_choose_the_configuration_and_stay(name, q, model, tmp_path):
+    """From nothing, and behind joints of the other configuration; a linear move goes on as it was."""
+    language, other = known_languages()[name], FLIPPED[FLIPPED[:, 4] != q[4]]
+    joints, poses = np.array([other[0], q, q, q + 0.01]), np.array([False, True, True, True])
+    p, R = tool_pose(model.vjm, joints)
+    path = tmp_path / f"way{language.suffix}"
+    for some in (slice(None), slice(1, None)):
+        linear = np.array([False, False, False, True])[some]
+        motion = Motion(joints[some], ARM.joints, (), linear, poses[some], p[some], R[some])
+        write_moves(path, language, motion)
+        flags = f"T {sum(2**k for k in range(6) if q[k] < 0)}"
+        if name == "krl":
+            path.write_text(re.sub(r"(C [-\d.]+)\}", rf"\1,S 2,{flags}}}", path.read_text()))
+        program, _ = with_payload(model, read_program(path, model.arm), lambda: 300.0)
+        found = correct_program(model, program, Aim())
+        np.testing.assert_allclose(found.found.start, joints[some], rtol=0, atol=1e-6)
+        write_corrected(found, output_files(tmp_path / f"right{language.suffix}", name, path), name)
+        pattern = r"S 2,T \d+" if name == "krl" else r"\],\[(?:-?\d,){3}-?\d\]"
+        assert re.findall(pattern, (tmp_path / f"right{language.suffix}").read_text()) == re.findall(
+            pattern, path.read_text()
+        )
+    if name == "krl":
+        path.write_text(path.read_text().replace(flags, "T 1"))
+        with pytest.raises(
+            InputError, match=r"way\.src: line \d+: T states joints that the arm does not have"
+        ):
+            correct_program(model, read_program(path, model.arm), Aim())
+
+
+@pytest.mark.parametrize("name", ["fanuc", "inform"])
+def test_a_configuration_that_is_not_read_has_to_stay_the_same_and_needs_a_start(name, model, tmp_path):
+    language, posed = known_languages()[name], np.array([True, True])
+    q = FLIPPED[[0, 0]] + [[0], [0.01]]
+    path = tmp_path / f"way{language.suffix}"
+    write_moves(path, language, Motion(q, ARM.joints, (), None, posed, *tool_pose(model.vjm, q)))
+    program, said = read_program(path, model.arm), language.flags.name
+    np.testing.assert_allclose(correct_program(model, program, Aim(), start=q[0]).found.start, q, atol=1e-6)
+    with pytest.raises(
+        InputError, match=rf"line \d+: the program begins with a pose: the .*{said} .*--start"
+    ):
+        correct_program(model, program, Aim())
+    text = path.read_text()
+    if name == "fanuc":
+        text = "F U T".join(text.rsplit("N U T", 1))
+    else:
+        text = text.replace("C00001=", "///RCONF 0,0,0,0,0,0,0,0\nC00001=")
+    path.write_text(text)
+    with pytest.raises(InputError, match=rf"line \d+: {said} is not read: expected one configuration"):
+        correct_program(model, read_program(path, model.arm), Aim(), start=q[0])
 
 
 def test_linear_moves_need_poses_where_the_language_has_no_other(tmp_path):

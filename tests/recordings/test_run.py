@@ -11,15 +11,29 @@ from read_back import chunks_of, columns, document, panes, rerun, series, sound,
 from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
+from testbench.identify.registered import register_dataset
+from testbench.model.vjm import tool_pose
+from testbench.plant.instruments import DRAW_WIRE, Gauge
 from testbench.report.colours import GREY, SCALE, hexadecimal, look
 from testbench.report.page.page import seen_plain
 from testbench.report.recording.figure_panes import _seen
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.run_figure import overview
-from testbench.report.scene import ModelLine, PageContent, at_one_target, legs, loads, typical_first
+from testbench.report.scene import (
+    ModelLine,
+    PageContent,
+    at_one_target,
+    gauges,
+    legs,
+    loads,
+    read_along,
+    typical_first,
+)
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
+from testbench.workflows.cell import poses_with_weight
+from testbench.workflows.instruments import Mounted, read_instruments
 
 
 @pytest.fixture(scope="module")
@@ -358,6 +372,46 @@ def test_a_weight_hangs_below_its_hook_as_large_as_steel_and_a_force_is_an_arrow
         assert np.array(at or np.zeros((0, 3))) == pytest.approx(
             below if here else np.zeros((0, 3)), abs=1e-6
         )
+
+
+def test_a_gauge_is_a_cylinder_along_its_direction_that_touches_its_marker_from_outside(seen, tmp_path):
+    rng = np.random.default_rng(4)
+    at, tool, u = rng.normal(size=(5, 2, 3)), rng.normal(size=(5, 3)), rng.normal(size=(5, 2, 3))
+    u /= np.linalg.norm(u, axis=2, keepdims=True)
+    u[3, 1] = 0  # no gauge there
+    [layer] = gauges(at, u, tool, reach=3.0)
+    length = layer.to - layer.at
+    assert (np.vecdot(length, at - tool[:, None])[u.any(axis=2)] > 0).all()
+    own = replace(seen.scene.groups[0], layers=[layer])
+    file = written(tmp_path / "a.rrd", replace(seen, scene=replace(seen.scene, groups=[own]), map=None))
+    drawn = columns(sound(file, "It is 3.000 mm off."), "/world/runs/gauges")
+    for rank, *parts in zip(
+        drawn["typical_first"],
+        *(drawn[f"Cylinders3D:{name}"] for name in ("centers", "lengths", "quaternions")),
+        strict=True,
+    ):
+        pose, there = SHOWN[rank], u[SHOWN[rank]].any(axis=1)
+        centre, size, turn = (np.array(part) for part in parts)
+        axis = Rotation.from_quat(turn).as_matrix()[:, :, 2]
+        assert size == pytest.approx(0.05 * 3, abs=1e-6)
+        assert np.abs(np.vecdot(axis, u[pose, there])) == pytest.approx(1, abs=1e-6)
+        assert centre - 0.5 * length[pose, there] == pytest.approx(at[pose, there], abs=1e-6)
+
+
+def test_what_reads_along_lines_is_drawn_and_a_lost_reading_is_not(kr500):
+    tip, wire = Mounted(Gauge(), "P1", np.eye(3)[2]), Mounted(DRAW_WIRE, "P2", fixed=np.array([2.2, 0, 0.1]))
+    loaded = poses_with_weight(kr500, np.zeros((2, 6)) + 0.1, np.arange(2) + 1, 100.0)
+    data = read_instruments(kr500, "linear", loaded, [tip, wire], np.random.default_rng(1))
+    data = register_dataset(kr500.vjm, data).data
+    tool, reach = tool_pose(kr500.vjm, data.q)[0], kr500.vjm.reach
+    stylus, line = read_along(data, tool, reach)
+    assert stylus.at[:, 0] == pytest.approx(data.before[:, 0])
+    assert np.isnan(stylus.at[:, 1:]).all()
+    assert line.at[:, 1] == pytest.approx(np.tile([2.2, 0, 0.1], (2, 1)), abs=1e-2)  # turned with the load
+    lost = replace(data, precision=data.precision * np.array([[0, 1, 1]])[..., None, None])
+    assert [layer.name for layer in read_along(lost, tool, reach)] == ["distances"]
+    plain = replace(data, direction=None, tilt=None, reach=None, slide=None, precision=None)
+    assert read_along(plain, tool, reach) == []
 
 
 def test_masses_and_forces_that_differ_are_told_apart():

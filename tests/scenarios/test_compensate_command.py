@@ -232,7 +232,8 @@ def test_a_robots_own_program_stays_but_for_its_numbers_and_the_true_arm_execute
     said = do(*flags).stdout
     assert "Moves to XHOME stay as they are: its numbers are not in the program" in said
     assert f"corrected{out},{out.with_suffix('.dat')}" in "".join(said.split())
-    assert out.read_bytes() == source.read_bytes()
+    remark = b"; Corrected by testbench\r\n"
+    assert out.read_bytes() == source.read_bytes().replace(b"()\r\n", b"()\r\n" + remark)
     text = out.with_suffix(".dat").read_text()
     assert text.count("E1 0.0}") == 3
     found = read_program(out, kr500.arm)
@@ -247,6 +248,8 @@ def test_a_robots_own_program_stays_but_for_its_numbers_and_the_true_arm_execute
     assert np.linalg.norm(rest.tool - free.tool, axis=1).max() < 1e-6
     assert about["corrected"] == {own.name: files.digest(own) for own in (out, out.with_suffix(".dat"))}
     refused(*flags[:-1], source, said="is read by this command", below=tmp_path)
+    twice = (*flags[:2], out, "--out", tmp_path / "twice.src")
+    refused(*twice, said="cell.src: line 2: the program was corrected before", below=tmp_path)
     source.write_bytes(source.read_bytes().replace(b"PTP XP2 C_PTP", b"CIRC XP1,XP2 "))
     refused(*flags, "--force", said="cell.src: line 4: circular motion is not read, got CIRC", below=tmp_path)
 

@@ -317,7 +317,7 @@ def test_a_plan_with_gauges_is_rehearsed_by_simulate(tmp_path, kr500):
     fine("plan", ARM, "--task", TASKS, *flags)
     plan = tmp_path / "plan" / "plan.csv"
     assert plan.read_text().splitlines()[0].endswith(",way,gauges")
-    assert "read by gauges" in (tmp_path / "plan" / "plan.md").read_text()
+    assert "read by a tracker" in (tmp_path / "plan" / "plan.md").read_text()
     fine("simulate", ARM, plan, "--instrument", "planned", "--out", tmp_path / "data.csv")
     data = read_csv(tmp_path / "data.csv", kr500.arm)
     assert data.lines.sum(axis=1).tolist() == [2] * 4

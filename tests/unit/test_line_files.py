@@ -1,5 +1,7 @@
 """Files of gauges and distances: read back what was written, or refused in one line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from refused import refused
@@ -11,6 +13,7 @@ from testbench.identify.registered import register_dataset
 from testbench.plant.instruments import DRAW_WIRE, Gauge
 from testbench.plant.tracker import Tracker, trial_rng
 from testbench.workflows.cell import poses_with_weight
+from testbench.workflows.file_contents import contents
 from testbench.workflows.instruments import Mounted, mounted, read_instruments
 
 HEAD = "run,marker,joint_1_deg,joint_2_deg,joint_3_deg,joint_4_deg,joint_5_deg,joint_6_deg,mass_kg"
@@ -52,6 +55,27 @@ def test_readings_along_lines_are_read_back(kr500, tmp_path, instruments):
         ]
         np.testing.assert_allclose(*own, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(again.precision, data.precision, rtol=1e-6, atol=1e-6 * data.precision.max())
+
+
+def test_a_reading_out_of_range_is_lost_and_a_marker_without_an_instrument_is_not(kr500, tmp_path):
+    short, wire = Mounted(Gauge(travel=2e-4), "P1", np.eye(3)[2]), Mounted(DRAW_WIRE, "P2", fixed=np.zeros(3))
+    alone = simulated(kr500, short, wire)
+    write_csv(alone, kr500.arm, tmp_path / "lines.csv")
+    for data in (alone, read_csv(tmp_path / "lines.csv", kr500.arm)):
+        assert not data.seen[:, 0].any()
+        assert data.lost.tolist() == [[True, False, False]] * 3
+    export = read_export(tmp_path / "lines.csv", kr500.arm)
+    found = contents(export)
+    assert (found.targets, len(found.lost), found.without) == (6, 3, ["P3"])
+    beside = simulated(kr500, short, Mounted(Tracker(3e-5)))
+    assert beside.lost.any(axis=1).tolist() == [True, False] * 3
+    assert not beside.lost[:, 1:].any()
+    assert contents(replace(export, data=beside)).without == [
+        f"P{k} in run {n}" for n in (1, 3, 5) for k in (2, 3)
+    ]
+    some = beside.precision.copy()
+    some[1, 2] = 0
+    assert replace(beside, precision=some).lost[1].tolist() == [False, False, True]
 
 
 def test_a_workshops_table_of_gauges_needs_no_position(kr500, tmp_path):

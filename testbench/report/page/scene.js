@@ -218,7 +218,7 @@ function ofPose(rows, pose) {
 }
 
 const DOTS = { dots: 4.5, specks: 1.6, trackers: 7 };
-const WIDTHS = { lines: 1.5, weights: 1.5, tubes: 6 };
+const WIDTHS = { lines: 1.5, weights: 1.5, tubes: 6, cylinders: 8 };
 
 /** Dots, arrows or lines of one pose, over everything else. */
 function drawLayer(pen, project, layer, pose, ratio, taken) {

@@ -120,8 +120,10 @@ def write_layer(rows: Pen, path: str, layer: Layer, size: float, scale: ErrorSca
     ends = layer.at if layer.to is None else layer.to
     known = np.isfinite(layer.at).all(axis=2) & np.isfinite(ends).all(axis=2)
     counts, at, to = known.sum(axis=1), layer.at[known], ends[known]
-    look = {"colors": layer.colour, "radii": THICK[layer.kind] * size}
-    kind, parts = _parts(layer.kind, at, to)
+    solid = layer.kind == "cylinders"
+    look = {"fill_mode": FillMode.Solid} if solid else {"radii": THICK[layer.kind] * size}
+    look["colors"] = layer.colour
+    kind, parts = _parts(layer, at, to)
     if len(counts) == len(rows.times[0].as_arrow_array()):
         rows.still(path, kind.from_fields(**look))
         rows.rows(path, kind.columns(**parts).partition(counts))
@@ -178,13 +180,30 @@ def _write_names(rows: Pen, path: str, layer: Layer) -> None:
     rows.rows(path, names.partition(known.sum(axis=1)))
 
 
-def _parts(kind: str, at: Array, to: Array) -> tuple[Any, dict[str, Array]]:
-    """What draws a kind of layer, and its parts: where they begin (n, 3) and end (n, 3) [m]."""
-    if kind == "arrows":
+def _parts(layer: Layer, at: Array, to: Array) -> tuple[Any, dict[str, Array]]:
+    """What draws a layer, and its parts: where they begin (n, 3) and end (n, 3) [m]."""
+    if layer.kind == "arrows":
         return rr.Arrows3D, {"origins": at, "vectors": to - at}
-    if kind in ("lines", "weights"):
+    if layer.kind == "cylinders":
+        turns, length = quaternions(frames_along(to - at)), np.linalg.norm(to - at, axis=1)
+        radii = np.full(len(at), layer.radius)
+        return rr.Cylinders3D, {
+            "centers": (at + to) / 2,
+            "lengths": length,
+            "radii": radii,
+            "quaternions": turns,
+        }
+    if layer.kind in ("lines", "weights"):
         return rr.LineStrips3D, {"strips": np.stack([at, to], axis=1)}
     return rr.Points3D, {"positions": at}
+
+
+def frames_along(way: Array) -> Array:
+    """Rotations whose z axes are along vectors, (n, 3) to (n, 3, 3)."""
+    z = way / np.linalg.norm(way, axis=1, keepdims=True)
+    x = np.cross(np.eye(3)[np.abs(z).argmin(axis=1)], z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=2)
 
 
 def orbit(eye: Array, target: Array) -> rrb.EyeControls3D:

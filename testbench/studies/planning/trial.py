@@ -5,6 +5,7 @@ Every trial has noise, a wrong prior and random poses of its own.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.design.forecast import forecast_on, inflate_intervals
-from testbench.design.rows import MeasurementSetup, Specification, Tasks
+from testbench.design.rows import MeasurementSetup, Specification, Tasks, measured_rows
 from testbench.errors import Array
 from testbench.files.write import csv_text
 from testbench.identify import Estimate
@@ -268,7 +269,7 @@ def of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) ->
     prior, tasks = prior_of(cell, name, seed), bench.tasks
     whole, models = specify(cell, settings, prior, WHOLE), fits(cell, prior)
     for fit, spec in ((WHOLE, whole), (INCUMBENT, joints_alone(whole, prior))):
-        after = linear_fit_after(spec, prior, q, np.zeros(len(q), dtype=int))
+        after = linear_fit_after(spec, prior, partial(measured_rows, q=q, load=np.zeros(len(q), dtype=int)))
         promise = forecast_on(after, whole.tasks.q, whole.tasks.load)
         [off] = bench.off([fit_model(cell, models[fit], data)], tasks)
         own = (off @ chain(cell.vjm, tasks.q).rotation).reshape(len(off), -1)  # along the tool's axes
