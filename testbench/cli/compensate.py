@@ -1,10 +1,10 @@
 """testbench compensate MODEL PROGRAM.csv --out CORRECTED.csv: joints that bring the tool to its target."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -41,7 +41,11 @@ from testbench.workflows.options import Force, of_flag, takes
 from testbench.workflows.plan_input import joints_of
 from testbench.workflows.program import CorrectedProgram
 
-COMMAND, WRITTEN = "testbench compensate", ("report.md", "report.json", "compensation.png")
+if TYPE_CHECKING:
+    from testbench.report.figure import Figure
+
+COMMAND, PICTURE, STIFFNESS = "testbench compensate", "compensation.png", "stiffness.png"
+WRITTEN = ("report.md", "report.json", PICTURE, STIFFNESS)
 #: Chance that the median point gets better from which on the correction is sure to help [1].
 SURE_PROBABILITY = 0.95
 BEFORE, CORRECTED = "uncorrected program", "corrected program"
@@ -84,7 +88,7 @@ class CompensateOptions:
     force: Force = False
 
 
-@takes(CompensateOptions)
+@takes(CompensateOptions, draws=True)
 def command(asked: CompensateOptions) -> None:
     """Correct a program for what the process load does to the arm; write it, and a page beside it."""
     with of_flag("--out"):
@@ -113,7 +117,9 @@ def command(asked: CompensateOptions) -> None:
             programs.write_corrected(corrected_program, parts, form)
             # a kill may leave the earlier one
             more = {"corrected": {file.name: digest(part) for file, part in zip(files, parts, strict=True)}}
-            run = RunRequest(COMMAND, program.path.name, flags, [arm], WRITTEN[-1], more=lambda _: more)
+            run = RunRequest(
+                COMMAND, program.path.name, flags, [arm], PICTURE, more=lambda _: more, draw=_drawn
+            )
             write_run(folder, run, said, seen(cell, corrected_program, said))
         places = ", ".join(str(folder / name) for name in WRITTEN)
         out = ", ".join(map(str, files))
@@ -121,6 +127,14 @@ def command(asked: CompensateOptions) -> None:
         print_words(plain_console(), said, [said.tables["worst"]], lines)
     if any(row.verdict == "fail" for row in said.numbers["rows"]):
         raise typer.Exit(1)
+
+
+def _drawn(said: Report, page: draw.PageContent) -> Mapping[str, "Figure"]:
+    from testbench.report.figures_program import stiffness_figure  # here: it imports matplotlib
+    from testbench.report.run_figure import overview
+
+    f = Row(said.numbers)
+    return {PICTURE: overview(said, page), STIFFNESS: stiffness_figure(f.ellipsoids, f.ellipsoid_force_n)}
 
 
 def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report:
@@ -242,7 +256,9 @@ def seen(cell: Cell, found: CorrectedProgram, said: Report) -> draw.PageContent:
     off, limit = "How far the loaded tool is off at each point (mm)", tolerance and tolerance.mm
     runs = [draw.RunChart(off, 0, "point", labels, errors, limit, note, limit_is="tolerance")]
     scale, groups = _path(cell, found, rows, some, [line.values for line in errors])
-    title = f"Offsets of the path, and how the arm bends, x {scale:g}."
+    stretch, net = draw.ellipsoid_layer(said.numbers["ellipsoids"], said.numbers["ellipsoid_force_n"])
+    groups[::2] = [replace(group, layers=[*group.layers, net]) for group in groups[::2]]  # not of what was
+    title = f"Offsets of the path, and how the arm bends, x {scale:g}. Ellipsoids x {stretch:g}."
     return draw.PageContent(draw.Scene(cell, title, groups), runs=runs)
 
 

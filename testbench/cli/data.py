@@ -65,7 +65,7 @@ class DataOptions:
 
 
 @group.command("check", cls=ProjectCommand)
-@takes(ReadingOptions, DataOptions)
+@takes(ReadingOptions, DataOptions, draws=True)
 def check(runs: ReadingOptions, asked: DataOptions) -> None:
     """Say which column is which quantity, what was assumed, and show the runs on the arm.
 

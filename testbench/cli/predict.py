@@ -1,10 +1,10 @@
 """testbench predict MODEL POSES.csv --out DIR: deflections under loads, intervals, stiffness."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -44,7 +44,10 @@ from testbench.workflows.program import (
 )
 from testbench.workflows.rows import MM
 
-COMMAND, PICTURE = "testbench predict", "predict.png"
+if TYPE_CHECKING:
+    from testbench.report.figure import Figure
+
+COMMAND, PICTURE, STIFFNESS = "testbench predict", "predict.png", "stiffness.png"
 POSES = (
     "pose deflection_mm half_words deflections_mm.0 deflections_mm.1 deflections_mm.2 turn_mrad "
     "stiffness_n_per_um.0 softest"
@@ -71,7 +74,7 @@ class PredictOptions:
     force: Force = False
 
 
-@takes(PredictOptions)
+@takes(PredictOptions, draws=True)
 def command(asked: PredictOptions) -> None:
     """Predict where loads bring the tool, with intervals; map how stiff it is."""
     given = [asked.model, asked.poses, *([asked.mapping] if asked.mapping else [])]
@@ -85,9 +88,10 @@ def command(asked: PredictOptions) -> None:
         made = predict_file(model, poses, push, area)
         said, flags = report(made), plain(asked, read="poses") | {"model": asked.model.name}
         write = partial(write_predictions, made)
-        run = RunRequest(COMMAND, poses.path.name, flags, [model.arm.rigid.parent], PICTURE, more=write)
-        write_run(asked.out, run, said, seen(made))
-        places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE))
+        arms = [model.arm.rigid.parent]
+        run = RunRequest(COMMAND, poses.path.name, flags, arms, PICTURE, more=write, draw=_drawn)
+        write_run(asked.out, run, said, seen(made, said.numbers["ellipsoids"]))
+        places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE, STIFFNESS))
         lines = [
             *(f"- {words}" for words in overload_warnings(model.arm, poses.hung.tolist())),
             f"poses      {asked.out / TABLE}",
@@ -95,6 +99,14 @@ def command(asked: PredictOptions) -> None:
             *viewing_lines(asked.out, model=asked.model),
         ]
         print_words(plain_console(), said, [printed(said)], lines)
+
+
+def _drawn(said: Report, page: draw.PageContent) -> Mapping[str, "Figure"]:
+    from testbench.report.figures_program import stiffness_figure  # here: it imports matplotlib
+    from testbench.report.run_figure import overview
+
+    f = Row(said.numbers)
+    return {PICTURE: overview(said, page), STIFFNESS: stiffness_figure(f.ellipsoids, f.map.force_n)}
 
 
 def report(made: Predicted) -> Report:
@@ -176,13 +188,25 @@ def printed(said: Report) -> Table:
     return replace(table, columns=own, rows=table.rows[:5])
 
 
-def seen(made: Predicted) -> draw.PageContent:
-    """Draw the arm bent by its loads in the poses of the file, and where it is soft."""
+def seen(made: Predicted, ellipsoids: Sequence[Row]) -> draw.PageContent:
+    """Draw the arm bent by its loads in the poses of the file, and where it is soft.
+
+    Args:
+        made: The prediction.
+        ellipsoids: See `workflows.ellipsoids`.
+
+    Returns:
+        The content.
+    """
     some = draw.largest_and_even(made.found.size[:, 0], np.arange(len(made.found.size)))
     reach, field, give = made.cell.vjm.reach, made.map, made.stiffness.displacement_per_force[some, :1]
     M = draw.arrow_scale(made.found.deflection[some, :1], MOVED * reach)
     G = draw.arrow_scale(field.force * give * made.stiffness.softest[some], GIVE * reach)
-    title = f"Deflections x {M:g}; green: how far {field.force:,.0f} N move the loaded tool, x {G:g}."
+    stretch, net = draw.ellipsoid_layer(ellipsoids, field.force)
+    title = f"Deflections x {M:g}; green: how far {field.force:,.0f} N move the loaded tool, x {G:g}; "
+    title += f"ellipsoids: the same in {len(ellipsoids)} poses, x {stretch:g}."
+    poses = _poses(made, some, M, G)
+    poses = replace(poses, layers=[*poses.layers, net])
     size, half = MM * made.found.size[some, 0], MM * made.found.widest[some, 0]
     half = np.where(np.isfinite(half), half, np.nan)
     tool = draw.ModelLine("tool", TOOL, size, (np.maximum(size - half, 0), size + half))
@@ -192,7 +216,7 @@ def seen(made: Predicted) -> draw.PageContent:
     where = f"How far {field.force:,.0f} N in the worst direction move the tool (mm)"
     soft = draw.ModelLine("tool", TOOL, MM * field.worst)
     return draw.PageContent(
-        scene=draw.Scene(made.cell, title, [_poses(made, some, M, G), _places(made)]),
+        scene=draw.Scene(made.cell, title, [poses, _places(made)]),
         map=draw.PlaceMap(where, 1, field.position, [soft], heading="Where it is soft"),
         runs=[draw.RunChart(moves, 0, "pose", labels, [tool], note=note)],
     )

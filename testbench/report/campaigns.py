@@ -7,8 +7,9 @@ import numpy as np
 from testbench.model.structure import JOINTS, Constraint
 from testbench.report.schema import best_of
 from testbench.report.table import Row, Trials, merged, nested
+from testbench.runs.rows import finite
 from testbench.runs.spread import span
-from testbench.workflows.fit_details import predictions, residual_histograms
+from testbench.workflows.fit_details import COMPLIANCES, predictions, residual_histograms
 from testbench.workflows.workspace_errors import ErrorPlaces, WorkspacePoses, error_places
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
@@ -95,16 +96,17 @@ def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
     return error_places(workspace_poses, mm, [name for name in dict.fromkeys(compared) if name in mm])
 
 
-def details(trials: Trials, compared: Sequence[str]) -> Row:
+def details(trials: Trials, compared: Sequence[str], taken: str) -> Row:
     """Collect what figures show of the first seed's fits.
 
     Args:
         trials: Rows of a campaign.
         compared: Models, by name; those that are not there are left out.
+        taken: The model whose compliances are set beside the true ones.
 
     Returns:
-        `residuals` at all measured runs, `predictions` over the workspace, and `eigenvalues`, by model: see
-        `workflows.fit_details`; nothing where no fit was kept.
+        `residuals` at all measured runs, `predictions` over the workspace, and `eigenvalues`, by model, and
+        `compliances` of one model: see `workflows.fit_details`; nothing where no fit was kept.
     """
     first = trials.where(seed=trials["seed"][0])
     kept = {name: k for k, name in enumerate(first["name"].tolist()) if first["drawn.wrong_m"][k] is not None}
@@ -127,7 +129,27 @@ def details(trials: Trials, compared: Sequence[str]) -> Row:
             ]
             for name, own in values.items()
         },
+        compliances=_compliances(first, kept[taken], [*dict.fromkeys(parts)]) if taken in kept else [],
     )
+
+
+def _compliances(first: Trials, k: int, parts: Sequence[str]) -> list[Row]:
+    """Restore the compliances of a model's links from row k, see `fit_details.link_compliances`."""
+    shares = first["drawn.shares_percent"][k]
+    joints = [*parts[len(shares) :], None]
+    blocks = np.reshape(np.array(first["drawn.compliances"][k], dtype=float), (-1, len(COMPLIANCES), 6, 6))
+    return [
+        Row(
+            {
+                key: [[finite(x) for x in row] for row in block]
+                for key, block in zip(COMPLIANCES, own, strict=True)
+            },
+            part=parts[n],
+            joint=joints[n],
+            share_percent=share,
+        )
+        for n, (share, own) in enumerate(zip(shares, blocks, strict=True))
+    ]
 
 
 def distinct(models: Sequence[Row]) -> list[Row]:

@@ -8,10 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
+from matplotlib.colors import to_rgba
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
+from testbench.errors import Array
 from testbench.report.colours import MEASURED, hexadecimal
 from testbench.report.figure import (
     LOG_AXIS_RATIO,
@@ -27,7 +29,7 @@ from testbench.report.figure import (
 )
 from testbench.report.figure_arm import draw_arm, outlines
 from testbench.report.markdown import ReportWords, as_plain
-from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, tube_colours
+from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, shadow, tube_colours
 from testbench.report.schema import Table, TableColumn, looks
 from testbench.runs.spread import Spread, dotted, middle, range_of
 
@@ -108,6 +110,9 @@ def _poses(axes: Axes, scene: Scene, k: int, plane: tuple[int, int]) -> None:
 def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> None:
     """Draw a layer in a pose: dots, or lines from their beginning to their end; what stands still always."""
     colour, at = hexadecimal(layer.colour), layer.at[k if len(layer.at) > 1 else 0]
+    if layer.semi_axes is not None:
+        draw_ellipsoids(axes, at, layer.semi_axes, shown, colour)
+        return
     if layer.to is None:
         size = 2 if layer.kind == "specks" else 4.3
         axes.plot(*at[:, shown].T, "^" if layer.kind == "trackers" else "o", color=colour, markersize=size)
@@ -124,6 +129,23 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
         below = ends[known, 1] - [layer.radius, side if shown[1] == 2 else layer.radius]
         squares = [Rectangle((x, y), side, side) for x, y in below]
         axes.add_collection(PatchCollection(squares, facecolors=colour, linewidths=0))
+
+
+def draw_ellipsoids(axes: Axes, at: Array, semi_axes: Array, plane: Sequence[int], colour: str) -> None:
+    """Draw the shadows of ellipsoids, seen through.
+
+    Args:
+        axes: Where to.
+        at: Their centres, (k, 3) [m].
+        semi_axes: See `scene.Layer`.
+        plane: World axes to the right and up.
+        colour: As #RRGGBB.
+    """
+    outlines = [
+        centre[list(plane)] + shadow(own, plane) for centre, own in zip(at, semi_axes, strict=True)
+    ]
+    look = {"facecolors": to_rgba(colour, 0.3), "edgecolors": colour, "linewidths": 0.7}
+    axes.add_collection(PolyCollection(outlines, **look), autolim=True)
 
 
 def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:

@@ -8,12 +8,14 @@ from scipy.special import ndtr
 from testbench.correct import uncertainty
 from testbench.correct.newton import equilibrium
 from testbench.correct.predicted import extent
+from testbench.correct.stiffness import stiffness
 from testbench.errors import Array, Ids
 from testbench.files.program import unread_columns
 from testbench.identify.posterior import CONFIDENCE, quantile
-from testbench.model.vjm import joint_law_rotations
+from testbench.model.vjm import joint_law_rotations, tool_pose
 from testbench.runs.rows import Row, finite
-from testbench.workflows.program import CorrectedProgram, extrapolation_warnings
+from testbench.workflows.ellipsoids import ellipsoids, some_poses
+from testbench.workflows.program import DEFAULT_FORCE, CorrectedProgram, extrapolation_warnings
 from testbench.workflows.rows import MM
 
 MRAD = 1e3
@@ -74,8 +76,20 @@ def numbers(corrected_program: CorrectedProgram, tolerance_mm: float | None = No
         unread=unread_columns(program),
         held={joint.name: int(n) for joint, n in zip(model.arm.joints, held, strict=True) if n},
         tolerance=None if tolerance_mm is None else _kept(points, tolerance_mm),
+        ellipsoid_force_n=(largest := float(force.max()) or DEFAULT_FORCE),
+        ellipsoids=_ellipsoids(corrected_program, largest),
         rows=points,
     )
+
+
+def _ellipsoids(corrected_program: CorrectedProgram, force: float) -> list[Row]:
+    """Describe over which ellipsoid a force [N] moves the loaded tool point, at some points of the program."""
+    compensated, model = corrected_program.found, corrected_program.model
+    some = some_poses(corrected_program.program.points)
+    q, labels = compensated.q[some], [corrected_program.program.labels[k] for k in some]
+    tool = stiffness(model, q, [load.of(some) for load in corrected_program.loads])
+    lever = tool_pose(model.vjm, q)[1] @ np.array(corrected_program.aim.point)
+    return ellipsoids(tool.compliance, lever, compensated.target.position[some], labels, force)
 
 
 def warnings(f: Row) -> Iterator[str]:

@@ -12,7 +12,7 @@ from testbench.identify.estimate import DeflectionErrors, all_deflections, make_
 from testbench.identify.fold import reduce
 from testbench.model.vjm import Vjm
 from testbench.workflows.cell import Campaign, Cell
-from testbench.workflows.fit_details import eigenvalues
+from testbench.workflows.fit_details import COMPLIANCES, eigenvalues, link_compliances, sag_by_part
 from testbench.workflows.models import Model
 from testbench.workflows.rows import (
     FAILED,
@@ -187,6 +187,9 @@ class DrawnErrors:
     residuals_m: tuple[float, ...]  #: Readings minus predictions of all measured runs.
     wrong_m: tuple[float, ...]  #: True minus predicted deflections.
     eigenvalues_urad_per_Nm: tuple[float, ...]  #: Of all parts: see `fit_details.eigenvalues`.
+    #: Of every link `reference`, `estimate` and `half` row by row: see `fit_details.link_compliances`.
+    compliances: tuple[float | None, ...]
+    shares_percent: tuple[float, ...]  #: Of every link with its joint, of the deflection: see there.
 
 
 @dataclass(frozen=True)
@@ -270,7 +273,11 @@ def failed_row(err: EstimatorFailed) -> FitRow:
 def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> DrawnErrors:
     """What pictures need of a model; `whole` with the runs, once a campaign."""
     measured, over, moved, names = None, None, None, None
-    parts = eigenvalues(cell.arm, result.estimate.structure, result.estimate.C_theta)
+    estimate, true = result.estimate, cell.plant.arm.C_theta
+    parts = eigenvalues(cell.arm, estimate.structure, estimate.C_theta)
+    links = link_compliances(
+        cell.vjm, estimate, true, sag_by_part(cell.vjm, estimate, campaign.identification)
+    )
     if whole:
         from testbench.files.write import csv_text  # here: commands on measured runs write none
 
@@ -285,6 +292,8 @@ def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> Dr
         residuals_m=tuple(result.residuals.ravel().tolist()),
         wrong_m=tuple(result.error_vectors.ravel().tolist()),
         eigenvalues_urad_per_Nm=tuple(x for part in parts for x in part.urad_per_Nm),
+        compliances=tuple(x for link in links for key in COMPLIANCES for row in link[key] for x in row),
+        shares_percent=tuple(link.share_percent for link in links),
     )
 
 

@@ -11,6 +11,7 @@ from testbench.errors import Array
 from testbench.files.table import as_cell
 from testbench.identify.posterior import CONFIDENCE
 from testbench.runs.rows import Row, finite
+from testbench.workflows.ellipsoids import ellipsoids, some_poses
 from testbench.workflows.program import Predicted, direction_words, extrapolation_warnings
 from testbench.workflows.rows import MM
 from testbench.workflows.workspace_errors import Meaning, bounded_mm, error_places, places_at
@@ -94,7 +95,16 @@ def numbers(made: Predicted) -> Row:
         softest=poses[0],
         worst=poses[1:],
         map=_map(made),
+        ellipsoids=_ellipsoids(made),
     )
+
+
+def _ellipsoids(made: Predicted) -> list[Row]:
+    """Describe over which ellipsoid the force of the map moves the loaded tool, in some poses of the file."""
+    some = some_poses(len(made.asked.q))
+    position, labels = made.found.position[some, 0], [made.asked.labels[k] for k in some]
+    compliance = made.stiffness.compliance[some]
+    return ellipsoids(compliance, 0 * position, position, labels, made.map.force)
 
 
 def _pose(made: Predicted, k: int, push_half: float) -> Row:

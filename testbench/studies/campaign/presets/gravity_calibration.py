@@ -11,7 +11,7 @@ from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, distinct
 from testbench.report.colours import look_of
 from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest, ranked
-from testbench.report.figures_fit import eigenvalue_figure, residual_figure
+from testbench.report.figures_fit import compliance_figure, eigenvalue_figure, residual_figure
 from testbench.report.report import Report, say
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table
@@ -90,7 +90,7 @@ def _report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
         dataset=campaigns.dataset(trials),
         map=errors,
         over=ratios_of(trials, found.numbers["ours"], TRUE),
-        details=campaigns.details(trials, DETAILED),
+        details=campaigns.details(trials, DETAILED, DEFAULT),
     )
     worst = Table(columns(WORST), list(_worst(errors)), "Where models err most, first trial")
     body = [*(name for name in found.body if name != "short"), "worst"]
@@ -133,6 +133,8 @@ def figures(found: Report) -> Mapping[str, Figure]:
         known = {m.name: look_of(m) for m in f.models}
         drawn["eigenvalues.png"] = eigenvalue_figure(f.details, known, METHODS_BESIDE)
         drawn["residuals.png"] = residual_figure(f.details, known, FIGURE_5, METHODS_BESIDE, "true")
+        if f.details.get("compliances"):
+            drawn["compliance.png"] = compliance_figure(f.details.compliances, DEFAULT, "true arm")
     return drawn
 
 
