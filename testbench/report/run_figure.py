@@ -20,6 +20,7 @@ from testbench.report.figure import (
     MIN_LETTER_SIZE,
     SOFT,
     Figure,
+    bands,
     forest_pane,
     log_ticks,
     page,
@@ -57,22 +58,20 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
     forest = [FOREST + ROW * len(models[0].rows)] if models else []
     rows = [*forest, *([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
     figure = page(HEAD + sum(rows))
-    figure.set_layout_engine("constrained", rect=(0.02, 0, 0.98, 1))  # panes of equal scale stick out
-    grid = figure.add_gridspec(len(rows) or 1, 2, height_ratios=rows or [1])
+    parts = iter(bands(figure, rows or [1]))  # each as wide as it can be: labels of one shrink no other
     answer, *more = SENTENCE.split(as_plain(words.block("answer")))
+    if models:
+        model_forest(next(parts).subplots(), *models)
     if seen.scene:
-        pose_group = seen.scene.groups[0]
-        for k, (pose, name, plane) in enumerate(_panes(pose_group)):
-            axes = figure.add_subplot(grid[len(forest), k])
+        pose_group, sides = seen.scene.groups[0], next(parts).subplots(1, 2)
+        for axes, (pose, name, plane) in zip(sides, _panes(pose_group), strict=True):
             _poses(axes, seen.scene, pose, plane)
             title = f"{pose_group.names[pose]}, {name}"
             axes.set_title(textwrap.fill(title, POSE) if len(title) > POSE else title)
-        _key(figure.add_subplot(grid[len(forest) + 1, :]), layers, bent=bent)
+        _key(next(parts).subplots(), layers, bent=bent)
         more.append(f"{pose_group.name}: {seen.scene.title}")
-    if models:
-        model_forest(figure.add_subplot(grid[0, :]), *models)
-    for k, chart in enumerate(charts, len(rows) - len(charts)):
-        run_chart(figure.add_subplot(grid[k, :]), chart)
+    for part, chart in zip(parts, charts, strict=True):
+        run_chart(part.subplots(), chart)
     badge = as_plain(words.block("badge"))
     say(figure, "\n".join(filter(None, [badge, answer])), " ".join(more))
     return figure

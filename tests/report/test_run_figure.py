@@ -1,5 +1,6 @@
 """The picture of a run holds the numbers and places that its page draws."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +10,16 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from reports import check_forest
 
+from conftest import SAVE
+
 from testbench.report.colours import look
-from testbench.report.figure import headed, log_ticks
+from testbench.report.figure import headed, log_ticks, page, say
 from testbench.report.figure_arm import outlines
 from testbench.report.run_figure import overview
 from testbench.report.scene import scale_of
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
+from testbench.runs.session import EMPTY_SESSION, session
 from testbench.runs.spread import spread
 
 
@@ -159,6 +163,28 @@ def test_the_winner_is_the_widest_line_of_a_figure_and_joint_stiffness_the_next(
         assert ours > joints >= other
     assert lines["Joints"].get_linewidth() > lines["MGCO56"].get_linewidth()
     assert figure.get_suptitle().startswith("Holds: so it is.")
+
+
+def test_for_print_there_is_an_svg_beside_the_png_on_light_and_on_dark_ground(seen, tmp_path):
+    with session(EMPTY_SESSION._replace(prints=True)):
+        for name in ("one.png", "two.png"):
+            figure = page(1.0)
+            figure.subplots().plot([1, 2], color="#C88304")
+            say(figure, "Title", "Words.")
+            SAVE(figure, tmp_path / name)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"{name}{end}" for name in ("one", "two") for end in (".png", ".svg", "_dark.svg")
+    }
+    light, dark = ((tmp_path / f"one{end}.svg").read_text() for end in ("", "_dark"))
+    assert light == (tmp_path / "two.svg").read_text()  # the same figure, the same file
+    [width] = re.findall(r'<svg [^>]*width="([\d.]+)pt"', light)
+    assert float(width) * 25.4 / 72 == pytest.approx(183)
+    assert {"#ffffff", "#000000", "#c88304"} <= set(re.findall("#[0-9a-f]{6}", light))
+    assert set(re.findall("#[0-9a-f]{6}", dark)) & {"#ffffff", "#000000"} == set()
+    assert "#c88304" in dark
+    for text, ground in ((light, 255), (dark, 18)):
+        first = re.search("fill: #([0-9a-f]{2})", text)
+        assert int(first[1], 16) == ground
 
 
 def test_without_models_there_is_no_forest(seen):

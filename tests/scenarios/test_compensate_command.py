@@ -144,11 +144,18 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
     words = " ".join(said.split())
     assert f"{report['before_mm']['median']:.3f} mm as programmed" in words
     assert f"Corrected, {report['unseen']} points have no bound." in words
+    first, push = report["ellipsoids"][0], np.zeros((POINTS, 6))
+    push[0, :3] = 100 * np.array(first["directions"][0])
+    moved = tip_of(solve_equilibrium(kr500.plant, q, wrench + push, np.tile(TIP, (POINTS, 1))))
+    moved -= tip_of(solve_equilibrium(kr500.plant, q, wrench, np.tile(TIP, (POINTS, 1))))
+    longest = 100 * first["semi_axes_mm"][0] / report["ellipsoid_force_n"]  # of 100 N
+    np.testing.assert_allclose(1e3 * moved[0], push[0, :3] / 100 * longest, atol=0.02 * longest)
     about = json.loads((out / "right_report" / "manifest.json").read_text())
     assert about["corrected"] == {"right.csv": files.digest(out / "right.csv")}
     assert {p.name for p in (out / "right_report").iterdir()} >= {
         "report.md",
         "compensation.png",
+        "stiffness.png",
         "report.html",
         "manifest.json",
         "run.log",

@@ -169,7 +169,7 @@ def _write_ellipsoids(rows: Pen, path: str, at: Array, semi_axes: Array, colour:
         half_sizes=sizes,
         quaternions=quaternions(turns),
         colors=colour,
-        fill_mode=FillMode.DenseWireframe,
+        fill_mode=FillMode.MajorWireframe,
         line_radii=-0.5,
     )
     rows.still(path, net)
