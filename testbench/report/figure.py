@@ -45,7 +45,7 @@ LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmi
 TITLE, LONG_TITLE, CAPTION = 88, 106, 136
 """Letters of the title, of a longer one in smaller letters, of a line of the words below."""
 KEY_LETTERS = 6  #: Letters that the line of an entry of a key is as wide as.
-BREAKS = (". ", ": ", "; ", " (", ", ")  #: Where a title that is too long ends, the best first.
+BREAKS = (". ", "; ", " (", ": ", ", ")  #: Where a title that is too long ends, the best first.
 
 
 RATIO = "ratio"  #: Key of a column of errors over one model's, with 95 % intervals.

@@ -70,7 +70,7 @@ def residual_pane(axes: Axes, row: Row, name: str, look: Look) -> None:
     axes.text(
         0.02, 0.98, said, transform=axes.transAxes, va="top", ha="left", fontsize=MIN_LETTER_SIZE, color="0.2"
     )
-    axes.set(xlabel="residual [µm]", ylabel="components", ylim=(0, 1.45 * max(1, int(counts.max()))))
+    axes.set(xlabel="residual [µm]", ylabel="components", ylim=(0, 1.6 * max(1, int(counts.max()))))
     axes.set_title(name)
     quiet(axes)
 

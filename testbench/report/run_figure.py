@@ -140,9 +140,7 @@ def draw_ellipsoids(axes: Axes, at: Array, semi_axes: Array, plane: Sequence[int
         plane: World axes to the right and up.
         colour: As #RRGGBB.
     """
-    outlines = [
-        centre[list(plane)] + shadow(own, plane) for centre, own in zip(at, semi_axes, strict=True)
-    ]
+    outlines = [centre[list(plane)] + shadow(own, plane) for centre, own in zip(at, semi_axes, strict=True)]
     look = {"facecolors": to_rgba(colour, 0.3), "edgecolors": colour, "linewidths": 0.7}
     axes.add_collection(PolyCollection(outlines, **look), autolim=True)
 

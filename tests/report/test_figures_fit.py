@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from legible import check_legible
-from matplotlib.colors import to_hex
+from legible import _contrast, check_legible
+from matplotlib.colors import to_hex, to_rgb
 from scipy.stats import kstest, norm
 
 from testbench.data.dataset import in_order
@@ -230,6 +230,10 @@ def test_the_figure_of_compliances_has_the_numbers_of_the_link_that_bends_most_a
             if np.isfinite(x)
         }
         assert [text.get_text() for text in axes.get_xticklabels()] == ["x", "y", "z", *TURNS]
+        for text in axes.texts:  # white on dark cells alone
+            j, i = map(round, text.get_position())
+            cell = to_rgb(image.to_rgba(image.get_array()[i, j]))
+            assert contrast(cell, to_rgb(text.get_color())) > 3
     assert [text.get_text() for text in panes[0].get_yticklabels()] == ["x", "y", "z", *TURNS]
     assert limits == {((-10, 10), 0.1)}
     np.testing.assert_allclose(np.diag(panes[0].images[0].get_array()), 1)
@@ -246,11 +250,19 @@ def test_the_figure_of_compliances_has_the_numbers_of_the_link_that_bends_most_a
     upper = np.triu_indices(6)
     wrong, half = (np.array(own, dtype=float)[upper] for own in (most.estimate, most.half))
     inside = np.abs(wrong - np.array(most.reference)[upper]) <= half
-    title = f"link_2 with joint_3: {inside.sum()} of {np.isfinite(half).sum()} entries agree with the true arm"
+    title = (
+        f"link_2 with joint_3: {inside.sum()} of {np.isfinite(half).sum()} entries agree with the true arm"
+    )
     assert figure.get_suptitle().startswith(title)
     caption = " ".join(figure.get_supxlabel().split())
     assert f"causes {most.share_percent:.0f} % of the load's deflection" in caption
     assert "logarithmic beyond ±0.1" in figure.axes[4].get_ylabel()
+
+
+def contrast(one, other):
+    """Contrast of two colours, as WCAG has it [1]."""
+    own = sorted((_contrast(one), _contrast(other)))
+    return own[1] / own[0]
 
 
 TURNS = "rot x", "rot y", "rot z"
@@ -303,6 +315,7 @@ def check_residuals(axes, row, look):
     x, y = curve.get_data()
     area = row.n * (row.edges_um[1] - row.edges_um[0])
     np.testing.assert_allclose(y, area * norm(row.mean_um, row.deviation_um).pdf(x))
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("residual [µm]", "components")
     [text] = axes.texts
     said = text.get_text()
     assert f"n {row.n}," in said
@@ -318,6 +331,9 @@ def check_predictions(axes, found, names):
         np.testing.assert_array_equal(own.get_xdata(), found.measured_mm)
         np.testing.assert_array_equal(own.get_ydata(), found.predicted_mm[own.get_label()])
     np.testing.assert_array_equal(*line.get_data())
+    assert axes.get_xlabel().endswith(" deflection [mm]")
+    assert axes.get_ylabel() == "predicted [mm]"
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [*names]
 
 
 @pytest.fixture(scope="module")
@@ -393,7 +409,9 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     assert [axes.get_title().split(":")[0] for axes in (first, second)] == ["MLS56", TAKEN]
     assert [bar.get_width() for bar in sag.patches] == [row.share_percent for row in f.details.sag]
     [whiskers] = [own.get_segments() for own in sag.collections]
-    assert [tuple(ends[:, 0]) for ends in whiskers] == [(row.least_percent, row.most_percent) for row in f.details.sag]
+    assert [tuple(ends[:, 0]) for ends in whiskers] == [
+        (row.least_percent, row.most_percent) for row in f.details.sag
+    ]
     shares = [row.share_percent for row in f.details.sag]
     assert shares == sorted(shares, reverse=True)
     for line, spans, key in zip(stiff.get_lines(), stiff.collections, ("prior", "posterior"), strict=True):
@@ -410,6 +428,14 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     decided = sum(x > 1 for x in f.details.singular_values)
     assert told.get_title() == f"Readings decide {decided} of 153 directions"
     assert [bar.get_width() for bar in parts.patches] == [row.told_percent for row in f.seen.blocks]
+    labels = [axes.get_xlabel() for axes in (first, sag, stiff, parts, *more)]
+    assert labels == [
+        "eigenvalue [µrad/(N m)]",
+        "share of the load's deflection [%]",
+        f"stiffness [{f.details.joints[0].unit}]",
+        "of the prior's variance [%]",
+        "expected error at random poses [mm]",
+    ]
     [last] = more
     assert [bar.get_width() for bar in last.patches] == pytest.approx([0.1, 0.2, 0.3])
     assert figure.get_suptitle().startswith(f"{TAKEN} is conservative; {f.details.sag[0].part} causes")

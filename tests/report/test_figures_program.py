@@ -44,7 +44,9 @@ def test_forces_of_all_directions_move_a_point_of_the_tool_onto_its_ellipsoid(co
         assert sorted(row.semi_axes_mm, reverse=True) == row.semi_axes_mm
 
 
-@pytest.mark.parametrize(("count", "some"), [(3, [0, 1, 2]), (8, [*range(8)]), (15, [0, 2, 4, 6, 8, 10, 12, 14])])
+@pytest.mark.parametrize(
+    ("count", "some"), [(3, [0, 1, 2]), (8, [*range(8)]), (15, [0, 2, 4, 6, 8, 10, 12, 14])]
+)
 def test_poses_with_an_ellipsoid_are_even_and_hold_both_ends(count, some):
     assert some_poses(count).tolist() == some
 

@@ -6,15 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_run import REPORT, made_up_run
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.figure import Figure
 from reports import check_forest
 
 from conftest import SAVE
 
 from testbench.report.colours import look
-from testbench.report.figure import headed, log_ticks, page, say
+from testbench.report.figure import forest, headed, log_ticks, page, say
 from testbench.report.figure_arm import outlines
+from testbench.report.loads import loads
 from testbench.report.run_figure import overview
 from testbench.report.scene import scale_of
 from testbench.report.schema import Table, TableColumn
@@ -55,6 +56,33 @@ def test_the_first_pose_is_drawn_from_aside_and_from_above(figure, seen, pane, p
     still = np.stack([path.at[0, 0, plane], path.to[0, 0, plane]])
     assert any(np.allclose(at, still) for at in segments)
     assert axes.get_title().startswith(own.names[k])
+
+
+def test_a_weight_hangs_below_its_hook_in_both_views(seen):
+    own = seen.scene.groups[0]
+    hook = np.random.default_rng(2).uniform(0.5, 1.5, (len(own.names), 3))
+    [weight] = loads(hook, np.tile([0, 0, -4512.6], (len(hook), 1)), 3.0)
+    group = replace(own, layers=[weight])
+    figure = overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[group])))
+    r, at = weight.radius, weight.to[own.first, 0]
+    for axes, plane in zip(figure.axes, ([0, 2], [0, 1]), strict=False):
+        [drawn] = [many for many in axes.collections if isinstance(many, PatchCollection)]
+        [path] = drawn.get_paths()
+        ends = np.array([path.vertices.min(axis=0), path.vertices.max(axis=0)])
+        below = 2 * r if plane[1] == 2 else r
+        np.testing.assert_allclose(ends[0], at[plane] - [r, below])
+        np.testing.assert_allclose(ends[1], at[plane] + [r, 2 * r - below])
+
+
+def test_the_best_models_and_those_that_tie_with_them_have_bands_and_the_caption_says_so():
+    trials = np.linspace(0.9, 1.1, 12)
+    several = [trials, np.roll(trials, 5), 3 * trials]  # the second is better in about half of the trials
+    for numbers, best in ((map(spread, several), {0, 1}), ((1.0, 1.0, 3.0), set())):
+        rows = [model(m.name, m.structure, m.constraint, x) for m, x in zip(MODELS, numbers, strict=False)]
+        figure = forest(Table(COLUMNS, rows), {"error": "all"}, "Who wins", "RMS errors.")
+        assert {round(patch.get_y() + 0.5) for patch in figure.axes[0].patches} == best
+        said = "Band: the best, and all that tie with it." in " ".join(figure.get_supxlabel().split())
+        assert said == bool(best)
 
 
 def test_charts_hold_every_number_in_its_colour_with_its_interval(figure, seen):
