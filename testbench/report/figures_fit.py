@@ -39,7 +39,7 @@ SIGNS = LinearSegmentedColormap.from_list(
 """Colours of signed numbers: blue below zero, white, rust above; what is not there is grey."""
 GAP = 0.93, 0.93, 0.93, 1.0  #: Between links in the strip of all.
 LINEAR_COMPLIANCE, MOST_COMPLIANCE, PALE_COMPLIANCE = 0.1, 10.0, 1.5
-"""Share of the reference up to which colours are linear, at which they end, and at which letters are white."""
+"""Share of the reference up to which colours are linear, where they end, and where letters are white."""
 TICKS_COMPLIANCE = -10, -1, -0.1, 0, 0.1, 1, 10
 STEP, MANY_LINKS = 7, 9  #: From one link to the next in the strip of all [entries]; links that make it flat.
 SPAN = 6.0  #: Decades of eigenvalues that an axis shows on either side of zero.
@@ -324,10 +324,10 @@ def compliance_figure(rows: Sequence[Row], model: str, reference: str) -> Figure
     inside, known = entries_inside(most)
     answer = f"{own}: {inside} of {known} entries agree with the {reference} within 95 %"
     reading = (
-        f"{own} causes {most.share_percent:.0f} % of the load's deflection, more than any other. Entry (i, j) "
-        f"is divided by the square root of entries (i, i) and (j, j) of the {reference}, so that metres and "
-        "radians compare: 1 on the diagonal is as soft as that. Below: all links, each with its joint. Grey: "
-        "rigid in the reference, or no interval is known. report.json has all numbers."
+        f"{own} causes {most.share_percent:.0f} % of the load's deflection, more than any other. Entry "
+        f"(i, j) is divided by the square root of entries (i, i) and (j, j) of the {reference}, so that "
+        "metres and radians compare: 1 on the diagonal is as soft as that. Below: all links, each with its "
+        "joint. Grey: rigid in the reference, or no interval is known. report.json has all numbers."
     )
     say(figure, answer, reading)
     return figure

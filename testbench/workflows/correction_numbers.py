@@ -83,7 +83,7 @@ def numbers(corrected_program: CorrectedProgram, tolerance_mm: float | None = No
 
 
 def _ellipsoids(corrected_program: CorrectedProgram, force: float) -> list[Row]:
-    """Describe over which ellipsoid a force [N] moves the loaded tool point, at some points of the program."""
+    """Describe over which ellipsoid a force [N] moves the loaded tool point, along the program."""
     compensated, model = corrected_program.found, corrected_program.model
     some = some_poses(corrected_program.program.points)
     q, labels = compensated.q[some], [corrected_program.program.labels[k] for k in some]

@@ -1,4 +1,4 @@
-"""The stiffness of the tool along a program: ellipsoids hold every force, and are drawn as report.json has them."""
+"""Ellipsoids of stiffness along a program hold every force, and are drawn as report.json has them."""
 
 import json
 import re

@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import SAVE
 from made_up_run import REPORT, made_up_run
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.figure import Figure
 from reports import check_forest
-
-from conftest import SAVE
 
 from testbench.report.colours import look
 from testbench.report.figure import forest, headed, log_ticks, page, say

@@ -301,7 +301,7 @@ def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected)
     rows = table(out / "right.csv")
     off = np.array([[float(row[f"before_{x}_mm"]) for x in "xyz"] for row in rows]) / 1e3
     drawn = drawn_in(out / "right_report" / "report.html")["scene"]
-    [times] = times_of(drawn["title"])
+    [times, _] = times_of(drawn["title"])
     layers = {layer["name"]: layer for layer in drawn["groups"][0]["layers"]}
     asked, programmed = (path(layers[name]) for name in ("path asked", "uncorrected program"))
     np.testing.assert_allclose((programmed - asked) / times, off, atol=2e-4 / times + 1e-7)
@@ -312,7 +312,7 @@ def test_page_and_recording_draw_where_the_corrected_tool_may_be(bounded):
     out = bounded
     half = [[float(row[f"half_95_{x}_mm"]) / 1e3 for x in "xyz"] for row in table(out / "right.csv")]
     page = drawn_in(out / "right_report" / "report.html")["scene"]
-    [times] = times_of(page["title"])
+    [times, _] = times_of(page["title"])
     [layer] = [own for own in page["groups"][2]["layers"] if own["name"].startswith("where it may be")]
     at, to = (np.array(layer[key][0]).reshape(-1, 3, 3) / 1e4 for key in ("at", "to"))
     wanted = 2 * np.array(half)[:, :, None] * np.eye(3)
