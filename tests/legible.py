@@ -4,10 +4,12 @@ import re
 from itertools import combinations
 
 from matplotlib.axis import Axis
+from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 
 WIDTHS, SMALLEST = (89, 183), 7.0
 """Millimetres, one column or two of a journal, and points: at 800 pixels the least letters are 11 high."""
+READABLE = 4.5  #: Least contrast of letters with their ground, as WCAG has it [1].
 ROUNDING = 2.0  #: Points of the picture by which boxes may touch [pixel].
 RAW = re.compile(r"mathdefault|\[1\]|\de[+-]?\d|\bnan\b|\binf\b|\bNone\b|[a-z]_(?:mm|um|percent|rad)\b")
 """Formulas, units without a name, scientific numbers, what is not there, keys of a report."""
@@ -35,11 +37,37 @@ def check_legible(figure):
         or box.y1 > page.y1 + ROUNDING
     ]
     assert not cut, f"cut: {cut}"
+    faint = [t.get_text() for t in seen if not _on_image(t) and _contrast(t.get_color()) < READABLE]
+    assert not faint, f"too pale on white: {faint}"
+    unnamed = [axes.get_title() for axes in figure.axes if axes.axison and not _named(axes)]
+    assert not unnamed, f"marks whose names no legend has: {unnamed}"
     over = [(a, b) for (a, one), (b, two) in combinations(boxes, 2) if _overlap(one, two)]
     assert not over, f"over one another: {over}"
     for legend in _legends(figure):
         alike = [_drawn(handle) for handle in legend.legend_handles]
         assert len(set(alike)) == len(alike), f"swatches alike: {[t.get_text() for t in legend.get_texts()]}"
+
+
+def _on_image(text):
+    """Whether a text may stand on a coloured cell."""
+    return text.axes is not None and bool(text.axes.images) and text in text.axes.texts
+
+
+def _contrast(colour):
+    """Contrast with white, as WCAG has it [1]."""
+    linear = [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in to_rgb(colour)]
+    return 1.05 / (0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2] + 0.05)
+
+
+def _named(axes):
+    """Whether a legend of the pane, or one of all panes, tells apart what bears several names."""
+    part, legends = axes.figure, [axes.get_legend()] if axes.get_legend() else []
+    while part is not None:
+        legends += part.legends
+        part = getattr(part, "_parent", None)
+    told = {text.get_text() for legend in legends for text in legend.get_texts()}
+    names = set(axes.get_legend_handles_labels()[1])
+    return len(names) < 2 or names <= told
 
 
 def _texts(figure):

@@ -10,7 +10,7 @@ from testbench.studies.run import run
 from testbench.workflows.options import Common, takes
 
 
-@takes(Common, BenchOptions)
+@takes(Common, BenchOptions, draws=True)
 def command(common: Common, options: BenchOptions) -> None:
     """Rank estimators in frozen tasks."""
     run(STUDY, replace(common, out=common.out or Path("runs/bench")), options, plain_console())

@@ -106,7 +106,7 @@ class CalibrateOptions:
     force: Force = False
 
 
-@takes(CalibrateOptions)
+@takes(CalibrateOptions, draws=True)
 def command(asked: CalibrateOptions) -> None:
     """Calibrate an arm by where a tracker saw its tool, and write the model; or score one."""
     if not asked.score and (asked.frame_poses or asked.at_most is not None):

@@ -47,7 +47,7 @@ class CheckOptions:
     force: Force = False
 
 
-@takes(CheckOptions)
+@takes(CheckOptions, draws=True)
 def command(asked: CheckOptions) -> None:
     """Read an arm with MuJoCo and Pinocchio, compare, list what to confirm and warnings."""
     folder, springs = find_arm(asked.arm), asked.elastic

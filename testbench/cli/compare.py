@@ -56,7 +56,7 @@ class CompareOptions:
     force: Force = False
 
 
-@takes(CompareOptions)
+@takes(CompareOptions, draws=True)
 def command(asked: CompareOptions) -> None:
     """Compare inputs and models of two runs; write the folder."""
     out = asked.out

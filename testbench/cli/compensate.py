@@ -1,10 +1,10 @@
 """testbench compensate MODEL PROGRAM.csv --out CORRECTED.csv: joints that bring the tool to its target."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -37,7 +37,12 @@ from testbench.workflows.plan_input import joints_of
 from testbench.workflows.program import CorrectedProgram
 from testbench.workflows.program_numbers import correction_numbers, correction_warnings
 
-COMMAND, WRITTEN = "testbench compensate", ("report.md", "report.json", "compensation.png")
+if TYPE_CHECKING:
+    from testbench.report.figure import Figure
+    from testbench.report.scene import PageContent
+
+COMMAND, PICTURE, STIFFNESS = "testbench compensate", "compensation.png", "stiffness.png"
+WRITTEN = ("report.md", "report.json", PICTURE, STIFFNESS)
 #: Chance that the median point gets better from which on the correction is sure to help [1].
 SURE_PROBABILITY = 0.95
 
@@ -80,7 +85,7 @@ class CompensateOptions:
     force: Force = False
 
 
-@takes(CompensateOptions)
+@takes(CompensateOptions, draws=True)
 def command(asked: CompensateOptions) -> None:
     """Correct a program for what the process load does to the arm; write it, and a page beside it."""
     with of_flag("--out"):
@@ -110,7 +115,9 @@ def command(asked: CompensateOptions) -> None:
             programs.write_corrected(corrected_program, parts, form)
             # a kill may leave the earlier one
             more = {"corrected": {file.name: digest(part) for file, part in zip(files, parts, strict=True)}}
-            run = RunRequest(COMMAND, program.path.name, flags, [arm], WRITTEN[-1], more=lambda _: more)
+            run = RunRequest(
+                COMMAND, program.path.name, flags, [arm], PICTURE, more=lambda _: more, draw=_drawn
+            )
             write_run(folder, run, said, draw_correction(cell, corrected_program, said))
         places = ", ".join(str(folder / name) for name in WRITTEN)
         out = ", ".join(map(str, files))
@@ -118,6 +125,14 @@ def command(asked: CompensateOptions) -> None:
         print_words(plain_console(), said, [said.tables["worst"]], lines)
     if any(row.verdict == "fail" for row in said.numbers["rows"]):
         raise typer.Exit(1)
+
+
+def _drawn(said: Report, page: "PageContent") -> Mapping[str, "Figure"]:
+    from testbench.report.figures_program import stiffness_figure  # here: it imports matplotlib
+    from testbench.report.run_figure import overview
+
+    f = Row(said.numbers)
+    return {PICTURE: overview(said, page), STIFFNESS: stiffness_figure(f.ellipsoids, f.ellipsoid_force_n)}
 
 
 def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report:

@@ -55,7 +55,7 @@ class DataOptions:
 
 
 @group.command("check", cls=ProjectCommand, help="Show which column is which quantity, and likely mistakes.")
-@takes(ReadingOptions, DataOptions)
+@takes(ReadingOptions, DataOptions, draws=True)
 def check(runs: ReadingOptions, asked: DataOptions) -> None:
     """Show which column is which quantity, likely mistakes, and the runs on the arm.
 

@@ -19,7 +19,7 @@ class Demo(Options):
     true_arm: TrueArmFlag = "cast"
 
 
-@takes(Common, Demo, EstimatorOptions)
+@takes(Common, Demo, EstimatorOptions, draws=True)
 def command(common: Common, options: Demo, estimators: EstimatorOptions) -> None:
     """Run the study."""
     asked = replace(common, out=common.out or Path("runs/demo"))

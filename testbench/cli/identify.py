@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from testbench.report.figure import Figure
 
 COMMAND, PICTURE, OLD = "testbench identify", "identify.png", frozenset((FITS,))
-PICTURES = PICTURE, "model.png", MAP  #: Figures, in the order in which they are listed.
+PICTURES = PICTURE, "model.png", "compliance.png", MAP  #: Figures, in the order in which they are listed.
 LISTED_RUNS = 30  #: Runs that are listed, the worst.
 MODELS = (
     "name parameters rank conservative check.rms_mm f_m_held_out identification.rms_mm f_m "
@@ -97,7 +97,7 @@ class IdentifyOptions:
     force: Force = False
 
 
-@takes(ReadingOptions, IdentifyOptions, EstimatorOptions)
+@takes(ReadingOptions, IdentifyOptions, EstimatorOptions, draws=True)
 def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOptions) -> None:
     """Fit the models, judge them, recommend one, and write it."""
     arm, out = find_arm(readings.arm), asked.out

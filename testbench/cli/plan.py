@@ -68,7 +68,7 @@ class PlanOutputs:
     force: Force = False
 
 
-@takes(PlanOptions, AbsolutePlanOptions, PlanOutputs)
+@takes(PlanOptions, AbsolutePlanOptions, PlanOutputs, draws=True)
 def command(asked: PlanOptions, absolute: AbsolutePlanOptions, where: PlanOutputs) -> None:
     """Choose the poses, judge them, write the folder of the plan."""
     absolute_alone(absolute)

@@ -1,10 +1,10 @@
 """testbench predict MODEL POSES.csv --out DIR: deflections under loads, intervals, stiffness."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -32,7 +32,11 @@ from testbench.workflows.program import (
 )
 from testbench.workflows.program_numbers import TABLE, prediction_numbers, write_predictions
 
-COMMAND, PICTURE = "testbench predict", "predict.png"
+if TYPE_CHECKING:
+    from testbench.report.figure import Figure
+    from testbench.report.scene import PageContent
+
+COMMAND, PICTURE, STIFFNESS = "testbench predict", "predict.png", "stiffness.png"
 POSES = (
     "pose deflection_mm half_words deflections_mm.0 deflections_mm.1 deflections_mm.2 turn_mrad "
     "stiffness_n_per_um.0 softest"
@@ -57,7 +61,7 @@ class PredictOptions:
     force: Force = False
 
 
-@takes(PredictOptions)
+@takes(PredictOptions, draws=True)
 def command(asked: PredictOptions) -> None:
     """Predict where loads bring the tool, with intervals; map how stiff it is."""
     given = [asked.model, asked.poses, *([asked.mapping] if asked.mapping else [])]
@@ -71,9 +75,10 @@ def command(asked: PredictOptions) -> None:
         made = predict_file(model, poses, push, area)
         said, flags = report(made), plain(asked, read="poses") | {"model": asked.model.name}
         write = partial(write_predictions, made)
-        run = RunRequest(COMMAND, poses.path.name, flags, [model.arm.rigid.parent], PICTURE, more=write)
-        write_run(asked.out, run, said, draw_prediction(made))
-        places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE))
+        arms = [model.arm.rigid.parent]
+        run = RunRequest(COMMAND, poses.path.name, flags, arms, PICTURE, more=write, draw=_drawn)
+        write_run(asked.out, run, said, draw_prediction(made, said.numbers["ellipsoids"]))
+        places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE, STIFFNESS))
         lines = [
             *(f"- {words}" for words in overload_warnings(model.arm, poses.hung.tolist())),
             f"poses      {asked.out / TABLE}",
@@ -81,6 +86,14 @@ def command(asked: PredictOptions) -> None:
             *viewing_lines(asked.out, model=asked.model),
         ]
         print_words(plain_console(), said, [printed(said)], lines)
+
+
+def _drawn(said: Report, page: "PageContent") -> Mapping[str, "Figure"]:
+    from testbench.report.figures_program import stiffness_figure  # here: it imports matplotlib
+    from testbench.report.run_figure import overview
+
+    f = Row(said.numbers)
+    return {PICTURE: overview(said, page), STIFFNESS: stiffness_figure(f.ellipsoids, f.map.force_n)}
 
 
 def report(made: Predicted) -> Report:

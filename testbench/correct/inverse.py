@@ -222,8 +222,10 @@ def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
     Returns:
         Joints within the limits, (configurations, n) [rad, m].
     """
-    seeds, (lower, upper) = vjm.arm.drawn(np.random.default_rng(0), SEEDS), vjm.arm.limits
-    target = Target(np.tile(position, (SEEDS, 1)), np.tile(rotation, (SEEDS, 1, 1)))
+    seeds, (lower, upper) = vjm.arm.drawn(np.random.default_rng(0), START_CONFIGURATIONS), vjm.arm.limits
+    target = Target(
+        np.tile(position, (START_CONFIGURATIONS, 1)), np.tile(rotation, (START_CONFIGURATIONS, 1, 1))
+    )
     many = solve_poses(vjm, target, seeds)
     turns = [(-1, 0, 1) if own else (0,) for own in vjm.arm.turns]
     shifts = 2 * np.pi * np.array([*itertools.product(*turns)], dtype=float)

@@ -29,6 +29,7 @@ SCALE: tuple[Colour, ...] = (
 )
 """Of sizes, from least to greatest: viridis between 22 and 82 %, brighter all the way for every eye."""
 TASK = (143, 119, 4)  #: Where the robot works: olive.
+STIFFNESS = (0, 161, 154)  #: Where a force of any direction moves the tool: teal, an ellipsoid.
 NEGATIVE = (200, 16, 46)  #: What no body can have, such as a negative compliance: red, always a cross.
 LINK = (150, 150, 150)  #: Links beside joints.
 LEAST_SQUARES, GCO = (200, 131, 4), (67, 131, 92)  #: The methods, and MLS56 and MGCO56.

@@ -1,11 +1,13 @@
 """Shared parts of figures: one width, a title that answers, dots with their spread, lines, quiet axes."""
 
+import io
+import itertools
 import math
+import re
 import textwrap
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from typing import IO, Literal
 
@@ -23,6 +25,7 @@ from testbench.model.structure import JOINTS
 from testbench.report.colours import GREY, SCALE, Look, hexadecimal
 from testbench.report.markdown import capital, ended
 from testbench.report.schema import Table, TableColumn, best_rows, looks
+from testbench.runs.interrupt import SESSION
 from testbench.runs.rows import Row
 from testbench.runs.spread import Number, Spread, dotted, ends, inner, middle
 
@@ -42,7 +45,7 @@ LOG_AXIS_RATIO = 5.0  #: Times the least number from which an axis is logarithmi
 TITLE, LONG_TITLE, CAPTION = 88, 106, 136
 """Letters of the title, of a longer one in smaller letters, of a line of the words below."""
 KEY_LETTERS = 6  #: Letters that the line of an entry of a key is as wide as.
-BREAKS = (". ", ": ", "; ", " (", ", ")  #: Where a title that is too long ends, the best first.
+BREAKS = (". ", "; ", " (", ": ", ", ")  #: Where a title that is too long ends, the best first.
 
 
 RATIO = "ratio"  #: Key of a column of errors over one model's, with 95 % intervals.
@@ -59,6 +62,7 @@ three times smaller than all colours do."""
 rcParams.update(
     {
         "text.parse_math": False,
+        "svg.hashsalt": "testbench",
         "axes.titley": 1.0,
         "font.size": LETTER_SIZE,
         "axes.titlesize": LETTER_SIZE,
@@ -76,12 +80,20 @@ rcParams.update(
 def save(figure: Figure, path: Path | IO[bytes]) -> None:
     """Write a figure as PNG, laid out and drawn once: `savefig` draws it twice.
 
-    Letters of scripts without a font here are drawn as boxes.
+    Letters of scripts without a font here are drawn as boxes. Beside a file go SVGs where the command was
+    asked for them by `--print`.
 
     Args:
         figure: The figure; it keeps its layout.
         path: Where to.
     """
+    _write_png(figure, path)
+    if isinstance(path, Path) and SESSION.get().prints:
+        _print(figure, path)
+
+
+def _write_png(figure: Figure, path: Path | IO[bytes]) -> None:
+    """Draw a figure in few colours, but where it holds an image."""
     canvas = FigureCanvasAgg(figure)
     engine = figure.get_layout_engine()
     with warnings.catch_warnings():
@@ -99,6 +111,39 @@ def save(figure: Figure, path: Path | IO[bytes]) -> None:
     palette[3 * ground : 3 * ground + 3] = picture.getpixel((0, 0))  # type: ignore[assignment]
     few.putpalette(palette)
     few.save(path, "PNG", compress_level=LEVEL, dpi=(figure.dpi, figure.dpi))
+
+
+NEUTRAL = re.compile(r"#([0-9a-f]{2})\1\1\b")  #: White, black and greys of an SVG.
+DARK_GROUND, DARK_INK = 18, 235  #: Greys in place of white and of black on a dark ground.
+
+
+def _print(figure: Figure, png: Path) -> None:
+    """Write a figure that was saved as SVG beside its PNG, on a light and on a dark ground."""
+    light = as_svg(figure)
+    png.with_suffix(".svg").write_text(light, encoding="utf-8")
+    png.with_name(f"{png.stem}_dark.svg").write_text(NEUTRAL.sub(_inverted, light), encoding="utf-8")
+
+
+def as_svg(figure: Figure) -> str:
+    """Draw a figure that was saved, as it was laid out, as SVG; its letters are outlines.
+
+    Args:
+        figure: The figure.
+
+    Returns:
+        The same text for the same figure.
+    """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG  # here: only for print
+
+    written = io.StringIO()
+    FigureCanvasSVG(figure).print_svg(written, metadata={"Date": None})
+    return written.getvalue()
+
+
+def _inverted(found: re.Match[str]) -> str:
+    """Turn a grey of a light ground into that of a dark one."""
+    level = round(DARK_INK + (DARK_GROUND - DARK_INK) * int(found[1], 16) / 255)
+    return f"#{level:02x}{level:02x}{level:02x}"
 
 
 def page(height: float, width: float = WIDTH) -> Figure:
@@ -140,7 +185,9 @@ def _key(part: SubFigure, columns: int) -> None:
 
 
 def say(figure: Figure, answer: str, reading: str) -> None:
-    """Write what is seen above a figure, and below it what its marks and numbers are.
+    """Write what is seen above a figure, and below it what its marks and numbers are; the last step of it.
+
+    Words inside of panes have no room of their own beside them: that would be searched twice for each.
 
     Args:
         figure: The figure; its width sets the length of lines.
@@ -153,6 +200,8 @@ def say(figure: Figure, answer: str, reading: str) -> None:
     figure.suptitle(title, x=0.01, ha="left", fontsize=size, fontweight="bold")
     words = textwrap.fill(" ".join(filter(None, [rest and ended(rest), reading])), int(CAPTION * wide))
     figure.supxlabel(words, x=0.01, ha="left", fontsize=MIN_LETTER_SIZE, color="0.3")
+    for text in itertools.chain.from_iterable(axes.texts for axes in figure.axes):
+        text.set_in_layout(False)
 
 
 def one_line(text: str, letters: int, most: int) -> tuple[str, str]:
@@ -168,7 +217,7 @@ def one_line(text: str, letters: int, most: int) -> tuple[str, str]:
     """
     if len(text) <= letters:
         return text, ""
-    for limit, end in product((letters, most), BREAKS):
+    for limit, end in itertools.product((letters, most), BREAKS):
         at = text.rfind(end, 0, limit)
         if at > letters // 4:
             rest = text[at + len(end) :]
@@ -332,8 +381,8 @@ def _distribution(axes: Axes, y: float, number: Number, look: Look, size: float)
             return
         apart = y + ASIDE * ((GOLDEN * k) % 1 - 0.5)  # trials of one number do not hide each other
         axes.plot(number.values, apart, ".", color=look.hex, markersize=2.5, alpha=0.35, markeredgewidth=0)
-    line = inner(number)
-    axes.plot(line or (), (y, y) if line else (), color=look.hex, linewidth=1.8)
+    if line := inner(number):
+        axes.plot(line, (y, y), color=look.hex, linewidth=1.8)
     axes.plot(middle(number), y, linestyle="", **look.dots(size))
 
 

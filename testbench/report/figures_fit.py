@@ -9,15 +9,39 @@ from statistics import NormalDist
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, SymLogNorm
 from matplotlib.figure import Figure
 
+from testbench.errors import Array
 from testbench.identify.certify import LENGTH
-from testbench.report.colours import GREY, LINK, NEGATIVE, NOMINAL, Look, hexadecimal
-from testbench.report.figure import MIN_LETTER_SIZE, SOFT, log_ticks, page, quiet, say, tick_words
+from testbench.report.colours import GREY, LINK, MEASURED, NEGATIVE, NOMINAL, Look, hexadecimal
+from testbench.report.figure import (
+    MIN_LETTER_SIZE,
+    SOFT,
+    bands,
+    log_ticks,
+    page,
+    quiet,
+    say,
+    short,
+    tick_words,
+)
 from testbench.report.markdown import listed
 from testbench.runs.rows import Row
+from testbench.workflows.fit_details import COMPLIANCES
 
 REJECTED = 0.05  #: Level of the test of normality [1].
+AXES = "x", "y", "z", "rot x", "rot y", "rot z"  #: Rows of a compliance, in the link's frame.
+SIGNS = LinearSegmentedColormap.from_list(
+    "signs", [hexadecimal(NOMINAL), "white", hexadecimal(MEASURED)]
+).with_extremes(bad="0.7")
+"""Colours of signed numbers: blue below zero, white, rust above; what is not there is grey."""
+GAP = 0.93, 0.93, 0.93, 1.0  #: Between links in the strip of all.
+LINEAR_COMPLIANCE, MOST_COMPLIANCE, PALE_COMPLIANCE = 0.1, 10.0, 1.5
+"""Share of the reference up to which colours are linear, where they end, and where letters are white."""
+TICKS_COMPLIANCE = -10, -1, -0.1, 0, 0.1, 1, 10
+STEP, MANY_LINKS = 7, 9  #: From one link to the next in the strip of all [entries]; links that make it flat.
 SPAN = 6.0  #: Decades of eigenvalues that an axis shows on either side of zero.
 EIGENVALUE, TOLD = "eigenvalue [µrad/(N m)]", "readings over prior"
 LEAST_TOLD = 1e-4  #: Singular values below this are drawn at it.
@@ -46,7 +70,7 @@ def residual_pane(axes: Axes, row: Row, name: str, look: Look) -> None:
     axes.text(
         0.02, 0.98, said, transform=axes.transAxes, va="top", ha="left", fontsize=MIN_LETTER_SIZE, color="0.2"
     )
-    axes.set(xlabel="residual [µm]", ylabel="components", ylim=(0, 1.45 * max(1, int(counts.max()))))
+    axes.set(xlabel="residual [µm]", ylabel="components", ylim=(0, 1.6 * max(1, int(counts.max()))))
     axes.set_title(name)
     quiet(axes)
 
@@ -95,21 +119,20 @@ def eigenvalue_pane(axes: Axes, rows: Sequence[Row], name: str, look: Look, *, n
     most = float(np.abs(every).max()) or 1.0
     least = 10 ** (math.floor(math.log10(most)) - SPAN + 1)
     axes.set_xscale("symlog", linthresh=least, linscale=0.6)
-    for y, own in enumerate(values):
-        good, bad = own[own >= 0], own[own < 0]
-        axes.plot(good, np.full(len(good), y), linestyle="", **look.dots(3.4))
-        axes.plot(bad, np.full(len(bad), y), "X", color=hexadecimal(NEGATIVE), markersize=5, zorder=4)
+    part, bad = np.repeat(np.arange(len(rows)), [len(own) for own in values]), every < 0
+    axes.plot(every[~bad], part[~bad], linestyle="", **look.dots(3.4))
+    axes.plot(every[bad], part[bad], "X", color=hexadecimal(NEGATIVE), markersize=5, zorder=4)
     lowest = min(-least, 3 * float(every.min()))
     axes.axvspan(lowest, 0, color=hexadecimal(NEGATIVE), alpha=0.08, linewidth=0, zorder=0)
     axes.axvline(0, color="0.3", linewidth=0.8)
     axes.set(xlim=(lowest, 3 * most), ylim=(len(rows) - 0.5, -0.5), xlabel=EIGENVALUE)
-    count = int((every < 0).sum())
+    count = int(bad.sum())
     axes.set_title(f"{name}: {f'{count} of {len(every)} negative' if count else 'none negative'}")
     ends = (least * 10, most) if lowest == -least else (least * 10, most, lowest)
     axes.set_xticks(*_symlog_ticks(ends))
     axes.set_xticks([], minor=True)
-    axes.set_yticks(range(len(rows)), [row.part if named else "" for row in rows])
-    axes.grid(axis="y", alpha=0.2, linewidth=0.5)
+    axes.set_yticks(*([range(len(rows)), [row.part for row in rows]] if named else [[]]))
+    axes.hlines(range(len(rows)), lowest, 3 * most, color="0.93", linewidth=0.5, zorder=0)
     quiet(axes)
 
 
@@ -136,8 +159,8 @@ def sag_pane(axes: Axes, rows: Sequence[Row]) -> None:
     joints = [not row.part.startswith("link") for row in rows]
     colours = [hexadecimal(NOMINAL if joint else LINK) for joint in joints]
     axes.barh(at, share, color=colours, height=0.7)
-    for y, row in zip(at.tolist(), rows, strict=True):
-        axes.plot((row.least_percent, row.most_percent), (y, y), color="0.2", linewidth=0.8)
+    ends = [row.least_percent for row in rows], [row.most_percent for row in rows]
+    axes.hlines(at, *ends, color="0.2", linewidth=0.8)
     most = max((row.most_percent for row in rows), default=1.0)
     for y, row in zip(at.tolist(), rows, strict=True):
         end = max(row.most_percent, row.share_percent, 0)
@@ -180,17 +203,17 @@ def stiffness_pane(axes: Axes, rows: Sequence[Row]) -> None:
     """
     known = [end for row in rows for own in (row.prior, row.posterior) for end in own.values() if end]
     low, high = min(known), max(known)
-    for y, row in enumerate(rows):
-        for own, aside, colour, mark in (
-            (row.prior, -0.17, hexadecimal(GREY), "s"),
-            (row.posterior, 0.17, hexadecimal(NOMINAL), "o"),
-        ):
-            ends = (own.low or low / 10, own.high or 10 * high)
-            axes.plot(ends, (y + aside, y + aside), color=colour, linewidth=1.6)
-            axes.plot(own.middle, y + aside, mark, color=colour, markersize=3.6)
+    y = np.arange(len(rows))
+    for key, aside, colour, mark, words in (
+        ("prior", -0.17, hexadecimal(GREY), "s", "the arm's folder, ±30 %"),
+        ("posterior", 0.17, hexadecimal(NOMINAL), "o", "identified"),
+    ):
+        every = [row[key] for row in rows]
+        ends = [own.low or low / 10 for own in every], [own.high or 10 * high for own in every]
+        axes.hlines(y + aside, *ends, color=colour, linewidth=1.6)
+        middles = [own.middle for own in every]
+        axes.plot(middles, y + aside, mark, color=colour, markersize=3.6, label=words)
     log_ticks(axes, "x", low, high)
-    axes.plot([], [], "s-", color=hexadecimal(GREY), markersize=3.6, label="the arm's folder, ±30 %")
-    axes.plot([], [], "o-", color=hexadecimal(NOMINAL), markersize=3.6, label="identified")
     axes.set_yticks(range(len(rows)), [row.joint for row in rows])
     axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel=f"stiffness [{rows[0].unit}]")
     axes.legend(
@@ -259,3 +282,82 @@ OF_EIGENVALUES = (
     f"the rotation on an arm of {LENGTH:g} m. A part with a negative eigenvalue, a red cross, would move "
     "against its load, which no body does."
 )
+
+
+def compliance_figure(rows: Sequence[Row], model: str, reference: str) -> Figure:
+    """Draw 6x6 compliances as maps: the reference, the estimate, and the half width of its interval.
+
+    The link that moves the load most has numbers; below it all links are in the same colours.
+
+    Args:
+        rows: See `fit_details.link_compliances`.
+        model: Name of the estimate.
+        reference: What it is set beside, such as "true arm".
+    """
+    most = max(rows, key=lambda row: float(row.share_percent))
+    heads = {"reference": reference, "estimate": model, "half": "half width, 95 %"}
+    scaled = {row.part: _scaled(row) for row in rows}
+    norm = SymLogNorm(LINEAR_COMPLIANCE, vmin=-MOST_COMPLIANCE, vmax=MOST_COMPLIANCE)
+    figure = page(4.3)
+    first, second = bands(figure, [2.55, 1.75 if len(rows) < MANY_LINKS else 1.5])
+    panes = first.subplots(1, len(heads), sharey=True)
+    for axes, (key, head) in zip(panes, heads.items(), strict=True):
+        _matrix(axes, scaled[most.part][key], norm)
+        axes.set_title(head)
+    panes[0].set_yticks(range(6), AXES)
+    axes = second.subplots()
+    strip = np.full((len(heads) * STEP - 1, len(rows) * STEP - 1, 4), GAP)
+    for k, row in enumerate(rows):
+        for j, key in enumerate(heads):
+            own = np.ma.masked_invalid(scaled[row.part][key])
+            strip[j * STEP : j * STEP + 6, k * STEP : k * STEP + 6] = SIGNS(norm(own))
+    axes.imshow(strip, aspect="equal", interpolation="nearest")
+    axes.set_xticks(np.arange(len(rows)) * STEP + 2.5, [short(row.part, 12) for row in rows])
+    axes.set_yticks(np.arange(len(heads)) * STEP + 2.5, heads.values())
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    bar = figure.colorbar(ScalarMappable(norm, SIGNS), ax=[*panes], fraction=0.03, pad=0.02, extend="both")
+    bar.set_ticks(TICKS_COMPLIANCE, labels=[f"{x:g}".replace("-", "−") for x in TICKS_COMPLIANCE])
+    bar.minorticks_off()
+    bar.set_label(f"entry over the reference,\nlogarithmic beyond ±{LINEAR_COMPLIANCE:g}")
+    own = " with ".join(filter(None, [most.part, most.joint]))
+    inside, known = entries_inside(most)
+    answer = f"{own}: {inside} of {known} entries agree with the {reference} within 95 %"
+    reading = (
+        f"{own} causes {most.share_percent:.0f} % of the load's deflection, more than any other. Entry "
+        f"(i, j) is divided by the square root of entries (i, i) and (j, j) of the {reference}, so that "
+        "metres and radians compare: 1 on the diagonal is as soft as that. Below: all links, each with its "
+        "joint. Grey: rigid in the reference, or no interval is known. report.json has all numbers."
+    )
+    say(figure, answer, reading)
+    return figure
+
+
+def entries_inside(row: Row) -> tuple[int, int]:
+    """Count the entries on and above the diagonal whose interval holds the reference, and those with one."""
+    upper = np.triu_indices(6)
+    reference, estimate, half = (np.array(row[key], dtype=float)[upper] for key in COMPLIANCES)
+    known = np.isfinite(half)
+    return int((np.abs(estimate - reference)[known] <= half[known]).sum()), int(known.sum())
+
+
+def _scaled(row: Row) -> dict[str, Array]:
+    """Divide the matrices of a link by the deviations of its reference; NaN where that is zero."""
+    size = np.sqrt(np.diag(np.array(row.reference, dtype=float)))
+    size = np.where(size > 0, size, np.nan)
+    return {key: np.array(row[key], dtype=float) / np.outer(size, size) for key in COMPLIANCES}
+
+
+def _matrix(axes: Axes, values: Array, norm: SymLogNorm) -> None:
+    """Draw a 6x6 matrix with its numbers."""
+    axes.imshow(values, norm=norm, cmap=SIGNS, interpolation="nearest")
+    for (i, j), x in np.ndenumerate(values):
+        if np.isfinite(x):
+            dark = abs(x) > PALE_COMPLIANCE
+            said = f"{x:.2f}" if abs(x) < 9.995 else f"{x:.0f}"
+            said = said.replace("-", "−") if float(said) else "0"
+            text = axes.text(j, i, said, ha="center", va="center", fontsize=MIN_LETTER_SIZE)
+            text.set_color("white" if dark else "black")
+    axes.set_xticks(range(6), AXES)
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)

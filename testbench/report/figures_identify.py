@@ -21,6 +21,7 @@ from testbench.report.figure import (
 )
 from testbench.report.figures_fit import (
     OF_EIGENVALUES,
+    compliance_figure,
     eigenvalue_pane,
     predicted_pane,
     residual_pane,
@@ -35,12 +36,12 @@ from testbench.report.schema import Table, TableColumn
 from testbench.runs.rows import Row
 from testbench.workflows.models import JOINTS
 
-FIT, MODEL = "identify.png", "model.png"
+FIT, MODEL, COMPLIANCE = "identify.png", "model.png", "compliance.png"
 PANES = 1.9  #: Height of a row of small panes [in].
 
 
 def identify_figures(words: ReportWords, seen: PageContent, f: Row) -> Mapping[str, Figure]:
-    """Draw both figures of an identification.
+    """Draw the figures of an identification.
 
     Args:
         words: The report.
@@ -51,7 +52,11 @@ def identify_figures(words: ReportWords, seen: PageContent, f: Row) -> Mapping[s
         Figures by name.
     """
     known = {m.name: look_of(m) for m in f.models}
-    return {FIT: fit_figure(words, seen, f, known), MODEL: model_figure(f, known)}
+    return {
+        FIT: fit_figure(words, seen, f, known),
+        MODEL: model_figure(f, known),
+        COMPLIANCE: compliance_figure(f.details.compliances, f.recommended, "arm's folder"),
+    }
 
 
 def compared(f: Row) -> list[str]:

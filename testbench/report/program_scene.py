@@ -52,7 +52,9 @@ def draw_correction(cell: Cell, found: CorrectedProgram, said: Report) -> draw.P
     off, limit = "How far the loaded tool is off at each point (mm)", tolerance and tolerance.mm
     runs = [draw.RunChart(off, 0, "point", labels, errors, limit, note, limit_is="tolerance")]
     scale, groups = _path(cell, found, rows, some, [line.values for line in errors])
-    title = f"Offsets of the path, and how the arm bends, x {scale:g}."
+    stretch, net = draw.ellipsoid_layer(said.numbers["ellipsoids"], said.numbers["ellipsoid_force_n"])
+    groups[::2] = [replace(group, layers=[*group.layers, net]) for group in groups[::2]]  # not of what was
+    title = f"Offsets of the path, and how the arm bends, x {scale:g}. Ellipsoids x {stretch:g}."
     return draw.PageContent(draw.Scene(cell, title, groups), runs=runs)
 
 
@@ -131,13 +133,25 @@ def _of_point(row: Row) -> str:
     return f"{row.before_mm:.3f} mm off as programmed; {after}.{judged}"
 
 
-def draw_prediction(made: Predicted) -> draw.PageContent:
-    """Draw the arm bent by its loads in the poses of the file, and where it is soft."""
+def draw_prediction(made: Predicted, ellipsoids: Sequence[Row]) -> draw.PageContent:
+    """Draw the arm bent by its loads in the poses of the file, and where it is soft.
+
+    Args:
+        made: The prediction.
+        ellipsoids: See `workflows.ellipsoids`.
+
+    Returns:
+        The content.
+    """
     some = draw.largest_and_even(made.found.size[:, 0], np.arange(len(made.found.size)))
     reach, field, give = made.cell.vjm.reach, made.map, made.stiffness.displacement_per_force[some, :1]
     M = draw.arrow_scale(made.found.deflection[some, :1], MOVED * reach)
     G = draw.arrow_scale(field.force * give * made.stiffness.softest[some], GIVE * reach)
-    title = f"Deflections x {M:g}; green: how far {field.force:,.0f} N move the loaded tool, x {G:g}."
+    stretch, net = draw.ellipsoid_layer(ellipsoids, field.force)
+    title = f"Deflections x {M:g}; green: how far {field.force:,.0f} N move the loaded tool, x {G:g}; "
+    title += f"ellipsoids: the same in {len(ellipsoids)} poses, x {stretch:g}."
+    poses = _poses(made, some, M, G)
+    poses = replace(poses, layers=[*poses.layers, net])
     size, half = MM * made.found.size[some, 0], MM * made.found.widest[some, 0]
     half = np.where(np.isfinite(half), half, np.nan)
     tool = draw.ModelLine("tool", TOOL, size, (np.maximum(size - half, 0), size + half))
@@ -147,7 +161,7 @@ def draw_prediction(made: Predicted) -> draw.PageContent:
     where = f"How far {field.force:,.0f} N in the worst direction move the tool (mm)"
     soft = draw.ModelLine("tool", TOOL, MM * field.worst)
     return draw.PageContent(
-        scene=draw.Scene(made.cell, title, [_poses(made, some, M, G), _places(made)]),
+        scene=draw.Scene(made.cell, title, [poses, _places(made)]),
         map=draw.PlaceMap(where, 1, field.position, [soft], heading="Where it is soft"),
         runs=[draw.RunChart(moves, 0, "pose", labels, [tool], note=note)],
     )

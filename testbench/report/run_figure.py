@@ -8,16 +8,19 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
+from matplotlib.colors import to_rgba
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
+from testbench.errors import Array
 from testbench.report.colours import MEASURED, hexadecimal
 from testbench.report.figure import (
     LOG_AXIS_RATIO,
     MIN_LETTER_SIZE,
     SOFT,
     Figure,
+    bands,
     forest_pane,
     log_ticks,
     page,
@@ -27,7 +30,7 @@ from testbench.report.figure import (
 )
 from testbench.report.figure_arm import draw_arm, outlines
 from testbench.report.markdown import ReportWords, as_plain
-from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, tube_colours
+from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, shadow, tube_colours
 from testbench.report.schema import Table, TableColumn, looks
 from testbench.runs.spread import Spread, dotted, middle, range_of
 
@@ -55,22 +58,20 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
     forest = [FOREST + ROW * len(models[0].rows)] if models else []
     rows = [*forest, *([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
     figure = page(HEAD + sum(rows))
-    figure.set_layout_engine("constrained", rect=(0.02, 0, 0.98, 1))  # panes of equal scale stick out
-    grid = figure.add_gridspec(len(rows) or 1, 2, height_ratios=rows or [1])
+    parts = iter(bands(figure, rows or [1]))  # each as wide as it can be: labels of one shrink no other
     answer, *more = SENTENCE.split(as_plain(words.block("answer")))
+    if models:
+        model_forest(next(parts).subplots(), *models)
     if seen.scene:
-        pose_group = seen.scene.groups[0]
-        for k, (pose, name, plane) in enumerate(_panes(pose_group)):
-            axes = figure.add_subplot(grid[len(forest), k])
+        pose_group, sides = seen.scene.groups[0], next(parts).subplots(1, 2)
+        for axes, (pose, name, plane) in zip(sides, _panes(pose_group), strict=True):
             _poses(axes, seen.scene, pose, plane)
             title = f"{pose_group.names[pose]}, {name}"
             axes.set_title(textwrap.fill(title, POSE) if len(title) > POSE else title)
-        _key(figure.add_subplot(grid[len(forest) + 1, :]), layers, bent=bent)
+        _key(next(parts).subplots(), layers, bent=bent)
         more.append(f"{pose_group.name}: {seen.scene.title}")
-    if models:
-        model_forest(figure.add_subplot(grid[0, :]), *models)
-    for k, chart in enumerate(charts, len(rows) - len(charts)):
-        run_chart(figure.add_subplot(grid[k, :]), chart)
+    for part, chart in zip(parts, charts, strict=True):
+        run_chart(part.subplots(), chart)
     badge = as_plain(words.block("badge"))
     say(figure, "\n".join(filter(None, [badge, answer])), " ".join(more))
     return figure
@@ -108,6 +109,9 @@ def _poses(axes: Axes, scene: Scene, k: int, plane: tuple[int, int]) -> None:
 def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> None:
     """Draw a layer in a pose: dots, or lines from their beginning to their end; what stands still always."""
     colour, at = hexadecimal(layer.colour), layer.at[k if len(layer.at) > 1 else 0]
+    if layer.semi_axes is not None:
+        draw_ellipsoids(axes, at, layer.semi_axes, shown, colour)
+        return
     if layer.to is None:
         size = 2 if layer.kind == "specks" else 4.3
         axes.plot(*at[:, shown].T, "^" if layer.kind == "trackers" else "o", color=colour, markersize=size)
@@ -125,6 +129,21 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
         below = ends[known, 1] - [layer.radius, side if shown[1] == 2 else layer.radius]
         squares = [Rectangle((x, y), side, side) for x, y in below]
         axes.add_collection(PatchCollection(squares, facecolors=colour, linewidths=0))
+
+
+def draw_ellipsoids(axes: Axes, at: Array, semi_axes: Array, plane: Sequence[int], colour: str) -> None:
+    """Draw the shadows of ellipsoids, seen through.
+
+    Args:
+        axes: Where to.
+        at: Their centres, (k, 3) [m].
+        semi_axes: See `scene.Layer`.
+        plane: World axes to the right and up.
+        colour: As #RRGGBB.
+    """
+    outlines = [centre[list(plane)] + shadow(own, plane) for centre, own in zip(at, semi_axes, strict=True)]
+    look = {"facecolors": to_rgba(colour, 0.3), "edgecolors": colour, "linewidths": 0.7}
+    axes.add_collection(PolyCollection(outlines, **look), autolim=True)
 
 
 def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:

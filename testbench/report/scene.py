@@ -13,8 +13,9 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, Ids
 from testbench.model.structure import JOINTS
 from testbench.plant.shapes import BodyFrames, rigid_frames
-from testbench.report.colours import GREY, LOAD, MEASURED, SCALE, Colour, Look
+from testbench.report.colours import GREY, LOAD, MEASURED, SCALE, STIFFNESS, Colour, Look
 from testbench.report.schema import Table
+from testbench.runs.rows import Row
 from testbench.workflows.cell import Cell
 
 if TYPE_CHECKING:  # imports that take long
@@ -22,6 +23,9 @@ if TYPE_CHECKING:  # imports that take long
 
 MAX_POSES, MAX_LARGE_ERRORS = 240, 40
 """Poses that are drawn at most, and those of largest error among them: nobody looks at more."""
+LONGEST_AXIS, LEAST_PATH = 0.15, 0.3
+"""Length of most semi-axes of ellipsoids over the size of their path [1], and that size at least [m]."""
+OUTLINE = 48  #: Corners of the outline of an ellipsoid.
 MAX_MAGNIFICATION = 1e5  #: Largest magnification: what is below rounding is not drawn.
 APART = 10.0  #: Times the median of the best map beyond which an error makes the scale logarithmic [1].
 DEEP = 1e-3  #: Least error on a logarithmic scale over the greatest [1].
@@ -32,18 +36,21 @@ class Layer:
     """Marks of one kind, the same number in every pose, or the same in all of them.
 
     Dots, small ones, arrows, lines, cylinders; tubes, coloured by a number each; weights on cords; trackers
-    on tripods.
+    on tripods; ellipsoids.
     """
 
     name: str  #: For the legend.
     colour: Colour
-    kind: Literal["dots", "specks", "arrows", "lines", "cylinders", "tubes", "weights", "trackers"]
+    kind: Literal[
+        "dots", "specks", "arrows", "lines", "cylinders", "tubes", "weights", "trackers", "ellipsoids"
+    ]
     at: Array  #: Where they are or begin, (poses, k, 3), of what stands still (1, k, 3) [m]; NaN: none.
     to: Array | None = None  #: Where arrows, lines, cylinders, tubes and cords of weights end, as many [m].
     labels: Sequence[str] = ()  #: What stands beside each, (k,); none if empty.
     shown: bool = True  #: Whether it is visible at first.
     values: Array | None = None  #: Of tubes, on one scale in the scene, (k,) [mm]; NaN where there is none.
     radius: float = 0.0  #: Of cylinders, and of weights, which are as high as wide [m].
+    semi_axes: Array | None = None  #: Of ellipsoids, which stand still, one axis per row, (k, 3, 3) [m].
 
 
 @dataclass(frozen=True)
@@ -64,6 +71,39 @@ class PoseGroup:
     ordered: bool = False  #: Whether the poses follow each other, as along a path.
     #: Whether a reader lands on the first whatever its errors are: see `typical_first`.
     fixed: bool = False
+
+
+def ellipsoid_layer(rows: Sequence[Row], force: float) -> tuple[float, Layer]:
+    """Make a layer of the ellipsoids over which a force moves the tool, and say how much it is magnified.
+
+    Args:
+        rows: Along a path, see `workflows.ellipsoids`.
+        force: Size of the force [N].
+    """
+    axes = np.array([np.array(row.semi_axes_mm)[:, None] / 1e3 * np.array(row.directions) for row in rows])
+    at = np.array([row.at_m for row in rows])
+    scale = arrow_scale(axes[:, 0], LONGEST_AXIS * max(LEAST_PATH, float(np.linalg.norm(np.ptp(at, axis=0)))))
+    name = f"where {force:,.0f} N of any direction move the tool"
+    return scale, Layer(name, STIFFNESS, "ellipsoids", at[None], semi_axes=scale * axes)
+
+
+def shadow(semi_axes: Array, plane: Sequence[int]) -> Array:
+    """Compute the outline of an ellipsoid seen along an axis, about its centre.
+
+    The points A u, u of length one, fill an ellipse with the root of A A^T, A the semi-axes in the plane.
+
+    Args:
+        semi_axes: One per row, (3, 3) [m].
+        plane: World axes to the right and up.
+
+    Returns:
+        Corners, (n, 2) [m].
+    """
+    A = semi_axes[:, list(plane)].T
+    values, Q = np.linalg.eigh(A @ A.T)
+    turns = np.linspace(0, 2 * np.pi, OUTLINE, endpoint=False)
+    circle = np.column_stack([np.cos(turns), np.sin(turns)])
+    return np.asarray(circle * np.sqrt(np.maximum(values, 0)) @ Q.T)
 
 
 def workspace(

@@ -22,6 +22,7 @@ class Session(NamedTuple):
 
     project: Mapping[str, object]  #: Name and SHA-256 of the project file, the values taken; empty for none.
     known: frozenset[str]  #: Keys that it has, taken or not.
+    prints: bool = False  #: Whether figures are written for print too.
     log: Callable[[], str] = str  #: What happened so far, for run.log; empty where nobody follows.
 
     @property

@@ -13,10 +13,18 @@ from testbench.model.structure import JOINTS, Constraint
 from testbench.report.columns import columns
 from testbench.report.schema import Table, best_of
 from testbench.report.table import Row, Trials, merged, nested
+from testbench.runs.rows import finite
 from testbench.runs.spread import span
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, IN_PAPER
 from testbench.workflows.cell import Campaign, Cell
-from testbench.workflows.fit_details import eigenvalues, predictions, residual_histograms
+from testbench.workflows.fit_details import (
+    COMPLIANCES,
+    eigenvalues,
+    link_compliances,
+    predictions,
+    residual_histograms,
+    sag_by_part,
+)
 from testbench.workflows.model_selection import DEFAULT
 from testbench.workflows.models import EstimatorFailed, Model, failed_row, fit_or_rigid, has_failed
 from testbench.workflows.rows import (
@@ -122,16 +130,17 @@ def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
     return error_places(workspace_poses, mm, [name for name in dict.fromkeys(compared) if name in mm])
 
 
-def details(trials: Trials, compared: Sequence[str]) -> Row:
+def details(trials: Trials, compared: Sequence[str], taken: str) -> Row:
     """Collect what figures show of the first seed's fits.
 
     Args:
         trials: Rows of a campaign.
         compared: Models, by name; those that are not there are left out.
+        taken: The model whose compliances are set beside the true ones.
 
     Returns:
-        `residuals` at all measured runs, `predictions` over the workspace, and `eigenvalues`, by model: see
-        `workflows.fit_details`; nothing where no fit was kept.
+        `residuals` at all measured runs, `predictions` over the workspace, and `eigenvalues`, by model, and
+        `compliances` of one model: see `workflows.fit_details`; nothing where no fit was kept.
     """
     first = trials.where(seed=trials["seed"][0])
     kept = {name: k for k, name in enumerate(first["name"].tolist()) if first["drawn.wrong_m"][k] is not None}
@@ -154,7 +163,27 @@ def details(trials: Trials, compared: Sequence[str]) -> Row:
             ]
             for name, own in values.items()
         },
+        compliances=_compliances(first, kept[taken], [*dict.fromkeys(parts)]) if taken in kept else [],
     )
+
+
+def _compliances(first: Trials, k: int, parts: Sequence[str]) -> list[Row]:
+    """Restore the compliances of a model's links from row k, see `fit_details.link_compliances`."""
+    shares = first["drawn.shares_percent"][k]
+    joints = [*parts[len(shares) :], None]
+    blocks = np.reshape(np.array(first["drawn.compliances"][k], dtype=float), (-1, len(COMPLIANCES), 6, 6))
+    return [
+        Row(
+            {
+                key: [[finite(x) for x in row] for row in block]
+                for key, block in zip(COMPLIANCES, own, strict=True)
+            },
+            part=parts[n],
+            joint=joints[n],
+            share_percent=share,
+        )
+        for n, (share, own) in enumerate(zip(shares, blocks, strict=True))
+    ]
 
 
 def distinct(models: Sequence[Row]) -> list[Row]:
@@ -312,6 +341,9 @@ class DrawnErrors:
     residuals_m: tuple[float, ...]  #: Readings minus predictions of all measured runs.
     wrong_m: tuple[float, ...]  #: True minus predicted deflections.
     eigenvalues_urad_per_Nm: tuple[float, ...]  #: Of all parts: see `fit_details.eigenvalues`.
+    #: Of every link `reference`, `estimate` and `half` row by row: see `fit_details.link_compliances`.
+    compliances: tuple[float | None, ...]
+    shares_percent: tuple[float, ...]  #: Of every link with its joint, of the deflection: see there.
 
 
 @dataclass(frozen=True)
@@ -387,7 +419,11 @@ def _fit(result: Result) -> FitRow:
 def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> DrawnErrors:
     """What pictures need of a model; `whole` with the runs, once a campaign."""
     measured, over, moved, names = None, None, None, None
-    parts = eigenvalues(cell.arm, result.estimate.structure, result.estimate.C_theta)
+    estimate, true = result.estimate, cell.plant.arm.C_theta
+    parts = eigenvalues(cell.arm, estimate.structure, estimate.C_theta)
+    links = link_compliances(
+        cell.vjm, estimate, true, sag_by_part(cell.vjm, estimate, campaign.identification)
+    )
     if whole:
         measured, over = (csv_text(own, cell.arm) for own in (campaign.measured, campaign.truth))
         moved = tuple(campaign.truth.deflection.ravel().tolist())
@@ -400,6 +436,8 @@ def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> Dr
         residuals_m=tuple(result.residuals.ravel().tolist()),
         wrong_m=tuple(result.error_vectors.ravel().tolist()),
         eigenvalues_urad_per_Nm=tuple(x for part in parts for x in part.urad_per_Nm),
+        compliances=tuple(x for link in links for key in COMPLIANCES for row in link[key] for x in row),
+        shares_percent=tuple(link.share_percent for link in links),
     )
 
 

@@ -55,7 +55,7 @@ def app(study: AnyStudy) -> typer.Typer:
 def as_command(study: AnyStudy) -> Any:
     """Make a command of the study with its flags."""
 
-    @takes(Common, study.options, *([EstimatorOptions] if study.models else []))
+    @takes(Common, study.options, *([EstimatorOptions] if study.models else []), draws=True)
     def body(common: Common, options: Any, estimators: EstimatorOptions = NO_ESTIMATORS) -> None:
         run(study, common, options, terminal.plain_console(), estimators)
 

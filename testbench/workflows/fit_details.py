@@ -1,6 +1,6 @@
 """Details of fits that figures show: residuals, predictions, eigenvalues, sag by part, what readings tell."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from statistics import NormalDist
 
 import numpy as np
@@ -18,13 +18,14 @@ from testbench.identify.regression import Regression
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, cross, generalised_load
-from testbench.runs.rows import Row
+from testbench.runs.rows import Row, finite
 from testbench.workflows.identifiability import any_metric
 from testbench.workflows.rows import MM, UM
 
 BINS = 24  #: Bars of a histogram.
 MAX_POINTS = 400  #: Predictions of a model that are kept.
 DIGITS = 5  #: Digits of a number that is drawn.
+COMPLIANCES = "reference", "estimate", "half"  #: Matrices of a link: see `link_compliances`.
 ROUNDING = 1e-9  #: Share of the largest eigenvalue of a block below which one is zero.
 
 
@@ -218,6 +219,67 @@ def joint_stiffness(vjm: Vjm, estimate: Estimate, prior: Prior, uncertainty: flo
     return rows
 
 
+def link_compliances(vjm: Vjm, estimate: Estimate, reference: Array, sag: Sequence[Row]) -> list[Row]:
+    """Set the compliance of every link, its joint included, beside a reference, with 95 % half widths.
+
+    The joint at the end of a link counts to the link, C + c a a^T: to readings both are one.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        estimate: With a prior or without.
+        reference: Aggregated compliance of the true arm or of the arm's folder, (n_theta, n_theta).
+        sag: Shares of the parts in the deflection, see `sag_by_part`.
+
+    Returns:
+        A row for each link from the base on: `part`, its `joint` (None of the last link), their
+        `share_percent` of the deflection, and 6x6 in the link's frame `reference`, `estimate` and `half`,
+        each [m/N, rad/N, rad/(N m)]. Of an entry that the model keeps zero or that has no bound the half
+        width is None.
+    """
+    links, joints, structure = vjm.arm.links, vjm.arm.joints, estimate.structure
+    share = {row.part: float(row.share_percent) for row in sag}
+    first, upper = 6 * len(links), structure.mirrored
+    functionals = np.zeros((len(links), 6, 6, structure.n))
+    rows = []
+    for k, link in enumerate(links):
+        own = (structure.a // 6 == k) & (structure.a < first)
+        a, b, p = structure.a[own] % 6, structure.b[own] % 6, np.flatnonzero(own)
+        functionals[k, a, b, p] = 1.0
+        functionals[k, b[upper[own]], a[upper[own]], p[upper[own]]] = 1.0
+        block = reference[6 * k : 6 * k + 6, 6 * k : 6 * k + 6].copy()
+        if k < len(joints):
+            v = _axis_in_link(vjm, k)
+            springs = (structure.a == structure.b) & (structure.a == first + k)
+            functionals[k][:, :, springs] += np.outer(v, v)[:, :, None]
+            block += reference[first + k, first + k] * np.outer(v, v)
+        rows.append(
+            Row(
+                part=link.name,
+                joint=joints[k].name if k < len(joints) else None,
+                share_percent=sum(share.get(x.name, 0.0) for x in (link, *joints[k : k + 1])),
+                reference=_square(block),
+            )
+        )
+    half = linearise(estimate).half_widths(functionals.reshape(-1, structure.n), CONFIDENCE)
+    half = np.where(functionals.any(axis=-1), half.reshape(-1, 6, 6), np.nan)
+    return [
+        Row(row, estimate=_square(own @ estimate.pi), half=_square(width))
+        for row, own, width in zip(rows, functionals, half, strict=True)
+    ]
+
+
+def _square(block: Array) -> list[list[float | None]]:
+    """Round a matrix to the digits that are kept, row by row; None where there is no number."""
+    return [[finite(x) for x in rounded(row)] for row in block]
+
+
+def _axis_in_link(vjm: Vjm, k: int) -> Array:
+    """Return what joint k moves of the virtual joint of the link before it, a unit vector, (6,)."""
+    v = np.zeros(6)
+    v[(0 if vjm.arm.joints[k].prismatic else 3) + np.arange(3)] = vjm.beam_axes[k]
+    return v
+
+
 def joint_functional(vjm: Vjm, structure: Structure, k: int) -> Array:
     """Return what a joint and the link before it yield about the joint's axis, per unit of pi.
 
@@ -229,9 +291,8 @@ def joint_functional(vjm: Vjm, structure: Structure, k: int) -> Array:
     Returns:
         The linear functional v^T C v + c, with v the axis in the link's frame, (n,).
     """
-    joint, links = vjm.arm.joints[k], 6 * len(vjm.arm.links)
-    v = np.zeros(structure.n_theta)
-    v[6 * k + (0 if joint.prismatic else 3) + np.arange(3)] = vjm.beam_axes[k]
+    links, v = 6 * len(vjm.arm.links), np.zeros(structure.n_theta)
+    v[6 * k : 6 * k + 6] = _axis_in_link(vjm, k)
     a, b = structure.a, structure.b
     return np.asarray(v[a] * v[b] * np.where(a == b, 1.0, 2.0) + ((a == b) & (a == links + k)))
 
@@ -265,10 +326,11 @@ def fit_details(
         uncertainty: How well it is taken to be known [1].
 
     Returns:
-        `residuals`, `predictions`, `eigenvalues`, `sag`, `singular_values` and `joints`, as the functions of
-        this module have them.
+        `residuals`, `predictions`, `eigenvalues`, `sag`, `compliances`, `singular_values` and `joints`, as
+        the functions of this module have them.
     """
     seen, taken = runs.seen, [*estimates.values()][-1]
+    sag = sag_by_part(vjm, taken, runs)
     left = {name: residuals[name][seen] for name in estimates}
     return Row(
         residuals=residual_histograms(left),
@@ -276,7 +338,8 @@ def fit_details(
         eigenvalues={
             name: eigenvalues(vjm.arm, own.structure, own.C_theta) for name, own in estimates.items()
         },
-        sag=sag_by_part(vjm, taken, runs),
+        sag=sag,
+        compliances=link_compliances(vjm, taken, prior.C_theta, sag),
         singular_values=singular_values(vjm, taken.of_compliances, prior, uncertainty),
         joints=joint_stiffness(vjm, taken, prior, uncertainty),
     )

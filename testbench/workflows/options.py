@@ -242,10 +242,14 @@ D = TypeVar("D")
 Force = Annotated[bool, typer.Option("--force", help="Replace what another command wrote.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print errors only.")]
 QUIET = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
+Print = Annotated[bool, typer.Option("--print", help="Write figures as SVG too, light and dark.")]
+PRINT = inspect.Parameter("print", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Print)
 CONTEXT = inspect.Parameter("ctx", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
 
 
-def takes(kind: type[D], *more: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def takes(
+    kind: type[D], *more: type, draws: bool = False
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Make a typer command of a function of dataclasses: their fields are its flags.
 
     A field is `Annotated[type, typer.Option(help=...)]` or typer.Argument; its default is the flag's.
@@ -253,6 +257,7 @@ def takes(kind: type[D], *more: type) -> Callable[[Callable[..., None]], Callabl
     Args:
         kind: The first dataclass.
         more: Others, with fields of other names.
+        draws: Whether it leaves figures, which `--print` writes as SVG too.
 
     Returns:
         A decorator.
@@ -263,11 +268,12 @@ def takes(kind: type[D], *more: type) -> Callable[[Callable[..., None]], Callabl
         def command(ctx: typer.Context, **values: object) -> None:
             values, own = merged(ctx, values)
             _check_finite(values)
+            own = own._replace(prints=bool(values.pop("print", False)))
             with followed(own, quiet=bool(values.pop("quiet"))):
                 body(*(k(**{f.name: values[f.name] for f in fields(k)}) for k in kinds))
 
         parameters = [parameter for k in kinds for parameter in _parameters(k)]
-        parameters += [CONTEXT, QUIET]
+        parameters += [*[PRINT] * draws, CONTEXT, QUIET]
         parameters.sort(key=lambda p: p.default is not inspect.Parameter.empty)
         command.__name__, command.__doc__ = body.__name__, body.__doc__
         command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]

@@ -11,13 +11,21 @@ from testbench.arm.folder import ArmJoint
 from testbench.correct import uncertainty
 from testbench.correct.newton import equilibrium
 from testbench.correct.predicted import extent
+from testbench.correct.stiffness import stiffness
 from testbench.errors import Array, Ids
 from testbench.files.program import unread_columns
 from testbench.files.table import as_cell
 from testbench.identify.posterior import CONFIDENCE, quantile
-from testbench.model.vjm import joint_law_rotations
+from testbench.model.vjm import joint_law_rotations, tool_pose
 from testbench.runs.rows import Row, finite
-from testbench.workflows.program import CorrectedProgram, Predicted, direction_words, extrapolation_warnings
+from testbench.workflows.ellipsoids import ellipsoids, some_poses
+from testbench.workflows.program import (
+    DEFAULT_FORCE,
+    CorrectedProgram,
+    Predicted,
+    direction_words,
+    extrapolation_warnings,
+)
 from testbench.workflows.rows import MM
 from testbench.workflows.workspace_errors import Meaning, bounded_mm, error_places, places_at
 
@@ -79,8 +87,20 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
         unread=unread_columns(program),
         held={joint.name: int(n) for joint, n in zip(model.arm.joints, held, strict=True) if n},
         tolerance=None if tolerance_mm is None else _kept(points, tolerance_mm),
+        ellipsoid_force_n=(largest := float(force.max()) or DEFAULT_FORCE),
+        ellipsoids=_ellipsoids_of_program(corrected_program, largest),
         rows=points,
     )
+
+
+def _ellipsoids_of_program(corrected_program: CorrectedProgram, force: float) -> list[Row]:
+    """Describe over which ellipsoid a force [N] moves the loaded tool point, along the program."""
+    compensated, model = corrected_program.found, corrected_program.model
+    some = some_poses(corrected_program.program.points)
+    q, labels = compensated.q[some], [corrected_program.program.labels[k] for k in some]
+    tool = stiffness(model, q, [load.of(some) for load in corrected_program.loads])
+    lever = tool_pose(model.vjm, q)[1] @ np.array(corrected_program.aim.point)
+    return ellipsoids(tool.compliance, lever, compensated.target.position[some], labels, force)
 
 
 def correction_warnings(f: Row) -> Iterator[str]:
@@ -302,7 +322,16 @@ def prediction_numbers(made: Predicted) -> Row:
         softest=poses[0],
         worst=poses[1:],
         map=_map(made),
+        ellipsoids=_ellipsoids_of_file(made),
     )
+
+
+def _ellipsoids_of_file(made: Predicted) -> list[Row]:
+    """Describe over which ellipsoid the force of the map moves the loaded tool, in some poses of the file."""
+    some = some_poses(len(made.asked.q))
+    position, labels = made.found.position[some, 0], [made.asked.labels[k] for k in some]
+    compliance = made.stiffness.compliance[some]
+    return ellipsoids(compliance, 0 * position, position, labels, made.map.force)
 
 
 def _pose(made: Predicted, k: int, push_half: float) -> Row:

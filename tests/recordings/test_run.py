@@ -24,6 +24,7 @@ from testbench.report.scene import (
     ModelLine,
     PageContent,
     at_one_target,
+    ellipsoid_layer,
     gauges,
     legs,
     loads,
@@ -412,6 +413,35 @@ def test_what_reads_along_lines_is_drawn_and_a_lost_reading_is_not(kr500):
     assert [layer.name for layer in read_along(lost, tool, reach)] == ["distances"]
     plain = replace(data, direction=None, tilt=None, reach=None, slide=None, precision=None)
     assert read_along(plain, tool, reach) == []
+
+
+def test_ellipsoids_stand_still_with_the_sizes_and_directions_of_report_json(seen, tmp_path):
+    rng = np.random.default_rng(3)
+    rows = [
+        Row(
+            label=f"{k}",
+            at_m=rng.uniform(-1, 1, 3).tolist(),
+            semi_axes_mm=[3.0, 2.0, 1.0],
+            directions=np.linalg.svd(rng.standard_normal((3, 3)))[0].tolist(),
+        )
+        for k in range(6)
+    ]
+    times, layer = ellipsoid_layer(rows, 900.0)
+    own = replace(seen.scene.groups[0], layers=[layer])
+    page = replace(seen, scene=replace(seen.scene, groups=[own]), map=None)
+    chunks = sound(written(tmp_path / "a.rrd", page), "It is 3.000 mm off.")
+    path = "/world/runs/where_900_n_of_any_direction_move_the_tool"
+    data = {name: column[0] for name, column in columns(chunks, path).items()}
+    plain = seen_plain(page)["scene"]["groups"][0]["layers"][0]
+    parts = ("Ellipsoids3D:centers", "Ellipsoids3D:half_sizes", "Ellipsoids3D:quaternions")
+    for k, (row, at, half, turn) in enumerate(zip(rows, *map(data.get, parts), strict=True)):
+        assert at == pytest.approx(row.at_m, abs=1e-6)
+        assert half == pytest.approx(times / 1e3 * np.array(row.semi_axes_mm), rel=1e-5)
+        along = np.abs(np.sum(Rotation.from_quat(turn).as_matrix().T * row.directions, axis=1))
+        assert along == pytest.approx(1)
+        semi = times / 1e3 * np.array(row.semi_axes_mm)[:, None] * np.array(row.directions)
+        assert plain["semi_axes"][k] == pytest.approx(1e4 * semi.ravel(), abs=0.5)
+    assert "teal ellipsoids: where 900 N of any direction move the tool" in document(chunks, "/here/runs")
 
 
 def test_masses_and_forces_that_differ_are_told_apart():

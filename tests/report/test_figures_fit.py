@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from legible import check_legible
-from matplotlib.colors import to_hex
+from legible import _contrast, check_legible
+from matplotlib.colors import to_hex, to_rgb
 from scipy.stats import kstest, norm
 
 from testbench.data.dataset import in_order
@@ -14,12 +14,13 @@ from testbench.identify import gco, least_squares, with_prior
 from testbench.identify.certify import LENGTH
 from testbench.identify.estimate import all_deflections
 from testbench.identify.normality import lilliefors
-from testbench.identify.prior import cad_prior
-from testbench.model.structure import all153, template56
+from testbench.identify.posterior import linearise
+from testbench.identify.prior import aggregate, cad_prior
+from testbench.model.structure import Structure, all153, template56
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.report.badge import ratios
 from testbench.report.colours import NEGATIVE, hexadecimal, look
-from testbench.report.figures_fit import eigenvalue_figure, residual_figure
+from testbench.report.figures_fit import compliance_figure, eigenvalue_figure, residual_figure
 from testbench.report.figures_identify import compared, fit_figure, model_figure
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, rows
@@ -28,7 +29,7 @@ from testbench.report.schema import Table, TableColumn
 from testbench.report.table import plain
 from testbench.runs.rows import Row
 from testbench.workflows.cell import Scenario, simulate
-from testbench.workflows.fit_details import fit_details, joint_functional, sag_by_part
+from testbench.workflows.fit_details import fit_details, joint_functional, link_compliances, sag_by_part
 
 TAKEN = "ALL153 + prior"
 LOOKS = {
@@ -176,6 +177,97 @@ def test_a_joint_yields_with_the_link_before_it_about_an_axis_of_any_direction(s
         assert joint_functional(slides.vjm, structure, k) @ structure.entries(C) == pytest.approx(expected)
 
 
+def link_block(vjm, C, k):
+    """Block of a link in C, with the joint at its end."""
+    structure = Structure.of(vjm.arm, links=[link.name for link in vjm.arm.links])
+    return aggregate(C, vjm, structure)[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
+
+
+@pytest.mark.parametrize("name", [TAKEN, "MLS56"])
+def test_the_compliance_of_a_link_holds_its_joint_and_the_interval_is_that_of_each_entry(kr500, fitted, name):
+    vjm, estimate = kr500.vjm, fitted[1][name]
+    sag = sag_by_part(vjm, estimate, fitted[0])
+    found = link_compliances(vjm, estimate, kr500.arm.C_theta, sag)
+    share = {row.part: row.share_percent for row in sag}
+    assert [row.part for row in found] == [link.name for link in kr500.arm.links]
+    known = linearise(estimate)
+    for k, row in enumerate(found):
+        np.testing.assert_allclose(row.estimate, link_block(vjm, estimate.C_theta, k), rtol=6e-5, atol=1e-16)
+        np.testing.assert_allclose(row.reference, link_block(vjm, kr500.arm.C_theta, k), rtol=6e-5)
+        assert row.share_percent == pytest.approx(share[row.part] + share.get(row.joint, 0))
+    one = found[2]  # its entries as functionals, by unit parameters
+    units = np.eye(estimate.structure.n)
+    rows_of = np.array([link_block(vjm, estimate.structure.matrix(own), 2) for own in units])
+    half = known.half_widths(rows_of.reshape(len(units), 36).T).reshape(6, 6)
+    there = rows_of.any(axis=0)
+    given = np.array(one.half, dtype=float)
+    assert (np.isnan(given) == ~(there & np.isfinite(half))).all()
+    np.testing.assert_allclose(given[np.isfinite(given)], half[np.isfinite(given)], rtol=6e-5)
+    assert [row.joint for row in found] == [*(joint.name for joint in kr500.arm.joints), None]
+
+
+def test_the_figure_of_compliances_has_the_numbers_of_the_link_that_bends_most_and_all_links_below(details):
+    figure = compliance_figure(details.compliances, TAKEN, "true arm")
+    figure.draw_without_rendering()
+    check_legible(figure)
+    most = max(details.compliances, key=lambda row: row.share_percent)
+    assert most.part == "link_2"
+    size = np.sqrt(np.diag(most.reference))
+    *panes, strip = figure.axes[:4]
+    limits = set()
+    for axes, key, title in zip(
+        panes, ("reference", "estimate", "half"), ("true arm", TAKEN, "half width, 95 %"), strict=True
+    ):
+        given = np.array(most[key], dtype=float) / np.outer(size, size)
+        assert axes.get_title() == title
+        [image] = axes.images
+        np.testing.assert_allclose(image.get_array().filled(np.nan), given)
+        limits.add((image.get_clim(), image.norm.linthresh))
+        said = {tuple(map(round, text.get_position())): text.get_text() for text in axes.texts}
+        assert said == {
+            (j, i): f"{x:.2f}".replace("-", "−") if abs(x) >= 0.005 else "0"
+            for (i, j), x in np.ndenumerate(given)
+            if np.isfinite(x)
+        }
+        assert [text.get_text() for text in axes.get_xticklabels()] == ["x", "y", "z", *TURNS]
+        for text in axes.texts:  # white on dark cells alone
+            j, i = map(round, text.get_position())
+            cell = to_rgb(image.to_rgba(image.get_array()[i, j]))
+            assert contrast(cell, to_rgb(text.get_color())) > 3
+    assert [text.get_text() for text in panes[0].get_yticklabels()] == ["x", "y", "z", *TURNS]
+    assert limits == {((-10, 10), 0.1)}
+    np.testing.assert_allclose(np.diag(panes[0].images[0].get_array()), 1)
+    [image] = strip.images
+    for k, row in enumerate(details.compliances):
+        size = np.sqrt(np.diag(row.reference))
+        for j, key in enumerate(("reference", "estimate", "half")):
+            own = np.ma.masked_invalid(np.array(row[key], dtype=float) / np.outer(size, size))
+            part = image.get_array()[7 * j : 7 * j + 6, 7 * k : 7 * k + 6]
+            np.testing.assert_allclose(part, panes[0].images[0].to_rgba(own))
+    at = [(text.get_position()[0], text.get_text()) for text in strip.get_xticklabels()]
+    assert at == [(7 * k + 2.5, row.part) for k, row in enumerate(details.compliances)]
+    assert [text.get_text() for text in strip.get_yticklabels()] == ["true arm", TAKEN, "half width, 95 %"]
+    upper = np.triu_indices(6)
+    wrong, half = (np.array(own, dtype=float)[upper] for own in (most.estimate, most.half))
+    inside = np.abs(wrong - np.array(most.reference)[upper]) <= half
+    title = (
+        f"link_2 with joint_3: {inside.sum()} of {np.isfinite(half).sum()} entries agree with the true arm"
+    )
+    assert figure.get_suptitle().startswith(title)
+    caption = " ".join(figure.get_supxlabel().split())
+    assert f"causes {most.share_percent:.0f} % of the load's deflection" in caption
+    assert "logarithmic beyond ±0.1" in figure.axes[4].get_ylabel()
+
+
+def contrast(one, other):
+    """Contrast of two colours, as WCAG has it [1]."""
+    own = sorted((_contrast(one), _contrast(other)))
+    return own[1] / own[0]
+
+
+TURNS = "rot x", "rot y", "rot z"
+
+
 def test_the_figure_of_eigenvalues_draws_each_and_crosses_the_negative_ones_in_red(details):
     figure = eigenvalue_figure(details, LOOKS, [*LOOKS])
     figure.draw_without_rendering()
@@ -223,6 +315,7 @@ def check_residuals(axes, row, look):
     x, y = curve.get_data()
     area = row.n * (row.edges_um[1] - row.edges_um[0])
     np.testing.assert_allclose(y, area * norm(row.mean_um, row.deviation_um).pdf(x))
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("residual [µm]", "components")
     [text] = axes.texts
     said = text.get_text()
     assert f"n {row.n}," in said
@@ -238,6 +331,9 @@ def check_predictions(axes, found, names):
         np.testing.assert_array_equal(own.get_xdata(), found.measured_mm)
         np.testing.assert_array_equal(own.get_ydata(), found.predicted_mm[own.get_label()])
     np.testing.assert_array_equal(*line.get_data())
+    assert axes.get_xlabel().endswith(" deflection [mm]")
+    assert axes.get_ylabel() == "predicted [mm]"
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [*names]
 
 
 @pytest.fixture(scope="module")
@@ -312,19 +408,34 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     first, second, sag, stiff, told, parts, *more = figure.axes
     assert [axes.get_title().split(":")[0] for axes in (first, second)] == ["MLS56", TAKEN]
     assert [bar.get_width() for bar in sag.patches] == [row.share_percent for row in f.details.sag]
-    whiskers = [tuple(line.get_xdata()) for line in sag.get_lines()]
-    assert whiskers == [(row.least_percent, row.most_percent) for row in f.details.sag]
+    [whiskers] = [own.get_segments() for own in sag.collections]
+    assert [tuple(ends[:, 0]) for ends in whiskers] == [
+        (row.least_percent, row.most_percent) for row in f.details.sag
+    ]
     shares = [row.share_percent for row in f.details.sag]
     assert shares == sorted(shares, reverse=True)
-    drawn = {
-        x for line in stiff.get_lines() if len(line.get_xdata()) == 1 for x in np.ravel(line.get_xdata())
-    }
-    assert drawn == {own.middle for row in f.details.joints for own in (row.prior, row.posterior)}
+    for line, spans, key in zip(stiff.get_lines(), stiff.collections, ("prior", "posterior"), strict=True):
+        every = [row[key] for row in f.details.joints]
+        assert line.get_xdata() == pytest.approx([own.middle for own in every])
+        for (x, y), own, (low, high) in zip(line.get_xydata(), every, spans.get_segments(), strict=True):
+            assert low[1] == high[1] == y
+            assert low[0] == pytest.approx(own.low) if own.low else low[0] < x
+            assert high[0] == pytest.approx(own.high) if own.high else high[0] > x
+        assert line.get_label() == {"prior": "the arm's folder, ±30 %", "posterior": "identified"}[key]
+    assert [text.get_text() for text in stiff.get_yticklabels()] == [row.joint for row in f.details.joints]
     dots, _ = told.get_lines()
     np.testing.assert_allclose(dots.get_ydata(), np.maximum(f.details.singular_values, 1e-4))
     decided = sum(x > 1 for x in f.details.singular_values)
     assert told.get_title() == f"Readings decide {decided} of 153 directions"
     assert [bar.get_width() for bar in parts.patches] == [row.told_percent for row in f.seen.blocks]
+    labels = [axes.get_xlabel() for axes in (first, sag, stiff, parts, *more)]
+    assert labels == [
+        "eigenvalue [µrad/(N m)]",
+        "share of the load's deflection [%]",
+        f"stiffness [{f.details.joints[0].unit}]",
+        "of the prior's variance [%]",
+        "expected error at random poses [mm]",
+    ]
     [last] = more
     assert [bar.get_width() for bar in last.patches] == pytest.approx([0.1, 0.2, 0.3])
     assert figure.get_suptitle().startswith(f"{TAKEN} is conservative; {f.details.sag[0].part} causes")

@@ -94,6 +94,7 @@ LONG = "averylongwordwithoutanyblankinitanywhereatall"
         ("Tie: a ties with b (error ratio 1.00, n 8).", "Tie: a ties with b", "Error ratio 1.00, n 8."),
         ("One sentence ends here. The other is long.", "One sentence ends here", "The other is long."),
         ("Holds: one is far better than two (n 8).", "Holds: one is far better than two", "N 8."),
+        ("Error 0.1 mm; by chance: 0.3 mm (n 8)", "Error 0.1 mm", "By chance: 0.3 mm (n 8)"),
         (LONG, f"{LONG[:26]}…", LONG),
     ],
 )

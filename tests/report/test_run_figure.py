@@ -1,21 +1,24 @@
 """The picture of a run holds the numbers and places that its page draws."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import SAVE
 from made_up_run import REPORT, made_up_run
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.figure import Figure
 from reports import check_forest
 
 from testbench.report.colours import look
-from testbench.report.figure import headed, log_ticks
+from testbench.report.figure import forest, headed, log_ticks, page, say
 from testbench.report.figure_arm import outlines
 from testbench.report.run_figure import overview
-from testbench.report.scene import scale_of
+from testbench.report.scene import loads, scale_of
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
+from testbench.runs.interrupt import EMPTY_SESSION, session
 from testbench.runs.spread import spread
 
 
@@ -51,6 +54,33 @@ def test_the_first_pose_is_drawn_from_aside_and_from_above(figure, seen, pane, p
     still = np.stack([path.at[0, 0, plane], path.to[0, 0, plane]])
     assert any(np.allclose(at, still) for at in segments)
     assert axes.get_title().startswith(own.names[k])
+
+
+def test_a_weight_hangs_below_its_hook_in_both_views(seen):
+    own = seen.scene.groups[0]
+    hook = np.random.default_rng(2).uniform(0.5, 1.5, (len(own.names), 3))
+    [weight] = loads(hook, np.tile([0, 0, -4512.6], (len(hook), 1)), 3.0)
+    group = replace(own, layers=[weight])
+    figure = overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[group])))
+    r, at = weight.radius, weight.to[own.first, 0]
+    for axes, plane in zip(figure.axes, ([0, 2], [0, 1]), strict=False):
+        [drawn] = [many for many in axes.collections if isinstance(many, PatchCollection)]
+        [path] = drawn.get_paths()
+        ends = np.array([path.vertices.min(axis=0), path.vertices.max(axis=0)])
+        below = 2 * r if plane[1] == 2 else r
+        np.testing.assert_allclose(ends[0], at[plane] - [r, below])
+        np.testing.assert_allclose(ends[1], at[plane] + [r, 2 * r - below])
+
+
+def test_the_best_models_and_those_that_tie_with_them_have_bands_and_the_caption_says_so():
+    trials = np.linspace(0.9, 1.1, 12)
+    several = [trials, np.roll(trials, 5), 3 * trials]  # the second is better in about half of the trials
+    for numbers, best in ((map(spread, several), {0, 1}), ((1.0, 1.0, 3.0), set())):
+        rows = [model(m.name, m.structure, m.constraint, x) for m, x in zip(MODELS, numbers, strict=False)]
+        figure = forest(Table(COLUMNS, rows), {"error": "all"}, "Who wins", "RMS errors.")
+        assert {round(patch.get_y() + 0.5) for patch in figure.axes[0].patches} == best
+        said = "Band: the best, and all that tie with it." in " ".join(figure.get_supxlabel().split())
+        assert said == bool(best)
 
 
 def test_charts_hold_every_number_in_its_colour_with_its_interval(figure, seen):
@@ -159,6 +189,28 @@ def test_the_winner_is_the_widest_line_of_a_figure_and_joint_stiffness_the_next(
         assert ours > joints >= other
     assert lines["Joints"].get_linewidth() > lines["MGCO56"].get_linewidth()
     assert figure.get_suptitle().startswith("Holds: so it is.")
+
+
+def test_for_print_there_is_an_svg_beside_the_png_on_light_and_on_dark_ground(seen, tmp_path):
+    with session(EMPTY_SESSION._replace(prints=True)):
+        for name in ("one.png", "two.png"):
+            figure = page(1.0)
+            figure.subplots().plot([1, 2], color="#C88304")
+            say(figure, "Title", "Words.")
+            SAVE(figure, tmp_path / name)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"{name}{end}" for name in ("one", "two") for end in (".png", ".svg", "_dark.svg")
+    }
+    light, dark = ((tmp_path / f"one{end}.svg").read_text() for end in ("", "_dark"))
+    assert light == (tmp_path / "two.svg").read_text()  # the same figure, the same file
+    [width] = re.findall(r'<svg [^>]*width="([\d.]+)pt"', light)
+    assert float(width) * 25.4 / 72 == pytest.approx(183)
+    assert {"#ffffff", "#000000", "#c88304"} <= set(re.findall("#[0-9a-f]{6}", light))
+    assert set(re.findall("#[0-9a-f]{6}", dark)) & {"#ffffff", "#000000"} == set()
+    assert "#c88304" in dark
+    for text, ground in ((light, 255), (dark, 18)):
+        first = re.search("fill: #([0-9a-f]{2})", text)
+        assert int(first[1], 16) == ground
 
 
 def test_without_models_there_is_no_forest(seen):

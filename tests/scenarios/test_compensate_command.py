@@ -145,11 +145,18 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
     words = " ".join(said.split())
     assert f"{report['before_mm']['median']:.3f} mm as programmed" in words
     assert f"Corrected, {report['unseen']} points have no bound." in words
+    first, push = report["ellipsoids"][0], np.zeros((POINTS, 6))
+    push[0, :3] = 100 * np.array(first["directions"][0])
+    moved = tip_of(solve_equilibrium(kr500.plant, q, wrench + push, np.tile(TIP, (POINTS, 1))))
+    moved -= tip_of(solve_equilibrium(kr500.plant, q, wrench, np.tile(TIP, (POINTS, 1))))
+    longest = 100 * first["semi_axes_mm"][0] / report["ellipsoid_force_n"]  # of 100 N
+    np.testing.assert_allclose(1e3 * moved[0], push[0, :3] / 100 * longest, atol=0.02 * longest)
     about = json.loads((out / "right_report" / "manifest.json").read_text())
     assert about["corrected"] == {"right.csv": files.digest(out / "right.csv")}
     assert {p.name for p in (out / "right_report").iterdir()} >= {
         "report.md",
         "compensation.png",
+        "stiffness.png",
         "report.html",
         "manifest.json",
         "run.log",
@@ -298,7 +305,7 @@ def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected)
     rows = table(out / "right.csv")
     off = np.array([[float(row[f"before_{x}_mm"]) for x in "xyz"] for row in rows]) / 1e3
     drawn = drawn_in(out / "right_report" / "report.html")["scene"]
-    [times] = times_of(drawn["title"])
+    [times, _] = times_of(drawn["title"])
     layers = {layer["name"]: layer for layer in drawn["groups"][0]["layers"]}
     asked, programmed = (path(layers[name]) for name in ("path asked", "uncorrected program"))
     np.testing.assert_allclose((programmed - asked) / times, off, atol=2e-4 / times + 1e-7)
@@ -309,7 +316,7 @@ def test_page_and_recording_draw_where_the_corrected_tool_may_be(bounded):
     out = bounded
     half = [[float(row[f"half_95_{x}_mm"]) / 1e3 for x in "xyz"] for row in table(out / "right.csv")]
     page = drawn_in(out / "right_report" / "report.html")["scene"]
-    [times] = times_of(page["title"])
+    [times, _] = times_of(page["title"])
     [layer] = [own for own in page["groups"][2]["layers"] if own["name"].startswith("where it may be")]
     at, to = (np.array(layer[key][0]).reshape(-1, 3, 3) / 1e4 for key in ("at", "to"))
     wanted = 2 * np.array(half)[:, :, None] * np.eye(3)

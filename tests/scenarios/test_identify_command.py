@@ -47,7 +47,7 @@ def data(made):
 
 def test_the_folder_is_whole_and_the_places_are_said(made):
     out, said = made
-    check_folder(out, "identify.png", "model.png", "error_map.png", *MODEL)
+    check_folder(out, "identify.png", "model.png", "compliance.png", "error_map.png", *MODEL)
     for path in out.iterdir():
         hidden = ("posterior.npz", "rigid.xml", "elastic.toml", "manifest.json", "run.log")
         assert path.name in hidden or str(path) in said

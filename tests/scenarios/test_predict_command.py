@@ -95,7 +95,10 @@ def test_every_pose_and_point_is_what_the_library_says_and_holds_the_truth(kr500
 def test_the_headline_is_the_largest_deflection_and_warnings_follow(made):
     out, said = made
     report = json.loads((out / "report.json").read_text())
-    check_folder(out, "predictions.csv", "predict.png")
+    check_folder(out, "predictions.csv", "predict.png", "stiffness.png")
+    longest = {row["label"]: row["semi_axes_mm"][0] for row in report["ellipsoids"]}
+    assert len(longest) == POSES
+    assert all(longest[row["pose"]] == pytest.approx(row["push_mm"]) for row in report["worst"])
     worst = report["worst"][0]
     assert "0 to 300 kg and 0 to 9,500 N" in said
     assert f" {worst['deflection_mm']:.3f} mm, +- {worst['half_mm']:.3f} mm (95 %), in pose 8." in said

@@ -227,6 +227,10 @@ function drawLayer(pen, project, layer, pose, ratio, taken) {
     if (from[k] === null || (to && to[k] === null)) continue;
     project(from[k] / 1e4, from[k + 1] / 1e4, from[k + 2] / 1e4, out, 0);
     if (to) project(to[k] / 1e4, to[k + 1] / 1e4, to[k + 2] / 1e4, out, 3);
+    if (layer.semi_axes) {
+      ellipsoid(pen, project, layer, k, ratio);
+      continue;
+    }
     const end = to ? 3 : 0;
     const aside = layer.kind === "weights" ? 24 : 7; // the weight's own width
     if (layer.labels.length) written(pen, layer.labels[k / 3], out[end] + aside * ratio, out[end + 1] - 5 * ratio, ratio, taken);
@@ -246,6 +250,28 @@ function drawLayer(pen, project, layer, pose, ratio, taken) {
     if (layer.kind === "weights") weight(pen, project, to.slice(k, k + 3).map((part) => part / 1e4), layer.radius);
   }
   if (layer.legs) tripods(pen, project, layer.legs, ratio);
+}
+
+/** The outline of an ellipsoid: the eye is far, so it is an ellipse by the shadows of the three semi-axes. */
+function ellipsoid(pen, project, layer, k, ratio) {
+  const centre = layer.at[0].slice(k, k + 3), axes = layer.semi_axes[k / 3], out = new Float32Array(12);
+  const place = (own) => own.map((part) => part / 1e4);
+  project(...place(centre), out, 0);
+  for (let j = 0; j < 3; j++) project(...place(centre.map((part, i) => part + axes[3 * j + i])), out, 3 * j + 3);
+  let [xx, xy, yy] = [0, 0, 0];
+  for (let j = 3; j < 12; j += 3) {
+    const [x, y] = [out[j] - out[0], out[j + 1] - out[1]];
+    [xx, xy, yy] = [xx + x * x, xy + x * y, yy + y * y];
+  }
+  const half = (xx + yy) / 2, off = Math.hypot((xx - yy) / 2, xy);
+  pen.strokeStyle = pen.fillStyle = layer.colour;
+  pen.lineWidth = 1.2 * ratio;
+  pen.beginPath();
+  pen.ellipse(out[0], out[1], Math.sqrt(half + off), Math.sqrt(Math.max(0, half - off)), Math.atan2(2 * xy, xx - yy) / 2, 0, 7);
+  pen.stroke();
+  pen.globalAlpha = 0.25;
+  pen.fill();
+  pen.globalAlpha = 1;
 }
 
 /** A cylinder that hangs below a place, as high as wide. */

@@ -117,6 +117,9 @@ def write_layer(rows: Pen, path: str, layer: Layer, size: float, scale: ErrorSca
     if layer.kind == "tubes":
         _write_tubes(rows, path, layer, THICK[layer.kind] * size, scale)
         return
+    if layer.semi_axes is not None:
+        _write_ellipsoids(rows, path, layer.at[0], layer.semi_axes, layer.colour)
+        return
     ends = layer.at if layer.to is None else layer.to
     known = np.isfinite(layer.at).all(axis=2) & np.isfinite(ends).all(axis=2)
     counts, at, to = known.sum(axis=1), layer.at[known], ends[known]
@@ -154,6 +157,23 @@ def _write_trackers(rows: Pen, path: str, layer: Layer) -> None:
     rows.still(f"{path}_legs", rr.LineStrips3D([*legs(heads)], colors=layer.colour, radii=HEAD / 10))
     if layer.labels:
         rows.names(f"{path}_names", heads + np.array([0, 0, 2 * HEAD]), list(layer.labels), layer.colour)
+
+
+def _write_ellipsoids(rows: Pen, path: str, at: Array, semi_axes: Array, colour: Colour) -> None:
+    """Ellipsoids as nets, through which the arm is seen; at (k, 3) and their semi-axes, a row each [m]."""
+    sizes = np.linalg.norm(semi_axes, axis=2)
+    known = np.maximum(sizes, 1e-12)[:, :, None]
+    turns = (semi_axes / known).transpose(0, 2, 1)
+    turns[:, :, 2] *= np.sign(np.linalg.det(turns))[:, None]  # a rotation, no mirror
+    net = rr.Ellipsoids3D(
+        centers=at,
+        half_sizes=sizes,
+        quaternions=quaternions(turns),
+        colors=colour,
+        fill_mode=FillMode.MajorWireframe,
+        line_radii=-0.5,
+    )
+    rows.still(path, net)
 
 
 def _write_tubes(rows: Pen, path: str, layer: Layer, radius: float, scale: ErrorScale | None) -> None:

@@ -8,7 +8,7 @@ from testbench.plant.true_arms import called, true_arm_of_seed
 from testbench.report.badge import drawn, ratios_of
 from testbench.report.colours import look_of
 from testbench.report.figure import Figure, forest, ranked
-from testbench.report.figures_fit import eigenvalue_figure, residual_figure
+from testbench.report.figures_fit import compliance_figure, eigenvalue_figure, residual_figure
 from testbench.report.report import Report, say
 from testbench.report.scene import PageContent
 from testbench.report.table import Row, Trials, merged
@@ -82,7 +82,7 @@ def _report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
         dataset=campaigns.dataset(trials),
         map=errors,
         over=ratios_of(trials, found.numbers["ours"], TRUE),
-        details=campaigns.details(trials, (*FIGURE_5, *METHODS_BESIDE)),
+        details=campaigns.details(trials, (*FIGURE_5, *METHODS_BESIDE), DEFAULT),
     )
     body = [*(name for name in found.body if name != "short"), "worst"]
     title = say(
@@ -115,6 +115,8 @@ def figures(found: Report) -> Mapping[str, Figure]:
         known = {m.name: look_of(m) for m in f.models}
         drawn["eigenvalues.png"] = eigenvalue_figure(f.details, known, METHODS_BESIDE)
         drawn["residuals.png"] = residual_figure(f.details, known, FIGURE_5, METHODS_BESIDE, "true")
+        if f.details.get("compliances"):
+            drawn["compliance.png"] = compliance_figure(f.details.compliances, DEFAULT, "true arm")
     return drawn
 
 
