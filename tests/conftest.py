@@ -32,6 +32,13 @@ MODELS = ROOT / "models"
 STUDIES = {file.stem for file in (ROOT / "scenarios").glob("*.py")}
 """Each has a file of tests, which run it and then look at it."""
 SAVE = views.save
+LONGEST = (
+    "test_fuzz test_own_estimator_studies test_pictures test_wheel test_gravity_calibration test_which_model "
+    "test_bench test_model_error test_docs_site test_identifiability_study test_real_ur10 test_regimes "
+    "test_compensation test_pose_selection test_noise_sensitivity test_trial_engine test_any_files "
+    "test_doubts test_absolute_faults test_plan_command test_proposed_maps test_intervals test_prior"
+).split()
+"""Files that take longest begin first: one that begins last keeps one worker busy while the other waits."""
 
 pytest.register_assert_rewrite("page_checks", "reports", "run_here")
 threadpool_limits(1)  # as every command does: several BLAS threads change result bits
@@ -40,6 +47,8 @@ gc.set_threshold(GARBAGE)
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what `make studies`, `make look` and `make attack` run; `make test` runs all others."""
+    begins = {f"{name}.py": k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: begins.get(item.path.name, len(begins)))
     for item in items:
         if item.path.stem.removeprefix("test_").removesuffix("_study") in STUDIES:
             item.add_marker("study")

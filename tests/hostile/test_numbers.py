@@ -48,8 +48,8 @@ PLACES = {
     "flag": (lambda lab, odd: None, "plan arm --task tasks.csv --tracker 4,-1,{}", "--tracker"),
 }
 EVERY = {
-    **dict.fromkeys(("mass of a link", "mass of a robot's link", "place of a target"), ODD),
-    **dict.fromkeys(("task", "map", "flag"), ("Arabic", "hex float", "beyond")),
+    **dict.fromkeys(("mass of a link", "place of a target"), ODD),
+    **dict.fromkeys(("mass of a robot's link", "task", "map", "flag"), ("Arabic", "hex float", "beyond")),
     "run": ("Arabic", "underscore"),
     "diameter": ("Arabic", "hex float", "infinite", "none", "beyond"),  # TOML has underscores and hex
     "force": ("hex", "beyond"),

@@ -387,13 +387,6 @@ def test_a_palletiser_is_corrected_by_its_file_joints_alone(level, tmp_path):
     np.testing.assert_allclose(found.found.rotation_error, left, rtol=0, atol=1e-7)
 
 
-@pytest.mark.study
-def test_a_plan_of_a_palletiser_is_of_poses_that_it_has(level):
-    planned = tb.plan(level, level.arm.drawn(trial_rng(2), 2), SETTINGS)
-    for q in (planned.plan.q, planned.plan.examined.q):
-        possible(level.arm, q)
-
-
 def possible(arm, q):
     """Poses lie where the file joints can be, within the limits."""
     np.testing.assert_allclose(arm.followed(q), q, rtol=0, atol=ROUND_TRIP)

@@ -321,13 +321,7 @@ def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
     assert errors["wrong"] < errors["right"] + 0.3 * kr500.arm.C_theta[42:, 42:].max()
 
 
-@pytest.mark.parametrize(
-    ("link", "factor"),
-    [
-        pytest.param(k, 0.1 if k % 2 else 10.0, marks=[pytest.mark.study] * (k not in {1, 6}))
-        for k in range(7)
-    ],
-)
+@pytest.mark.parametrize(("link", "factor"), [(1, 0.1), (6, 10.0)])
 def test_a_link_ten_times_off_is_contradicted_or_named_as_open_that_way(kr500, campaign, link, factor):
     C = kr500.arm.C_theta.copy()
     C[6 * link : 6 * link + 6] *= factor
@@ -385,10 +379,9 @@ def errors(cell, campaign, *estimates):
     return [score(deflections(cell.vjm, e, truth), truth.deflection).rms for e in estimates]
 
 
-@pytest.mark.parametrize("prior", [pytest.param("right", marks=pytest.mark.study), "scaled"])
-def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid, prior):
+def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid):
     for seed, campaign in rigid.items():
-        [model] = with_priors(kr500.arm, named_models(kr500, ["ALL153"]), prior_of(kr500, prior, seed))
+        [model] = with_priors(kr500.arm, named_models(kr500, ["ALL153"]), prior_of(kr500, "scaled", seed))
         found = model.estimator(kr500.vjm, model.structure, campaign.identification)
         alone = gco(kr500.vjm, joints_only(kr500.arm), campaign.identification)
         ours, theirs = errors(kr500, campaign, found, alone)

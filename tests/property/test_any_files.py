@@ -27,8 +27,8 @@ MODELS = ROOT / "models"
 ARM = load_arm(MODELS / "kr500_l480")
 HEADER = (ROOT / "docs" / "example_dataset.csv").read_text(encoding="utf-8").partition("\n")[0]
 LOWER, UPPER = ARM.limits
-REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=60)
-FUZZ = settings(REPEATABLE, max_examples=150)
+REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=40)
+FUZZ = settings(REPEATABLE, max_examples=80)
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180, "mrad": 1e-3}
 FORCES, MOMENTS = {"N": 1.0, "kN": 1e3}, {"Nm": 1.0, "Nmm": 1e-3}

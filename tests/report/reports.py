@@ -65,11 +65,11 @@ def check(report, printed):
     check_words(report)
     again = read(json.loads(json.dumps(report.json(), allow_nan=False)))
     assert again.whole() == report.whole()
-    for name, table in report.tables.items():
-        assert json.dumps(html.grid(again.tables[name])) == json.dumps(html.grid(table)), name
-    check_tables(
-        [html.grid(own) for own in report.tables.values() if own.rows], report.badge and report.badge.json()
-    )
+    grids = {name: html.grid(table) for name, table in report.tables.items()}
+    for name, grid in grids.items():
+        assert json.dumps(html.grid(again.tables[name])) == json.dumps(grid), name
+    filled = [grids[name] for name, table in report.tables.items() if table.rows]
+    check_tables(filled, report.badge and report.badge.json())
     console = Console(width=WIDTH, record=True, file=io.StringIO())
     terminal.print_words(console, report, [report.tables[name] for name in printed])
     shown = console.export_text()
@@ -81,7 +81,10 @@ def check(report, printed):
         assert len(report.tables[name].title) <= WIDTH, name
     unused = set(report.tables) - set(report.body) - set(printed)
     assert not unused, f"tables that nothing shows: {unused}"
-    return report.whole()
+    page = report.whole()
+    if report.badge and report.answer:
+        assert page.index(report.badge.words) < page.index(report.answer)
+    return page
 
 
 def fit_row(kind, rng, models, name, **own):

@@ -190,14 +190,6 @@ def test_every_picture_has_the_rival_joint_stiffness_and_on_top_the_winner():
     assert drawn(None, names, "MLS56") == ["MLS56", "Joints"]
 
 
-def test_report_json_holds_the_badge_and_the_page_says_it_first():
-    own = decide(("one", NOISE), ("other", 2 * NOISE))
-    said = replace(REPORT, badge=own)
-    again = read(json.loads(json.dumps(said.json())))
-    assert (again.badge, again.whole()) == (own, said.whole())
-    assert said.whole().index(own.words) < said.whole().index(said.answer)
-
-
 @pytest.mark.parametrize(
     "own",
     [

@@ -119,13 +119,20 @@ def app_of_study(name):
     return run.app(find_study(name))
 
 
-def quick_study(app, *flags):
-    """Fixtures of a study's tests: the folder of a quick run and what it said, its report, its rows."""
+def quick_study(app, *flags, less=contextlib.nullcontext):
+    """Fixtures of a study's tests: the folder of a quick run and what it said, its report, its rows.
+
+    Args:
+        app: The study's typer app.
+        flags: Of the command line.
+        less: Makes a context in which the study has less to do.
+    """
 
     @pytest.fixture(scope="module")
     def quick(tmp_path_factory):
         out = tmp_path_factory.mktemp("quick")
-        done = here(app, *flags, "--out", out, "--quick", "--workers", 1)
+        with less():
+            done = here(app, *flags, "--out", out, "--quick", "--workers", 1)
         assert done.returncode == 0, done.stderr
         return out, done
 

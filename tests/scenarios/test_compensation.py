@@ -1,15 +1,13 @@
 """The study of compensation: a quick run, and what its jobs, loads and corrections are."""
 
-import json
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
 import pytest
-from pyarrow import parquet
-from run_here import app_of_study, check_files, here
+from run_here import app_of_study, check_files, quick_study
 
 from testbench.correct.stiffness import tangents
 from testbench.files.read_pairs import read_csv
@@ -49,25 +47,21 @@ LESS = {
 }
 
 
+@contextmanager
+def less_work():
+    """The study with fewer points, and without what other tests ask."""
+    with ExitStack() as stack:
+        for name, own in LESS.items():
+            stack.enter_context(mock.patch(f"testbench.studies.compensation.{name}", own))
+        yield
+
+
 @pytest.fixture(scope="module")
 def cell():
     return build_cell("kr500_l480")
 
 
-@pytest.fixture(scope="module")
-def quick(tmp_path_factory):
-    out = tmp_path_factory.mktemp("quick")
-    with ExitStack() as stack:
-        for name, own in LESS.items():
-            stack.enter_context(mock.patch(f"testbench.studies.compensation.{name}", own))
-        done = here(APP, "--seed", 4, "--seeds", 1, "--out", out, "--quick", "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    return out, done
-
-
-@pytest.fixture(scope="module")
-def rows(quick):
-    return parquet.read_table(quick[0] / "trials.parquet").to_pylist()
+quick, report, rows = quick_study(APP, "--seed", 4, "--seeds", 1, less=less_work)
 
 
 @pytest.fixture(scope="module")
@@ -80,10 +74,9 @@ def asked(cell):
     return settings.CompensationSettings("kr500_l480", 4, (12,), 12, scene)
 
 
-def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick, blank_panes, cell):
+def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick, report, blank_panes, cell):
     check_files(quick, "compensation.png")
     assert (quick[0] / "prepared").is_dir()
-    report = json.loads((quick[0] / "report.json").read_text())
     assert report["points"] == {"drilling": 6, "milling": 16}
     assert blank_panes(quick[0] / "recording.rrd") == []
     page = (quick[0] / "report.html").read_text(encoding="utf-8")

@@ -14,12 +14,11 @@ from chromium import DESKTOP, IDLE, PHONE
 from pyarrow import parquet
 from run_here import ROOT, app_of_study, check_files, heed_ctrl_c, here, numbers_alone, quick_study
 
-from testbench.cli.program import program
 from testbench.files.read_pairs import read_csv
 from testbench.files.write import write_csv
 from testbench.model.vjm import tool_pose
 from testbench.studies.campaign.coverage import WITH_PRIOR, CalibrationSettings, calibrate, results
-from testbench.workflows.cell import Scenario, build_cell, simulate, true_cell
+from testbench.workflows.cell import Scenario, build_cell
 
 APP = app_of_study("gravity_calibration")
 ROWS = 'table[data-table="0"] tbody tr'
@@ -124,19 +123,6 @@ def test_the_dataset_is_that_of_section_6_and_of_the_seed_alone_byte_for_byte(qu
     asked = CalibrationSettings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1))
     write_csv(calibrate(cell, asked, 3)[1].measured, cell.arm, tmp_path / "dataset.csv")
     assert (tmp_path / "dataset.csv").read_bytes() == (quick[0] / "dataset.csv").read_bytes()
-
-
-def test_the_demo_measures_cast_links_that_no_template_holds(tmp_path):
-    done = here(program(["demo"]), "demo", "--out", tmp_path, "--quick", "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    report = json.loads((tmp_path / "report.json").read_text())
-    assert (report["true_arms"], report["cells"]["by_arm"]) == ({"cast": 1}, [])
-    cell, scenario = build_cell("kr500_l480"), Scenario(arm="kr500_l480", workspace_poses=40)
-    data = read_csv(tmp_path / "dataset.csv", cell.arm)
-    cast, folder = (simulate(true_cell(cell, name, 1), scenario, 1).measured for name in ("cast", "tubes"))
-    assert data.deflection == pytest.approx(cast.deflection, abs=1e-12)
-    # the noise is the same: what differs is the arm
-    assert np.abs(data.deflection - folder.deflection).max() > 1e-4
 
 
 def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():

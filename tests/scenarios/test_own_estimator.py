@@ -163,7 +163,7 @@ def run(files):
 
 @pytest.mark.study
 def test_one_short_file_and_one_command_lead_to_a_row(files, run):
-    """Picture, page and recording are looked at in tests/scenarios/test_own_estimator_studies.py."""
+    """Pictures and recordings with one are looked at in tests/scenarios/test_own_estimator_studies.py."""
     assert len((files / "shrunk.py").read_text().splitlines()) <= 15
     check_files(run, "models.png", "eigenvalues.png", "residuals.png")
     report = json.loads((run[0] / "report.json").read_text())

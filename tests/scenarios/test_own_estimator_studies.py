@@ -2,6 +2,7 @@
 
 import json
 import re
+from contextlib import nullcontext
 from unittest import mock
 
 import pytest
@@ -9,6 +10,7 @@ from matplotlib.text import Text
 from pyarrow import parquet
 from read_back import chunks_of, columns
 from run_here import ROOT, app_of_study, here
+from test_compensation import less_work
 
 from testbench.studies import run
 
@@ -37,8 +39,10 @@ WITH = {
     "pose_selection": "tasks_mm",
 }
 """Studies, and the column of the error that who failed has not; compensation has one a point."""
-ALIKE = {"noise_sensitivity", "model_error", "which_model", "instruments"}
-"""Presets of one study: the others of them stand for these."""
+ALIKE = {"noise_sensitivity", "model_error", "which_model", "instruments", "gravity_calibration"}
+"""Presets of one study: the others of them stand for these, and test_own_estimator.py runs the last one."""
+ONE = {"regimes": ("--truth", "tubes")}
+"""Flags of less to do."""
 WITHOUT = set("absolute_calibration bench loaded_stiffness real_ur10 single_link solver_comparison".split())
 SCREEN = 45  #: Lines of a terminal of 100 columns.
 
@@ -58,14 +62,16 @@ def test_every_study_takes_estimators_or_has_no_place_for_them(monkeypatch):
 def test_it_is_in_table_picture_page_and_recording_and_a_failure_costs_nobody_else(tmp_path, name):
     (tmp_path / "mine.py").write_text(MINE)
     own = [part for one in ("plain", "never") for part in ("--estimator", f"{tmp_path}/mine.py:{one}")]
+    own += ["--seeds", 1, "--workers", 1]
     out, words, save = tmp_path / "out", set(), run.save
 
     def look(figure, path):
         save(figure, path)
         words.update(text.get_text() for text in figure.findobj(Text))
 
-    with mock.patch.object(run, "save", look):
-        done = here(app_of_study(name), "--quick", "--seeds", 1, "--workers", 1, *own, "--out", out)
+    less = less_work() if name == "compensation" else nullcontext()
+    with less, mock.patch.object(run, "save", look):
+        done = here(app_of_study(name), "--quick", *ONE.get(name, ()), *own, "--out", out)
     assert (done.returncode, done.stderr) == (0, "")
     report = json.loads((out / "report.json").read_text())
     assert report["failures"] == [

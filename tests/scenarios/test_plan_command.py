@@ -72,11 +72,18 @@ absolute, calibration = fixtures(UR10, *ABSOLUTE)
 
 @pytest.mark.study
 @pytest.mark.parametrize(
-    "flags", [(ARM, "--task", TASKS, *FLAGS), (UR10, *ABSOLUTE)], ids=["pairs", "absolute"]
+    ("flags", "first"),
+    [((ARM, "--task", TASKS, *FLAGS), "planned"), ((UR10, *ABSOLUTE), "absolute")],
+    ids=["pairs", "absolute"],
 )
-def test_figures_of_a_plan_are_legible(tmp_path, legible, flags):
+def test_figures_are_legible_and_equal_seeds_give_equal_files(tmp_path, legible, request, flags, first):
+    """But for the recording, which has an identity, and what holds a digest or a time of it."""
+    again, folder = tmp_path / "again", request.getfixturevalue(first)
     with legible():
-        fine("plan", *flags, "--out", tmp_path / "plan")
+        fine("plan", *flags, "--out", again)
+    for file in folder.iterdir():
+        if file.name not in ("recording.rrd", "manifest.json", "run.log"):
+            assert file.read_bytes() == (again / file.name).read_bytes(), file.name
 
 
 def test_a_plan_is_nine_files_with_the_answer_first(planned, report):
@@ -148,17 +155,6 @@ def test_the_plan_is_read_back_bit_by_bit_and_is_free_of_collision(planned, repo
     assert rows[0]["way"] == "start"
     assert {row["way"] for row in rows[1:]} <= {"clear", "via"}
     assert {float(row["load_kg"]) for row in rows} <= {460.0, 150.0}
-
-
-@pytest.mark.study
-def test_equal_seeds_give_equal_files(planned, tmp_path):
-    fine("plan", ARM, "--task", TASKS, *FLAGS, "--out", tmp_path / "again")
-    for name in {*FILES} - {
-        "recording.rrd",
-        "manifest.json",
-        "run.log",
-    }:  # which has an identity, and its digest
-        assert (planned / name).read_bytes() == (tmp_path / "again" / name).read_bytes(), name
 
 
 @pytest.mark.study

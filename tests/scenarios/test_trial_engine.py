@@ -277,7 +277,7 @@ def test_the_bench_finds_on_a_cluster_what_it_finds_here(tmp_path, secure):
     entry.write_text(DRAWS)
     until(lambda: workers_of(address) == 2)
     for name, *flags in (["here", "--workers", 1], ["there", "--cluster", address]):
-        asked = (entry, "--task", "frame", "--seeds", 4, *flags, "--out", tmp_path / name)
+        asked = (entry, "--task", "frame", "--seeds", 2, *flags, "--out", tmp_path / name)
         done = here(program(["bench"]), "bench", *asked)
         assert done.returncode == 0, done.stderr
         rows = parquet.read_table(tmp_path / name / "trials.parquet").to_pylist()

@@ -11,8 +11,12 @@ import venv
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 import run_cells
+
+from testbench.files.read_pairs import read_csv
+from testbench.workflows.cell import Scenario, build_cell, simulate, true_cell
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
@@ -86,7 +90,7 @@ def test_an_arm_that_comes_with_it_is_found_by_name(program, tmp_path):
 
 
 @pytest.mark.study
-def test_the_demo_runs_from_any_folder(program, tmp_path):
+def test_the_demo_runs_from_any_folder_and_measures_cast_links_that_no_template_holds(program, tmp_path):
     said = run(program, tmp_path, "demo", "--quick", "--out", "results")
     report = json.loads((tmp_path / "results" / "report.json").read_text())
     assert f"Tie: {report['badge']['winner']} ties with" in " ".join(said.split())
@@ -96,6 +100,13 @@ def test_the_demo_runs_from_any_folder(program, tmp_path):
     assert manifest["seed"] == 1
     assert set(manifest["models"]["kr500_l480"]) == {"elastic.toml", "rigid.xml"}
     assert sorted(p.name for p in tmp_path.iterdir()) == ["results"]
+    assert (report["true_arms"], report["cells"]["by_arm"]) == ({"cast": 1}, [])
+    cell, scenario = build_cell("kr500_l480"), Scenario(arm="kr500_l480", workspace_poses=40)
+    data = read_csv(tmp_path / "results" / "dataset.csv", cell.arm)
+    cast, folder = (simulate(true_cell(cell, name, 1), scenario, 1).measured for name in ("cast", "tubes"))
+    assert data.deflection == pytest.approx(cast.deflection, abs=1e-12)
+    # the noise is the same: what differs is the arm
+    assert np.abs(data.deflection - folder.deflection).max() > 1e-4
 
 
 @pytest.mark.study

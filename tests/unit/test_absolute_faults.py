@@ -155,25 +155,17 @@ def positions(change):
 MIRRORED = r"left-handed frame: the sign of an axis, or two axes exchanged\?"
 MISTAKES = {
     "x and y": (positions(lambda p: p[..., [1, 0, 2]]), "fit if x and y of the positions are exchanged"),
-    "sign of y": (positions(lambda p: p * [1, -1, 1]), "fit if y of the positions has the other sign"),
     "degrees": (joints(np.degrees), "fit if joint angles are degrees, not radians"),
-    "radians of radians": (joints(np.radians), "joint angles are radians, not"),
     "millimetres": (positions(lambda p: 1e3 * p), "are 1000 times too large: milli"),
     "sign of joint 2": (flipped(1), "fit if shoulder_lift_joint has the other sign"),
-    "its sign, positions": (lambda s: position_only(flipped(5)(s)), "if wrist_3_joint counted the oth"),
     "zero of joint 4": (joints(lambda q: q + np.pi * np.eye(6)[3]), "wrist_1_joint is off by 180 deg"),
     "two exchanged": (joints(lambda q: q[:, [0, 1, 3, 2, 4, 5]]), "elbow_joint and wrist_1_joint are exch"),
     "pose before": (joints(lambda q: np.roll(q, -1, axis=0)), "are those of the pose before"),
-    "as ROS sorts": (
-        joints(lambda q: q[:, [0, 1, 4, 2, 3, 5]]),
-        "shoulder_lift_joint, wrist_2_joint, elbow_joi",
-    ),
     "all mixed": (
         joints(lambda q: q[:, [3, 5, 0, 4, 2, 1]]),
         "wrist_1_joint, wrist_3_joint, shoulder_pan_jo",
     ),
     "joint 3 counts joint 2": (counting(2, 1), "elbow_joint is the file's elbow_joint - shoulder_lift_joint"),
-    "joint 6 counts joint 4": (counting(5, 3), "wrist_3_joint is the file's wrist_3_joint - wrist_1_joint"),
     "opposite order": (joints(lambda q: q[:, ::-1]), "opposite order"),
     "sign of y alone": (lambda s: position_only(positions(lambda p: p * [1, -1, 1])(s)), MIRRORED),
     "extrinsic angles": (notation("xyz", "XYZ"), "extrinsic xyz where they were read as intrinsic xyz"),
@@ -380,7 +372,7 @@ def late(one, k, shift):
 
 @pytest.mark.parametrize(
     ("turned", "k", "shift"),
-    [(True, 15, -1), pytest.param(True, 80, 1, marks=pytest.mark.study), (False, 15, 1)],
+    [(True, 15, -1), (False, 15, 1)],
 )
 def test_rows_that_slipped_are_named_with_the_first_one(ur10, hundred, turned, k, shift):
     one = late(hundred if turned else position_only(hundred), k, shift)

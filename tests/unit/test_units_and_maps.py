@@ -80,7 +80,7 @@ def test_a_column_in_any_unit_is_its_factor_times_si_however_the_unit_is_written
     assert {own.name for own in UNITS} == {*SI}
     other = [name for name, own in OTHER_NAMES.items() if own == unit.name.lower()]
     for name in (unit.name, unit.name.upper(), *other):
-        forms = ("{}_{}", "{} [{}]", "{} ({})", "{} / {}", "{} in {}") if name == unit.name else ("{} [{}]",)
+        forms = ("{}_{}", "{} [{}]", "{} ({})", "{} / {}", "{} in {}") if name == unit.si else ("{} [{}]",)
         for form in forms:
             columns, values = with_unit(unit, form.format(COLUMN[unit.si], name), SI[unit.name])
             np.testing.assert_allclose(said(read(tmp_path, columns), unit.si), values, rtol=1e-9)
