@@ -158,9 +158,9 @@ def test_other_models_stand_beside_the_one_to_take_with_how_far_apart_they_are(m
         np.testing.assert_allclose(report["map"]["apart_mm"][name], apart, rtol=0.1, atol=0.02)
 
 
-def test_the_recording_has_what_is_left_in_each_run_worst_first_and_the_map(made, report):
+def test_the_recording_has_the_largest_residual_of_each_run_worst_first_and_the_map(made, report):
     chunks = sound(made[0] / "recording.rrd", f"Take {report['recommended']}")
-    chart = "/charts/runs_against_their_readings/what_is_left_in_each_run_at_the_target_where_it_is_worst_mm"
+    chart = "/charts/runs_against_their_readings/largest_residual_of_each_run_mm"
     left = series(chunks, f"{chart}/{snake(report['recommended'])}")
     assert left == sorted(left, reverse=True)
     assert left[0] == pytest.approx(max(row["taken_mm"] for row in report["residuals"]), rel=1e-6)
