@@ -203,7 +203,7 @@ def tables(rows):
         "thresholds": table(
             "links count above|loses, links 10, 30, 100 times stiffer|loses, worst other kind"
             "|over 5 % worse than now|over 5 % better|largest rise of a median".split("|"),
-            [threshold(own, least) for least in THRESHOLDS],
+            [threshold(own, least) for least in THRESHOLDS] if own else [],
         ),
     }
 
@@ -219,7 +219,7 @@ def beside(kind, rows):
         np.array([row[key] for row in rows]) for key in ("default", "joints", "squares", "covered")
     )
     wide = np.median([row["half"] / row["ideal"] for row in rows])
-    cells = [
+    return [
         WORDS.get(kind, kind),
         len(rows),
         middle(default),
@@ -231,7 +231,6 @@ def beside(kind, rows):
         f"{worst_tenth(covered):.1f}",
         f"{wide:.2f}",
     ]
-    return f"| {' | '.join(map(str, cells))} |\n"
 
 
 def scaled(own):
@@ -261,15 +260,17 @@ def threshold(own, least):
     rise = {kind: np.median(by[kind]) / np.median(now[kind]) - 1 for kind in own}
     moved = np.concatenate([by[kind] / now[kind] for kind in own])
 
-    def of(kind):
-        return f"{lost[kind].sum()} of {len(lost[kind])}"
+    def of(kinds):
+        return ", ".join(f"{lost[kind].sum()} of {len(lost[kind])}" for kind in kinds)
 
+    stiff = [kind for kind in own if kind in STIFF]
+    others = sorted(own.keys() - {*stiff}, key=lambda kind: lost[kind].mean())
     worst = max(own, key=rise.get)
     called = {-np.inf: "always", np.inf: "never where asked"}.get(least, f"{least:.1f}")
     return [
         called + (" (default)" if least == SURE else ""),
-        ", ".join(of(kind) for kind in own if kind in STIFF),
-        of(max((kind for kind in own if kind not in STIFF), key=lambda kind: lost[kind].mean())),
+        of(stiff),
+        of(others[-1:]),
         f"{(moved > CLEARLY).sum()} of {len(moved)}",
         f"{(moved < 1 / CLEARLY).sum()} of {len(moved)}",
         f"{100 * rise[worst]:.0f} %, {WORDS.get(worst, worst)}" if rise[worst] > 0 else "none",

@@ -284,7 +284,7 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
         pi[..., order] = x * scale * unit
         return pi
 
-    if len(folds.out):
+    if len(folds.out):  # choose by poses held out, then fit all readings with this weight alone
         x, _ = batch.solve(problems(slice(1, None)), weights[1:])
         found = np.concatenate([straight[1:, None], parameters(x)], axis=1)
         held = np.array([_squares(out, own) for out, own in zip(folds.out, found, strict=True)])
@@ -293,7 +293,7 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
         if k:
             best = parameters(batch.solve(problems(slice(0, 1)), weights[k : k + 1])[0])[0, 0]
         left = float(_squares(folds.total, best))
-    else:
+    else:  # generalised cross-validation of all readings
         whole = problems(slice(0, 1))
         x, multipliers = batch.solve(whole, weights[1:])
         errors = _squares(folds.total, np.concatenate([straight[:1], parameters(x[0])]))

@@ -36,6 +36,31 @@ def test_scales_meet_the_bars_where_the_mean_and_the_worst_tenth_do():
     assert extents({FAMILY: alike, "cast": low}) == ["0.70 to 1.20", "none", "none"]
 
 
+def test_every_row_of_every_table_has_a_cell_under_each_heading():
+    """Of ten arms of a stiff kind and of another one, the first of which loses unless links are surer."""
+    same = dict.fromkeys(("joints", "squares", "gco", "ridge", "failed", "unsure"), 1.0)
+    same |= {"half": 1.0, "ideal": 1.0, "covered": 95.0, "covered_at": [95.0] * 17, "changes": False}
+    rows = [
+        {"kind": kind, "passed": 2.0 - (seed > 0), "gain": [0.2, 0.1], "evidence": 1.0, **same}
+        for kind in ("family", "stiffer_10")
+        for seed in range(10)
+    ]
+    rows = [{**row, "default": row["passed"]} for row in rows]
+    for text in judge.tables(rows).values():
+        heads, _, *body = (line.count("|") for line in text.splitlines())
+        assert body
+        assert {*body} == {heads}
+    lost = {
+        cells[0]: cells[1:3] for cells in (judge.threshold(_by_kind(rows), own) for own in judge.THRESHOLDS)
+    }
+    assert lost["1.9 (default)"] == ["1 of 10", "1 of 10"]
+    assert lost["3.0"] == ["0 of 10", "0 of 10"]
+
+
+def _by_kind(rows):
+    return {kind: [row for row in rows if row["kind"] == kind] for kind in ("family", "stiffer_10")}
+
+
 @pytest.mark.parametrize("kind", ["stiffer_10", "following_50"])
 def test_at_the_default_s_threshold_a_line_holds_the_default_s_error(kr500, kind):
     """Of an arm whose links the poses left out judge, and of one whose links change."""
