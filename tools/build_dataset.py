@@ -25,7 +25,7 @@ from testbench.runs.engine import Chunks, on_cores
 from testbench.runs.place import claim_folder
 from testbench.runs.tables import join_tables, kinds
 from testbench.runs.whole import whole_folder
-from testbench.studies.run import show_progress
+from testbench.workflows.backend import show_progress
 from testbench.workflows.load_dataset import ARM, GRID, ROUNDS, SCENARIO, TABLES, write_rounds
 
 COMMAND = "tools/build_dataset.py"

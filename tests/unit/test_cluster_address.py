@@ -12,7 +12,8 @@ from testbench.errors import BenchError
 from testbench.runs.cluster import check_address, on_cluster
 from testbench.runs.engine import on_cores
 from testbench.studies.campaign.presets.gravity_calibration import STUDY
-from testbench.studies.run import app, choose_backend
+from testbench.studies.run import app
+from testbench.workflows.backend import choose_backend
 from testbench.workflows.options import Common
 
 SAFE = """tls://cluster.example:8786 tls://[2001:db8::1]:8786 tcp://127.1.2.3:8786 tcp://[::1]:8786
