@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from page_checks import check_page, drawn_in, layer_of, said, times_of
 from read_back import series, sound
 from reports import check
 from run_here import check_folder, do, fine, refused
+from strangers import write_stl
 
 import testbench as tb
 from testbench.arm.folder import load_arm
@@ -30,9 +30,6 @@ from testbench.report.report import read
 from testbench.report.schema import show
 from testbench.workflows.absolute import File, evenly_spaced_rows, position_errors, read_all
 from testbench.workflows.arm_models import read_model
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "adopt"))
-from strangers import write_stl
 
 ROOT = Path(__file__).resolve().parents[2]
 SHOWN = {

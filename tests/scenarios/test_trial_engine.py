@@ -55,7 +55,7 @@ def run(*args, **options):
 
 def until(happened):
     """Wait for something, as long as a busy machine may take."""
-    for _ in range(3000):
+    for _ in range(12_000):
         if found := happened():
             return found
         time.sleep(0.01)

@@ -1,5 +1,6 @@
 """Wheel and sdist, installed where the checkout is not: arms, templates, demo and tutorials are in them."""
 
+import itertools
 import json
 import os
 import re
@@ -14,6 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import run_cells
+import trimesh
+from strangers import light_urdf
+
+from testbench.files.robot.meshes import MESH_SUFFIXES
 
 from testbench.files.read_pairs import read_csv
 from testbench.workflows.cell import Scenario, build_cell, simulate, true_cell
@@ -130,20 +135,47 @@ def test_the_sdist_makes_the_wheel_of_the_checkout(built, tmp_path):
     assert {"testbench/models/ur10/rigid.xml", "testbench/entries/ridge.py"} <= set(names[0])
 
 
-@pytest.mark.study
-@pytest.mark.parametrize("python", pythons(), ids=lambda path: Path(path).parts[-3])
-def test_readme_prints_what_it_says_in_a_fresh_venv_of_the_oldest_and_newest_python(built, tmp_path, python):
-    """Every dependency is downloaded, in the newest release that the wheel allows."""
-    subprocess.run([python, "-m", "venv", tmp_path / "venv"], check=True)
-    own = tmp_path / "venv" / "bin" / "python"
+@pytest.fixture(scope="module", params=pythons(), ids=lambda path: Path(path).parts[-3])
+def fresh(request, built, tmp_path_factory):
+    """A venv of the oldest and newest Python with what pip brings for the wheel, in newest releases."""
+    folder = tmp_path_factory.mktemp("fresh") / "venv"
+    subprocess.run([request.param, "-m", "venv", folder], check=True)
+    own = folder / "bin" / "python"
     got = subprocess.run(
         [own, *PIP, "install", "--no-compile", built[0]], capture_output=True, text=True, check=False
     )
     if re.search("ConnectionError|ConnectTimeout|Retrying", got.stderr):
         pytest.skip("no package index can be reached")
     assert got.returncode == 0, got.stderr
-    said, number = run(own, tmp_path, "-c", BLOCK), re.compile(r"\d+\.\d+")
+    return own
+
+
+@pytest.mark.study
+def test_readme_prints_what_it_says_in_a_fresh_venv(fresh, tmp_path):
+    said, number = run(fresh, tmp_path, "-c", BLOCK), re.compile(r"\d+\.\d+")
     assert number.sub("", said) == number.sub("", PRINTED)
     shown, found = ([float(x) for x in number.findall(text)] for text in (PRINTED, said))
     assert found == pytest.approx(shown, rel=0, abs=0.02)
-    assert "markers P1, P2, P3" in run(own.with_name("testbench"), tmp_path, "check", "kr500_l480")
+    assert "markers P1, P2, P3" in run(fresh.with_name("testbench"), tmp_path, "check", "kr500_l480")
+
+
+@pytest.mark.study
+def test_meshes_of_every_kind_are_read_in_a_fresh_venv(fresh, tmp_path):
+    """trimesh imports what a format needs when it meets one."""
+    file = light_urdf(tmp_path)
+    [mesh] = tmp_path.rglob("link.stl")
+    for suffix in MESH_SUFFIXES:
+        trimesh.load(mesh).export(mesh.with_suffix(f".{suffix}"))
+    before, *parts = file.read_text().split("link.stl")  # in turn
+    kinds = itertools.cycle(MESH_SUFFIXES)
+    file.write_text(before + "".join(f"link.{next(kinds)}{part}" for part in parts))
+    assert "not read" not in run(fresh.with_name("testbench"), tmp_path, "new", "arm", "--from", file)
+    assert len(list((tmp_path / "arm").rglob("*.stl"))) == len(parts)
+
+
+@pytest.mark.study
+def test_a_run_is_fitted_and_drawn_in_a_fresh_venv(fresh, tmp_path):
+    program, flags = fresh.with_name("testbench"), ("--poses", "6", "--payload-kg", "460")
+    run(program, tmp_path, "simulate", "kr500_l480", *flags, "--out", "data.csv")
+    run(program, tmp_path, "identify", "kr500_l480", "data.csv", "--no-intervals", "--out", "model")
+    assert {"report.html", "recording.rrd"} <= {path.name for path in (tmp_path / "model").iterdir()}

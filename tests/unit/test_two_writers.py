@@ -13,9 +13,13 @@ from pathlib import Path
 import pytest
 
 from testbench.errors import InputError
+from testbench.report.terminal import plain_console
 from testbench.runs import manifest as files
 from testbench.runs.place import claim_folder
 from testbench.runs.whole import claimed, new_folder, reading, restore, whole_files, whole_folder
+from testbench.studies.paper import single_link
+from testbench.studies.run import run
+from testbench.workflows.options import Common
 
 RACES = int(os.environ.get("TESTBENCH_RACES", "8"))
 COMMAND = "testbench identify"
@@ -107,6 +111,20 @@ def test_a_second_run_is_refused_at_once(tmp_path):
     assert not list(out.parent.glob(".*"))
     claimed_write(out, "one")
     assert whose(out) == "one"
+
+
+def begin_study(out):
+    """A study of one trial; it ends if it waits for another one."""
+    signal.alarm(60)
+    options = single_link.STUDY.options()
+    run(single_link.STUDY, Common(out=out, seeds=1, workers=1), options, plain_console())
+
+
+def test_a_second_run_of_a_study_is_refused_before_its_trials(tmp_path):
+    """Its trials have no lock of their own."""
+    with claimed(tmp_path / "run"):
+        assert code(forked(begin_study, tmp_path / "run")) == 2
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.filterwarnings("ignore:flock not supported")
