@@ -3,11 +3,13 @@
 python tools/judge_instruments.py runs/judged_instruments.jsonl --seed 880001 --seeds 100
 
 The places are planned once for the arm's folder, by the criterion I over the workspace: 12 for the tracker,
-and 12 for the gauges, chosen together with their markers and directions. Every true arm is then loaded there and read
-by a tracker of 50 um and by three gauges of 5 um, each half a degree off its direction. Both readings are
-fitted by the default with the same wrong prior. Readings are made from the contact, `plant.instruments`. An
-arm is a line of JSON in the first file; the judge may be stopped and started again. `--seeds 0` prints the
-tables alone. `--alike` tilts the faces of a marker alike in all places, which the fit does not know.
+and 12 for the gauges, chosen together with their markers and directions. `--uncertainty` and `--planned-um`
+are the uncertainty of the prior and the noise of a gauge that the plans count with. Every true arm is then
+loaded there and read by a tracker of 50 um and by three gauges of 5 um, each half a degree off its direction.
+Both readings are fitted by the default with the same wrong prior. Readings are made from the contact,
+`plant.instruments`. An arm is a line of JSON in the first file; the judge may be stopped and started again.
+`--seeds 0` prints the tables alone. `--alike` tilts the faces of a marker alike in all places, which the fit
+does not know.
 """
 
 import json
@@ -56,12 +58,13 @@ KINDS = (
 ).split()
 WORDS = {**CALLED, FAMILY: "family of six kinds"}
 TRACKER, GAUGE = Tracker(50e-6), Gauge()
-#: Of the prior, and noise of a gauge, that the plans count with [1, m]: a model has errors of its own.
-UNCERTAINTY, PLANNED_SIGMA = 1.0, 50e-6
 
 
-def plan(cell, scenario):
-    """Plan the places, (poses, n) [rad, m], of the tracker and of the gauges, and their directions there."""
+def plan(cell, scenario, uncertainty, sigma):
+    """Plan the places of the tracker and of the gauges, and their directions there.
+
+    The plans count with the prior's uncertainty [1] and a gauge's sigma [m]; places are (poses, n) [rad, m].
+    """
     rng = trial_rng(0, 5)
     hung = weight(cell.vjm, scenario.mass)
     around = clear_poses(cell, scenario.workspace, 200, rng)
@@ -71,13 +74,13 @@ def plan(cell, scenario):
         (hung,),
         Tasks(around, hung),
         around,
-        UNCERTAINTY,
+        uncertainty,
         PLACES,
     )
     found = candidate_set(spec, clear_poses(cell, scenario.station, CANDIDATES, rng))
     criterion = criterion_of("I", found.problem, workspace_rows(spec))
     by_tracker = found.q[greedy(found.problem, criterion, found.problem.rows, PLACES)]
-    gauges = Gauges(len(cell.arm.markers), PLANNED_SIGMA, GAUGE.tilt)
+    gauges = Gauges(len(cell.arm.markers), sigma, GAUGE.tilt)
     rows = gauge_rows(spec, found.q, np.zeros(len(found.q), dtype=int), gauges, found.problem.lift)
     chosen = choose_places(rows, found.problem, criterion, gauges, PLACES)
     direction = np.zeros((PLACES, len(cell.arm.markers), 3))
@@ -121,17 +124,17 @@ def lines(file):
     return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
 
 
-def run(file, kinds, seeds, alike):
+def run(file, kinds, seeds, asked):
     """Judge what the file lacks, seed by seed, so that all kinds have as many arms whenever it stops."""
     known = {(row["kind"], row["seed"]) for row in lines(file)}
     wanted = [(kind, seed) for seed in seeds for kind in kinds if (kind, seed) not in known]
     if not wanted:
         return
     cell, scenario = build_cell(ARM), Scenario(arm=ARM)
-    places = plan(cell, scenario)
+    places = plan(cell, scenario, asked.uncertainty, 1e-6 * asked.planned_um)
     for kind, seed in wanted:
         try:
-            row = judge(cell, scenario, places, kind, seed, alike)
+            row = judge(cell, scenario, places, kind, seed, asked.alike)
         except BenchError as error:
             row = {"kind": kind, "seed": seed, "refused": str(error)}
         with file.open("a") as out:
@@ -181,11 +184,13 @@ def main():
     flags.add_argument("--seed", type=int, default=880001, help="first seed")
     flags.add_argument("--seeds", type=int, default=100, help="arms of each kind; 0 for tables alone")
     flags.add_argument("--kind", action="append", choices=KINDS, help="again for more; all if none")
+    flags.add_argument("--uncertainty", type=float, default=0.3, help="of the prior, in the plans [1]")
+    flags.add_argument("--planned-um", type=float, default=5.0, help="noise of a gauge in the plan, um")
     flags.add_argument("--alike", action="store_true", help="faces are tilted alike in all places")
     asked = flags.parse_args()
     with threadpool_limits(1):
         seeds = range(asked.seed, asked.seed + asked.seeds)
-        run(asked.files[0], asked.kind or KINDS, seeds, asked.alike)
+        run(asked.files[0], asked.kind or KINDS, seeds, asked)
     sys.stdout.writelines(tables([row for file in asked.files for row in lines(file)]))
 
 
