@@ -3,11 +3,13 @@
 python tools/judge_instruments.py runs/judged_instruments.jsonl --seed 880001 --seeds 100
 
 The places are planned once for the arm's folder, by the criterion I over the workspace: 12 for the tracker,
-and 12 for the gauges, in which their directions are chosen too. Every true arm is then loaded there and read
-by a tracker of 50 um and by three gauges of 5 um, each half a degree off its direction. Both readings are
-fitted by the default with the same wrong prior. Readings are made from the contact, `plant.instruments`. An
-arm is a line of JSON in the first file; the judge may be stopped and started again. `--seeds 0` prints the
-tables alone. `--alike` tilts the faces of a marker alike in all places, which the fit does not know.
+and 12 for the gauges, chosen together with their markers and directions. `--uncertainty` and `--planned-um`
+are the uncertainty of the prior and the noise of a gauge that the plans count with. Every true arm is then
+loaded there and read by a tracker of 50 um and by three gauges of 5 um, each half a degree off its direction.
+Both readings are fitted by the default with the same wrong prior. Readings are made from the contact,
+`plant.instruments`. An arm is a line of JSON in the first file; the judge may be stopped and started again.
+`--seeds 0` prints the tables alone. `--alike` tilts the faces of a marker alike in all places, which the fit
+does not know.
 """
 
 import json
@@ -34,8 +36,8 @@ from testbench.model.structure import all153
 from testbench.plant.instruments import Gauge
 from testbench.plant.tracker import Tracker, trial_rng
 from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed
-from testbench.runs.spread import median_interval
-from testbench.studies.campaign.trial import cover
+from testbench.runs.spread import MIN_PERCENTILE_TRIALS
+from testbench.studies.campaign.trial import cover, worst_tenth
 from testbench.workflows.cell import (
     Scenario,
     build_cell,
@@ -50,13 +52,19 @@ from testbench.workflows.models import ALL_UNKNOWNS, named_models
 from testbench.workflows.perturbed_prior import wrong_prior
 
 ARM, PLACES, CANDIDATES, WORKSPACE = "kr500_l480", 12, 400, 50
-KINDS = f"{FAMILY} cast off_40 coupled following_20 tied_joints stiffer_10".split()
+KINDS = (
+    f"{FAMILY} cast off_40 coupled following_20 following_50 following_all tied_joints tied_all slipping "
+    "bearings stiffer_10 stiffer_30 stiffer_100"
+).split()
+WORDS = {**CALLED, FAMILY: "family of six kinds"}
 TRACKER, GAUGE = Tracker(50e-6), Gauge()
-UNCERTAINTY = 0.3  #: Of the prior that the plan counts with [1].
 
 
-def plan(cell, scenario):
-    """Plan the places, (poses, n) [rad, m], of the tracker and of the gauges, and their directions there."""
+def plan(cell, scenario, uncertainty, sigma):
+    """Plan the places of the tracker and of the gauges, and their directions there.
+
+    The plans count with the prior's uncertainty [1] and a gauge's sigma [m]; places are (poses, n) [rad, m].
+    """
     rng = trial_rng(0, 5)
     hung = weight(cell.vjm, scenario.mass)
     around = clear_poses(cell, scenario.workspace, 200, rng)
@@ -66,13 +74,13 @@ def plan(cell, scenario):
         (hung,),
         Tasks(around, hung),
         around,
-        UNCERTAINTY,
+        uncertainty,
         PLACES,
     )
     found = candidate_set(spec, clear_poses(cell, scenario.station, CANDIDATES, rng))
     criterion = criterion_of("I", found.problem, workspace_rows(spec))
     by_tracker = found.q[greedy(found.problem, criterion, found.problem.rows, PLACES)]
-    gauges = Gauges(len(cell.arm.markers), GAUGE.sigma, GAUGE.tilt)
+    gauges = Gauges(len(cell.arm.markers), sigma, GAUGE.tilt)
     rows = gauge_rows(spec, found.q, np.zeros(len(found.q), dtype=int), gauges, found.problem.lift)
     chosen = choose_places(rows, found.problem, criterion, gauges, PLACES)
     direction = np.zeros((PLACES, len(cell.arm.markers), 3))
@@ -116,17 +124,17 @@ def lines(file):
     return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
 
 
-def run(file, kinds, seeds, alike):
+def run(file, kinds, seeds, asked):
     """Judge what the file lacks, seed by seed, so that all kinds have as many arms whenever it stops."""
     known = {(row["kind"], row["seed"]) for row in lines(file)}
     wanted = [(kind, seed) for seed in seeds for kind in kinds if (kind, seed) not in known]
     if not wanted:
         return
     cell, scenario = build_cell(ARM), Scenario(arm=ARM)
-    places = plan(cell, scenario)
+    places = plan(cell, scenario, asked.uncertainty, 1e-6 * asked.planned_um)
     for kind, seed in wanted:
         try:
-            row = judge(cell, scenario, places, kind, seed, alike)
+            row = judge(cell, scenario, places, kind, seed, asked.alike)
         except BenchError as error:
             row = {"kind": kind, "seed": seed, "refused": str(error)}
         with file.open("a") as out:
@@ -135,36 +143,38 @@ def run(file, kinds, seeds, alike):
 
 def tables(rows):
     """A table by kind of true arm: errors, their ratio, and coverage."""
-    yield "| true arms | n | tracker, mm | gauges, mm | ratio of medians | median ratio | tracker covers, % "
-    yield "| gauges cover, % | worst arm, % |\n"
-    yield f"| --- |{' ---: |' * 8}\n"
+    yield "| true arms | n | tracker, mm | gauges, mm | ratio on an arm, median | ratio of medians "
+    yield "| tracker covers, % | worst tenth, % | gauges cover, % | worst tenth, % |\n"
+    yield f"| --- |{' ---: |' * 9}\n"
     judged = [row for row in rows if "gauges" in row]
-    for kind in [*dict.fromkeys(row["kind"] for row in judged), "all"]:
+    for kind in [*(kind for kind in KINDS if any(row["kind"] == kind for row in judged)), "all"]:
         own = [row for row in judged if kind in (row["kind"], "all")]
         tracker, gauges, covered, other = (
             np.array([row[key] for row in own])
             for key in ("tracker", "gauges", "gauges_covered", "tracker_covered")
         )
         cells = [
-            CALLED.get(kind, kind),
+            WORDS.get(kind, kind),
             len(own),
-            middle(tracker),
-            middle(gauges),
+            spread(tracker, 3),
+            spread(gauges, 3),
+            spread(gauges / tracker, 2),
             f"{np.median(gauges) / np.median(tracker):.2f}",
-            middle(gauges / tracker),
             f"{other.mean():.1f}",
+            f"{worst_tenth(other):.1f}",
             f"{covered.mean():.1f}",
-            f"{covered.min():.1f}",
+            f"{worst_tenth(covered):.1f}",
         ]
         yield f"| {' | '.join(map(str, cells))} |\n"
     refused = [f"{row['kind']} {row['seed']}: {row['refused']}" for row in rows if "refused" in row]
     yield f"\nRefused: {', '.join(refused) or 'none'}.\n"
 
 
-def middle(values):
-    """The median, with its 95 % interval where there are arms enough."""
-    ends = median_interval(values)
-    return f"{np.median(values):.3f}" + (f" ({ends[0]:.3f} to {ends[1]:.3f})" if ends else "")
+def spread(values, decimals):
+    """The median with the 5th and 95th percentile; with the ends where there are few arms."""
+    ends = (0, 0.5, 1) if len(values) < MIN_PERCENTILE_TRIALS else (0.05, 0.5, 0.95)
+    low, middle, high = (f"{x:.{decimals}f}" for x in np.quantile(values, ends))
+    return f"{middle} ({low} to {high})"
 
 
 def main():
@@ -174,11 +184,13 @@ def main():
     flags.add_argument("--seed", type=int, default=880001, help="first seed")
     flags.add_argument("--seeds", type=int, default=100, help="arms of each kind; 0 for tables alone")
     flags.add_argument("--kind", action="append", choices=KINDS, help="again for more; all if none")
+    flags.add_argument("--uncertainty", type=float, default=0.3, help="of the prior, in the plans [1]")
+    flags.add_argument("--planned-um", type=float, default=5.0, help="noise of a gauge in the plan, um")
     flags.add_argument("--alike", action="store_true", help="faces are tilted alike in all places")
     asked = flags.parse_args()
     with threadpool_limits(1):
         seeds = range(asked.seed, asked.seed + asked.seeds)
-        run(asked.files[0], asked.kind or KINDS, seeds, asked.alike)
+        run(asked.files[0], asked.kind or KINDS, seeds, asked)
     sys.stdout.writelines(tables([row for file in asked.files for row in lines(file)]))
 
 

@@ -123,9 +123,9 @@ class Dataset(Displayed):
         """
         if self.direction is None:
             return ~self.seen
-        along, placed = np.asarray(self.direction.any(axis=2)), self.seen & ~self.lines
-        tracked = placed.any(axis=1) | ~along.any(axis=1)
-        return ~self.seen & (along | (tracked[:, None] & placed.any(axis=0)))
+        along, placed = np.asarray(self.direction.any(axis=2)), np.asarray(self.seen & ~self.lines)
+        tracked = np.asarray(placed.any(axis=1) | ~along.any(axis=1))[:, None]
+        return np.asarray(~self.seen & (along | (tracked & placed.any(axis=0))))
 
     @property
     def covariance(self) -> Array:

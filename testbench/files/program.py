@@ -117,8 +117,8 @@ class Program(Displayed):
         """Return file and line that say that the program was corrected; None if none does."""
         if not isinstance(self.content, Columns):
             return self.content.text.mark
-        known = any(name.startswith(CORRECTION) for name in self.other)
-        return (self.path, self.content.table.header) if known else None
+        ours = {f"{CORRECTION}{joint.shown_column}" for joint in self.arm.file_joints}
+        return (self.path, self.content.table.header) if ours & set(self.other) else None
 
 
 def unread_columns(program: Program) -> tuple[str, ...]:

@@ -109,7 +109,8 @@ def refuse_other_configurations(motions: RobotMotions, *, started: bool) -> None
         if not point.same:
             continue
         if k == 0 and not started:
-            problem = f"the configuration {turns.name} {point.same.strip()!r} is not read: give --start"
+            problem = f"the configuration {turns.name} {point.same.strip()!r} is not read; "
+            problem += "begin with joints, or give compensate --start"
             raise source.error(point.start, f"the program begins with a pose: {problem}")
         if first and point.same.split() != first.split():
             problem = (

@@ -420,7 +420,7 @@ def read_pose_file(
     aim, notes = Aim(), unread_columns(program)
     if program.corrected:
         notes += ("The program was corrected: its points count as they stand",)
-        if not isinstance(program.content, RobotMotions):  # whose poses are commands, too
+        if program.q is not None and not isinstance(program.content, RobotMotions):  # poses are commands, too
             program = replace(program, position=None, rotation=None)
     program, said = with_payload(model, program, mass)
     q = _drawn_joints(model, program, aim, None)

@@ -123,9 +123,11 @@ def write_layer(rows: Pen, path: str, layer: Layer, size: float, scale: ErrorSca
     ends = layer.at if layer.to is None else layer.to
     known = np.isfinite(layer.at).all(axis=2) & np.isfinite(ends).all(axis=2)
     counts, at, to = known.sum(axis=1), layer.at[known], ends[known]
-    solid = layer.kind == "cylinders"
-    look = {"fill_mode": FillMode.Solid} if solid else {"radii": THICK[layer.kind] * size}
-    look["colors"] = layer.colour
+    look: dict[str, Any] = {"colors": layer.colour}
+    if layer.kind == "cylinders":
+        look["fill_mode"] = FillMode.Solid
+    else:
+        look["radii"] = THICK[layer.kind] * size
     kind, parts = _parts(layer, at, to)
     if len(counts) == len(rows.times[0].as_arrow_array()):
         rows.still(path, kind.from_fields(**look))
