@@ -388,7 +388,7 @@ def _distribution(axes: Axes, y: float, number: Number, look: Look, size: float)
 
 def weight(name: str, winner: str) -> int:
     """How much a model stands out: 2 of the winner, 1 of joint stiffness alone, 0 of all others."""
-    return 2 if name == winner else int(name == JOINTS)
+    return 2 if name and name == winner else int(name == JOINTS)
 
 
 def sweeps(
