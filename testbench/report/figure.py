@@ -136,7 +136,7 @@ def as_svg(figure: Figure) -> str:
     from matplotlib.backends.backend_svg import FigureCanvasSVG  # here: only for print
 
     written = io.StringIO()
-    FigureCanvasSVG(figure).print_svg(written, metadata={"Date": None})
+    FigureCanvasSVG(figure).print_svg(written, metadata={"Date": None})  # type: ignore[no-untyped-call]
     return written.getvalue()
 
 
