@@ -136,7 +136,7 @@ def as_svg(figure: Figure) -> str:
     from matplotlib.backends.backend_svg import FigureCanvasSVG  # here: only for print
 
     written = io.StringIO()
-    FigureCanvasSVG(figure).print_svg(written, metadata={"Date": None})
+    FigureCanvasSVG(figure).print_svg(written, metadata={"Date": None})  # type: ignore[no-untyped-call]
     return written.getvalue()
 
 
@@ -388,7 +388,7 @@ def _distribution(axes: Axes, y: float, number: Number, look: Look, size: float)
 
 def weight(name: str, winner: str) -> int:
     """How much a model stands out: 2 of the winner, 1 of joint stiffness alone, 0 of all others."""
-    return 2 if name == winner else int(name == JOINTS)
+    return 2 if name and name == winner else int(name == JOINTS)
 
 
 def sweeps(

@@ -189,6 +189,10 @@ def test_the_winner_is_the_widest_line_of_a_figure_and_joint_stiffness_the_next(
         assert ours > joints >= other
     assert lines["Joints"].get_linewidth() > lines["MGCO56"].get_linewidth()
     assert figure.get_suptitle().startswith("Holds: so it is.")
+    tick = axes.xaxis.get_major_ticks()[0].tick1line  # bears no name, and so is no winner of a tie
+    before = tick.get_markersize()
+    headed(figure, "")
+    assert tick.get_markersize() == before
 
 
 def test_for_print_there_is_an_svg_beside_the_png_on_light_and_on_dark_ground(seen, tmp_path):

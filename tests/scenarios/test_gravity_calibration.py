@@ -34,7 +34,7 @@ quick, report, rows = quick_study(APP, "--seed", 3)
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_what_it_was_asked(quick, report):
-    check_files(quick, "models.png", "eigenvalues.png", "residuals.png")
+    check_files(quick, "models.png", "eigenvalues.png", "residuals.png", "compliance.png")
     manifest = json.loads((quick[0] / "manifest.json").read_text())
     asked = manifest["scenario"]
     assert (asked["scenario"]["payload"], asked["true_arm"]) == (460.3, "family")

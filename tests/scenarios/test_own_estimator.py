@@ -165,7 +165,7 @@ def run(files):
 def test_one_short_file_and_one_command_lead_to_a_row(files, run):
     """Pictures and recordings with one are looked at in tests/scenarios/test_own_estimator_studies.py."""
     assert len((files / "shrunk.py").read_text().splitlines()) <= 15
-    check_files(run, "models.png", "eigenvalues.png", "residuals.png")
+    check_files(run, "models.png", "eigenvalues.png", "residuals.png", "compliance.png")
     report = json.loads((run[0] / "report.json").read_text())
     [own] = [m for m in report["models"] if m["name"] == "shrunk"]
     assert (own["constraint"], own["prior"], own["parameters"]) == ("own", True, 153)
