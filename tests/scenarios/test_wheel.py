@@ -18,9 +18,8 @@ import run_cells
 import trimesh
 from strangers import light_urdf
 
-from testbench.files.robot.meshes import MESH_SUFFIXES
-
 from testbench.files.read_pairs import read_csv
+from testbench.files.robot.meshes import MESH_SUFFIXES
 from testbench.workflows.cell import Scenario, build_cell, simulate, true_cell
 
 ROOT = Path(__file__).resolve().parents[2]
