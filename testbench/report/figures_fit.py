@@ -309,8 +309,8 @@ def compliance_figure(rows: Sequence[Row], model: str, reference: str) -> Figure
     strip = np.full((len(heads) * STEP - 1, len(rows) * STEP - 1, 4), GAP)
     for k, row in enumerate(rows):
         for j, key in enumerate(heads):
-            own = np.ma.masked_invalid(scaled[row.part][key])
-            strip[j * STEP : j * STEP + 6, k * STEP : k * STEP + 6] = SIGNS(norm(own))
+            block = np.ma.masked_invalid(scaled[row.part][key])
+            strip[j * STEP : j * STEP + 6, k * STEP : k * STEP + 6] = SIGNS(norm(block))
     axes.imshow(strip, aspect="equal", interpolation="nearest")
     axes.set_xticks(np.arange(len(rows)) * STEP + 2.5, [short(row.part, 12) for row in rows])
     axes.set_yticks(np.arange(len(heads)) * STEP + 2.5, heads.values())

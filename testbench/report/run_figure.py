@@ -142,8 +142,8 @@ def draw_ellipsoids(axes: Axes, at: Array, semi_axes: Array, plane: Sequence[int
         colour: As #RRGGBB.
     """
     outlines = [centre[list(plane)] + shadow(own, plane) for centre, own in zip(at, semi_axes, strict=True)]
-    look = {"facecolors": to_rgba(colour, 0.3), "edgecolors": colour, "linewidths": 0.7}
-    axes.add_collection(PolyCollection(outlines, **look), autolim=True)
+    shadows = PolyCollection(outlines, facecolors=to_rgba(colour, 0.3), edgecolors=colour, linewidths=0.7)
+    axes.add_collection(shadows, autolim=True)
 
 
 def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:

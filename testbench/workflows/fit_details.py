@@ -256,7 +256,9 @@ def link_compliances(vjm: Vjm, estimate: Estimate, reference: Array, sag: Sequen
             Row(
                 part=link.name,
                 joint=joints[k].name if k < len(joints) else None,
-                share_percent=sum(share.get(x.name, 0.0) for x in (link, *joints[k : k + 1])),
+                share_percent=sum(
+                    share.get(name, 0.0) for name in (link.name, *(joint.name for joint in joints[k : k + 1]))
+                ),
                 reference=_square(block),
             )
         )
