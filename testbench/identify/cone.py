@@ -223,6 +223,12 @@ def _unpacked(n: int) -> tuple[Ids, Array]:
 def cholesky(X: Array) -> Array:
     """Factor matrices, (..., n, n); numbers in closed form, for which LAPACK takes ten times as long.
 
+    Args:
+        X: Symmetric and positive definite, (..., n, n).
+
+    Returns:
+        Lower triangular factors, (..., n, n).
+
     Raises:
         LinAlgError: If a matrix is not positive definite.
     """
@@ -234,7 +240,14 @@ def cholesky(X: Array) -> Array:
 
 
 def eigh(X: Array) -> tuple[Array, Array]:
-    """Compute eigenvalues and eigenvectors of symmetric matrices, (..., n, n); of numbers in closed form."""
+    """Compute eigenvalues and eigenvectors; of numbers in closed form.
+
+    Args:
+        X: Symmetric matrices, (..., n, n).
+
+    Returns:
+        Eigenvalues, ascending, (..., n), and eigenvectors, one per column, (..., n, n).
+    """
     if X.shape[-1] > 1:
         values, V = np.linalg.eigh(X)
         return values, V
@@ -242,7 +255,14 @@ def eigh(X: Array) -> tuple[Array, Array]:
 
 
 def eigvalsh(X: Array) -> Array:
-    """Compute eigenvalues of symmetric matrices, (..., n, n); of numbers in closed form."""
+    """Compute eigenvalues; of numbers in closed form.
+
+    Args:
+        X: Symmetric matrices, (..., n, n).
+
+    Returns:
+        Eigenvalues, ascending, (..., n).
+    """
     return np.asarray(np.linalg.eigvalsh(X)) if X.shape[-1] > 1 else X[..., 0]
 
 

@@ -58,7 +58,8 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
     forest = [FOREST + ROW * len(models[0].rows)] if models else []
     rows = [*forest, *([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
     figure = page(HEAD + sum(rows))
-    parts = iter(bands(figure, rows or [1]))  # each as wide as it can be: labels of one shrink no other
+    # each as wide as it can be: labels of one shrink no other
+    parts = iter(bands(figure, rows) if rows else [])
     answer, *more = SENTENCE.split(as_plain(words.block("answer")))
     if models:
         model_forest(next(parts).subplots(), *models)

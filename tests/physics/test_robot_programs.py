@@ -339,7 +339,7 @@ def test_a_point_of_two_moves_needs_one_correction(tmp_path):
     changed_numbers(found.motions, ARM, found.q, found.position, found.rotation)
     q = found.q.copy()
     q[0] += 1e-3
-    with pytest.raises(InputError, match=r"lines 8 and 13 share the point XP1, which .* copy it"):
+    with pytest.raises(InputError, match=r"lines 8 and 13 share the point XP1 but need .*: copy"):
         changed_numbers(found.motions, ARM, q, found.position, found.rotation)
 
 

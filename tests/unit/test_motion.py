@@ -91,7 +91,7 @@ def written(tmp_path, name, kinds, labels=(), stem="part 1"):
     language, joints = known_languages()[name], arm(kinds)
     path = tmp_path / f"{stem}{language.suffix}"
     q = moves(kinds)
-    write_moves(path, language, Motion(q, joints, labels))
+    write_moves(path, language, Motion(q, joints, labels, corrected=True))
     raw = path.read_bytes()
     assert re.match(language.begins.encode(), raw)
     assert raw.isascii()

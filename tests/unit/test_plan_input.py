@@ -87,7 +87,7 @@ PULLS = [
     (LOADS, ["", "", 0, ""], "line 2, column load_kg: expected 0.001 to 10000 where no force pulls, got nan"),
     (LOADS, ["", 0, 1e6, 0], "line 2: expected a force of 0.00981 to 98100 N, got 1e+06"),
     (["load_kg", *FORCE[:2]], ["", 0, 5], "line 1: expected force_z_N too"),
-    (FORCE + POINT, [0, 5, 0, 0, 0, 1], "which act at the arm's load point, got point_x_m, point_y_m, point"),
+    (FORCE + POINT, [0, 5, 0, 0, 0, 1], "they act at the arm's load point, got point_x_m, point_y_m, point"),
 ]
 
 
