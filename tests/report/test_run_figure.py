@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import SAVE
 from made_up_run import REPORT, made_up_run
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.figure import Figure
 from reports import check_forest
 
+from testbench.report import figure as figures
 from testbench.report.colours import look
 from testbench.report.figure import forest, headed, log_ticks, page, say
 from testbench.report.figure_arm import outlines
@@ -195,13 +195,13 @@ def test_the_winner_is_the_widest_line_of_a_figure_and_joint_stiffness_the_next(
     assert tick.get_markersize() == before
 
 
-def test_for_print_there_is_an_svg_beside_the_png_on_light_and_on_dark_ground(seen, tmp_path):
-    with session(EMPTY_SESSION._replace(prints=True)):
+def test_for_print_there_is_an_svg_beside_the_png_on_light_and_on_dark_ground(pixels, tmp_path):
+    with pixels(), session(EMPTY_SESSION._replace(prints=True)):
         for name in ("one.png", "two.png"):
             figure = page(1.0)
             figure.subplots().plot([1, 2], color="#C88304")
             say(figure, "Title", "Words.")
-            SAVE(figure, tmp_path / name)
+            figures.save(figure, tmp_path / name)
     assert {path.name for path in tmp_path.iterdir()} == {
         f"{name}{end}" for name in ("one", "two") for end in (".png", ".svg", "_dark.svg")
     }
