@@ -43,7 +43,7 @@ DOORS = {
 """The folder or module that imports a heavy package; matplotlib has a test of its own."""
 UNTYPED = """
     runs/manifest.py studies/paper/factorised.py
-    studies/paper/search.py studies/paper/search.py report/join.py report/report.py
+    studies/paper/search.py report/join.py report/report.py
     report/table.py studies/run.py
     studies/study.py runs/cluster.py
     runs/engine.py runs/store.py runs/rows.py report/page/page.py report/schema.py

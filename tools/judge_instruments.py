@@ -20,6 +20,7 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
+from judge_arms import lines
 from threadpoolctl import threadpool_limits
 
 from testbench.design.criteria import criterion_of
@@ -116,12 +117,6 @@ def judge(cell, scenario, places, kind, seed, alike):
             f"{name}_seconds": process_time() - start,
         }
     return row
-
-
-def lines(file):
-    """Whole lines of a file, as dictionaries."""
-    text = file.read_text() if file.exists() else ""
-    return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
 
 
 def run(file, kinds, seeds, asked):

@@ -254,7 +254,7 @@ def _links(state: ArmState, frames: UrdfFrames) -> list[dict[str, object]]:
     np.fill_diagonal(left, 0)
     if left.any():
         raise BenchError(
-            "C_theta: expected a block a link and a number a joint, got compliances between them"
+            "C_theta: expected one block per link and one number per joint, got compliances between them"
         )
     return found
 

@@ -33,8 +33,8 @@ SOFT = hexadecimal(GREY)
 SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])
 """Colours of sizes, as recordings have them."""
 INCH = 25.4  #: [mm]
-WIDTH, COLUMN, DPI = 183 / INCH, 89 / INCH, 200
-"""Width of a figure and of one column, as journals print them [in]; points per inch."""
+WIDTH, DPI = 183 / INCH, 200
+"""Width of a figure, as journals print two columns [in]; points per inch."""
 MIN_LETTER_SIZE, LETTER_SIZE, TITLE_SIZE = 7.0, 7.4, 8.6
 """Sizes of letters [pt]: the least, that of most, that of a title. On a page 800 pixels wide, 7 points are
 11 pixels high."""

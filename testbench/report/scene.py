@@ -16,7 +16,6 @@ from testbench.plant.shapes import BodyFrames, rigid_frames
 from testbench.report.colours import GREY, LOAD, MEASURED, SCALE, STIFFNESS, Colour, Look
 from testbench.report.schema import Table
 from testbench.runs.rows import Row
-from testbench.workflows.cell import Cell
 
 if TYPE_CHECKING:  # imports that take long
     from testbench.workflows.cell import Cell
@@ -355,7 +354,7 @@ GAUGE, GAUGE_RADIUS = 0.05, 0.008  #: Length and radius of a gauge over the reac
 LEGS, HEIGHT, SPREAD = 3, 1.2, 0.35  #: Of a tripod; how high and how wide it stands at most [m].
 
 
-def on_tool(cell: Cell, frames: BodyFrames, point: Array) -> Array:
+def on_tool(cell: "Cell", frames: BodyFrames, point: Array) -> Array:
     """Compute the places of points that are fixed in the tool's frame, of the arm as it is drawn.
 
     Args:

@@ -366,4 +366,3 @@ ShownFolder = Annotated[
 Orientations = Annotated[
     bool, typer.Option("--orientations", help="Read one target's position and orientation.")
 ]
-Noise = Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")]

@@ -20,7 +20,7 @@ from testbench.plant.disturbance import Disturbances
 from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.true_arms import true_arms, true_plant
-from testbench.runs import manifest as provenance
+from testbench.runs import manifest
 from testbench.workflows.campaign_flags import true_arm_name
 from testbench.workflows.cell import Scenario, simulate, true_cell
 from testbench.workflows.model_selection import with_priors
@@ -58,9 +58,9 @@ def test_packages_of_the_pages_are_known_by_name_and_the_manifest_says_which_fil
     assert list(joint_laws) == ["stiffening", "backlash", "friction", "wind_up"]
     assert list(true_arms.added) == ["worn", "wound"]
     assert true_arm_name("worn") == "worn"
-    digests = provenance.versions()
-    assert digests["joint law wind_up"] == provenance.digest(installed / "wind_up.py")
-    assert digests["true arm worn"] == provenance.digest(installed / "worn.py")
+    digests = manifest.versions()
+    assert digests["joint law wind_up"] == manifest.digest(installed / "wind_up.py")
+    assert digests["true arm worn"] == manifest.digest(installed / "worn.py")
 
 
 def test_a_worn_joint_is_one_and_the_same_for_a_seed(installed, kr500):

@@ -49,7 +49,7 @@ from testbench.model.laws import with_laws, with_ties
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
-from testbench.studies import shrinkage as stein
+from testbench.studies import shrinkage
 from testbench.workflows.advice import of_average
 from testbench.workflows.cell import true_cell
 from testbench.workflows.fits import of_scale
@@ -93,7 +93,7 @@ def test_with_a_prior_least_squares_is_the_ridge_solution(kr500, structure, unce
 
 def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_as_well(kr500):
     regression, own = scaled(kr500, template56(kr500.arm), 3)
-    loose = stein.gco_stein(regression, own, Strength(3.0))
+    loose = shrinkage.gco_stein(regression, own, Strength(3.0))
     assert loose.status == "solved"
     x = np.linalg.solve(own.L, loose.pi)
     assert min(np.linalg.eigvalsh(X)[0] for X in own.matrices(x)) > 1e-3
@@ -112,9 +112,9 @@ def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_
     assert min(cost(x + sign * step) for step in steps.T for sign in (1, -1)) > cost(x)
     data, structure = runs(kr500, 2), mgco68(kr500.arm)
     regression, own = scaled(kr500, structure, 2)
-    ours, plain = stein.gco_least_trace(regression, own), paper_gco(kr500.vjm, structure, data)
+    ours, plain = shrinkage.gco_least_trace(regression, own), paper_gco(kr500.vjm, structure, data)
     assert ours.conservative
-    assert ours.f_m <= (1 + stein.SLACK) * plain.f_m * (1 + 1e-6)
+    assert ours.f_m <= (1 + shrinkage.SLACK) * plain.f_m * (1 + 1e-6)
     traces = [own.expected @ np.linalg.solve(own.L, e.pi) for e in (ours, plain)]
     assert traces[0] < traces[1]
 
@@ -122,21 +122,21 @@ def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_
 def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_taken(kr500):
     light, heavy = (runs(kr500, 1, payload=mass) for mass in (200.0, 460.3))
     structure = template56(kr500.arm)
-    assert len(stein.every_fold(kr500.vjm, structure, heavy)) == 8
+    assert len(shrinkage.every_fold(kr500.vjm, structure, heavy)) == 8
     names = "run pose q wrench point before after".split()
     both = replace(heavy, **{k: np.concatenate([getattr(light, k), getattr(heavy, k)]) for k in names})
-    folds = stein.every_fold(kr500.vjm, structure, both)
+    folds = shrinkage.every_fold(kr500.vjm, structure, both)
     assert [fold.held_out.equations for fold in folds[8:]] == [9 * light.runs, 9 * heavy.runs]
     turned = np.where(np.arange(heavy.runs)[:, None] % 3 == 0, [0, 0, 0, 0, 40.0, 0], 0.0)
-    folds = stein.every_fold(kr500.vjm, structure, replace(heavy, wrench=heavy.wrench + turned))
+    folds = shrinkage.every_fold(kr500.vjm, structure, replace(heavy, wrench=heavy.wrench + turned))
     some = -(-heavy.runs // 3)
     assert [fold.held_out.equations for fold in folds[8:]] == [9 * (heavy.runs - some), 9 * some]
     own, errors = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, structure), {}
-    folds = stein.every_fold(kr500.vjm, structure, runs(kr500, 1))
-    for u in stein.UNCERTAINTIES:
+    folds = shrinkage.every_fold(kr500.vjm, structure, runs(kr500, 1))
+    for u in shrinkage.UNCERTAINTIES:
         fits = [solve(fold.fitted, "none", WeightedPrior(own, Strength(u))).pi for fold in folds]
         errors[u] = np.mean([f_m(fold.held_out, pi) for fold, pi in zip(folds, fits, strict=True)])
-    chosen = stein.choose_strength(folds, own, lambda case: solve_with_prior("none", case).pi)
+    chosen = shrinkage.choose_strength(folds, own, lambda case: solve_with_prior("none", case).pi)
     assert chosen.uncertainty == min(errors, key=errors.get)
 
 
@@ -180,7 +180,7 @@ def test_strengths_of_nothing_holes_too_few_poses_and_moves_against_the_load_are
         scale_by_prior(cad_prior(kr500.arm), kr500.vjm, holes)
     data = runs(kr500, 1, identification_poses=1, identification_runs=2)
     with pytest.raises(BenchError, match="expected at least 2 poses, got 1"):
-        stein.every_fold(kr500.vjm, template56(kr500.arm), data)
+        shrinkage.every_fold(kr500.vjm, template56(kr500.arm), data)
     data, method = campaign.identification, with_prior(gco, cad_prior(kr500.arm))
     with pytest.raises(BenchError, match="expected data that move with the load"):
         method(kr500.vjm, mgco68(kr500.arm), replace(data, before=data.after, after=data.before))

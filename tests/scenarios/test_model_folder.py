@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,7 @@ from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.model_selection import with_priors
 from testbench.workflows.models import named_models
 
-ROOT = Path(__file__).resolve().parents[2]
-FORCE, LEVER = 460.3 * 9.81, 0.15  #: Of section 6 [N]; the load point is so far from the tool's origin [m].
+FORCE = 460.3 * 9.81  #: Of section 6 [N].
 
 
 @pytest.fixture(scope="module")

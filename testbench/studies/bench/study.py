@@ -19,7 +19,7 @@ from testbench.report.report import Report, say
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, number
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, TAIL, spread
-from testbench.studies.bench import tasks as trial
+from testbench.studies.bench import tasks as bench_tasks
 from testbench.studies.bench.tasks import DEFAULT, DONE, JOINTS, REAL, SKIPPED, TASKS, BenchSettings, EntryRow
 from testbench.studies.campaign.report import dataset
 from testbench.studies.campaigns import seeds_of
@@ -255,11 +255,11 @@ def figures(found: Report) -> Mapping[str, Figure]:
 STUDY = Study(
     name="bench",
     about="Rank your estimators beside others, and the default of identify, in frozen tasks.",
-    options=trial.BenchOptions,
-    settings=trial.settings,
+    options=bench_tasks.BenchOptions,
+    settings=bench_tasks.settings,
     seeds=(MIN_PERCENTILE_TRIALS, 2),
     row=EntryRow,
-    trials=trial.trials,
+    trials=bench_tasks.trials,
     report=report,
     printed=("short",),
     figures=figures,

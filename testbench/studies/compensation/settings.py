@@ -1,6 +1,6 @@
 """Settings of the study of corrections, and what is made once for all trials.
 
-That are two jobs on a curved panel, the robot's program, and plans among poses.
+Two jobs on a curved panel, the robot's program, and plans among candidate poses.
 """
 
 from collections.abc import Sequence
@@ -113,7 +113,7 @@ class CompensationSettings:
     seed: int  #: Root of the candidates and of the planner's prior.
     numbers: tuple[int, ...] = NUMBERS  #: Poses of the campaigns.
     candidates: int = CANDIDATES  #: Feasible poses to choose from.
-    #: Made of the rest by `plans.prepare`; empty before.
+    #: Made of the rest by `prepare`; empty before.
     scene: Annotated[CompensationScene, Field(exclude=True)] = CompensationScene()
 
     def ways(self, arm: str) -> tuple[Way, ...]:

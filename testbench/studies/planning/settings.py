@@ -131,7 +131,7 @@ class PlanningSettings:
     arm: str  #: Folder or name of the arm.
     seed: int  #: Root of the candidates, the tasks and the planner's prior; the first trial.
     scope: Scope  #: Sizes and numbers.
-    #: Made of the rest by `plans.prepare`; empty before.
+    #: Made of the rest by `study.prepare`; empty before.
     scene: Annotated[PlanningScene, Field(exclude=True)] = EMPTY
     away: Annotated[PlanningScene, Field(exclude=True)] = EMPTY  #: The same on the other ground.
 
