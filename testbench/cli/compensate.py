@@ -180,8 +180,8 @@ def badge_of(f: Row) -> Badge | None:
     why = "the correction may make the error larger" if f.harmful else ""
     if not why and f.tolerance and f.tolerance.failed:
         why = f"{number_of(f.tolerance.failed, 'point')} may be off by more than {f.tolerance.mm:g} mm"
-    badge = decide((f"the {CORRECTED}", sizes[0]), (f"the {BEFORE}", sizes[1]), "point", why)
-    badge = replace(badge, what="95 % bound")
+    badge = decide((CORRECTED, sizes[0]), (BEFORE, sizes[1]), "point", why)
+    badge = replace(badge, what="95 % bound", article="the ")
     likely = badge.verdict == "holds" and f.chance < SURE_PROBABILITY
     return replace(badge, verdict="likely", chance=f.chance) if likely else badge
 

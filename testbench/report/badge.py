@@ -85,11 +85,12 @@ class Badge:
     ties: tuple[str, ...] = ()  #: All that tie with ours, the rival among them where it does.
     chance: float | None = None  #: That a pair gets better by the winner, where that is not sure [1].
     trials: int = 0  #: Trials that pairs share; 0 where each pair is of its own.
+    article: str = ""  #: Before each name in words: "the " if names describe.
 
     @property
     def words(self) -> Markdown:
         """State the verdict: who wins, by how much, over how many."""
-        winner, rival = as_markdown(self.winner), as_markdown(self.rival)
+        winner, rival = (as_markdown(f"{self.article}{name}") for name in (self.winner, self.rival))
         if self.why:
             return Markdown(f"Do not use {winner}: {as_markdown(self.why)}.")
         if self.factor is None:
@@ -108,7 +109,7 @@ class Badge:
         if self.interval is None:
             return Markdown(f"Too few: {times} in {pairs}; {takes}.")
         low, high = self.interval
-        tied = as_markdown(listed([*self.ties]))
+        tied = as_markdown(listed([f"{self.article}{name}" for name in self.ties]))
         seen = pairs if self.exact else f"{pairs}, 95 % interval {{}} to {{}}"
         if self.verdict == "tie":
             near = "" if low <= 1 <= high else f", within {100 * ALIKE:g} %"
