@@ -211,10 +211,11 @@ sure. Coverage in the worst tenth of disturbed arms rises by it from 78 to 84 % 
 For the two priors it does so by 0 to 3 points. Where links are 30 or 100 times stiffer, intervals that count
 joints alone are 40 % narrower and hold 97 % (seeds 740001 to 740012, 8 poses)."""
 JOINTS_EVIDENCE_EXPONENT = 0.25
-"""The same of joints alone where they win against links: links that the readings do not show still move
-other poses: with it the worst tenth of arms whose links are 10 times stiffer is covered to 79 % in place
-of 70 %, of ones 30 and 100 times stiffer to 90 % in place of 86 %, and intervals are 7 to 12 % wider
-(`kr500_l480`, seeds 792101 to 792212 and eleven of 770001 to 770049 that were covered worst, 8 poses)."""
+"""Power of the odds of joints alone in widths, where joints alone win. Links that the readings do not show
+still move other poses. With it the worst tenth of arms whose links are 10 times stiffer is covered to 79 %
+in place of 70 %, of ones 30 and 100 times stiffer to 90 % in place of 86 %, and intervals are 7 to 12 %
+wider (`kr500_l480`, seeds 792101 to 792212 and eleven of 770001 to 770049 that were covered worst, 8
+poses)."""
 #: Probability, and weight, below which laws are left out, and above one less it all else.
 MIN_LAW_PROBABILITY = 0.05
 

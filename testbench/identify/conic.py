@@ -26,7 +26,7 @@ REPORTED_PENALTY = 1e-4
 GAP_TOLERANCE = 1e-5
 """Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
 DATA_TOLERANCE = 1e-7
-"""The same relative to F_M at C = 0: where the data are noise-free, F_M has no scale of its own.
+"""Proven distance relative to F_M at C = 0: where the data are noise-free, F_M has no scale of its own.
 
 Without noise the tie-break alone costs 0.3 to 2 times as much and F_M a tenth at most, so that F_M decides:
 what rounding changes in the trace does not.

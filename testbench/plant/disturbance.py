@@ -150,7 +150,7 @@ reading.
 """
 
 STIFF_COMPENSATOR = replace(KR500_COMPENSATOR, stiffness=9.6e7)
-"""The same compensator with 0.144e-6 read as a compliance of joint 2 in rad/(N m).
+"""Compensator of the KR 500 with 0.144e-6 read as a compliance of joint 2 in rad/(N m).
 
 K_eq at the best lever is then 1 / 0.144e-6 = 6.9e6 N m/rad, half of the stiffness of joint 2. A plain spring
 of that stiffness is impossible: turning joint 2 by a radian would take 400 times the torque of the arm's own
