@@ -6,7 +6,7 @@ from pathlib import Path
 from testbench.errors import InputError, read_bytes
 
 MESH_SUFFIXES = ("stl", "obj", "msh")  #: Suffixes of mesh files that MuJoCo reads.
-MAX_BYTES = 64_000_000  #: Largest mesh file [byte].
+MAX_MESH_BYTES = 64_000_000  #: Largest mesh file [byte].
 MAX_TOTAL = 256_000_000  #: Largest size of all mesh files of an arm together [byte].
 
 
@@ -27,7 +27,7 @@ def read_meshes(files: Mapping[str, Path]) -> dict[str, bytes]:
     for name, file in files.items():
         if file.suffix[1:].lower() not in MESH_SUFFIXES:
             raise InputError(file, "", f"expected a mesh: {', '.join(MESH_SUFFIXES)}")
-        found[name] = read_bytes(file, MAX_BYTES)
+        found[name] = read_bytes(file, MAX_MESH_BYTES)
         if sum(map(len, found.values())) > MAX_TOTAL:
             raise InputError(file, "", f"expected at most {MAX_TOTAL} bytes in all meshes of an arm together")
     return found

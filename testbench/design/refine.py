@@ -23,7 +23,7 @@ REFINE_ROUNDS, ASCEND_ROUNDS = 22, 14  #: Rounds of `refine_plan` and of `ascend
 STEP, SHRINK = 0.25, 0.7
 """First standard deviation of a joint's step [rad], and its factor after a round without gain."""
 CHECKED_NEIGHBOURS = 8  #: Neighbours, the best first, whose feasibility is checked in a round.
-MIN_GAIN = 1e-6  #: Relative gain below which a step does not count [1].
+MIN_REFINEMENT = 1e-6  #: Relative gain below which a step does not count [1].
 
 POSES_AT_ONCE = 32  #: Poses of the plan whose neighbours' rows are computed together.
 
@@ -127,7 +127,7 @@ def _better(criterion: Criterion, M: Array, own: Array, rows: Array, rest: Array
     Returns:
         Indices of trials, (found,).
     """
-    floor, Z = (1 + MIN_GAIN) * criterion.information(M), criterion.tangent(M).Z
+    floor, Z = (1 + MIN_REFINEMENT) * criterion.information(M), criterion.tangent(M).Z
     without = (Z * M).sum() - sensitivity(own[None], Z)
     hopeful = np.flatnonzero(without + sensitivity(rows, Z) > floor)
     if not len(hopeful):
@@ -157,7 +157,7 @@ def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: Search)
         reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(ASCEND_NEIGHBOURS, -1)
         best = reached.argmax(axis=0)
         trial, reached = trial[best, np.arange(len(q))], reached.max(axis=0)
-        better = np.flatnonzero(reached > (1 + MIN_GAIN) * value)
+        better = np.flatnonzero(reached > (1 + MIN_REFINEMENT) * value)
         better = better[search.reach.feasible(trial[better])] if len(better) else better
         q[better], value[better] = trial[better], reached[better]
         step[np.setdiff1d(np.arange(len(q)), better)] *= SHRINK

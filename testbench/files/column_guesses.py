@@ -13,7 +13,7 @@ from testbench.errors import Array, InputError
 from testbench.files.meaning import (
     KNOWN_EXPORTS,
     NUMBER,
-    STATES,
+    STATE_OF_WORD,
     Place,
     column_meaning,
     joint_family,
@@ -324,7 +324,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
             yield Entry("cells", name, pattern, f"of {texts[0]!r}")
             shots = "the last number of a name counts shots" if "*" in pattern else shots
             yield from _states([word for text in distinct for word in WORD.findall(text)])
-        elif {squeeze(text) for text in texts} <= {*STATES}:
+        elif {squeeze(text) for text in texts} <= {*STATE_OF_WORD}:
             yield Entry("columns", "state", name)
             yield from _states(distinct)
         elif column_meaning(name) == "state":
@@ -341,7 +341,7 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
 
 def _states(words: Sequence[str]) -> Iterator[Entry]:
     for state in ("before", "after"):
-        if own := sorted({word for word in words if STATES.get(squeeze(word)) == state}):
+        if own := sorted({word for word in words if STATE_OF_WORD.get(squeeze(word)) == state}):
             yield Entry("words", state, own)
 
 
@@ -356,7 +356,7 @@ def _pattern(texts: Sequence[str], arm: Arm) -> str:
         holes = {
             words[0]: len(kinds) == 1,
             "{marker}": kinds <= {*map(squeeze, arm.markers)},
-            "{when}": kinds <= {*STATES},
+            "{when}": kinds <= {*STATE_OF_WORD},
             f"{{mass_{after}}}": after in ("kg", "lb"),
             "{mass_kg}kg": all(re.fullmatch(r"\d+kg", kind) for kind in kinds),
             "{pose}": "{pose}" not in parts,

@@ -10,7 +10,7 @@ from testbench.arm.folder import Arm
 from testbench.files.names import XYZ, split_unit, squeeze
 
 KNOWN_EXPORTS = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encoding="utf-8"))
-STATES = {squeeze(word): state for state, words in KNOWN_EXPORTS["states"].items() for word in words}
+STATE_OF_WORD = {squeeze(word): state for state, words in KNOWN_EXPORTS["states"].items() for word in words}
 LOADS = ("N", "Nm", "kg")  #: Units of forces, moments and masses.
 NUMBER = re.compile(r"\d+")
 NEVER = "(?!)"  #: Matches nothing.
@@ -71,7 +71,7 @@ def places(arm: Arm) -> Callable[[str], Place | None]:
         A function of a name; it returns None if the name is not that of a position.
     """
     markers = sorted(filter(None, map(plain, arm.markers)), key=len, reverse=True)
-    states = "|".join(map(re.escape, sorted(STATES, key=len, reverse=True)))
+    states = "|".join(map(re.escape, sorted(STATE_OF_WORD, key=len, reverse=True)))
     target = "|".join([*map(re.escape, markers), KNOWN_EXPORTS["places"]["target"]])
     words = re.compile(rf"(?P<target>{target})|(?P<when>{states})|{KNOWN_EXPORTS['places']['said']}")
 
@@ -82,7 +82,7 @@ def places(arm: Arm) -> Callable[[str], Place | None]:
             targets, whens = ([m[kind] for m in found if m[kind]] for kind in ("target", "when"))
             whole = sum(len(m[0]) for m in found) == len(text) - 1
             if whole and len(targets) < 2 and len(whens) < 2:
-                return Place("".join(targets), STATES["".join(whens)] if whens else "", text[k])
+                return Place("".join(targets), STATE_OF_WORD["".join(whens)] if whens else "", text[k])
         return None
 
     return place

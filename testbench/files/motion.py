@@ -25,7 +25,7 @@ LONGEST_COMMENT = 80
 """Most characters of a label in a comment: a line of a controller's editor."""
 LIMIT_ROUNDING = 1e-6
 """Largest excess of a joint over its limit, as in files that are read [rad, m]."""
-MARK = "p_"
+FIT_PREFIX = "p_"
 """Prefix of a name that the language would not accept."""
 
 
@@ -83,7 +83,7 @@ def write_moves(path: Path, language: Language, motion: Motion, folder: Path = F
     Raises:
         BenchError: When the language has no place for such joints or moves, or the file cannot be written.
     """
-    points = _points(language, motion)
+    points = _point_fields(language, motion)
     axes = axes_of(language, motion.joints)
     environment = Environment(
         loader=FileSystemLoader(folder),
@@ -108,7 +108,7 @@ def write_moves(path: Path, language: Language, motion: Motion, folder: Path = F
     write_whole(text.replace("\n", language.newline), path)
 
 
-def _points(language: Language, motion: Motion) -> list[dict[str, object]]:
+def _point_fields(language: Language, motion: Motion) -> list[dict[str, object]]:
     """What a template is given of every point, numbers as texts."""
     q, count = _check_moves(motion), len(motion.q)
     axes = axes_of(language, motion.joints)
@@ -218,7 +218,7 @@ def _identifier(name: str, language: Language) -> str:
     """Convert a name to a valid one: letters, digits and `_`, a letter first, not reserved."""
     fit = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "program"
     if not fit[0].isalpha() or not language.takes(fit):
-        fit = MARK + fit
+        fit = FIT_PREFIX + fit
     return fit[: language.names.longest].rstrip("_")
 
 

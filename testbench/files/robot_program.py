@@ -160,7 +160,7 @@ def read_robot_program(path: Path, language: Language, arm: Arm, controller: Con
     )
     q = np.full((count, arm.n_joints), np.nan)
     if not posed.all():
-        q[~posed] = _joints(motions, arm)
+        q[~posed] = _program_joints(motions, arm)
     position, rotation = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
     if posed.any():
         axes = axes_of(language, arm.file_joints)
@@ -187,7 +187,7 @@ def _frame(path: Path, language: Language, numbers: list[float], place: str) -> 
     return language.rotations(values[:, 3:])[0], values[0, :3] / language.per_metre
 
 
-def _joints(motions: RobotMotions, arm: Arm) -> Array:
+def _program_joints(motions: RobotMotions, arm: Arm) -> Array:
     """Joints of the chain of all points that are no poses, (points, n) [rad, m], within limits."""
     text, joints = motions.text, arm.file_joints
     axes, language = axes_of(text.language, joints), text.language

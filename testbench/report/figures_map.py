@@ -22,7 +22,7 @@ DOT = 9.0  #: Size of the dot of a place [pt^2].
 GRID, NEIGHBOURS, FAR = 90, 6, 2.0
 """Points of a slice along each side, places that tell each of them, and how far these may be, over the
 distance of neighbours [1]."""
-EDGE = 0.03  #: Room around what is drawn, over its size [1].
+ROOM = 0.03  #: Room around what is drawn, over its size [1].
 PERCENTILES = 0.02, 0.98  #: Of all errors, where colours end.
 HEIGHT, PANES, PANE, MAPS = 1.4, 5.8, 2.1, 4
 """Of title and caption, the width that all maps share, that of one at most [in], and how many at most."""
@@ -208,7 +208,7 @@ def _finish(axes: Axes, cut: Slice, arm: Array | None, ends: Array) -> None:
         axes.plot(*arm[:, cut.plane].T, "-", color="0.35", linewidth=2.5, solid_capstyle="round")
     drawn = ends[:, cut.plane] if arm is None else np.vstack([ends[:, cut.plane], arm[:, cut.plane]])
     low, high = drawn.min(axis=0), drawn.max(axis=0)
-    room = EDGE * float((high - low).max())
+    room = ROOM * float((high - low).max())
     axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room))
     axes.set_aspect("equal")
     quiet(axes)

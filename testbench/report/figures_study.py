@@ -6,12 +6,12 @@ Every figure draws rows of report.json and nothing else.
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from testbench.report.colours import NOMINAL, SERIES, Look, hexadecimal
 from testbench.report.figure import (
     MIN_LETTER_SIZE,
     SOFT,
-    Figure,
     log_ticks,
     page,
     quiet,

@@ -22,7 +22,7 @@ from testbench.errors import InputError
 from testbench.runs.manifest import read_manifest
 
 NEW, EARLIER, GONE = "new", "earlier", "gone"
-UNDER_WAY = re.compile(rf"\.[^/]+\.new/{NEW}/")  #: In the path of what is not yet at its place.
+NOT_PLACED_YET = re.compile(rf"\.[^/]+\.new/{NEW}/")  #: In the path of what is not yet at its place.
 
 
 @contextlib.contextmanager
@@ -66,7 +66,7 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as err:
-        shown = Path(UNDER_WAY.sub("", str(path)))
+        shown = Path(NOT_PLACED_YET.sub("", str(path)))
         raise InputError(shown, "", f"cannot be written: {err.strerror or err}") from err
 
 

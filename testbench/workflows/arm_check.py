@@ -33,7 +33,7 @@ class Item(NamedTuple):
 
 def to_confirm(arm: ArmContext) -> list[Item]:
     """List everything estimated or assumed, the largest effect on the tool's deflection first."""
-    return sorted([*_numbers(arm), *_points(arm)], key=lambda item: -item.share)
+    return sorted([*_numbers(arm), *_point_items(arm)], key=lambda item: -item.share)
 
 
 def _numbers(arm: ArmContext) -> Iterator[Item]:
@@ -70,7 +70,7 @@ def _tube(link: LinkEntry) -> str:
     return f"{', '.join(unsure)}, {' and '.join(sorted(set(unsure.values())))}"
 
 
-def _points(arm: ArmContext) -> Iterator[Item]:
+def _point_items(arm: ArmContext) -> Iterator[Item]:
     """Load point and markers: what 10 mm aside change."""
     elastic, cell, names = arm.elastic, arm.cell, arm.elastic.to_confirm
     if elastic.load in names:

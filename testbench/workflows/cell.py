@@ -185,7 +185,7 @@ class Cell(Displayed):
 class Campaign(Displayed):
     """Hold a simulated campaign: its readings, and the truth to judge a model by.
 
-    It is of section 6 (`simulate`) or of section 5 (`pose_campaign.simulate`).
+    It is of section 6 (`simulate`) or of section 5 (`simulate_full_pose`).
     """
 
     scenario: Setup  #: Settings of the campaign.

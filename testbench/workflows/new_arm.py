@@ -142,7 +142,7 @@ def elastic_toml(chain: ImportedChain, wishes: UserInputs, proposal: Proposal) -
         *_joint_rows(chain),
     ]
     for link in proposal.links:
-        text += _link(link, _material(proposal))
+        text += _link_text(link, _material(proposal))
     for k, (joint, c) in enumerate(zip(chain.joints, proposal.compliances, strict=True)):
         kind = "slide" if joint.prismatic else "wrist" if in_wrist(k, chain.n_joints) else "arm"
         note = f"{kind} joint, {proposal.payload:g} kg at {proposal.reach:.2f} m"
@@ -190,7 +190,7 @@ def _material(proposal: Proposal) -> str:
     return "aluminium" if proposal.links[0].tube.youngs_modulus == ALUMINIUM.E else "grey cast iron"
 
 
-def _link(link: LinkProposal, made: str) -> list[str]:
+def _link_text(link: LinkProposal, made: str) -> list[str]:
     """The tube of a link."""
     tube, beam, distance = link.tube, link.beam, 1000 * link.beam.distance
     runs = RUNS.get(beam.runs, beam.runs)

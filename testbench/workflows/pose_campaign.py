@@ -39,7 +39,7 @@ class FullPose(Setup):
         return self.sigma, self.sigma_rotation
 
 
-def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
+def simulate_full_pose(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     """Draw poses and wrenches, load the true arm, and read the tool's pose.
 
     Poses, wrenches and noise do not depend on the kind of truth.

@@ -15,7 +15,13 @@ from testbench.identify.absolute.align import align_all
 from testbench.identify.absolute.evidence import ErrorScales
 from testbench.identify.absolute.fit import LEAST_OF_ONE, ON_THE_WAY, CalibrationOptions, calibrate, subsample
 from testbench.identify.absolute.inner import moved_frame, moved_mount, solve_step
-from testbench.identify.absolute.pattern import Pattern, basis, find_pattern, shift_waves, wave_columns
+from testbench.identify.absolute.pattern import (
+    Pattern,
+    find_pattern,
+    pattern_basis,
+    shift_waves,
+    wave_columns,
+)
 from testbench.identify.absolute.posterior import (
     deviations_root,
     locate_series,
@@ -344,7 +350,7 @@ def test_waves_are_the_pattern_turned_and_mirrored_and_differences_that_add_up_t
     """Whatever joints without the pattern, low orders and other unknowns are."""
     pattern = Pattern(tuple(PLACED), *map(tuple, zip(*PLACED.values(), strict=True)))
     first, size = 7, 7 + 4 * ERRORS.size + 5
-    B, z = basis(pattern, ERRORS, first, size).toarray(), rng.normal(size=size)
+    B, z = pattern_basis(pattern, ERRORS, first, size).toarray(), rng.normal(size=size)
     np.testing.assert_allclose((B.T @ B) / np.diag(B.T @ B), np.eye(size), atol=1e-12)
     at = first + ERRORS.size * np.arange(4)[:, None] + wave_columns(ERRORS)
     x, rest = B @ z, np.setdiff1d(np.arange(size), at[list(PLACED)])
@@ -401,7 +407,7 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
     pattern = Pattern((0, 1), (0.0, 1.1), (1, -1))
     errors = JointErrors(tuple(range(1, 5)))
     size = 2 * errors.size
-    B, A, y = basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
+    B, A, y = pattern_basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
     deviation, factor = np.r_[rng.uniform(0.5, 2.0, size - 3), [np.inf] * 3], 1.7
     own = SimpleNamespace(
         rigid=size, columns=np.arange(size), elastic=None, unknowns=SimpleNamespace(size=size, basis=B)

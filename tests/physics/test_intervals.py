@@ -36,8 +36,7 @@ from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simul
 from testbench.workflows.cell import Scenario, clear_poses, simulate
 from testbench.workflows.fits import fit_models
 from testbench.workflows.models import named_models
-from testbench.workflows.pose_campaign import FullPose
-from testbench.workflows.pose_campaign import simulate as simulate_full_pose
+from testbench.workflows.pose_campaign import FullPose, simulate_full_pose
 from testbench.workflows.read_runs import MeasuredRuns
 
 LEVEL, DRAWS = 1e-6, 300  #: Of false alarms; truths drawn.

@@ -71,7 +71,7 @@ def shift_waves(f: Array, turn: Array | float, sense: int, orders: Ids) -> Array
     return np.concatenate([a * c - b * s, sense * (a * s + b * c)], axis=-1)
 
 
-def basis(pattern: Pattern, errors: JointErrors, first: int, size: int) -> csr_array:
+def pattern_basis(pattern: Pattern, errors: JointErrors, first: int, size: int) -> csr_array:
     """Make the basis in which joints have a shared pattern, and differences from it.
 
     Args:

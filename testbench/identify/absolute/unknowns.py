@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 from testbench.data.series import Series
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.inseparable import undetermined_frames
-from testbench.identify.absolute.pattern import FIRST, Pattern, basis
+from testbench.identify.absolute.pattern import FIRST, Pattern, pattern_basis
 from testbench.identify.absolute.state import ArmState
 from testbench.model.joint_errors import BANDS, JointErrors
 from testbench.model.structure import Structure
@@ -98,7 +98,7 @@ class Unknowns:
         """Return unknowns in SI units by those of the equations, (size, size); None without a pattern."""
         if self.pattern is None:
             return None
-        return basis(self.pattern, self.errors, self.starts["errors"], self.size)
+        return pattern_basis(self.pattern, self.errors, self.starts["errors"], self.size)
 
     def current(self, state: ArmState) -> Array:
         """Return the values of all unknowns in a state; frames and mounts are steps, thus zero.

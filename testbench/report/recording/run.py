@@ -91,7 +91,7 @@ HUES: Mapping[str, Colour] = {
 """Colours by name."""
 STEEP = 0.8  #: How steeply a path is looked down on, over how far the eye is ahead and aside [1].
 VIEW_MARGIN, NEAR_MARGIN = 0.16, 0.03  #: Room around the arm and around what is near, over its size [1].
-WIDE = 1.9  #: Width over height of panes above each other [1].
+STACKED = 1.9  #: Width over height of panes above each other [1].
 COLUMN, LEAST_ROWS = 24, 8  #: Rows of names that a column has room for, and those of the smallest pane.
 FAR, BAR = 30.0, 0.45
 """Times the least number from which models are dots on a logarithmic axis; height of bars [1]."""
@@ -164,8 +164,8 @@ def _scene_tabs(page: PageContent, groups: Sequence[_Group], models: list[rrb.Vi
     on_map = groups[page.map.group] if page.map else None
     front = _columns(
         [
-            _world(page.scene, first, aspect=WIDE if insets else ASPECT),
-            *[rrb.Horizontal(*(_world(page.scene, own, aspect=WIDE) for own in insets))] * bool(insets),
+            _world(page.scene, first, aspect=STACKED if insets else ASPECT),
+            *[rrb.Horizontal(*(_world(page.scene, own, aspect=STACKED) for own in insets))] * bool(insets),
         ],
         [text_view("summary", "Summary"), *models, *_charts(first)],
         first.poses.name,

@@ -6,7 +6,7 @@ import numpy as np
 
 from testbench.data.series import Series
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.choose import GEOMETRY
+from testbench.identify.absolute import choose
 from testbench.identify.absolute.evidence import ErrorScales, activate, gram_of_active, solve_active
 from testbench.identify.absolute.fit import Calibration, LinearisedReadings
 from testbench.identify.absolute.posterior import RegisteredSeries, posterior_of
@@ -132,7 +132,7 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
     assert disturbances.geometry is not None
     errors = JointErrors(tuple(range(1, 1 + (disturbances.gear.orders if disturbances.gear else 0))))
     unknowns = unknowns_of(vjm, found.series, errors, all153(vjm.arm))
-    kinds = GEOMETRY | ({"harmonics"} if errors.orders else frozenset())
+    kinds = choose.GEOMETRY | ({"harmonics"} if errors.orders else frozenset())
     active = activate(unknowns, kinds, scale_by_prior(Prior("truth", truth.C_theta), vjm, unknowns.structure))
     nothing = np.zeros((vjm.arm.n_joints, errors.size))
     true = true_state(replace(found.state, errors=errors, n=nothing), truth)

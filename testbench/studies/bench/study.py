@@ -19,8 +19,19 @@ from testbench.report.report import Report, say
 from testbench.report.schema import Table
 from testbench.report.table import Row, Trials, number
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, TAIL, spread
-from testbench.studies.bench import tasks as bench_tasks
-from testbench.studies.bench.tasks import DEFAULT, DONE, JOINTS, REAL, SKIPPED, TASKS, BenchSettings, EntryRow
+from testbench.studies.bench.tasks import (
+    DEFAULT,
+    DONE,
+    JOINTS,
+    REAL,
+    SKIPPED,
+    TASKS,
+    BenchOptions,
+    BenchSettings,
+    EntryRow,
+    settings,
+    trials,
+)
 from testbench.studies.campaign.report import dataset
 from testbench.studies.campaigns import seeds_of
 from testbench.studies.run import READ, headline
@@ -57,10 +68,10 @@ def errors(rows: Trials) -> dict[str, Array]:
     To skip is to fail, but for who skips every arm: such entries are left out.
     """
     found = {}
-    for (name,), trials in rows.groups("name"):
-        done = trials["status"] == DONE
-        if done.any() or not begins(trials, SKIPPED).all():
-            found[name] = np.fmin(trials[ERROR], trials["deflection_mm"])
+    for (name,), group in rows.groups("name"):
+        done = group["status"] == DONE
+        if done.any() or not begins(group, SKIPPED).all():
+            found[name] = np.fmin(group[ERROR], group["deflection_mm"])
     return found
 
 
@@ -255,11 +266,11 @@ def figures(found: Report) -> Mapping[str, Figure]:
 STUDY = Study(
     name="bench",
     about="Rank your estimators beside others, and the default of identify, in frozen tasks.",
-    options=bench_tasks.BenchOptions,
-    settings=bench_tasks.settings,
+    options=BenchOptions,
+    settings=settings,
     seeds=(MIN_PERCENTILE_TRIALS, 2),
     row=EntryRow,
-    trials=bench_tasks.trials,
+    trials=trials,
     report=report,
     printed=("short",),
     figures=figures,

@@ -53,7 +53,7 @@ from testbench.workflows.own_estimator import (
 from testbench.workflows.own_process import SUFFIX, EstimatorSource, Limits, call_estimator
 from testbench.workflows.perturbed_prior import prior_of
 from testbench.workflows.plan_input import Place
-from testbench.workflows.pose_campaign import FullPose, simulate
+from testbench.workflows.pose_campaign import FullPose, simulate_full_pose
 from testbench.workflows.rows import FAILED, MM, NO_ERRORS, DatasetRow, ErrorRow, dataset_row, error_row
 
 DEFAULT = "default"  #: What identify does by default, with the class's prior.
@@ -180,7 +180,7 @@ def problem(task: Task, cell: Cell, seed: int) -> BenchProblem:
     if task.loads:
         data, truth = _weight(task, true, seed)
     else:
-        campaign = simulate(true, SECTION_5_2, seed)
+        campaign = simulate_full_pose(true, SECTION_5_2, seed)
         data, truth = campaign.identification, campaign.truth
     if task.trackers:
         found = register_dataset(cell.vjm, data, "tracker")

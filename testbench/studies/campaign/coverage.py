@@ -49,8 +49,7 @@ from testbench.workflows.models import JOINTS, Model, named_models
 from testbench.workflows.own_estimator import estimator_models
 from testbench.workflows.own_process import EstimatorSource
 from testbench.workflows.perturbed_prior import prior_of, wrong_prior
-from testbench.workflows.pose_campaign import FullPose
-from testbench.workflows.pose_campaign import simulate as simulate_full_pose
+from testbench.workflows.pose_campaign import FullPose, simulate_full_pose
 from testbench.workflows.rows import UM
 
 QUICK_WORKSPACE = 40

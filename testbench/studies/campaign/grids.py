@@ -42,8 +42,7 @@ from testbench.studies.campaign.trial import (
 from testbench.workflows.cell import Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
 from testbench.workflows.models import Model
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.pose_campaign import FullPose
-from testbench.workflows.pose_campaign import simulate as simulate_full_pose
+from testbench.workflows.pose_campaign import FullPose, simulate_full_pose
 from testbench.workflows.rows import UM
 
 Kind = Literal["gravity", "full_pose"]

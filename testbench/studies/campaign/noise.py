@@ -35,8 +35,7 @@ from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_
 from testbench.workflows.model_selection import DEFAULT
 from testbench.workflows.models import JOINTS, Model
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.pose_campaign import FullPose
-from testbench.workflows.pose_campaign import simulate as simulate_full_pose
+from testbench.workflows.pose_campaign import FullPose, simulate_full_pose
 from testbench.workflows.rows import UM
 
 FLAT, WEIGHTED, UNWEIGHTED = "flat 50 um", "weighted", "flat weights"

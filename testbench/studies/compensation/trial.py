@@ -34,8 +34,31 @@ from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import ArmEquilibrium, solve_unloaded_and_loaded
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
-from testbench.studies.compensation import settings as s
-from testbench.studies.compensation.settings import TIP, CompensationSettings, Way, drawn, jobs, loads, tasks
+from testbench.studies.compensation.settings import (
+    ADVISED,
+    ARM,
+    ARMS,
+    DEFAULT,
+    DRAWN,
+    IDEAL,
+    LINEAR,
+    MODELS_WITHOUT_PRIOR,
+    NOMINAL,
+    NOWHERE,
+    PERFECT,
+    PLANNED,
+    PRIOR,
+    RUNS,
+    SIGMA,
+    TIP,
+    WEIGHT,
+    CompensationSettings,
+    Way,
+    drawn,
+    jobs,
+    loads,
+    tasks,
+)
 from testbench.studies.study import without_cone
 from testbench.workflows.cell import (
     Cell,
@@ -54,7 +77,7 @@ from testbench.workflows.perturbed_prior import PRIORS, prior_of
 from testbench.workflows.rows import FAILED, MM
 
 AIM = Aim(point=TIP)  #: The whole pose of the tool is put right.
-SETUP = Setup(arm=s.ARM, truth="nonlinear", sigma=s.SIGMA)
+SETUP = Setup(arm=ARM, truth="nonlinear", sigma=SIGMA)
 DIGITS = 7  #: Of a distance in millimetres.
 HIDDEN, CHOSEN, PROCESS, NOISE = 20, 30, 50, 1000
 """Streams of a seed: disturbances, random poses, forces of the process, noise (plus the campaign)."""
@@ -68,9 +91,9 @@ class JobsRow:
     """Hold all jobs of one trial, corrected by one model."""
 
     true_arm: str
-    arm: str  #: How it is disturbed, one of s.ARMS.
-    by: str  #: How poses were chosen, s.PLANNED or s.RANDOM; empty for a model that is not identified.
-    loads: str  #: What loaded the arm, s.WEIGHT or s.BOTH; the same.
+    arm: str  #: How it is disturbed, one of ARMS.
+    by: str  #: How poses were chosen, PLANNED or RANDOM; empty for a model that is not identified.
+    loads: str  #: What loaded the arm, WEIGHT or BOTH; the same.
     poses: int  #: How many were measured; 0 for the same.
     name: str  #: Of the model.
     chosen: str | None  #: Of the default: what it chose.
@@ -120,7 +143,7 @@ def trials(
 def _trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> list[JobsRow]:
     truth, work, rows = true_arm_of_seed(FAMILY, seed), tasks_of(asked, seed), []
     true, prior = true_cell(cell, truth, seed), prior_in_turn(cell, seed)
-    for arm in s.ARMS:
+    for arm in ARMS:
         ways, (measured, working) = asked.ways(arm), true_arm(true, seed, arm)
         data = dict(zip(ways, measure(true, measured, asked, ways, seed), strict=True))
         fits = known(true, prior) + identified(true, data, prior, own(true, prior))
@@ -128,7 +151,7 @@ def _trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> l
         before, *after = execute(working, work, orders)
         for fit, command, off in zip(fits, orders, after, strict=True):
             row = row_of(fit, command, before, off)
-            shown = (seed, arm, fit.way) == (asked.seed, s.IDEAL, s.ADVISED) and fit.name in s.DRAWN
+            shown = (seed, arm, fit.way) == (asked.seed, IDEAL, ADVISED) and fit.name in DRAWN
             if shown:
                 off_mm = tuple(np.round(MM * np.stack([before, off]), DIGITS).ravel().tolist())
                 row = replace(row, off_mm=off_mm, data_file=csv_text(data[fit.way], cell.arm))
@@ -176,10 +199,10 @@ def true_arm(cell: Cell, seed: int, arm: str) -> tuple[Settle, Settle]:
     Returns:
         What settles the arm in both.
     """
-    if arm == s.IDEAL:
+    if arm == IDEAL:
         own = partial(settle_both, cell.plant, "nonlinear")
         return own, own
-    plant = disturb(cell.plant, LINEAR_JOINTS if arm == s.LINEAR else TYPICAL, trial_rng(seed, HIDDEN))
+    plant = disturb(cell.plant, LINEAR_JOINTS if arm == LINEAR else TYPICAL, trial_rng(seed, HIDDEN))
     return partial(solve_unloaded_and_loaded, plant), partial(
         solve_unloaded_and_loaded, exactly_loaded(plant)
     )
@@ -199,11 +222,11 @@ def chosen(asked: CompensationSettings, way: Way, seed: int) -> tuple[Array, Ids
         Poses, (poses, n) [rad], and loads, (poses,).
     """
     scene = asked.scene
-    if way.by == s.PLANNED:
+    if way.by == PLANNED:
         plan = next(p for p in scene.plans if (p.loads, p.poses) == (way.loads, way.poses))
         return np.array(plan.q_rad).reshape(way.poses, -1), np.array(plan.load)
     every = trial_rng(seed, CHOSEN).choice(len(scene.candidates), max(asked.numbers), replace=False)
-    load = np.zeros(way.poses, dtype=int) if way.loads == s.WEIGHT else np.arange(way.poses) % 2
+    load = np.zeros(way.poses, dtype=int) if way.loads == WEIGHT else np.arange(way.poses) % 2
     return np.array(scene.candidates)[every[: way.poses]], load
 
 
@@ -224,11 +247,11 @@ def measure(
     """
     wrench, point = (np.stack([getattr(one, key) for one in loads(cell)]) for key in ("wrench", "point"))
     every = [chosen(asked, way, seed) for way in ways]
-    q, load = (np.concatenate([np.repeat(own[k], s.RUNS, axis=0) for own in every]) for k in (0, 1))
-    pose = np.concatenate([np.repeat(np.arange(way.poses) + 1, s.RUNS) for way in ways])
+    q, load = (np.concatenate([np.repeat(own[k], RUNS, axis=0) for own in every]) for k in (0, 1))
+    pose = np.concatenate([np.repeat(np.arange(way.poses) + 1, RUNS) for way in ways])
     settled, first, found = settle(q, wrench[load], point[load]), 0, []
     for k, way in enumerate(ways):
-        runs = slice(first, first := first + s.RUNS * way.poses)
+        runs = slice(first, first := first + RUNS * way.poses)
         loaded = LoadedPoses(q[runs], pose[runs], wrench[load[runs]], point[load[runs]])
         before, after = (in_order(rest, runs) for rest in settled)
         found.append(read_markers(cell, SETUP, loaded, (before, after), trial_rng(seed, NOISE + k)))
@@ -246,9 +269,9 @@ def known(cell: Cell, prior: Prior) -> list[CorrectionModel]:
         The models.
     """
     weights = read_weights(cell.arm)
-    every = {s.NOMINAL: cell.arm.C_theta, s.PRIOR: prior.C_theta, s.PERFECT: cell.plant.arm.C_theta}
+    every = {NOMINAL: cell.arm.C_theta, PRIOR: prior.C_theta, PERFECT: cell.plant.arm.C_theta}
     return [
-        CorrectionModel(s.NOWHERE, name, certain_model(elastic_state(cell.vjm, C, weights), name))
+        CorrectionModel(NOWHERE, name, certain_model(elastic_state(cell.vjm, C, weights), name))
         for name, C in every.items()
     ]
 
@@ -286,7 +309,7 @@ def identified(
     """
     weights, correction_models = read_weights(cell.arm), []
     plain, filled = (
-        named_models(cell, s.MODELS_WITHOUT_PRIOR),
+        named_models(cell, MODELS_WITHOUT_PRIOR),
         with_priors(cell.arm, [without_cone(cell)], prior),
     )
     for model in (*plain, *filled, *more):
@@ -302,7 +325,7 @@ def identified(
         correction_models.append(
             CorrectionModel(
                 way,
-                s.DEFAULT,
+                DEFAULT,
                 model_of_estimate(cell.vjm, chosen_model.estimate, weights),
                 chosen_model.name,
                 chosen_model.estimate.status,
@@ -363,7 +386,7 @@ def row_of(fit: CorrectionModel, order: Compensated | None, before: Array, after
     Returns:
         The row.
     """
-    half = np.zeros((0, 3)) if order is None or fit.way == s.NOWHERE else order.half_width
+    half = np.zeros((0, 3)) if order is None or fit.way == NOWHERE else order.half_width
     bounded = np.isfinite(half)
     return JobsRow(
         **{"true_arm": "", "arm": "", **vars(fit.way), "name": fit.name, "chosen": fit.chosen},

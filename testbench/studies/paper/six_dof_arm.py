@@ -39,7 +39,7 @@ from testbench.workflows.cell import Campaign, Cell, Truth, build_cell
 from testbench.workflows.models import EQUAL_FIT, JOINTS, Model, named_models
 from testbench.workflows.own_estimator import estimator_models
 from testbench.workflows.own_process import EstimatorSource
-from testbench.workflows.pose_campaign import FullPose, simulate
+from testbench.workflows.pose_campaign import FullPose, simulate_full_pose
 from testbench.workflows.rows import MM, UM
 
 MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")  #: The models of Table I, in the paper's order.
@@ -152,7 +152,7 @@ def models(cell: Cell) -> list[Model]:
 
 def _trial(cell: Cell, models: Sequence[Model], asked: SixDofSettings, seed: int) -> Iterator[SixDofRow]:
     for truth in TRUTHS:
-        campaign = simulate(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
+        campaign = simulate_full_pose(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
         results, linear = identify(cell, campaign, models, time.perf_counter), truth == "linear"
         for row in campaign_rows(cell, campaign, results, TUBES, placed=linear and seed == asked.first):
             yield SixDofRow(**vars(row), truth=truth)

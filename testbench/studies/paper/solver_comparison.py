@@ -48,7 +48,7 @@ from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
 from testbench.workflows.cell import Campaign, Cell, build_cell
 from testbench.workflows.models import Model, named_models
-from testbench.workflows.pose_campaign import FullPose, simulate
+from testbench.workflows.pose_campaign import FullPose, simulate_full_pose
 
 ARM = "arm_6r"
 SIGMA = math.sqrt(0.5) * 25e-6  #: The paper's is that of a deflection, a difference of two readings [m].
@@ -258,7 +258,7 @@ def trials(asked: SolverSettings, seeds: Sequence[int]) -> list[list[SolverRow]]
 
 
 def _trial(cell: Cell, model: Model, asked: SolverSettings, seed: int) -> list[SolverRow]:
-    campaign = simulate(cell, SCENARIO, seed)
+    campaign = simulate_full_pose(cell, SCENARIO, seed)
     conic = _repeated("d", paper_gco, cell, model, campaign)
     solver_results = [*_factor_solvers(cell, model, asked, campaign), conic]
     if asked.scs:

@@ -26,8 +26,16 @@ from testbench.model.vjm import chain
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estimate
-from testbench.studies.planning import settings as s
-from testbench.studies.planning.settings import FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, PlanningSettings
+from testbench.studies.planning.settings import (
+    FITS,
+    INCUMBENT,
+    MODELS_WITHOUT_PRIOR,
+    PLANNED,
+    RANDOM,
+    WHOLE,
+    PlanningSettings,
+    elsewhere,
+)
 from testbench.workflows.cell import Campaign, Cell, Setup, build_cell, poses_with_weight, true_cell
 from testbench.workflows.cell import measure_markers as read
 from testbench.workflows.model_selection import FILLED, with_priors
@@ -113,7 +121,7 @@ def trials(
         Rows of every seed.
     """
     cell = build_cell(find_arm(asked.arm))
-    bench, places = build_bench(cell, asked), (asked, s.elsewhere(asked))
+    bench, places = build_bench(cell, asked), (asked, elsewhere(asked))
     models = estimator_models(own)
     return [
         [
@@ -151,8 +159,7 @@ def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
         Models by name.
     """
     *plain, whole = (
-        replace(MODELS[name](cell), name=name)
-        for name in (*s.MODELS_WITHOUT_PRIOR, WHOLE.removesuffix(FILLED))
+        replace(MODELS[name](cell), name=name) for name in (*MODELS_WITHOUT_PRIOR, WHOLE.removesuffix(FILLED))
     )
     models = [
         *with_priors(cell.arm, plain, prior, Strength(UNCERTAINTY)),
