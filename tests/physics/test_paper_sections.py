@@ -15,9 +15,9 @@ from testbench.runs.spread import spread
 from testbench.studies.campaigns import identify
 from testbench.studies.paper import EQ_22, EQ_23, SECTION_6
 from testbench.studies.paper import single_link as trial
+from testbench.workflows.cell import FullPose, random_wrenches, simulate_full_pose
 from testbench.workflows.cell import simulate as calibrate
 from testbench.workflows.models import named_models
-from testbench.workflows.pose_campaign import FullPose, random_wrenches, simulate_full_pose
 
 STUDY = trial.SingleLinkSettings()
 LOADS = np.diag([10.0] * 6)

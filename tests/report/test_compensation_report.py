@@ -11,7 +11,8 @@ from reports import check, table_of
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.report.colours import CHOICE, JOINTS
 from testbench.report.table import Row, find
-from testbench.studies.compensation.settings import (
+from testbench.studies.compensation.study import LOOKS, figures, report
+from testbench.studies.compensation.trial import (
     ADVISED,
     ARMS,
     DEFAULT,
@@ -27,9 +28,8 @@ from testbench.studies.compensation.settings import (
     REAL,
     WEIGHT,
     CompensationSettings,
+    JobsRow,
 )
-from testbench.studies.compensation.study import LOOKS, figures, report
-from testbench.studies.compensation.trial import JobsRow
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
 
 SETTINGS, SEEDS, POINTS = CompensationSettings("kr500_l480", 300), range(300, 306), 10

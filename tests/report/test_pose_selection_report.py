@@ -12,7 +12,8 @@ from testbench.plant.true_arms import CALLED
 from testbench.report.markdown import grid
 from testbench.runs.spread import ends, spread
 from testbench.studies.campaigns import CampaignRow
-from testbench.studies.planning.settings import (
+from testbench.studies.planning.study import LOOKS, figures, report
+from testbench.studies.planning.trial import (
     AWAY,
     BARE,
     FITS,
@@ -20,13 +21,12 @@ from testbench.studies.planning.settings import (
     INCUMBENT,
     PLANNED,
     WHOLE,
+    PlanErrorRow,
     PlannedRow,
     PlanningScene,
     PlanningSettings,
     Scope,
 )
-from testbench.studies.planning.study import LOOKS, figures, report
-from testbench.studies.planning.trial import PlanErrorRow
 from testbench.workflows.predicted_error import Expected
 
 CRITERIA, POSES, SEEDS = ("test", "I", "D"), (8, 12), range(4, 7)
@@ -43,8 +43,8 @@ def plan(criterion="test", poses=12, fit=PLANNED, ground=HOME):
 HERE = PlanningScene(
     plans=(*(plan(name, n) for name in CRITERIA for n in POSES), *(plan(fit=fit) for fit in FITS[1:])),
 )
-AWAY = PlanningScene(plans=tuple(plan(fit=fit, ground=AWAY) for fit in FITS))
-ASKED = PlanningSettings("kr500_l480", 4, SCOPE, HERE, AWAY)
+ELSEWHERE = PlanningScene(plans=tuple(plan(fit=fit, ground=AWAY) for fit in FITS))
+ASKED = PlanningSettings("kr500_l480", 4, SCOPE, HERE, ELSEWHERE)
 
 
 def rows(seed, factors):

@@ -11,16 +11,15 @@ from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.plant.true_arms import FAMILY, TRUTH_WORDS, TRUTHS, true_arm_of_seed
 from testbench.report.badge import of_rivals
 from testbench.report.colours import CHOICE, MEASURED, TASK, Look, look
-from testbench.report.columns import columns
 from testbench.report.figure import Figure, ranges
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
 from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, arrow_scale, loads
-from testbench.report.schema import Table, TableColumn, pivot
+from testbench.report.schema import Table, TableColumn, columns, pivot
 from testbench.report.table import Row, Trials
 from testbench.runs.spread import span, spread
 from testbench.studies.calibration_scene import with_errors
-from testbench.studies.compensation.settings import (
+from testbench.studies.compensation.trial import (
     ADVISED,
     ARMS,
     DEFAULT,
@@ -38,12 +37,14 @@ from testbench.studies.compensation.settings import (
     SIGMA,
     CompensationOptions,
     CompensationSettings,
+    JobsRow,
     Way,
     jobs,
     prepare,
     settings,
+    tasks_of,
+    trials,
 )
-from testbench.studies.compensation.trial import JobsRow, tasks_of, trials
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, Run, Study
 from testbench.workflows.cell import build_cell, true_cell

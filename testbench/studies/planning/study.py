@@ -10,8 +10,8 @@ import numpy as np
 from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.design.baselines import observability
+from testbench.design.exchange import Feasibility
 from testbench.design.planning import forecast_errors, make_plan
-from testbench.design.refine import Feasibility
 from testbench.design.rows import task_rows
 from testbench.model.vjm import chain
 from testbench.plant.site import Payload
@@ -19,17 +19,16 @@ from testbench.plant.tracker import Station, trial_rng
 from testbench.plant.true_arms import CALLED
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GREY, SERIES, Look
-from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest, sweeps
 from testbench.report.planned_poses import ORDER, OURS, UNSCALED, World
 from testbench.report.report import Report, say
 from testbench.report.scene import ModelLine, PageContent, PlaceMap, Scene
-from testbench.report.schema import Table
+from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import ends, independent, middle, span, wins
 from testbench.studies import campaigns
 from testbench.studies.planning import trial
-from testbench.studies.planning.settings import (
+from testbench.studies.planning.trial import (
     ANYWHERE,
     AWAY,
     BARE,
@@ -47,13 +46,13 @@ from testbench.studies.planning.settings import (
     Scope,
     elsewhere,
     settings,
+    specify,
 )
-from testbench.studies.planning.trial import specify
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import Everywhere, Run, Study
-from testbench.workflows.candidates import PoseConditions, build_checks, feasible, find
 from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.perturbed_prior import SCALE, SHAPE, UNCERTAINTY, wrong_prior
+from testbench.workflows.models import SCALE, SHAPE, UNCERTAINTY, wrong_prior
+from testbench.workflows.plan_input import PoseConditions, build_checks, feasible, find
 from testbench.workflows.predicted_error import forecast_summary
 
 AWAY_STREAM = 20  #: Streams of the other ground, over those of the first.
