@@ -53,10 +53,10 @@ from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
 from testbench.studies import shrinkage
+from testbench.workflows.advice import of_average
 from testbench.workflows.cell import true_cell
 from testbench.workflows.fits import of_scale
 from testbench.workflows.models import named_models, prior_of, with_priors
-from testbench.workflows.advice import of_average
 
 
 def runs(cell, seed, **changes):
