@@ -189,7 +189,7 @@ def tables(rows):
     scales = [f"{SCALES[k]:.1f}" for k in SHOWN]
     return {
         "default": table(
-            "true arms|n|default, mm|Joints-only, mm|loses|least squares with the prior, mm|loses|covered, %"
+            "true arms|n|default, mm|Joints-only, mm|loses to it|LS with the prior, mm|loses to it|covered, %"
             "|worst tenth, %|half width over the narrowest".split("|"),
             [beside(kind, own[kind]) for kind in kinds],
         ),
