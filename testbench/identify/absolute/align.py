@@ -53,7 +53,7 @@ POSITIONS = (0, 2)
 """Kinds that are positions."""
 
 LINE_SHARE = 0.9991 / 2.986
-"""Mean of min(|z|, 3.5)^2 of a normal number over that of a normal 3-vector [1]: a distance is one number."""
+"""Mean of min(|z|, 3.5)^2 of a normal number over that of a normal 3-vector [1]."""
 
 
 @dataclass(frozen=True)
@@ -232,9 +232,6 @@ def scatter(state: ArmState, series: Sequence[Series], share: float) -> Noise:
     """
     none = np.zeros(0)
     position, rotation = [(none, none)], [(none, none)]  # lengths of what is left, variances of readings
-    sizes = np.concatenate(
-        [np.full(one.seen.sum(), LINE_SHARE if one.distance is not None else 1.0) for one in series]
-    )
     for one in series:
         left, m, seen = np.linalg.norm(residuals(state, one), axis=1).T, len(one.markers), one.seen
         variance = np.full((one.rows, m), one.sigma**2)
@@ -245,9 +242,13 @@ def scatter(state: ArmState, series: Sequence[Series], share: float) -> Noise:
         if one.sigma_rotation is not None:
             rotation.append((left[one.turned, m], np.full(one.turned.sum(), one.sigma_rotation**2)))
     found = []
-    for kind, numbers in ((position, sizes), (rotation, np.ones(1))):
+    # A distance is one number: its squares are smaller than those of a position.
+    every = sum(int(one.seen.sum()) for one in series)
+    lines = sum(int(one.seen.sum()) for one in series if one.distance is not None)
+    mean = 1.0 - (1.0 - LINE_SHARE) * lines / max(every, 1)
+    for kind, size in ((position, mean), (rotation, 1.0)):
         length, own = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
-        found.append(READINGS.scatter(length, own, share * float(numbers.mean())))
+        found.append(READINGS.scatter(length, own, share * size))
     return Noise(found[0], found[1])
 
 
@@ -381,7 +382,7 @@ UNNAMED_DEVIATION = 1.0
 MAX_POINT_DEVIATIONS = 5.0
 """Distance of a fixed point from its stated place beyond which that is wrong, over its deviation [1]."""
 MAX_EVALUATIONS = 100
-"""Most evaluations of the search for a fixed point; sound ones take 20."""
+"""Most evaluations of the search for a fixed point."""
 MAX_TURNED = 0.1
 """Median angle between orientations and the arm beyond which their notation is wrong [rad]."""
 
