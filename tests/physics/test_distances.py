@@ -164,6 +164,17 @@ P1,20,-60,80,5,30,0,2245.6,2200,0,100
 """
 
 
+def test_every_fixed_point_of_a_workshops_table_is_a_series_of_its_own(kr500, tmp_path):
+    file = tmp_path / "d.csv"
+    file.write_text(TABLE.replace("2245.6,2200", "2245.6,2300"))
+    export = read_series(file, kr500.arm)
+    assert [one.name for one in export.series] == ["d point 1", "d point 2"]
+    assert [one.frame for one in export.series] == ["d point 1", "d point 2"]
+    assert [one.fixed for one in export.series] == [(2.2, 0.0, 0.1), (2.3, 0.0, 0.1)]
+    assert [one.fixed_sigma for one in export.series] == [0.02, 0.02]
+    assert any("20 mm of a fixed point is assumed" in note for note in export.notes)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
