@@ -117,7 +117,7 @@ def _shown_as_poses(console: Console, cell: Cell, dataset: Path, mapping: Path |
         series = read_series(dataset, cell.arm, own).series
         distances = any(one.distance is not None for one in series)
         unloaded = not any(one.wrench.any() for one in series)
-        return distances or (unloaded and any(one.turned.any() for one in series))
+        return distances or (unloaded and any(one.oriented.any() for one in series))
 
     with contextlib.suppress(InputError):
         if poses(mapping):

@@ -227,7 +227,7 @@ def _assembled(
         joints=columns.joints,
     )
     # Drop rows without any reading.
-    there = whole.seen.any(axis=1) | whole.turned
+    there = whole.seen.any(axis=1) | whole.oriented
     if not there.any():
         raise table.error(0, "", "expected at least one reading, all are blank")
     turned = [f"the angles are {fit.notation}, which alone fits the arm as drawn: {fit}"] if fit else []
@@ -334,7 +334,7 @@ def _parted(
         number = ""
         if fixed is not None:
             number = _number_of(point, [own for own, *rest in keys if rest[:2] == [series, station]])
-        place, turned = " ".join(filter(None, (series, station, number))), bool(part.turned.any())
+        place, turned = " ".join(filter(None, (series, station, number))), bool(part.oriented.any())
         if fixed is not None:
             part = replace(
                 part,

@@ -31,7 +31,7 @@ from testbench.workflows.cell import Cell
 from testbench.workflows.instruments import Mounted
 
 POINTS = (2.2, 0.0, 0.1), (0.5, 2.0, 0.8)
-EXACT = DistanceMeter(sigma=1e-7, fixed=2e-3, travel=10.0)
+EXACT = DistanceMeter(sigma=1e-7, fixed_point_sigma=2e-3, travel=10.0)
 CAMPAIGN = AbsoluteCampaign(
     poses=40,
     masses=(0.0, 460.0),
@@ -75,7 +75,7 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_the_point_is_
         frame = moved_frame(state.frame(one), x[unknowns.columns(f"frame {one.frame}")])
         mount = moved_mount(state.mount(one), x[unknowns.columns(f"mount {one.target}")])
         theta_0 = state.theta_0.copy()
-        theta_0[unknowns.inner] += x[unknowns.columns("geometry")]
+        theta_0[unknowns.geometry_slice] += x[unknowns.columns("geometry")]
         C = unknowns.structure.matrix(x[unknowns.columns("elastic")])
         moved = replace(
             state, theta_0=theta_0, C_theta=C, frames={one.frame: frame}, mounts={one.target: mount}
@@ -102,7 +102,7 @@ def test_a_distance_is_one_equation_and_scatters_as_one_number(kr500, rng):
         "f",
         "t",
         np.arange(rows),
-        q=kr500.arm.drawn(rng, rows),
+        q=kr500.arm.draw_poses(rng, rows),
         position=np.zeros((rows, 1, 3)),
         sigma=1e-6,
         distance=np.ones((rows, 1)),
