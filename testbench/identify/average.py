@@ -29,6 +29,7 @@ that change from pose to pose count unless they predict these poses worse.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -43,7 +44,6 @@ from testbench.identify.metric import PriorScaling, WeightedPrior, precision_roo
 from testbench.identify.regression import (
     Regression,
     f_m,
-    parameter_places,
     regression_of,
     restrict_to,
     scatter_to,
@@ -425,17 +425,12 @@ def steadied(
     regression, bare = _joints(r, prior)
     rigid = solve(regression, constraint, log_evidence_alone(regression, bare)[1])
     pi = (1 - weight) * estimate.pi + weight * scatter_to(rigid.pi, rigid.structure, estimate.structure)
-    mean = replace(
-        make_estimate(estimate.regression, pi, method=estimate.method, constraint=constraint),
-        weighted_prior=estimate.weighted_prior,
-        status=estimate.status if estimate.status != "solved" else rigid.status,
-        solver_seconds=estimate.solver_seconds + rigid.solver_seconds,
-        average=replace(
-            known,
-            weight=weight + (1 - weight) * known.weight,
-            laws_weight=(weight < 1) * known.laws_weight,
-        ),
+    average = replace(
+        known,
+        weight=weight + (1 - weight) * known.weight,
+        laws_weight=(weight < 1) * known.laws_weight,
     )
+    mean = _average(estimate.regression, pi, (estimate, rigid), estimate.weighted_prior, average)
     return replace(mean, f_m=f_m(restrict_to(r, mean.structure), mean.pi))
 
 
@@ -461,25 +456,34 @@ def _of_two(r: Regression, constraint: Constraint, prior: PriorScaling, softened
     for weight, estimate in weighed:
         pi[: estimate.structure.n] += weight * estimate.pi
     known = [(weight, own.average or ModelAverage(0.0, own)) for weight, own in weighed]
+    average = ModelAverage(
+        weight=sum(weight * own.weight for weight, own in known),
+        all_parts=known[share > 0.5][1].all_parts,
+        laws_weight=sum(weight * own.laws_weight for weight, own in known),
+        laws_probability=sum(weight * own.laws_probability for weight, own in known),
+        with_laws=next((own.with_laws for _, own in known if own.with_laws is not None), None),
+        ties_weight=sum(weight * own.ties_weight for weight, own in known),
+        with_ties=next((own.with_ties for _, own in known if own.with_ties is not None), None),
+        parts=((1 - likely, first), (likely, second)),
+    )
+    return _average(widest.regression, pi, (first, second), likelier.weighted_prior, average)
+
+
+def _average(
+    regression: Regression,
+    pi: Array,
+    models: Sequence[Estimate],
+    prior: WeightedPrior | None,
+    average: ModelAverage,
+) -> Estimate:
+    """Make the estimate of averaged parameters; its status is that of the first model that is not solved."""
+    mean = make_estimate(regression, pi, method=models[0].method, constraint=models[0].constraint)
     return replace(
-        make_estimate(widest.regression, pi, method=likelier.method, constraint=constraint),
-        weighted_prior=likelier.weighted_prior,
-        status=first.status if first.status != "solved" else second.status,
-        solver_seconds=first.solver_seconds + second.solver_seconds,
-        average=ModelAverage(
-            weight=sum(weight * average.weight for weight, average in known),
-            all_parts=known[share > 0.5][1].all_parts,
-            laws_weight=sum(weight * average.laws_weight for weight, average in known),
-            laws_probability=sum(weight * average.laws_probability for weight, average in known),
-            with_laws=next(
-                (average.with_laws for _, average in known if average.with_laws is not None), None
-            ),
-            ties_weight=sum(weight * average.ties_weight for weight, average in known),
-            with_ties=next(
-                (average.with_ties for _, average in known if average.with_ties is not None), None
-            ),
-            parts=((1 - likely, first), (likely, second)),
-        ),
+        mean,
+        weighted_prior=prior,
+        status=next((model.status for model in models if model.status != "solved"), "solved"),
+        solver_seconds=sum(model.solver_seconds for model in models),
+        average=average,
     )
 
 
@@ -530,16 +534,11 @@ def _of_prior(
     # The average of their compliances.
     pi = share * scatter_to(estimate.pi, estimate.structure, r.structure)
     pi[: len(mean.pi)] += (1 - share) * mean.pi
-    found = replace(
-        make_estimate(r, pi, method=estimate.method, constraint=constraint),
-        weighted_prior=belief if share > 0.5 else mean.weighted_prior,
-        status=estimate.status if mean.status == "solved" else mean.status,
-        solver_seconds=mean.solver_seconds + estimate.solver_seconds,
-        average=replace(
-            known, laws_weight=(1 - share) * known.laws_weight, ties_weight=share, with_ties=estimate
-        ),
+    average = replace(
+        known, laws_weight=(1 - share) * known.laws_weight, ties_weight=share, with_ties=estimate
     )
-    return found, together
+    likelier = belief if share > 0.5 else mean.weighted_prior
+    return _average(r, pi, (mean, estimate), likelier, average), together
 
 
 def _untied(
@@ -566,30 +565,17 @@ def _untied(
         weight = 0.0
     pi = weight * lawful.pi
     pi[r.structure.a < r.structure.n_compliance_rows] += (1 - weight) * straight.pi
-    mean = make_estimate(r, pi, method=lawful.method, constraint=constraint)
-    average = straight.average or ModelAverage(0.0, straight)
-    mean = replace(
-        mean,
-        weighted_prior=belief if weight > 0.5 else average.all_parts.weighted_prior,
-        status=lawful.status if straight.status == "solved" else straight.status,
-        solver_seconds=straight.solver_seconds + lawful.solver_seconds,
-        average=replace(average, laws_weight=weight, laws_probability=likely, with_laws=lawful),
-    )
-    return mean, together
+    known = straight.average or ModelAverage(0.0, straight)
+    average = replace(known, laws_weight=weight, laws_probability=likely, with_laws=lawful)
+    likelier = belief if weight > 0.5 else known.all_parts.weighted_prior
+    return _average(r, pi, (straight, lawful), likelier, average), together
 
 
 # --- Parts of a model ---------------------------------------------------------------------------------------
 
 
 def without_laws(metric: PriorScaling) -> PriorScaling:
-    """Return the scaling of the prior of compliances alone, without joint laws.
-
-    Args:
-        metric: The scaling of all parameters.
-
-    Returns:
-        The scaling without laws.
-    """
+    """Return the scaling of the prior of compliances alone, without joint laws."""
     return metric if not metric.law.any() else restrict_scaling(metric, linear(metric.structure))
 
 
@@ -603,7 +589,7 @@ def restrict_scaling(metric: PriorScaling, structure: Structure) -> PriorScaling
     Returns:
         The metric of these unknowns.
     """
-    own = parameter_places(structure, metric.structure)
+    own = structure.places_in(metric.structure)
     row, column = metric.structure.triangles
     wanted = set(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
     found = [pair in wanted for pair in zip(row.tolist(), column.tolist(), strict=True)]
@@ -633,22 +619,12 @@ def _linear(
     rigid = solve(regression, constraint, alone)
     pi = (1 - weight) * whole.pi
     pi[joints] += weight * rigid.pi
-    mean = replace(
-        make_estimate(r, pi, method=whole.method, constraint=constraint),
-        weighted_prior=belief,
-        status=whole.status if whole.status != "solved" else rigid.status,
-        solver_seconds=whole.solver_seconds + rigid.solver_seconds,
-        average=ModelAverage(
-            weight,
-            whole,
-            joints_probability=min(
-                _logistic(power * (odds - math.log(JOINTS_ONLY_ODDS)))
-                for power in (EVIDENCE_EXPONENT, JOINTS_EVIDENCE_EXPONENT)
-            ),
-            joints_only=rigid,
-        ),
+    probability = min(
+        _logistic(power * (odds - math.log(JOINTS_ONLY_ODDS)))
+        for power in (EVIDENCE_EXPONENT, JOINTS_EVIDENCE_EXPONENT)
     )
-    return mean, together
+    average = ModelAverage(weight, whole, joints_probability=probability, joints_only=rigid)
+    return _average(r, pi, (whole, rigid), belief, average), together
 
 
 def _joints(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
@@ -661,14 +637,7 @@ def _joints(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScalin
 
 
 def joint_columns(metric: PriorScaling) -> Ids:
-    """Find the parameters that are compliances of joints.
-
-    Args:
-        metric: The scaling, whose structure names the parameters.
-
-    Returns:
-        Their places, (joints,).
-    """
+    """Find the places of the parameters that are compliances of joints, (joints,)."""
     s = metric.structure
     return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.n_compliance_rows))
 

@@ -118,14 +118,7 @@ def _at_markers(vjm: Vjm, data: Dataset) -> Dataset:
 
 
 def unloaded_series(data: Dataset) -> tuple[Series, ...]:
-    """Return the unloaded readings of runs.
-
-    Args:
-        data: The runs.
-
-    Returns:
-        One series per station that read anything.
-    """
+    """Return the unloaded readings of runs, one series per station that read anything."""
     every = (select_rows(series, np.arange(series.rows // 2)) for series in series_of(data, STATION, "tool"))
     return tuple(series for series in every if series.seen.any())
 
@@ -205,12 +198,5 @@ def transform_to_base(registration: Registration, data: Dataset) -> Dataset:
 
 
 def station_number(name: str) -> int:
-    """Return the number of the station from the name of its frame.
-
-    Args:
-        name: Name of the frame.
-
-    Returns:
-        The number.
-    """
+    """Return the number of the station from the name of its frame."""
     return int(name.removeprefix(STATION))

@@ -233,14 +233,7 @@ class Casting:
     rib: float  #: Width of a rib over the pitch [1].
 
     def sections(self, s: Array) -> Sections:
-        """Compute cross sections along the link.
-
-        Args:
-            s: Distances from the root over the length of the link, (k,) [1].
-
-        Returns:
-            The sections, k of them.
-        """
+        """Compute cross sections of the link at distances from its root over its length, (k,) [1]."""
         width, height = (self.size * (1 + s[:, None] * (self.taper - 1))).T / 2
         top = self.trapezium * width
         y, z = np.array([-width, width, top, -top]).T, np.array([-height, -height, height, height]).T
@@ -259,13 +252,9 @@ class Casting:
         return whole
 
     def compliance(self, segments: int = SEGMENTS) -> Array:
-        """Compute the compliance at the link's end in the beam frame.
+        """Compute the compliance at the link's end in the beam frame, (6, 6) [m/N, rad/(N m)].
 
-        Args:
-            segments: Number of Gauss-Legendre nodes along the link.
-
-        Returns:
-            Compliance, (6, 6) [m/N, rad/(N m)].
+        It takes Gauss-Legendre nodes along the link, as many as `segments`.
         """
         nodes, weights = np.polynomial.legendre.leggauss(segments)
         s = (1 + nodes) / 2
@@ -331,15 +320,7 @@ def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Cas
         return float(rng.uniform(*RANGES[name]))
 
     def each(name: str, count: int) -> Array:
-        """Draw several values of one dimension.
-
-        Args:
-            name: Its name in `RANGES`.
-            count: Number of values.
-
-        Returns:
-            The values, (count,).
-        """
+        """Draw several values of one dimension."""
         return rng.uniform(*RANGES[name], count)
 
     return Casting(

@@ -67,14 +67,7 @@ class ArmsInRow:
 
 
 def open_row(plant: Plant) -> ArmsInRow:
-    """Make the MuJoCo model with copies of the plant's arm in a row, which are evaluated together.
-
-    Args:
-        plant: The plant.
-
-    Returns:
-        The model with views of its arrays, one row per copy.
-    """
+    """Make the MuJoCo model with copies of the plant's arm in a row, and views of its arrays by copy."""
     model, data = plant.abreast, mujoco.MjData(plant.abreast)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
     return ArmsInRow(
@@ -199,13 +192,7 @@ class Strut:
 
 
 def hinged_bodies(plant: Plant) -> tuple[int, int]:
-    """Find the bodies that the compensator connects: links 1 and 2.
-
-    Args:
-        plant: The plant.
-
-    Returns:
-        Their ids in MuJoCo.
+    """Find the bodies that the compensator connects, links 1 and 2, by their ids in MuJoCo.
 
     Raises:
         BenchError: If the arm has fewer than two joints, or joint 2 is prismatic.
@@ -342,14 +329,7 @@ class Batch:
         return tool if self.strut is None else (*tool, *self.strut.ends)
 
     def compliance(self, some: Ids) -> Array:
-        """Return the compliance in some poses.
-
-        Args:
-            some: Indices of the poses, (some,).
-
-        Returns:
-            (some, nv, nv), or (nv, nv) if all poses share one.
-        """
+        """Return the compliance in some poses, (some, nv, nv), or (nv, nv) if all poses share one."""
         return self.C if self.C.ndim == 2 else self.C[some]
 
 
@@ -391,15 +371,7 @@ def solve_equilibrium(
     true_q = q + plant.offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
     def settled(some: slice, row: ArmsInRow) -> ArmEquilibrium:
-        """Find the equilibrium of some runs.
-
-        Args:
-            some: The runs.
-            row: Copies of the arm that are evaluated together.
-
-        Returns:
-            Their equilibrium.
-        """
+        """Find the equilibrium of some runs."""
         held, C = fixed_configurations(plant, true_q[some]), plant.compliance(q[some])
         poses = Batch(plant, held, wrench[some], point[some], C, law and law.of(some))
         if changes.compensator is not None:
@@ -647,15 +619,7 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
     point = check_array(point, (len(q), 3), "point [m]")
 
     def settled(some: slice, row: ArmsInRow) -> ArmEquilibrium:
-        """Find the equilibrium of some runs.
-
-        Args:
-            some: The runs.
-            row: Copies of the arm that are evaluated together.
-
-        Returns:
-            Their equilibrium.
-        """
+        """Find the equilibrium of some runs."""
         return _displaced(plant, row, q[some], wrench[some], point[some])
 
     return in_parts(plant, len(q), settled)

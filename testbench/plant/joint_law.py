@@ -73,14 +73,7 @@ class JointLaw:
     added: TrueLaw | None = None  #: Effect that a user adds; None for none.
 
     def of(self, some: Ids | slice) -> "JointLaw":
-        """Select the law of some runs.
-
-        Args:
-            some: Places of the runs, (runs,).
-
-        Returns:
-            The same law with the states of these runs.
-        """
+        """Select the law of some runs."""
         return self if self.before is None else replace(self, before=self.before[some])
 
 
@@ -156,13 +149,9 @@ class Follows:
     phase: Array  #: Phase of every link, (links,) [rad].
 
     def factors(self, q: Array) -> Array:
-        """Compute the factors that the pose applies to the roots of the link compliances.
+        """Compute the factors that poses, (poses, n) [rad, m], apply to the roots of the link compliances.
 
-        Args:
-            q: Commanded joint angles, (poses, n) [rad, m].
-
-        Returns:
-            Factors relative to the compliances of the arm's folder, (poses, 6 links) [1].
+        They refer to the compliances of the arm's folder, (poses, 6 links) [1].
         """
         s = np.sin((q[:, None, :] * self.turns).sum(axis=2) + self.phase)
         return np.asarray(np.exp(s[..., None] * self.share / 2).reshape(len(q), -1))

@@ -87,38 +87,17 @@ def origins(site: Site, names: Sequence[str], frames: BodyFrames) -> Array:
 
 
 def drawn_shapes(site: Site) -> list[Shape]:
-    """List the visual geoms of an arm.
-
-    Args:
-        site: The arm in its place.
-
-    Returns:
-        The geoms; none if the arm has none.
-    """
+    """List the visual geoms of an arm; none if it has none."""
     return _shapes(site.model, site.model.geom_group < VISUAL_GROUPS)
 
 
 def visual_shapes(site: Site) -> list[Shape]:
-    """List the visual geoms of an arm, or sticks from body to body if it has none.
-
-    Args:
-        site: The arm in its place.
-
-    Returns:
-        The geoms or sticks.
-    """
+    """List the visual geoms of an arm, or sticks from body to body if it has none."""
     return drawn_shapes(site) or _sticks(site.model)
 
 
 def solid_shapes(site: Site) -> list[Shape]:
-    """List the colliding geoms of an arm.
-
-    Args:
-        site: The arm in its place.
-
-    Returns:
-        The geoms.
-    """
+    """List the colliding geoms of an arm."""
     return _shapes(site.model, site.model.geom_contype != 0)
 
 
@@ -187,13 +166,10 @@ def _mesh(model: mujoco.MjModel, k: int) -> Mesh:
 
 
 def join_meshes(shapes: Sequence[Shape]) -> tuple[Mesh, list[int]]:
-    """Join the meshes of one body to one mesh.
-
-    Args:
-        shapes: Shapes of the body; those without a mesh are skipped.
+    """Join the meshes of one body, in its axes [m], to one mesh; shapes without a mesh are skipped.
 
     Returns:
-        The mesh in the body's axes [m], and the number of vertices of each part.
+        The mesh, and the number of vertices of each part.
     """
     pairs = [(shape, shape.mesh) for shape in shapes if shape.mesh is not None]
     counts = [len(mesh.vertices) for _, mesh in pairs]
@@ -229,28 +205,14 @@ def _sticks(model: mujoco.MjModel) -> list[Shape]:
 
 
 def rotation_of(quaternion: Array) -> Array:
-    """Convert MuJoCo's quaternion to a rotation matrix.
-
-    Args:
-        quaternion: w, x, y, z, (4,) [1].
-
-    Returns:
-        Rotation matrix, (3, 3) [1].
-    """
+    """Convert MuJoCo's quaternion (w, x, y, z), (4,) [1], to a rotation matrix, (3, 3)."""
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, np.asarray(quaternion, dtype=float))
     return rotation.reshape(3, 3)
 
 
 def quaternions(R: Array) -> Array:
-    """Convert rotation matrices to quaternions.
-
-    Args:
-        R: Rotation matrices, (..., 3, 3) [1].
-
-    Returns:
-        x, y, z, w, (..., 4) [1].
-    """
+    """Convert rotation matrices, (..., 3, 3), to quaternions (x, y, z, w), (..., 4) [1]."""
     return np.asarray(Rotation.from_matrix(R).as_quat())
 
 
@@ -327,13 +289,6 @@ POINTS: dict[Kind, Callable[[Array], Array]] = {
 
 
 def corners(shape: Shape) -> Array:
-    """Compute points whose convex hull is that of a shape.
-
-    Args:
-        shape: The shape.
-
-    Returns:
-        Points in the axes of its body, (points, 3) [m].
-    """
+    """Compute points whose convex hull is that of a shape, in the axes of its body, (points, 3) [m]."""
     own = POINTS[shape.kind](shape.size) if shape.mesh is None else shape.mesh.vertices
     return np.asarray(shape.position + own @ shape.rotation.T)

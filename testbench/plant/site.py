@@ -168,13 +168,7 @@ class Site:
 
 
 def check_position(position: object) -> Array:
-    """Check the position of a station.
-
-    Args:
-        position: Three coordinates [m].
-
-    Returns:
-        The position, (3,) [m].
+    """Check the position of a station, three coordinates [m], and return it as an array.
 
     Raises:
         BenchError: If it is not three finite numbers, or is far from any arm.
@@ -407,14 +401,7 @@ def check_poses(site: Site, q: Array) -> None:
 
 
 def has_surroundings(site: Site) -> bool:
-    """Tell whether anything of the world collides, such as a floor or a wall.
-
-    Args:
-        site: The arm in its place.
-
-    Returns:
-        Whether the world has a geom that collides.
-    """
+    """Tell whether anything of the world collides, such as a floor or a wall."""
     model = site.model
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     return bool((collides & (model.geom_bodyid == 0)).any())

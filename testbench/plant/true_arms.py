@@ -349,14 +349,7 @@ true_arms: Registry[TrueArm] = Registry("true arm", "testbench.true_arms", {**TR
 
 
 def called(name: str) -> str:
-    """Return the words that reports use for a kind of true arm; one that a user added keeps its own name.
-
-    Args:
-        name: Name of the kind.
-
-    Returns:
-        The words.
-    """
+    """Return the words that reports use for a kind of true arm; one that a user added keeps its own name."""
     return CALLED.get(name, name)
 
 
@@ -440,14 +433,7 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
 
 
 def exactly_loaded(plant: Plant) -> Plant:
-    """Copy a plant without errors of the recorded load: its mass and its centre are exact.
-
-    Args:
-        plant: The plant.
-
-    Returns:
-        The copy.
-    """
+    """Copy a plant without errors of the recorded load: its mass and its centre are exact."""
     exact = replace(plant.disturbances, mass_error=0.0, centre_error=0.0)
     return replace(plant, disturbances=exact, centre=np.zeros(3))
 

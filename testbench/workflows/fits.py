@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammainc
 
-from testbench.data.dataset import MAX_SHOWN, Dataset, evenly, in_order
+from testbench.data.dataset import MAX_SHOWN, Dataset, evenly, select_rows
 from testbench.errors import Array, BenchError, Doubt
 from testbench.files.readings import SIGMA
 from testbench.identify import Estimate, Method, intervals
@@ -144,7 +144,7 @@ def fit_models(
         runs = replace(
             runs, notes=(*runs.notes, f"intervals are computed for {MAX_SHOWN} of {widest.runs} runs")
         )
-        widest = in_order(widest, evenly(np.arange(widest.runs), MAX_SHOWN))
+        widest = select_rows(widest, evenly(np.arange(widest.runs), MAX_SHOWN))
     every = [
         (m.name, estimate) for m, estimate in zip(fitted_models.models, fitted_models.estimates, strict=True)
     ]

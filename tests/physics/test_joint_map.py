@@ -12,8 +12,7 @@ from serial_arms import write_arm
 from unsure import normal
 
 import testbench as tb
-from testbench.arm.folder import ArmJoint
-from testbench.arm.joint_map import build_map
+from testbench.arm.joint_map import ArmJoint, build_map
 from testbench.correct.compensated import joints_along
 from testbench.correct.newton import Aim
 from testbench.data.dataset import series_of

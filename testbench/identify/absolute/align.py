@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import helmert
 
-from testbench.data.dataset import Series, select_rows
+from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import (
     ROWS_AT_ONCE,
@@ -56,14 +56,7 @@ class Noise:
 
 
 def repeated_rows(series: Series) -> tuple[Ids, ...]:
-    """Group the rows of a pose that read the same targets.
-
-    Args:
-        series: The readings.
-
-    Returns:
-        Rows, (groups, k), for every number k > 1 of rows in a group.
-    """
+    """Group the rows of a pose that read the same targets: (groups, k) for every number k > 1 of rows."""
     read = np.column_stack([series.pose, series.seen, series.turned])
     code = np.unique(read, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(code, kind="stable")
@@ -73,14 +66,7 @@ def repeated_rows(series: Series) -> tuple[Ids, ...]:
 
 
 def kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
-    """List the kinds of equations that some series have.
-
-    Args:
-        series: The readings.
-
-    Returns:
-        Places in `EQUATION_KINDS`.
-    """
+    """List the kinds of equations that some series have, as places in `EQUATION_KINDS`."""
     turned = any(one.rotation is not None for one in series)
     again = any(repeated_rows(one) for one in series)
     return tuple(k for k in range(len(EQUATION_KINDS)) if (turned or k in POSITIONS) and (again or k < 2))
@@ -261,9 +247,6 @@ def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
 
 def expected_of(series: Sequence[Series]) -> tuple[Array, float]:
     """Average the stated variances of positions and orientations, and the number of combined readings.
-
-    Args:
-        series: The readings.
 
     Returns:
         Variances, (2,) [m^2, rad^2], and the number of readings behind a mean [1].
@@ -488,7 +471,7 @@ def _placed(
     undetermined.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(MAX_ROWS, len(seen))).astype(int)])
+    some = select_rows(series, seen[evenly_spaced(len(seen), MAX_ROWS)])
     layout = _upright(state, some) if as_drawn else _registered(state, some, shared=shared)
     if layout is None:
         return None
@@ -645,11 +628,8 @@ def _joined(known: Mount, more: Mount) -> Mount:
 def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Issue]]:
     """Give all series of a mount the same targets in the same order, without those that were never read.
 
-    Args:
-        series: The readings.
-
     Returns:
-        The series, and a finding for each series with a target that was never read.
+        The series, and an issue for each series with a target that was never read.
     """
     found, notes = [], []
     for one in series:
@@ -664,14 +644,7 @@ def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[I
 
 
 def read_only(series: Series) -> Series:
-    """Drop the targets that a series never read.
-
-    Args:
-        series: The readings.
-
-    Returns:
-        The series without them; unchanged if it read none at all.
-    """
+    """Drop the targets that a series never read; a series that read none at all stays as it is."""
     return with_targets(series, _read(series) or series.markers)
 
 

@@ -91,14 +91,13 @@ class ErrorCandidate:
     pattern: bool = False
 
 
-def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
+def blocks_of(series: Sequence[Series]) -> list[Ids]:
     """Divide rows into blocks of joint space by k-means on sine and cosine; rows of a pose share a block.
 
     If a block leaves fewer than `MIN_BLOCK_POSES` poses outside it, the series is divided into two halves.
 
     Args:
         series: The readings.
-        seed: Seed of k-means.
 
     Returns:
         Block of every row, (rows,) per series.
@@ -115,7 +114,7 @@ def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
         place = np.column_stack([np.sin(one.q), np.cos(one.q), LOAD * load / (load.max() or 1.0)])
         label = np.zeros(one.rows, dtype=int)
         if k > 1:
-            label = kmeans2(place, k, minit="++", seed=seed)[1].astype(int)
+            label = kmeans2(place, k, minit="++", seed=0)[1].astype(int)
         if k > 1 and len(first) - np.bincount(label[first]).max() < MIN_BLOCK_POSES:
             label[first] = 2 * np.arange(len(first)) // len(first)
         found.append(label[first[pose]])

@@ -111,12 +111,10 @@ def activate(unknowns: Unknowns, kinds: frozenset[str], elastic: PriorScaling | 
     rigid = np.sort(np.concatenate(on))
     if elastic is None:
         return ActiveUnknowns(unknowns, rigid, None)
-    place = {pair: k for k, pair in enumerate(zip(unknowns.structure.a, unknowns.structure.b, strict=True))}
-    wanted = list(zip(elastic.structure.a, elastic.structure.b, strict=True))
-    if not all(pair in place for pair in wanted):
+    places = elastic.structure.places_in(unknowns.structure)
+    if (places < 0).any():
         raise BenchError(f"{elastic.structure.name}: expected a part of {unknowns.structure.name}")
-    own = unknowns.starts["elastic"] + np.array([place[pair] for pair in wanted])
-    return ActiveUnknowns(unknowns, np.concatenate([rigid, own]), elastic)
+    return ActiveUnknowns(unknowns, np.concatenate([rigid, unknowns.starts["elastic"] + places]), elastic)
 
 
 @dataclass(frozen=True)

@@ -325,16 +325,7 @@ def _choose(
     active = activate(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
 
     def learnt(own: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
-        """Learn the sizes of errors and noise from the reduced equations.
-
-        Args:
-            own: The selected unknowns.
-            reduced: The reduced equations.
-            start: Sizes to start from.
-
-        Returns:
-            The sizes.
-        """
+        """Learn the sizes of errors and noise from the reduced equations."""
         return learn_scales(own, gram_of_active(own, reduced.gram), reduced.counts, start, options.constraint)
 
     sizes = learnt(active, reduced, default_scales(unknowns, len(reduced.kinds)))
@@ -345,14 +336,7 @@ def _choose(
 
 
 def subsample(series: Sequence[Series]) -> tuple[Series, ...]:
-    """Thin series to the rows that an intermediate step needs; a pose keeps all of its rows or none.
-
-    Args:
-        series: The readings.
-
-    Returns:
-        The series, about `ON_THE_WAY` rows in all.
-    """
+    """Thin series to about `ON_THE_WAY` rows in all; a pose keeps all of its rows or none."""
     every, found = sum(one.rows for one in series), []
     for one in series:
         stride = min(-(-every // ON_THE_WAY), max(1, one.rows // LEAST_OF_ONE))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
-from testbench.data.dataset import Series, select_rows
+from testbench.data.dataset import Series, evenly, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import (
     EQUATION_KINDS,
@@ -36,6 +36,7 @@ from testbench.model.structure import joints_only
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.identify.absolute.fit import Calibration
 
+CHI_SQUARED_95 = 7.8147  #: 95 % quantile of chi squared with 3 degrees of freedom.
 STEP, MAX_STEPS = 1e-9, 20
 """Step of a frame below which the fit has converged [m, rad], and most steps."""
 
@@ -68,12 +69,6 @@ def posterior_of(calibration: "Calibration") -> Posterior:
     """Return the posterior of all selected unknowns of a calibration; frames and mounts are steps.
 
     Mathematics: `abs-13`.
-
-    Args:
-        calibration: The calibration, c unknowns.
-
-    Returns:
-        The posterior, (c,).
     """
     active = calibration.active
     L = np.zeros((0, 0)) if active.elastic is None else active.elastic.L
@@ -82,14 +77,7 @@ def posterior_of(calibration: "Calibration") -> Posterior:
 
 
 def model_of(calibration: "Calibration") -> ArmModel:
-    """Convert a calibration to a model of the arm that does not depend on its series.
-
-    Args:
-        calibration: The calibration.
-
-    Returns:
-        The model, without frames and mounts.
-    """
+    """Convert a calibration to a model of the arm that does not depend on its frames and mounts."""
     active, state, known = calibration.active, calibration.state, posterior_of(calibration)
     first = active.unknowns.starts["geometry"]
     f = int((active.columns < first).sum())
@@ -146,7 +134,7 @@ def with_known_frame(model: ArmModel, series: Series) -> RegisteredSeries:
         The series' frame and mount, with their joint covariance with the arm's unknowns.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(ROWS_AT_ONCE, len(seen))).astype(int)])
+    some = select_rows(series, seen[evenly_spaced(len(seen), ROWS_AT_ONCE)])
     F, M, _ = _whitened(model, model.state, some)
     return RegisteredSeries(
         model.state, np.zeros(0, dtype=int), _joint(model, _root(model, F, some), F.T @ M)
@@ -195,19 +183,18 @@ def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[
     return residuals(placed.state, series)[:m].transpose(2, 0, 1), covariance
 
 
-def inside_ellipsoid(left: Array, covariance: Array, quantile: float = 7.8147) -> Array:
-    """Tell which positions lie in their confidence ellipsoid: r^T C^-1 r at most the quantile.
+def inside_ellipsoid(left: Array, covariance: Array) -> Array:
+    """Tell which positions lie in their 95 % confidence ellipsoid: r^T C^-1 r is at most `CHI_SQUARED_95`.
 
     Args:
         left: Residuals r, (rows, m, 3) [m].
         covariance: Their covariances C, (rows, m, 3, 3) [m^2].
-        quantile: Quantile of chi squared with 3 degrees of freedom; that of 95 % by default.
 
     Returns:
         (rows, m).
     """
     solved = np.linalg.solve(covariance, left[..., None])[..., 0]
-    return np.asarray((left * solved).sum(axis=-1) <= quantile)
+    return np.asarray((left * solved).sum(axis=-1) <= CHI_SQUARED_95)
 
 
 def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
@@ -311,7 +298,7 @@ def pull_of(
         total = np.zeros((unknowns.size,) * 2)
         for one in series:
             count = min(one.rows, -(-FURTHER_ROWS // len(series)))
-            rows = np.linspace(0, one.rows - 1, count).round().astype(int)
+            rows = evenly(np.arange(one.rows), count)
             q = one.q[rows].copy()
             stratified = (rng.permutation(count) + rng.random(count)) / count
             q[:, j] = stratified * (upper[j] - lower[j]) + lower[j]

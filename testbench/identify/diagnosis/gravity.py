@@ -23,7 +23,7 @@ from itertools import chain as joined
 import numpy as np
 
 from testbench.arm.mjcf import angle_unit, find_body, read_mjcf
-from testbench.data.dataset import Dataset, Series, select_rows
+from testbench.data.dataset import Dataset, Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, InputError
 from testbench.identify.absolute.align import align_all
 from testbench.identify.absolute.fit import Calibration, first_fit
@@ -82,14 +82,7 @@ def mounted(vjm: Vjm, g: Array) -> Vjm:
 
 
 def towards(g: Array) -> Array:
-    """Compute the smallest rotation that takes -z to g.
-
-    Args:
-        g: Direction of gravity, a unit vector, (3,) [1].
-
-    Returns:
-        The rotation, (3, 3) [1]; half a turn about x when g is +z.
-    """
+    """Compute the smallest rotation from -z to the unit vector g, (3, 3); half a turn about x for +z."""
     axis = np.cross(DOWN, g)
     size = float(np.linalg.norm(axis))
     angle = float(np.arctan2(size, DOWN @ g))
@@ -110,14 +103,9 @@ def angle(a: Array, b: Array) -> float:
 
 
 def tracker_level(registered: RegisteredDataset) -> Array | None:
-    """Find the direction of gravity from a tracker that stands level.
+    """Find gravity in the folder's world, a unit vector, (3,), from a tracker that stands level.
 
-    Args:
-        registered: The runs with the registration of their stations.
-
-    Returns:
-        Gravity in the folder's world, a unit vector, (3,) [1]. None without a registration, or when stations
-        disagree.
+    It is None without a registration, or when stations disagree.
     """
     if registered.frame != "tracker" or registered.registration is None:
         return None
@@ -125,16 +113,10 @@ def tracker_level(registered: RegisteredDataset) -> Array | None:
 
 
 def mean_level(frames: Iterable[Frame]) -> Array | None:
-    """Average the direction of gravity over frames of trackers that stand level.
+    """Average the direction of gravity, (3,) [1], over frames of trackers that stand level.
 
-    Gravity along -z of a frame with rotation R is R^T (0, 0, -1) in the base's world.
-
-    Args:
-        frames: Frames of the trackers, at least one.
-
-    Returns:
-        Gravity in the folder's world, a unit vector, (3,) [1]; None when one differs from the mean by LEVEL
-        or more.
+    Gravity along -z of a frame with rotation R is R^T (0, 0, -1) in the base's world. The result is None when
+    one frame differs from the mean by LEVEL or more.
     """
     own = np.array([DOWN @ frame.rotation for frame in frames])
     mean = own.mean(axis=0) / np.linalg.norm(own.mean(axis=0))
@@ -164,14 +146,7 @@ class Pull:
 
 
 def weights_only(data: Dataset) -> bool:
-    """Tell whether all loads are weights: forces within STRAIGHT of -z.
-
-    Args:
-        data: The runs.
-
-    Returns:
-        Whether they are; False when no run has a force.
-    """
+    """Tell whether there are loads and all are weights: forces within STRAIGHT of -z."""
     force = data.wrench[:, :3]
     pushed = force.any(axis=1)
     return bool(pushed.any()) and all(angle(one, DOWN) <= STRAIGHT for one in force[pushed])
@@ -292,7 +267,7 @@ def by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
     if not turned and not _stuck(state):
         return None
     # How well gravity along -z explains the readings.
-    series = [_thin(one) for one in calibration.series]
+    series = [select_rows(one, evenly_spaced(one.rows, ROWS)) for one in calibration.series]
     poses = sum(len(np.unique(one.pose)) for one in series)
     own = _scatter(state, series, prior, DOWN)
     if own > SCATTERED * state.vjm.reach:
@@ -315,11 +290,6 @@ def _stuck(state: ArmState) -> bool:
     folder = np.array([joint.compliance for joint in joints])
     carries = state.torque_scale > CARRIES * state.torque_scale.max(initial=0)
     return bool((carries & (own < STUCK * folder)).any())
-
-
-def _thin(series: Series) -> Series:
-    some = np.linspace(0, series.rows - 1, min(ROWS, series.rows)).astype(int)
-    return select_rows(series, some)
 
 
 def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) -> float:

@@ -862,14 +862,7 @@ def describe(
 
 
 def length_text(metres: float) -> str:
-    """Format a length for people: "3.42 mm" below 1 m, "3,420 m" above.
-
-    Args:
-        metres: The length [m].
-
-    Returns:
-        The length with its unit.
-    """
+    """Format a length for people: "3.42 mm" below 1 m, "3,420 m" above."""
     return f"{MM * metres:.3g} mm" if metres < 1 else f"{metres:,.4g} m"
 
 

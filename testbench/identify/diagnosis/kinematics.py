@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.data.dataset import Series
+from testbench.data.dataset import Series, evenly_spaced
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.closed_form import kabsch
 from testbench.identify.diagnosis.hypothesis import Change, Hypothesis, Issue
@@ -64,14 +64,7 @@ class Observations:
     rotation: Array | None = None
 
     def rows(self, some: Ids) -> "Observations":
-        """Select some rows.
-
-        Args:
-            some: Indices of rows, (r,).
-
-        Returns:
-            The readings of these rows.
-        """
+        """Select some rows, by their indices, (r,)."""
         rotation = None if self.rotation is None else self.rotation[some]
         return replace(
             self,
@@ -146,14 +139,7 @@ class Fit:
         return self.loss + PENALTY * self.numbers
 
     def away(self, observations: Observations) -> Array:
-        """Compute the distance of every reading from where the fit has its target.
-
-        Args:
-            observations: The readings that were fitted.
-
-        Returns:
-            Distances, (readings,) [m].
-        """
+        """Compute the distance of every reading from where the fit has its target, (readings,) [m]."""
         return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.there])
 
     def typical(self, observations: Observations, share: float = HALF) -> float:
@@ -250,7 +236,7 @@ def best_hypothesis(
 def _thinned(observations: Observations) -> Observations:
     """As many rows as tell what is wrong."""
     n = len(observations.q)
-    return observations if n <= ROWS else observations.rows(np.linspace(0, n - 1, ROWS).astype(int))
+    return observations if n <= ROWS else observations.rows(evenly_spaced(n, ROWS))
 
 
 def _farthest(observations: Observations, found: Fit) -> int:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import fdtrc
 
-from testbench.data.dataset import Series, select_rows
+from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import Noise, read_only, weights
 from testbench.identify.absolute.choose import GEOMETRY
@@ -82,15 +82,9 @@ def nuisance_model(
 
 
 def chance(step: Issue) -> float:
-    """Compute the probability of a step as clear as this one in readings without any.
+    """Compute the probability of a step as clear as this one, which `best` found, in readings without any.
 
     With z numbers of the step and f independent equations, it is P(F(z, f) > 2 nats / z), Fisher's F test.
-
-    Args:
-        step: A step as `best` returns it.
-
-    Returns:
-        The probability, 0 to 1 [1].
     """
     z = len(step.size)
     return float(fdtrc(z, step.numbers["free"], 2 * (step.nats or 0.0) / z))
@@ -341,8 +335,8 @@ def _clear(state: ArmState, series: Series, noise: Noise, elastic: PriorScaling)
     one = read_only(in_time(series))
     steps = places(one, LEAST)
     linear = nuisance_model(state, (one,), noise, elastic)
-    thin = np.linspace(0, one.rows - 1, min(THIN, one.rows)).astype(int)
-    tried = steps[np.linspace(0, len(steps) - 1, min(CELLS, len(steps))).astype(int)]
+    thin = evenly_spaced(one.rows, THIN)
+    tried = steps[evenly_spaced(len(steps), CELLS)]
     place = np.unique(np.searchsorted(thin, tried))
     place = place[(place > 0) & (place < len(thin))]
     if not len(place) or not _sure(issue := best(linear, select_rows(one, thin), place)):
@@ -359,14 +353,7 @@ def _sure(step: Issue) -> bool:
 
 
 def in_time(series: Series) -> Series:
-    """Sort the rows of a series by their identifiers, which are in order of time.
-
-    Args:
-        series: The readings.
-
-    Returns:
-        The readings in order of time.
-    """
+    """Sort the rows of a series by their identifiers, which are in order of time."""
     return select_rows(series, np.argsort(series.row, kind="stable"))
 
 
@@ -394,15 +381,7 @@ def settled(
     """
 
     def undo(parts: Parts, now: Fitted) -> tuple[list[Issue], Parts, Fitted] | None:
-        """Fit the parts again, each with its tracker or targets as they moved.
-
-        Args:
-            parts: The parts of the series.
-            now: Their fit.
-
-        Returns:
-            Findings, the parts as divided now, and their fit; None if nothing moved.
-        """
+        """Fit the parts again, each with its tracker or targets as they moved."""
         steps = [_clear(now[0], one, now[1], elastic) for one in parts]
         issues = [step for step in steps if step]
         if not issues:

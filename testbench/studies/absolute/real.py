@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.arm.folder import ArmJoint, find_arm
+from testbench.arm.folder import find_arm
+from testbench.arm.joint_map import ArmJoint
 from testbench.data.dataset import Series, select_rows
 from testbench.design.absolute import position_rows
 from testbench.errors import Array, Ids
