@@ -10,7 +10,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import cone, gco, reduce, with_prior
 from testbench.identify.estimate import deflections, make_estimate
-from testbench.identify.metric import Case, Strength, cad_prior, with_prior_rows
+from testbench.identify.metric import RegressionWithPrior, Strength, cad_prior, with_prior_rows
 from testbench.identify.solve import METHODS, solve_by_reference, solve_with_prior
 from testbench.model.structure import all153, mgco68, template56
 from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
@@ -65,7 +65,7 @@ def predictions_off() -> list[Row]:
                 method = with_prior(gco, cad_prior(cell.arm), Strength(uncertainty))
                 belief = method(cell.vjm, structure, campaign.identification).weighted_prior
                 assert belief is not None
-                found.append(moved(cell, Case(regression, belief), campaign.truth))
+                found.append(moved(cell, RegressionWithPrior(regression, belief), campaign.truth))
     whole = [one.mm for one in found if one.solved]
     left = [one for one in found if not one.solved]
     behind = f"median {np.median(whole):.1g} mm; Clarabel solves {len(whole)} of {len(found)} to {SHARP:g}"
@@ -86,10 +86,10 @@ class Moved:
     over: float  #: Our cost over Clarabel's, relative to that of no model [1].
 
 
-def moved(cell: Cell, case: Case, truth: Dataset) -> Moved:
+def moved(cell: Cell, case: RegressionWithPrior, truth: Dataset) -> Moved:
     """Solve a fit by both; Clarabel minimises the squares, which are sharper than their norm."""
-    scaling = case.belief.scaling
-    M, r = with_prior_rows(case.regression, scaling, case.belief.strength)
+    scaling = case.prior.scaling
+    M, r = with_prior_rows(case.regression, scaling, case.prior.strength)
     own, sharp = solve_with_prior("psd", case).pi, squares_by_clarabel(M, r, scaling.sizes)
     x = [np.linalg.solve(scaling.L, own), sharp.x[M.shape[1] :]]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
@@ -98,7 +98,7 @@ def moved(cell: Cell, case: Case, truth: Dataset) -> Moved:
     )
     apart = np.subtract(*(deflections(cell.vjm, own, truth) for own in estimates))
     farthest = 1e3 * float(np.linalg.norm(apart, axis=-1).max())
-    return Moved(sharp.word == "Solved", farthest, (costs[0] - costs[1]) / float(np.linalg.norm(r)))
+    return Moved(sharp.solver_status == "Solved", farthest, (costs[0] - costs[1]) / float(np.linalg.norm(r)))
 
 
 def squares_by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Solution:
@@ -130,18 +130,18 @@ def rows_of(name: str, found: list[Compared]) -> list[Row]:
     ]
 
 
-def compared(case: Case) -> Compared:
+def compared(case: RegressionWithPrior) -> Compared:
     """GCO with a prior; what is left is told by the step to the best of both, in standard deviations."""
     own, other = solve_with_prior("psd", case), solve_by_reference("psd", case)
-    M, r = with_prior_rows(case.regression, case.belief.scaling, case.belief.strength)
-    x = [np.linalg.solve(case.belief.scaling.L, pi) for pi in (own.pi, other.pi)]
+    M, r = with_prior_rows(case.regression, case.prior.scaling, case.prior.strength)
+    x = [np.linalg.solve(case.prior.scaling.L, pi) for pi in (own.pi, other.pi)]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
     unit, best = float(np.linalg.norm(r)), x[int(np.argmin(costs))]
     return Compared(own.by_our_solver, (costs[0] - costs[1]) / unit, float(np.linalg.norm(M @ (x[0] - best))))
 
 
-def least_squares_off(case: Case) -> float:
+def least_squares_off(case: RegressionWithPrior) -> float:
     """Standard deviations between least squares with a prior and those of an orthogonal factorisation."""
-    M, _ = with_prior_rows(case.regression, case.belief.scaling, case.belief.strength)
+    M, _ = with_prior_rows(case.regression, case.prior.scaling, case.prior.strength)
     apart = solve_with_prior("none", case).pi - solve_by_reference("none", case).pi
-    return float(np.linalg.norm(M @ np.linalg.solve(case.belief.scaling.L, apart)))
+    return float(np.linalg.norm(M @ np.linalg.solve(case.prior.scaling.L, apart)))

@@ -17,7 +17,7 @@ from testbench.plant.equilibrium import (
     ArmEquilibrium,
     evaluate,
     fixed_configurations,
-    open_row,
+    open_copies,
     solve_equilibrium,
 )
 from testbench.workflows.cell import Cell, build_cell
@@ -91,7 +91,7 @@ def two_threads(arm: Cell, q: Array) -> list[Row]:
         solve_equilibrium(arm.plant, q[some])
         solve_equilibrium(arm.plant, q[some], wrench[some], point[some])
 
-    batch, row = Batch(arm.plant.model, len(q), nthread=2), open_row(arm.plant)
+    batch, row = Batch(arm.plant.model, len(q), nthread=2), open_copies(arm.plant)
     batch.bind("qfrc_bias")
     batch.bind("qpos")[:] = held = fixed_configurations(arm.plant, q)
     with ThreadPoolExecutor(2) as pool:

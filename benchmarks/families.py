@@ -7,7 +7,7 @@ from testbench.errors import Array
 from testbench.identify import reduce
 from testbench.identify.conic import solve_gco
 from testbench.identify.metric import (
-    Case,
+    RegressionWithPrior,
     Strength,
     WeightedPrior,
     cad_prior,
@@ -44,7 +44,9 @@ def rows_of(arm: Cell, structure: Structure, regressions: list[Regression]) -> l
     rows: list[Row] = []
     prior = rescale_to_data(scale_by_prior(cad_prior(arm.arm), arm.vjm, structure), regressions[0])
     for u in STRENGTHS:
-        cases = [Case(regression, WeightedPrior(prior, Strength(u))) for regression in regressions]
+        cases = [
+            RegressionWithPrior(regression, WeightedPrior(prior, Strength(u))) for regression in regressions
+        ]
         [together] = interleave(REPEATS, lambda c=cases: [solve_with_prior("psd", case) for case in c])  # type: ignore[misc]
         own = [solve_by_reference("psd", case).seconds for case in cases[:ALONE]]
         rows.append(_row(f"{structure.name}, prior uncertain by {100 * u:g} %", together, own))

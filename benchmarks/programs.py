@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from testbench.identify.metric import Case, PriorScaling, Strength, WeightedPrior
+from testbench.identify.metric import PriorScaling, RegressionWithPrior, Strength, WeightedPrior
 from testbench.identify.regression import Regression, Term, regression_of
 from testbench.model.structure import Structure
 
@@ -73,7 +73,9 @@ def _term(kind: str, pi: np.ndarray, rows: int, rng: np.random.Generator) -> Ter
     return Term(R=T[:n, :n], z=T[:n, n], unexplained=float(T[n, n] ** 2), equations=rows)
 
 
-def with_random_prior(regression: Regression, uncertainty: float, rng: np.random.Generator) -> Case:
+def with_random_prior(
+    regression: Regression, uncertainty: float, rng: np.random.Generator
+) -> RegressionWithPrior:
     """A prior that has nothing to do with the truth."""
     s = regression.structure
     row, column = s.triangles
@@ -81,4 +83,4 @@ def with_random_prior(regression: Regression, uncertainty: float, rng: np.random
     L[s.parameter, np.arange(s.n)] = np.where(row == column, 1.0, math.sqrt(0.5)) * 10 ** rng.uniform(-1, 1)
     one = np.where(row == column, 1.0, 0.0)
     metric = PriorScaling("random", s, L, one, tuple(len(block) for block in s.blocks))
-    return Case(regression, WeightedPrior(metric, Strength(uncertainty)))
+    return RegressionWithPrior(regression, WeightedPrior(metric, Strength(uncertainty)))

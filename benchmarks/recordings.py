@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from measure import MODELS, Row, at_most, interleave, spread
 
-from testbench.plant.shapes import elastic_frames, origins, rigid_frames
+from testbench.plant.shapes import body_origins, elastic_frames, rigid_frames
 from testbench.report.colours import MEASURED, look
 from testbench.report.markdown import Markdown
 from testbench.report.recording.run import write_run
@@ -26,13 +26,13 @@ def _poses(cell: Cell, name: str, rng: np.random.Generator) -> PoseGroup:
     q = clear_poses(cell, None, RUNS, rng)
     theta = 0.01 * rng.standard_normal((RUNS, cell.arm.n_theta))
     rigid, bent = rigid_frames(cell.room, q), elastic_frames(cell.plant, q, theta)
-    at = origins(cell.room, cell.arm.markers, bent)
+    at = body_origins(cell.room, cell.arm.markers, bent)
     arrows = [
         Layer(model, own.colour, "arrows", at, at + rng.normal(scale=0.1, size=at.shape))
         for model, own in LOOKS.items()
     ]
     names = [f"{name} {k}" for k in range(RUNS)]
-    words = [f"Joints at {cell.arm.words(own)}." for own in q]
+    words = [f"Joints at {cell.arm.pose_text(own)}." for own in q]
     return PoseGroup(name, names, words, rigid, bent, [Layer("markers", MEASURED, "dots", at), *arrows])
 
 

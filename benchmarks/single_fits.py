@@ -9,7 +9,7 @@ from measure import MODELS, Row, at_most, interleave, note, spread
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
 from testbench.identify import gco, reduce, with_prior
-from testbench.identify.metric import Case, Strength, cad_prior
+from testbench.identify.metric import RegressionWithPrior, Strength, cad_prior
 from testbench.identify.solve import solve_by_reference
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.workflows.cell import Cell, Scenario, build_cell, simulate
@@ -54,7 +54,7 @@ def rows_of(cell: Cell, fit: Fit, data: Dataset) -> list[Row]:
         return lambda: [run() for _ in range(TIMES)]
 
     def alone() -> None:
-        own.append(solve_by_reference("psd", Case(regression, belief)).seconds)
+        own.append(solve_by_reference("psd", RegressionWithPrior(regression, belief)).seconds)
 
     times = interleave(
         REPEATS,

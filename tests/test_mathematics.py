@@ -84,7 +84,7 @@ def test_coverage_by_kind_is_that_of_the_study():
 
 def test_ranks_of_the_page_are_those_of_the_arm(kr500, rng):
     """They do not depend on the draw: of the full load, of a weight in many poses, in eight."""
-    q = kr500.arm.drawn(rng, 40)
+    q = kr500.arm.draw_poses(rng, 40)
     load, where = weight(kr500.vjm, 460.3).over(len(q)), chain(kr500.vjm, q)
     for name, *numbers in rows("observation", "structure"):
         s = next(own for own in (getattr(structures, own)(kr500.arm) for own in BUILDERS) if own.name == name)

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import BenchError
 from testbench.files.model_folder import copy_arm, digests
-from testbench.plant.true_arms import CALLED, TRUTHS
+from testbench.plant.true_arms import TRUE_ARM_LABELS, TRUTHS
 from testbench.report.schema import KNOWN
 from testbench.runs import manifest as files
 from testbench.runs.engine import Chunks, on_cores
@@ -104,7 +104,7 @@ def _card(words: Mapping[str, str], kinds: Kinds, seeds: range) -> str:
         seed=seeds[0],
         commit=files.git_commit(files.ROOT),
         rounds=len(seeds) // GRID,
-        kinds=", ".join(f"`{name}` {CALLED[name]}" for name in TRUTHS),
+        kinds=", ".join(f"`{name}` {TRUE_ARM_LABELS[name]}" for name in TRUTHS),
         errors=", ".join(f"`{name}` {called}" for name, called in KNOWN["prior_error"].called.items()),
         columns=_columns(words, kinds),
     )

@@ -30,7 +30,7 @@ from testbench.identify.estimate import deflections, score
 from testbench.identify.trace import SELECTION_PROBABILITY, paired
 from testbench.model.structure import template56
 from testbench.plant.tracker import trial_rng
-from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed, true_arms
+from testbench.plant.true_arms import FAMILY, TRUE_ARM_LABELS, true_arm_of_seed, true_arms
 from testbench.report import markdown
 from testbench.runs.spread import median_interval
 from testbench.studies.campaign.disturbed import ALL, disturbances, disturbed
@@ -46,7 +46,7 @@ KINDS = (
     f"{FAMILY} {DISTURBED} cast off_40 coupled following_20 following_50 following_all tied_joints tied_all "
     "slipping stiffer_10 stiffer_30 stiffer_100"
 ).split()
-WORDS = {**CALLED, FAMILY: "family of six kinds", DISTURBED: "family, all disturbances"}
+WORDS = {**TRUE_ARM_LABELS, FAMILY: "family of six kinds", DISTURBED: "family, all disturbances"}
 KINDS += true_arms.added  # those of installed packages
 CLEARLY = 1.05  #: Ratio of errors from which on an arm counts as lost.
 DRAWS = 4000  #: Of a bootstrap.
@@ -122,13 +122,13 @@ def covered_at(centre, half, true):
 @contextmanager
 def watched():
     """Record what the last step of the default's fit is given, which weighs joints alone."""
-    steps, last = [], average.steadied
+    steps, last = [], average.average_with_joints
 
     def watch(*given):
         steps.append(given)
         return last(*given)
 
-    with patch.object(average, "steadied", watch):
+    with patch.object(average, "average_with_joints", watch):
         yield steps
 
 
@@ -140,9 +140,12 @@ def decision(cell, truth, regression, constraint, prior, mean, _):
     """
     rivals = average.links_and_joints(regression, mean, prior)
     changes = rivals is not None and rivals.likeliest.regression.wander is not None
-    weights = (average.RIGID, average.RIGID_IF_UNSURE, 1.0) if changes else (0.0, 1.0, 1.0)
+    weights = (
+        (average.MIN_JOINTS_WEIGHT, average.JOINTS_WEIGHT_IF_UNSURE, 1.0) if changes else (0.0, 1.0, 1.0)
+    )
     errors = {
-        w: error(cell, average.steadied(regression, constraint, prior, mean, w), truth) for w in {*weights}
+        w: error(cell, average.average_with_joints(regression, constraint, prior, mean, w), truth)
+        for w in {*weights}
     }
     gain = None
     if rivals is not None:

@@ -34,7 +34,7 @@ from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.model.load import weight
 from testbench.model.structure import all153
 from testbench.plant.tracker import Gauge, Tracker, trial_rng
-from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY, TRUE_ARM_LABELS, true_arm_of_seed
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.studies.campaign.trial import cover, worst_tenth
 from testbench.workflows.cell import (
@@ -53,7 +53,7 @@ KINDS = (
     f"{FAMILY} cast off_40 coupled following_20 following_50 following_all tied_joints tied_all slipping "
     "bearings stiffer_10 stiffer_30 stiffer_100"
 ).split()
-WORDS = {**CALLED, FAMILY: "family of six kinds"}
+WORDS = {**TRUE_ARM_LABELS, FAMILY: "family of six kinds"}
 TRACKER, GAUGE = Tracker(50e-6), Gauge()
 
 

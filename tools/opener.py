@@ -26,7 +26,7 @@ from testbench.cli.demo import Demo
 from testbench.errors import Array
 from testbench.model.laws import model_for
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
-from testbench.plant.shapes import BodyFrames, elastic_frames, origins
+from testbench.plant.shapes import BodyFrames, body_origins, elastic_frames
 from testbench.report.colours import CHOICE, LEAST_SQUARES, LOAD, Colour, hexadecimal
 from testbench.report.colours import JOINTS as BLUE
 from testbench.report.run_figure import draw_arm, outlines
@@ -125,7 +125,7 @@ def _bent(cell: Cell, model: Result, q: Array, load: tuple[Array, Array]) -> Arr
 
 
 def _points(cell: Cell, names: Sequence[str], q: Array, theta: Array) -> Array:
-    return origins(cell.room, names, elastic_frames(cell.plant, q, theta))
+    return body_origins(cell.room, names, elastic_frames(cell.plant, q, theta))
 
 
 def _pictures(cell: Cell, mass: Array, sides: Array, truth: Sag, models: Sequence[Sag]) -> Iterator[bytes]:

@@ -16,7 +16,7 @@ from testbench.errors import InputError, read_text
 NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
 """Pattern of a number, with a point as decimal mark."""
 INTEGER = r"^[+-]?[0-9]{1,19}$"
-WRITTEN = "such as 12, -0.5 or 2e-3"
+NUMBER_EXAMPLES = "such as 12, -0.5 or 2e-3"
 DECIMAL, WHOLE = re.compile(NUMBER), re.compile(INTEGER)
 MAX_CHARACTERS = 400  #: Most characters of a number: 17 digits hold all that a double does.
 
@@ -40,7 +40,7 @@ def read_decimals(words: Iterable[str]) -> list[float]:
     words = list(words)
     for word in words:
         if not is_decimal(word):
-            raise ValueError(f"expected a number {WRITTEN}, got {word[:80]!r}")
+            raise ValueError(f"expected a number {NUMBER_EXAMPLES}, got {word[:80]!r}")
     return list(map(float, words))
 
 
@@ -67,14 +67,17 @@ def toml_place(path: Path, keys: Sequence[str | int]) -> str:
     best, place = 0, ""
     for number, line in enumerate(_lines(path), start=1):
         if header := HEADER.match(line):
-            table = _table(header[2], seen, array=header[1] == "[[")
+            table = _table_keys(header[2], seen, array=header[1] == "[[")
             here, start = table, header.start(2)
         elif key := KEY.match(line):
             here, start = (*table, *key[1].split(".")), key.start(1)
         else:
             continue
         if len(here) > best and here == tuple(keys[: len(here)]):
-            best, place = len(here), f"line {number}, column {_inside(line, start, keys[len(here) :]) + 1}, "
+            best, place = (
+                len(here),
+                f"line {number}, column {_place_in_line(line, start, keys[len(here) :]) + 1}, ",
+            )
     return place + ".".join(map(str, keys))
 
 
@@ -85,7 +88,7 @@ def _lines(path: Path) -> list[str]:
         return []
 
 
-def _table(name: str, seen: dict[str, int], *, array: bool) -> Keys:
+def _table_keys(name: str, seen: dict[str, int], *, array: bool) -> Keys:
     """Return the keys of a table from its header; in an array of tables those of the last one opened."""
     if array:
         seen[name] = seen.get(name, -1) + 1
@@ -97,7 +100,7 @@ def _table(name: str, seen: dict[str, int], *, array: bool) -> Keys:
     return path
 
 
-def _inside(line: str, start: int, keys: Sequence[str | int]) -> int:
+def _place_in_line(line: str, start: int, keys: Sequence[str | int]) -> int:
     """Find where keys of an inline table stand in a line, as far as they are there."""
     for key in keys:
         found = re.search(rf"\b{re.escape(str(key))}\s*=", line[start:])
@@ -114,23 +117,23 @@ class Strict(BaseModel):
 
 
 MAX_SHOWN = 80  #: Most characters of a name or value that a message repeats.
-UNFIT = "=+-@'"
+FORBIDDEN_FIRST = "=+-@'"
 """Characters that no name begins with: spreadsheets compute such a cell, and commands take it for a flag."""
 
 
-def _fit(name: str) -> str:
-    """Refuse a name that does not print, has blanks at an end, or begins with a character of `UNFIT`."""
-    if not name.isprintable() or name != name.strip() or name[0] in UNFIT:
+def _check_name(name: str) -> str:
+    """Refuse a name that does not print, has blanks at an end, or begins with one of `FORBIDDEN_FIRST`."""
+    if not name.isprintable() or name != name.strip() or name[0] in FORBIDDEN_FIRST:
         problem = "expected characters that print, no blank at either end, the first none of {unfit}"
-        raise PydanticCustomError("name", problem, {"unfit": " ".join(UNFIT)})
+        raise PydanticCustomError("name", problem, {"unfit": " ".join(FORBIDDEN_FIRST)})
     return name
 
 
-Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_fit)]
+Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_check_name)]
 """Name of a body, joint or marker: 1 to 64 printing characters of any script."""
 
 
-def inside(folder: Path, file: Path) -> Path | None:
+def path_inside(folder: Path, file: Path) -> Path | None:
     """Resolve a file of a folder, symbolic links followed.
 
     Args:
@@ -148,17 +151,17 @@ def inside(folder: Path, file: Path) -> Path | None:
     return real if real.is_relative_to(home) else None
 
 
-def unique(name: str, taken: Container[str]) -> str:
+def unused_name(name: str, names: Container[str]) -> str:
     """Make a name that is not taken, by appending underscores.
 
     Args:
         name: Name to begin with.
-        taken: Names in use.
+        names: Names in use.
 
     Returns:
         The name, unchanged if it is free.
     """
-    while name in taken:
+    while name in names:
         name += "_"
     return name
 

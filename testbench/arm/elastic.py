@@ -283,7 +283,7 @@ def read_elastic(path: Path) -> Elastic:
     try:
         elastic = Elastic.model_validate(data)
     except ValidationError as err:
-        raise InputError(path, *_first(path, err)) from err
+        raise InputError(path, *_first_problem(path, err)) from err
     _check_values(path, elastic)
     return elastic
 
@@ -362,7 +362,7 @@ def beam_frame(path: Path, index: int, link: LinkEntry) -> Array:
     return np.column_stack([x, y, np.cross(x, y)])
 
 
-def _first(path: Path, err: ValidationError) -> tuple[str, str]:
+def _first_problem(path: Path, err: ValidationError) -> tuple[str, str]:
     """Place and problem of the first finding of pydantic, in one line."""
     try:
         first = err.errors(include_url=False, include_context=False)[0]

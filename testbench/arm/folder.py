@@ -26,7 +26,7 @@ from testbench.arm.elastic import (
     read_elastic,
     tube_compliance,
 )
-from testbench.arm.joint_map import ArmJoint, JointMap, build_map, file_limits, narrowed
+from testbench.arm.joint_map import ArmJoint, JointMap, build_map, file_limits, narrow_limits
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.display import Displayed
 from testbench.errors import (
@@ -183,7 +183,7 @@ class Arm(Displayed):
         """Convert file joints as people write them, (..., m) [deg, mm], to chain joints, (..., n)."""
         return self.to_model(values / self.scale)
 
-    def room(self, q: Array) -> Array:
+    def limit_distance(self, q: Array) -> Array:
         """Compute how far each file joint alone may move until a chain joint reaches its limit.
 
         Args:
@@ -201,7 +201,7 @@ class Arm(Displayed):
             )
         return np.asarray(self.scale * slack)
 
-    def words(self, q: Array) -> str:
+    def pose_text(self, q: Array) -> str:
         """Write a pose, (n,) [rad, m], for people: file joints in degrees, slides in millimetres."""
         values, joints = self.shown(q).round(2).tolist(), self.file_joints
         if not any(joint.prismatic for joint in joints):
@@ -215,28 +215,30 @@ class Arm(Displayed):
         return np.array([[j.lower for j in self.joints], [j.upper for j in self.joints]])
 
     @property
-    def moves(self) -> Array | None:
+    def dependence(self) -> Array | None:
         """Return how all joints move with the free ones, (n, n) [1]; None where no joint follows others."""
-        return None if self.joint_map is None or self.joint_map.square else self.joint_map.moves
+        return None if self.joint_map is None or self.joint_map.square else self.joint_map.dependence
 
     @property
-    def turns(self) -> Mask:
+    def full_turn_joints(self) -> Mask:
         """Tell which hinges may turn by whole turns without changing the arm's pose, (n,).
 
         These are the hinges that no other joint follows.
         """
         hinges = np.array([not joint.prismatic for joint in self.joints], dtype=bool)
-        return hinges if self.moves is None else hinges & (np.count_nonzero(self.moves, axis=0) == 1)
+        return (
+            hinges if self.dependence is None else hinges & (np.count_nonzero(self.dependence, axis=0) == 1)
+        )
 
-    def followed(self, q: Array) -> Array:
+    def with_dependent_joints(self, q: Array) -> Array:
         """Move the dependent joints of poses, (..., n) [rad, m], to where the others bring them."""
-        return q if self.joint_map is None else self.joint_map.followed(q)
+        return q if self.joint_map is None else self.joint_map.with_dependent_joints(q)
 
-    def within(self, q: Array) -> Array:
+    def clip_to_limits(self, q: Array) -> Array:
         """Clip joints, (..., n) [rad, m], to their limits; dependent joints then follow the others."""
-        return self.followed(np.clip(q, *self.limits))
+        return self.with_dependent_joints(np.clip(q, *self.limits))
 
-    def drawn(self, rng: np.random.Generator, count: int) -> Array:
+    def draw_poses(self, rng: np.random.Generator, count: int) -> Array:
         """Draw poses evenly over the joint limits.
 
         Args:
@@ -250,13 +252,13 @@ class Arm(Displayed):
             PoseError: When dependent joints leave their limits in nearly all poses.
         """
         lower, upper = self.limits
-        q = self.followed(rng.uniform(lower, upper, (count, self.n_joints)))
-        for _ in range(REDRAWN if self.moves is not None else 0):
+        q = self.with_dependent_joints(rng.uniform(lower, upper, (count, self.n_joints)))
+        for _ in range(MAX_REDRAWS if self.dependence is not None else 0):
             beyond = np.flatnonzero(((q < lower) | (q > upper)).any(axis=1))
             if not len(beyond):
                 return q
-            q[beyond] = self.followed(rng.uniform(lower, upper, (len(beyond), self.n_joints)))
-        if self.moves is not None:
+            q[beyond] = self.with_dependent_joints(rng.uniform(lower, upper, (len(beyond), self.n_joints)))
+        if self.dependence is not None:
             raise PoseError(f"{self.name}: joints that follow others leave their limits in nearly all poses")
         return q
 
@@ -265,9 +267,9 @@ JOINT_KINDS = "hinge", "slide"
 COMPLIANCE_UNIT = "rad/(N m)", "m/N"
 """MJCF's types of joints, and the units of their compliances."""
 
-FARTHEST = 1000.0  #: Largest joint limit or offset [rad, m].
-LONGEST_TITLE = 200  #: Most characters of a title.
-REDRAWN = 300  #: Most times that poses with a dependent joint beyond its limits are drawn again.
+MAX_JOINT_COORDINATE = 1000.0  #: Largest joint limit or offset [rad, m].
+MAX_TITLE_CHARACTERS = 200  #: Most characters of a title.
+MAX_REDRAWS = 300  #: Most times that poses with a dependent joint beyond its limits are drawn again.
 MAX_TUBE_RATIO = 3.0  #: Largest length of a tube over that of the whole arm [1].
 
 
@@ -289,7 +291,7 @@ def load_arm(folder: str | Path) -> Arm:
     spring = elastic.compensator
     arm = Arm(
         name=printable(folder.resolve().name),
-        title=shorten(printable(elastic.title), LONGEST_TITLE),
+        title=shorten(printable(elastic.title), MAX_TITLE_CHARACTERS),
         rigid=rigid,
         links=tuple(_link(toml_path, i, link) for i, link in enumerate(elastic.link)),
         joints=tuple(
@@ -307,13 +309,13 @@ def load_arm(folder: str | Path) -> Arm:
         raise InputError(toml_path, place, "expected an arm whose link 1 and link 2 a hinge joins")
     _check_chain(rigid, root, arm)
     _check_lengths(toml_path, elastic, chain_length(rigid, root, arm))
-    return _mapped(toml_path, elastic, arm)
+    return _with_joint_map(toml_path, elastic, arm)
 
 
 OFFSETS = "offset_deg", "offset_mm"  #: Keys of a row's offset, for a hinge and for a slide.
 
 
-def _mapped(path: Path, elastic: Elastic, arm: Arm) -> Arm:
+def _with_joint_map(path: Path, elastic: Elastic, arm: Arm) -> Arm:
     """Give the arm the file joints that [joints] of elastic.toml states."""
     known, q_0 = {joint.name: joint for joint in arm.joints}, dict[str, float]()
     rows = {name: dict(row) for name, row in elastic.joints.items()}
@@ -325,14 +327,14 @@ def _mapped(path: Path, elastic: Elastic, arm: Arm) -> Arm:
         if other in row:
             raise InputError(path, place, f"expected {own} of this joint, got {other}")
         q_0[name] = row.pop(own, 0.0) / known[name].shown
-        if abs(q_0[name]) > FARTHEST:
-            raise InputError(path, place, f"expected offsets up to {FARTHEST:g} rad or m")
+        if abs(q_0[name]) > MAX_JOINT_COORDINATE:
+            raise InputError(path, place, f"expected offsets up to {MAX_JOINT_COORDINATE:g} rad or m")
     place = toml_place(path, ["joints"])
     try:
         joint_map = build_map(arm.joints, rows, q_0)
         if joint_map is None:
             return arm
-        limits = narrowed(joint_map, arm.joints).T.tolist()
+        limits = narrow_limits(joint_map, arm.joints).T.tolist()
     except BenchError as err:
         raise InputError(path, place, str(err)) from err
     joints = [replace(j, lower=low, upper=high) for j, (low, high) in zip(arm.joints, limits, strict=True)]
@@ -371,8 +373,8 @@ def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> ArmJo
         "expected no pos: the body's origin lies on the joint": moved,
         "axis: expected a direction, got zero": not any(numbers(rigid, own, "axis", 3)),
         f"range: expected lower < upper, got {own.get('range')!r}": not lower < upper,
-        f"range: expected limits up to {FARTHEST:g} rad or m, got {own.get('range')!r}": (
-            max(abs(lower), abs(upper)) > FARTHEST
+        f"range: expected limits up to {MAX_JOINT_COORDINATE:g} rad or m, got {own.get('range')!r}": (
+            max(abs(lower), abs(upper)) > MAX_JOINT_COORDINATE
         ),
     }
     if wrong := [problem for problem, there in problems.items() if there]:
@@ -423,9 +425,9 @@ def chain_length(rigid: Path, root: ET.Element, arm: Arm) -> float:
     return sum(math.hypot(*step) for step in steps) + sum(slides)
 
 
-def _check_lengths(path: Path, elastic: Elastic, whole: float) -> None:
+def _check_lengths(path: Path, elastic: Elastic, arm_length: float) -> None:
     for index, link in enumerate(elastic.link):
-        if link.tube is not None and link.tube.length.value > MAX_TUBE_RATIO * whole > 0:
-            got = f"got {link.tube.length.value:g} m; the whole arm is {whole:.3g} m long"
+        if link.tube is not None and link.tube.length.value > MAX_TUBE_RATIO * arm_length > 0:
+            got = f"got {link.tube.length.value:g} m; the whole arm is {arm_length:.3g} m long"
             place = link_place(path, index, link, "tube", "length")
-            raise InputError(path, place, f"expected at most {MAX_TUBE_RATIO * whole:.3g} m, {got}")
+            raise InputError(path, place, f"expected at most {MAX_TUBE_RATIO * arm_length:.3g} m, {got}")

@@ -73,7 +73,7 @@ class JointMap:
     free: Ids
     inverse: Array  #: Inverse of the free rows of L, (m, m) [1].
     #: Motion of all joints per motion of the free ones, (n, n) [1]; columns of dependent joints are zero.
-    moves: Array
+    dependence: Array
 
     @property
     def square(self) -> bool:
@@ -108,29 +108,29 @@ class JointMap:
         """Convert torques of chain joints, (..., n) [N m, N], to file joints, L^T torque, (..., m)."""
         return np.asarray(torque @ self.L)
 
-    def followed(self, q: Array) -> Array:
+    def with_dependent_joints(self, q: Array) -> Array:
         """Move the dependent joints of poses, (..., n) [rad, m], to where the free ones bring them."""
         if self.square:
             return q
         found = q.copy()
         others = np.setdiff1d(np.arange(len(self.q_0)), self.free)
-        at = (q - self.q_0) @ self.moves.T + self.q_0
+        at = (q - self.q_0) @ self.dependence.T + self.q_0
         found[..., others] = at[..., others]
         return found
 
-    def follows(self, k: int) -> tuple[int, float, float] | None:
+    def followed_joint(self, k: int) -> tuple[int, float, float] | None:
         """Find the one free joint that chain joint k follows, q_k = c q_j + offset.
 
         Returns:
             Index j, multiplier c [1] and offset [rad, m]; None where k is free, or follows none or several.
         """
-        drivers = np.flatnonzero(self.moves[k])
+        drivers = np.flatnonzero(self.dependence[k])
         if k in self.free or len(drivers) != 1:
             return None
-        j, c = int(drivers[0]), float(self.moves[k, drivers[0]])
+        j, c = int(drivers[0]), float(self.dependence[k, drivers[0]])
         return j, c, float(self.q_0[k] - c * self.q_0[j])
 
-    def words(self, k: int) -> str:
+    def sum_text(self, k: int) -> str:
         """Write chain joint k as a sum of file joints, such as "joint_3 - joint_2"; offsets in deg or mm."""
         terms = [
             f"{'-' if c < 0 else '+'} {'' if abs(c) == 1 else f'{abs(c):.6g} '}{name}"
@@ -183,7 +183,7 @@ def build_map(
         raise BenchError(f"expected coefficients up to {MAX_COEFFICIENT:g}, got {np.abs(L).max():g}")
     # free chain joints: m independent rows of L, those that are a file joint of their own first
     alone = [k for k, (name, row) in enumerate(own.items()) if [n for n, c in row.items() if c] == [name]]
-    free = _independent(L, sorted(range(len(L)), key=lambda k: k not in alone))
+    free = _independent_rows(L, sorted(range(len(L)), key=lambda k: k not in alone))
     if not names or len(free) < len(names):
         listed = shorten(", ".join(names), MAX_LISTED) or "none"
         raise BenchError(f"expected file joints that the chain tells apart, got {listed}: rows depend")
@@ -200,7 +200,7 @@ def build_map(
     return JointMap(names, prismatic, tuple(slides.tolist()), L, offsets, free, inverse, moves)
 
 
-def _independent(L: Array, order: Sequence[int]) -> Ids:
+def _independent_rows(L: Array, order: Sequence[int]) -> Ids:
     """Find rows that are independent of all earlier ones in an order; their indices are sorted."""
     found: list[int] = []
     for k in order:
@@ -229,7 +229,7 @@ def file_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
     return np.array([parts.min(axis=2).sum(axis=1), parts.max(axis=2).sum(axis=1)])
 
 
-def narrowed(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
+def narrow_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
     """Narrow the limits of free joints so that joints that follow one of them stay within theirs.
 
     Args:
@@ -243,7 +243,7 @@ def narrowed(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
         BenchError: When nothing is left between the limits of a joint.
     """
     limits = np.array([[joint.lower, joint.upper] for joint in joints]).T
-    D = joint_map.moves
+    D = joint_map.dependence
     for k in np.setdiff1d(np.arange(len(D)), joint_map.free):
         drivers = np.flatnonzero(D[k])
         # a joint that follows several others narrows none of them

@@ -10,12 +10,12 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 
-from testbench.arm.document import MAX_SHOWN, WRITTEN, inside, parse_xml, place_of, read_decimals
+from testbench.arm.document import MAX_SHOWN, NUMBER_EXAMPLES, parse_xml, path_inside, place_of, read_decimals
 from testbench.errors import InputError, read_bytes, read_text
 
 # --- Untrusted MJCF, read as text: the elements that an arm may contain, and where its chain is -------------
 
-PLACED = "pos quat axisangle euler xyaxes zaxis"  #: Attributes that place an element.
+PLACEMENT_ATTRIBUTES = "pos quat axisangle euler xyaxes zaxis"  #: Attributes that place an element.
 ELEMENTS = frozenset(
     "mujoco compiler option flag visual global quality headlight map scale rgba statistic asset material mesh"
     " default worldbody body inertial joint geom light camera contact exclude".split()
@@ -28,8 +28,8 @@ ATTRIBUTES = {
         "option": "gravity jacobian timestep integrator cone solver iterations tolerance",
         "flag": "contact filterparent midphase nativeccd multiccd energy",
         "mesh": "name class file scale refpos refquat inertia smoothnormal maxhullvert vertex normal face",
-        "body": f"name childclass {PLACED}",
-        "inertial": f"mass diaginertia fullinertia {PLACED}",
+        "body": f"name childclass {PLACEMENT_ATTRIBUTES}",
+        "inertial": f"mass diaginertia fullinertia {PLACEMENT_ATTRIBUTES}",
         "joint": "name type axis pos range limited armature damping group",
     }.items()
 }
@@ -41,7 +41,7 @@ NUMBERS = {
 """Count of numbers of each attribute that places a body or gives its inertia."""
 MAX_NUMBER = 1e6
 """Largest angle, mass or inertia of an arm [deg, rad, kg, kg m^2]; beyond it an exponent is wrong."""
-LENGTH = 1000.0  #: Largest length [m].
+MAX_LENGTH = 1000.0  #: Largest length [m].
 MAX_ELEMENTS = 20_000  #: Most elements of an arm.
 MAX_BYTES = 4_000_000  #: Largest size of an arm's MJCF [byte].
 MAX_DEPTH = 64  #: Most nested elements.
@@ -82,7 +82,7 @@ def _check_elements(path: Path, root: ET.Element) -> None:
         raise InputError(path, "", f"expected at most {MAX_ELEMENTS} elements, got {count}")
 
 
-def _read(text: str, count: int, largest: float) -> list[float] | None:
+def _read_numbers(text: str, count: int, largest: float) -> list[float] | None:
     """Read at most so many numbers, none of them larger; None where the text is something else."""
     try:
         values = read_decimals(text.split(maxsplit=count))
@@ -111,7 +111,7 @@ def _check_values(path: Path, e: ET.Element) -> None:
             raise InputError(path, place_of(e), f"mass: expected more than 0 kg, got {mass}")
     for key, count in NUMBERS.items() if e.tag in ("body", "inertial") else ():
         if key in e.attrib:
-            numbers(path, e, key, count, LENGTH if key == "pos" else MAX_NUMBER)
+            numbers(path, e, key, count, MAX_LENGTH if key == "pos" else MAX_NUMBER)
 
 
 def _check_files(path: Path, root: ET.Element) -> None:
@@ -120,7 +120,7 @@ def _check_files(path: Path, root: ET.Element) -> None:
     for e in root.iter():
         for key in [key for key in ("file", "meshdir") if key in e.attrib]:
             bases = (path.parent.absolute(), folder.absolute())
-            if not all(inside(path.parent, base / e.attrib[key]) for base in bases):
+            if not all(path_inside(path.parent, base / e.attrib[key]) for base in bases):
                 problem = f"{key}: expected a file inside the arm's folder"
                 raise InputError(path, place_of(e), problem)
 
@@ -145,7 +145,7 @@ def mesh_files(path: Path, root: ET.Element) -> dict[str, Path]:
     return {name: folder / name for e in root.iter("mesh") if (name := e.get("file"))}
 
 
-def assets(path: Path, root: ET.Element) -> list[str]:
+def asset_paths(path: Path, root: ET.Element) -> list[str]:
     """List the files that the MJCF names, such as meshes.
 
     Args:
@@ -187,9 +187,9 @@ def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = MA
     text = e.get(key)
     if text is None:
         raise InputError(path, place_of(e), f"expected an attribute {key} of {count} number(s)")
-    values = _read(text, count, largest)
+    values = _read_numbers(text, count, largest)
     if values is None or len(values) != count:
-        problem = f"expected {count} number(s) up to {largest:g}, {WRITTEN}, got {text[:MAX_SHOWN]!r}"
+        problem = f"expected {count} number(s) up to {largest:g}, {NUMBER_EXAMPLES}, got {text[:MAX_SHOWN]!r}"
         raise InputError(path, place_of(e), f"{key}: {problem}")
     return values
 

@@ -121,22 +121,22 @@ def command(asked: CalibrateOptions) -> None:
         with of_flag("--without"):
             without = frozenset(asked.without or ())
             tried = fit.CalibrationOptions("none" if asked.least_squares else "psd", asked.orders, without)
-        found = calibrate_with_masses(cell.vjm, series, tried, notes)
-        left, more, console = counted.remaining_errors(found), None, plain_console()
+        calibrated = calibrate_with_masses(cell.vjm, series, tried, notes)
+        left, more, console = counted.remaining_errors(calibrated), None, plain_console()
         with suppress(PoseError):  # an arm that can be nowhere has no workspace
-            more = gain_of_more(cell, model_of(found.calibration), series[0].sigma)
-        said, lines = report(found, left, more), [f"- {note}" for note in found.notes]
+            more = gain_of_more(cell, model_of(calibrated.calibration), series[0].sigma)
+        said, lines = report(calibrated, left, more), [f"- {note}" for note in calibrated.notes]
         if said.numbers["rejected"]:
             nothing = "rejected   the model is worse than none; nothing was written"
             print_words(console, said, [], [*lines, nothing])
             raise typer.Exit(1)
         flags = plain(asked, read="readings", without=("arm", "score", "frame_poses", "at_most"))
         assert isinstance(flags["readings"], dict)
-        write = partial(write_model, found.calibration, flags["readings"], said.numbers["doubts"])
+        write = partial(write_model, calibrated.calibration, flags["readings"], said.numbers["doubts"])
         run = RunRequest(
             COMMAND, cell.arm.name, flags, [cell.arm.rigid.parent], PICTURE, more=write, draw=_drawn
         )
-        write_run(asked.out, run, said, draw_calibration(cell, found, left))
+        write_run(asked.out, run, said, draw_calibration(cell, calibrated, left))
         names = ("report.md", "report.json", PICTURE, *([JOINTS] if said.numbers["spectrum"] else []))
         places = ", ".join(str(asked.out / name) for name in names)
         lines += [f"model      {asked.out / 'model.json'}", f"report     {places}", *viewing_lines(asked.out)]
@@ -155,15 +155,21 @@ def _drawn(said: Report, page: draw.PageContent) -> Mapping[str, "Figure"]:
 def _score(asked: CalibrateOptions, files: Sequence[File]) -> None:
     """Print how far readings are from a calibrated arm; of a new series fit frame and target only."""
     model = read_model(Path(asked.arm))
-    found, notes = score(model, files, asked.frame_poses)
-    failed = asked.at_most is not None and not found.mean_mm <= asked.at_most
-    verdict = f"{'Do not use' if failed else 'Holds'}: mean {found.mean_mm:.3f} mm, limit {asked.at_most} mm"
-    sizes = f"{found.mean_mm:.3f} mm mean, {found.rms_mm:.3f} mm RMS, 95 % below {found.p95_mm:.3f} mm"
+    position_errors, notes = score(model, files, asked.frame_poses)
+    failed = asked.at_most is not None and not position_errors.mean_mm <= asked.at_most
+    verdict = (
+        f"{'Do not use' if failed else 'Holds'}: mean {position_errors.mean_mm:.3f} mm, limit "
+        f"{asked.at_most} mm"
+    )
+    sizes = (
+        f"{position_errors.mean_mm:.3f} mm mean, {position_errors.rms_mm:.3f} mm RMS, 95 % below "
+        f"{position_errors.p95_mm:.3f} mm"
+    )
     lines = [
         *([] if asked.at_most is None else [verdict]),
         *notes,
-        f"error of {found.n} positions: {sizes}, {found.max_mm:.3f} mm at most",
-        f"{100 * found.coverage_95:.1f} % of them are inside their 95 % interval",
+        f"error of {position_errors.n} positions: {sizes}, {position_errors.max_mm:.3f} mm at most",
+        f"{100 * position_errors.coverage_95:.1f} % of them are inside their 95 % interval",
     ]
     plain_console().print("\n".join(lines), soft_wrap=True)
     if failed:
@@ -185,7 +191,7 @@ def report(
     """
     f, chosen = counted.numbers(found, left, more), found.calibration.chosen
     plain_mm, own_mm = (MM * np.sqrt(3) * x for x in chosen.held_out)
-    rival = (chosen.plain or "as drawn", plain_mm)
+    rival = (chosen.simpler_model or "as drawn", plain_mm)
     alone, every = f.held_out_mm or (f.total_before.rms_mm, f.total_after.rms_mm)
     answer = "RMS error at held-out readings: {every:.3f} mm calibrated, {alone:.3f} mm with geometry only."
     if not f.held_out_mm:

@@ -95,7 +95,7 @@ def report(checked: Checked) -> Report:
         what=f"{arm.payload:g} kg" if arm.payload else "1 kg",
         sag_mm=Row(low=low, median=middle, high=high, most=float(per[-1])),
         place_m=tool_pose(checked.vjm, sag.q[checked.worst][None])[0][0].tolist(),
-        joints=arm.words(sag.q[checked.worst]) if arm.joints else "",
+        joints=arm.pose_text(sag.q[checked.worst]) if arm.joints else "",
         softest=max(parts, key=lambda part: part.sag_share_percent),
         doubts=[doubt.sentence for doubt in checked.doubts],
         confirm=confirm,
@@ -145,7 +145,7 @@ def contents(checked: Checked) -> list[str]:
             lines.append(f"  {arm.joints[k].name}: {_joint(arm.joints[k], elastic.joint[k])}")
     if joint_map := arm.joint_map:
         lines.append(f"  joints of files: {', '.join(joint_map.names)}")
-        rows = [f"{joint.name} = {joint_map.words(k)}" for k, joint in enumerate(arm.joints)]
+        rows = [f"{joint.name} = {joint_map.sum_text(k)}" for k, joint in enumerate(arm.joints)]
         lines += [
             f"    {row}"
             for row, joint in zip(rows, arm.joints, strict=True)
@@ -190,7 +190,7 @@ def seen(checked: Checked) -> PageContent:
     straight = rigid_frames(cell.room, q)
     moved = elastic_frames(cell.plant, q, theta).positions[:, -1] - straight.positions[:, -1]
     M = arrow_scale(moved, BENT * cell.vjm.reach)
-    said = f"joints at {cell.arm.words(q[0])}", f"joints at {cell.arm.words(q[1])}"
+    said = f"joints at {cell.arm.pose_text(q[0])}", f"joints at {cell.arm.pose_text(q[1])}"
     payload = "1 kg" if cell.arm.payload is None else f"{cell.arm.payload:g} kg"
     bent = elastic_frames(cell.plant, q, M * theta)
     group = PoseGroup(

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from testbench.errors import BenchError
-from testbench.plant.true_arms import TRUTHS, called, true_arm_of_seed
+from testbench.plant.true_arms import TRUTHS, true_arm_label, true_arm_of_seed
 from testbench.report import terminal
 from testbench.report.colours import look
 from testbench.report.join import (
@@ -238,4 +238,4 @@ def _true_arms(run: Finished) -> frozenset[str]:
     if len(named) != 1 or not isinstance(family := named.pop(), str) or not manifest.seeds:
         return frozenset()
     own = range(manifest.seed, manifest.seed + min(manifest.seeds, len(TRUTHS)))
-    return frozenset(called(name) for name in (true_arm_of_seed(family, seed) for seed in own))
+    return frozenset(true_arm_label(name) for name in (true_arm_of_seed(family, seed) for seed in own))

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from testbench.correct.newton import Asked as Meant
-from testbench.correct.newton import Hold
+from testbench.correct.newton import CorrectedPart
+from testbench.correct.newton import JointMeaning as Meant
 from testbench.errors import BenchError
 from testbench.files.program import read_program
 from testbench.report.badge import Badge, decide
@@ -62,9 +62,9 @@ class CompensateOptions:
     asked: Annotated[
         Meant | None, typer.Option(metavar="HOW", help="Meaning of positions: unloaded or drawn.")
     ] = None
-    hold: Annotated[Hold, typer.Option(metavar="WHAT", help="What to correct: pose, axis or position.")] = (
-        "pose"
-    )
+    hold: Annotated[
+        CorrectedPart, typer.Option(metavar="WHAT", help="What to correct: pose, axis or position.")
+    ] = "pose"
     tool_point: Annotated[
         str, typer.Option("--tip", metavar="X,Y,Z", help="Tool point in the tool's frame, m.")
     ] = "0,0,0"

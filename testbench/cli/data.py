@@ -115,7 +115,7 @@ def _shown_as_poses(console: Console, cell: Cell, dataset: Path, mapping: Path |
 
     def poses(own: Path | Map | None) -> bool:
         series = read_series(dataset, cell.arm, own).series
-        return not any(one.wrench.any() for one in series) and any(one.turned.any() for one in series)
+        return not any(one.wrench.any() for one in series) and any(one.oriented.any() for one in series)
 
     with contextlib.suppress(InputError):
         if poses(mapping):

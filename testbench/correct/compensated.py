@@ -24,8 +24,8 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.correct.newton import (
     Aim,
-    Asked,
     Corrected,
+    JointMeaning,
     Points,
     Target,
     assign_rows,
@@ -51,7 +51,7 @@ LEVER = 0.25  #: Radius that turns an angle of orientation into a length, over t
 DAMPING = 1e-2  #: Damping of the first step over the squared error [1]: it fades as the tool comes near.
 MIN_DAMPING = 1e-14  #: Damping that stays, over the square of the lever [1].
 MAX_STEP = 0.5  #: Largest motion of a joint in one step [rad, m].
-STALLED, PATIENCE = 1e-4, 4
+STALLED_GAIN, PATIENCE = 1e-4, 4
 """Relative gain below which a step counts as stalled [1], and stalled steps in a row that end a pose."""
 MAX_STEPS = 60  #: Most steps.
 
@@ -87,7 +87,7 @@ def solve_poses(vjm: Vjm, target: Target, start: Array) -> Reached:
         Joints within the limits, and the remaining distance and angle.
     """
     lever = LEVER * vjm.reach
-    q = vjm.arm.within(start)
+    q = vjm.arm.clip_to_limits(start)
     e, J = _error(vjm, lever, q, target)
     cost, damping, dull = _square(e), np.full(len(q), DAMPING), np.zeros(len(q), dtype=int)
     for _ in range(MAX_STEPS):
@@ -96,7 +96,7 @@ def solve_poses(vjm: Vjm, target: Target, start: Array) -> Reached:
             break
         # Levenberg's damping, in proportion to the squared error
         weight = damping[some] * cost[some] + MIN_DAMPING * lever**2
-        trial = vjm.arm.within(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits))
+        trial = vjm.arm.clip_to_limits(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits))
         e_trial, J_trial = _error(vjm, lever, trial, select_rows(target, some))
         gain = 1 - _square(e_trial) / cost[some]
         # accept what comes nearer: less damping after a gain, more after none (Levenberg-Marquardt)
@@ -105,7 +105,7 @@ def solve_poses(vjm: Vjm, target: Target, start: Array) -> Reached:
         q[taken], e[taken], J[taken] = trial[better], e_trial[better], J_trial[better]
         cost[taken] = _square(e[taken])
         damping[some] *= np.where(better, 0.2, 10.0)
-        dull[some] = np.where(gain > STALLED, 0, dull[some] + 1)
+        dull[some] = np.where(gain > STALLED_GAIN, 0, dull[some] + 1)
     return Reached(q, np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1) / lever)
 
 
@@ -117,8 +117,8 @@ def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Arr
     """Compute the pose's error, rotation times lever, (poses, 6) [m], and its Jacobian, (poses, 6, n)."""
     p, R, J = tool_motion(vjm, q)
     J[:, 3:] *= lever
-    if vjm.arm.moves is not None:  # joints that follow others have no column of their own
-        J = J @ vjm.arm.moves
+    if vjm.arm.dependence is not None:  # joints that follow others have no column of their own
+        J = J @ vjm.arm.dependence
     return np.hstack([target.position - p, lever * turn_between(R, target.rotation)]), J
 
 
@@ -143,13 +143,13 @@ def _damped(J: Array, e: Array, weight: Array) -> Array:
 
 STRIDE, FAR_ROTATION = 0.1, 0.2
 """Distance between supports of a path over the arm's reach [1], and the rotation that counts as far [rad]."""
-STEADY, FASTEST = 0.1, 3.0
+MAX_STEADY_MOTION, MAX_MOTION_PER_STRIDE = 0.1, 3.0
 """Motion between two points that is no jump: this one [rad, m] beyond twice that of the joints interpolated
-between supports, which counts up to `FASTEST` per stride [rad, m]."""
-REPEATS = 4  #: Most repairs of a path.
+between supports, which counts up to `MAX_MOTION_PER_STRIDE` per stride [rad, m]."""
+MAX_REPAIRS = 4  #: Most repairs of a path.
 START_CONFIGURATIONS = 256  #: Random configurations from which the first point is solved.
-TRIED = 8  #: Configurations of the first point with which the path is tried.
-SAMPLE = 400  #: Most points of the path that such a trial uses.
+MAX_TRIED = 8  #: Configurations of the first point with which the path is tried.
+MAX_SAMPLE = 400  #: Most points of the path that such a trial uses.
 LIMIT_CLEARANCE = 0.05
 """Distance to the limits that the first point should keep, and between configurations to try [rad, m]."""
 SAME_CONFIGURATION = 0.05  #: Largest difference of joints that count as one configuration [rad, m].
@@ -192,24 +192,24 @@ def joints_along(
         return solve_poses(vjm, target, near)
     if not len(position):
         raise BenchError("position [m]: expected at least one point")
-    tries = _first(vjm, select_rows(target, slice(1)), start)
-    return _track(vjm, target, _chosen(vjm, target, tries))
+    tries = _start_configurations(vjm, select_rows(target, slice(1)), start)
+    return _follow_path(vjm, target, _best_start(vjm, target, tries))
 
 
-def _chosen(vjm: Vjm, target: Target, tries: Array) -> Array:
+def _best_start(vjm: Vjm, target: Target, tries: Array) -> Array:
     """Choose the first of some start configurations from which most of the path is reached, (n,) [rad, m]."""
     if len(tries) == 1:
         return np.asarray(tries[0])
-    some = np.arange(0, len(target.position), math.ceil(len(target.position) / SAMPLE))
+    some = np.arange(0, len(target.position), math.ceil(len(target.position) / MAX_SAMPLE))
     counts: list[int] = []
     for q in tries:
-        counts.append(int(_pass(vjm, select_rows(target, some), q)[0].converged.sum()))
+        counts.append(int(_follow_once(vjm, select_rows(target, some), q)[0].converged.sum()))
         if counts[-1] == len(some):
             break
     return np.asarray(tries[int(np.argmax(counts))])
 
 
-def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
+def _start_configurations(vjm: Vjm, target: Target, start: Array | None) -> Array:
     """Find joints of the first point, the best first, (tries, n) [rad, m]."""
     arm, (lower, upper) = vjm.arm, vjm.arm.limits
     if start is not None:
@@ -218,19 +218,19 @@ def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
         if reached.converged.all():
             return reached.q
     # Else from many random configurations, nearest to the start or to zero.
-    near = arm.within(np.zeros(arm.n_joints) if start is None else start)
-    seeds = arm.drawn(np.random.default_rng(0), START_CONFIGURATIONS)
+    near = arm.clip_to_limits(np.zeros(arm.n_joints) if start is None else start)
+    seeds = arm.draw_poses(np.random.default_rng(0), START_CONFIGURATIONS)
     many = solve_poses(vjm, select_rows(target, np.zeros(START_CONFIGURATIONS, dtype=int)), seeds)
     if not many.converged.any():
         return many.q[[np.argmin(many.distance + vjm.reach * many.angle)]]
     # Away from the limits first, then the nearest.
-    q = _unwound(vjm, many.q[many.converged], near)
+    q = _unwind(vjm, many.q[many.converged], near)
     away = np.linalg.norm(q - near, axis=1)
     tight = np.minimum(q - lower, upper - q).min(axis=1) < LIMIT_CLEARANCE
     order = np.lexsort((away, tight))
     kept: list[Array] = []
     for own_q in q[order]:
-        if len(kept) < (TRIED if start is None else 1) and all(
+        if len(kept) < (MAX_TRIED if start is None else 1) and all(
             np.abs(own_q - k).max() > LIMIT_CLEARANCE for k in kept
         ):
             kept.append(own_q)
@@ -248,12 +248,12 @@ def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
     Returns:
         Joints within the limits, (configurations, n) [rad, m].
     """
-    seeds, (lower, upper) = vjm.arm.drawn(np.random.default_rng(0), START_CONFIGURATIONS), vjm.arm.limits
+    seeds, (lower, upper) = vjm.arm.draw_poses(np.random.default_rng(0), START_CONFIGURATIONS), vjm.arm.limits
     target = Target(
         np.tile(position, (START_CONFIGURATIONS, 1)), np.tile(rotation, (START_CONFIGURATIONS, 1, 1))
     )
     many = solve_poses(vjm, target, seeds)
-    turns = [(-1, 0, 1) if own else (0,) for own in vjm.arm.turns]
+    turns = [(-1, 0, 1) if own else (0,) for own in vjm.arm.full_turn_joints]
     shifts = 2 * np.pi * np.array([*itertools.product(*turns)], dtype=float)
     q = (many.q[many.converged][:, None] + shifts).reshape(-1, len(lower))
     q = q[((q >= lower) & (q <= upper)).all(axis=1)]
@@ -261,58 +261,63 @@ def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
     return np.asarray(q[first])
 
 
-def _unwound(vjm: Vjm, q: Array, near: Array) -> Array:
+def _unwind(vjm: Vjm, q: Array, near: Array) -> Array:
     """Take whole turns out of hinges, as far as the limits let them come nearer to given joints."""
     lower, upper = vjm.arm.limits
-    other = q - 2 * np.pi * np.round((q - near) / (2 * np.pi)) * vjm.arm.turns
+    other = q - 2 * np.pi * np.round((q - near) / (2 * np.pi)) * vjm.arm.full_turn_joints
     return np.where((other >= lower) & (other <= upper), other, q)
 
 
-def _track(vjm: Vjm, target: Target, first: Array) -> Reached:
+def _follow_path(vjm: Vjm, target: Target, first: Array) -> Reached:
     """Follow a path from joints near its first point, and repair jumps.
 
     Where branches of the inverse kinematics nearly meet, a support may lie on another branch than the points
     before it. Then the rest is solved again from these points. If that leads nowhere, the points before are
     solved again, backwards from the support.
     """
-    reached, rough = _pass(vjm, target, first)
+    reached, rough = _follow_once(vjm, target, first)
     tried = -1
-    for _ in range(REPEATS):
+    for _ in range(MAX_REPAIRS):
         i = next((i for i in rough.tolist() if i > tried), None)
         if i is None:
             break
         tried, after = i, np.arange(i, len(target.position))
         # forwards: the rest of the path from the joints before the jump
-        rest, more = _pass(vjm, select_rows(target, after), reached.q[i])
+        rest, more = _follow_once(vjm, select_rows(target, after), reached.q[i])
         if rest.converged.sum() >= reached.converged[after].sum() and 0 not in more:
             reached, rough = with_rows(reached, after, rest), i + more
             continue
         # backwards: from the joints behind the jump to where both branches meet
         before = np.arange(i + 1, -1, -1)
-        back, _ = _pass(vjm, select_rows(target, before), reached.q[i + 1])
+        back, _ = _follow_once(vjm, select_rows(target, before), reached.q[i + 1])
         gap = np.abs(back.q[::-1][1:] - reached.q[: i + 1]).max(axis=1)
         meet = int(np.argmin(gap)) + 1
         own = np.arange(meet, i + 2)
-        if gap[meet - 1] < STEADY and back.converged[: len(own)].sum() >= reached.converged[own].sum():
+        if (
+            gap[meet - 1] < MAX_STEADY_MOTION
+            and back.converged[: len(own)].sum() >= reached.converged[own].sum()
+        ):
             reached = with_rows(reached, own, select_rows(back, i + 1 - own))
     return reached
 
 
-def _pass(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
+def _follow_once(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
     """Find joints along a path once, and the points, (jumps,), behind which they jump."""
     turn = np.linalg.norm(turn_between(target.rotation[:-1], target.rotation[1:]), axis=1)
     step = np.linalg.norm(np.diff(target.position, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(step / (STRIDE * vjm.reach) + turn / FAR_ROTATION + 1e-9)])
-    places, q = path_supports(vjm, target, _strides(way), first)
+    places, q = path_supports(vjm, target, _support_places(way), first)
     start = np.stack([np.interp(way, way[places], own) for own in q.T], axis=1)
     # a motion well beyond the interpolated one is a jump to another branch
-    steady = STEADY + np.minimum(2 * np.abs(np.diff(start, axis=0)), FASTEST * np.diff(way)[:, None])
-    reached = _again(vjm, target, solve_poses(vjm, target, start))
+    steady = MAX_STEADY_MOTION + np.minimum(
+        2 * np.abs(np.diff(start, axis=0)), MAX_MOTION_PER_STRIDE * np.diff(way)[:, None]
+    )
+    reached = _retry_unreached(vjm, target, solve_poses(vjm, target, start))
     jumps = (np.abs(np.diff(reached.q, axis=0)) > steady).any(axis=1)
     return reached, np.flatnonzero(jumps & reached.converged[1:] & reached.converged[:-1])
 
 
-def _strides(way: Array) -> Ids:
+def _support_places(way: Array) -> Ids:
     """Select points about one stride apart along the way, the first and the last one among them."""
     found = [0]
     while found[-1] < len(way) - 1:
@@ -320,7 +325,7 @@ def _strides(way: Array) -> Ids:
     return np.array(found)
 
 
-def _again(vjm: Vjm, target: Target, reached: Reached) -> Reached:
+def _retry_unreached(vjm: Vjm, target: Target, reached: Reached) -> Reached:
     """Try unreached points once more from the nearest points that were reached."""
     there = np.flatnonzero(reached.converged)
     lost = np.flatnonzero(~reached.converged)
@@ -333,33 +338,33 @@ def _again(vjm: Vjm, target: Target, reached: Reached) -> Reached:
     return with_rows(reached, lost[other.converged], select_rows(other, np.flatnonzero(other.converged)))
 
 
-def solve_path(vjm: Vjm, target: Target, found: Reached, open_: Ids) -> Reached:
+def solve_path(vjm: Vjm, target: Target, guess: Reached, unsolved: Ids) -> Reached:
     """Solve poses again, each from the one before, until none changes; a reached pose stays reached.
 
     Args:
         vjm: Kinematics of the rigid arm.
         target: Poses of the tool's origin.
-        found: A guess of every pose.
-        open_: Indices of the poses to solve first, (k,), the first pose not among them.
+        guess: A guess of every pose.
+        unsolved: Indices of the poses to solve first, (k,), the first pose not among them.
 
     Returns:
         Joints and remaining errors of all poses.
     """
-    while len(open_):
+    while len(unsolved):
         # solve from the left neighbour; where that changes a pose, the pose behind it is open again
         reached, old = (
-            solve_poses(vjm, select_rows(target, open_), found.q[open_ - 1]),
-            select_rows(found, open_),
+            solve_poses(vjm, select_rows(target, unsolved), guess.q[unsolved - 1]),
+            select_rows(guess, unsolved),
         )
         moved = np.abs(reached.q - old.q).max(axis=1) > SAME_CONFIGURATION
         nearer = reached.distance + reached.angle * vjm.reach < MIN_IMPROVEMENT * (
             old.distance + old.angle * vjm.reach
         )
         change = np.where(reached.converged, moved | ~old.converged, nearer & ~old.converged)
-        found = with_rows(found, open_[change], select_rows(reached, np.flatnonzero(change)))
-        open_ = open_[change] + 1
-        open_ = open_[open_ < len(found.q)]
-    return found
+        guess = with_rows(guess, unsolved[change], select_rows(reached, np.flatnonzero(change)))
+        unsolved = unsolved[change] + 1
+        unsolved = unsolved[unsolved < len(guess.q)]
+    return guess
 
 
 def path_supports(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids, Array]:
@@ -421,7 +426,7 @@ class Compensated(Displayed):
     half_width: Array  #: Half width of the error's 95 % interval, world, (points, 3) [m]; infinite if unseen.
     stopped: Mask  #: Joints that a limit stopped, (points, n).
     refused: tuple[Refusal | None, ...]  #: Why a point is refused; None for a corrected one.
-    reference: Asked  #: Meaning that the program's joints were given.
+    reference: JointMeaning  #: Meaning that the program's joints were given.
 
     def about(self) -> dict[str, object]:
         """Summarise the correction: points, refused points, and errors of position before and after."""
@@ -470,7 +475,7 @@ def compensate(
         raise BenchError("q [rad, m]: expected at least one point")
     aim, loads = aim or Aim(), [load.over(len(q)) for load in loads]
     point = np.array(aim.point)
-    meant: Asked = aim.reference or ("drawn" if model.absolute else "unloaded")
+    meant: JointMeaning = aim.reference or ("drawn" if model.absolute else "unloaded")
     # the target of the program, and how far the uncorrected tool is from it
     target = target_of(model.state, q, meant, point)
     before = equilibrium(model.state, q, loads).at(point) - target.position
@@ -484,7 +489,7 @@ def compensate(
     corrected = np.where(acts[:, None], corrected, q)  # where nothing acts, as it was to the last digit
     # interval of the error: of a position, or of the motion from the programmed to the corrected pose
     start = None if model.absolute and meant == "drawn" else LoadedPoses(q)
-    end = LoadedPoses(corrected, loads, heavy=meant == "drawn")
+    end = LoadedPoses(corrected, loads, with_own_weight=meant == "drawn")
     half = half_widths(model, end, start, point[None])[:, 0]
     return Compensated(
         corrected, q, target, before, left, found.rotation_error, half, held, tuple(refused), meant
@@ -510,20 +515,22 @@ def within_limits(
         The solution, and which joints a limit stopped, (points, n).
     """
     arm, (lower, upper) = model.arm, model.arm.limits
-    free_joints = True if arm.moves is None else arm.moves.any(axis=0)
+    free_joints = True if arm.dependence is None else arm.dependence.any(axis=0)
     points = Points(model.state, q, loads, target, aim, np.ones(q.shape))
     corrected = solve_inverse_statics(points)
     for _ in range(arm.n_joints):
-        beyond = ((corrected.q < lower) | (corrected.q > upper)) & (points.free > 0) & free_joints
+        beyond = ((corrected.q < lower) | (corrected.q > upper)) & (points.may_move > 0) & free_joints
         some = np.flatnonzero(beyond.any(axis=1) & corrected.solved)
         if not len(some):
             break
         # hold the joints that passed a limit there, and solve these points again
-        free = points.free * ~(beyond & corrected.solved[:, None])
-        start = arm.followed(np.where(free > 0, points.start, np.clip(corrected.q, lower, upper)))
-        points = replace(points, start=start, free=free)
-        assign_rows(corrected, some, solve_inverse_statics(points.of(some)))
-    return corrected, points.free == 0
+        free = points.may_move * ~(beyond & corrected.solved[:, None])
+        start = arm.with_dependent_joints(
+            np.where(free > 0, points.start, np.clip(corrected.q, lower, upper))
+        )
+        points = replace(points, start=start, may_move=free)
+        assign_rows(corrected, some, solve_inverse_statics(points.select(some)))
+    return corrected, points.may_move == 0
 
 
 def _refused(arm: Arm, corrected: Corrected, q: Array, room: Site | None) -> list[Refusal | None]:

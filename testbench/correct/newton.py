@@ -30,11 +30,11 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from testbench.data.dataset import Rows, arrays, join_rows, select_rows
+from testbench.data.dataset import Rows, join_rows, row_arrays, select_rows
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.identify.absolute.state import ArmState, joint_equilibrium, loads_at, unsprung_theta
 from testbench.model.load import Load
-from testbench.model.vjm import Chain, chain, cross, on_tool, tool_pose, turn_between, turn_of_axis
+from testbench.model.vjm import Chain, chain, cross, points_on_tool, tool_pose, turn_between, turn_of_axis
 from testbench.progress import stepwise
 
 POSES_AT_ONCE = 512  #: Poses computed side by side: enough for numpy, few for its cache.
@@ -47,31 +47,31 @@ def batches(poses: int) -> Iterator[slice]:
     )
 
 
-def assign_rows(rows: Rows, where: Ids, others: Rows) -> None:
+def assign_rows(rows: Rows, places: Ids, others: Rows) -> None:
     """Overwrite some rows of arrays that belong together, in place.
 
     Args:
         rows: Dataclass of arrays with one row per pose.
-        where: Indices of the rows to overwrite, (k,).
+        places: Indices of the rows to overwrite, (k,).
         others: Dataclass of the same type with k rows.
     """
-    for name, values in arrays(rows).items():
-        values[where] = arrays(others)[name]
+    for name, values in row_arrays(rows).items():
+        values[places] = row_arrays(others)[name]
 
 
-def with_rows(rows: Rows, where: Ids, others: Rows) -> Rows:
+def with_rows(rows: Rows, places: Ids, others: Rows) -> Rows:
     """Copy arrays that belong together, with some rows overwritten.
 
     Args:
         rows: Dataclass of arrays with one row per pose.
-        where: Indices of the rows to overwrite, (k,).
+        places: Indices of the rows to overwrite, (k,).
         others: Dataclass of the same type with k rows.
 
     Returns:
         The copy; the input stays as it is.
     """
     found = join_rows([rows])
-    assign_rows(found, where, others)
+    assign_rows(found, places, others)
     return found
 
 
@@ -89,7 +89,7 @@ class RestPoses:
 
     def points(self, points: Array) -> Array:
         """Compute world positions, (poses, k, 3) [m], of several points of the tool, (k, 3) [m]."""
-        return on_tool((self.position, self.rotation), points)
+        return points_on_tool((self.position, self.rotation), points)
 
 
 def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> RestPoses:
@@ -114,11 +114,13 @@ def equilibrium(state: ArmState, q: Array, loads: Sequence[Load] = ()) -> RestPo
     """
     q = check_array(q, (None, state.vjm.arm.n_joints), "q [rad, m]")
     loads = [load.over(len(q)) for load in loads]
-    found = (joint_equilibrium(state, q[some], [load.of(some) for load in loads]) for some in batches(len(q)))
+    found = (
+        joint_equilibrium(state, q[some], [load.select(some) for load in loads]) for some in batches(len(q))
+    )
     return join_rows([RestPoses(one.theta, one.chain.position, one.chain.rotation) for one in found])
 
 
-Hold = Literal["pose", "axis", "position"]
+CorrectedPart = Literal["pose", "axis", "position"]
 """Part of the tool's pose to correct: all, all but its rotation about the spindle, or its position alone."""
 MIN_SINGULAR_VALUE = 0.05
 """Singular value [rad/rad] below which rotations are damped.
@@ -129,7 +131,7 @@ There a rotation of one milliradian moves the joints by 20 mrad, more than a deg
 RANK_SHARE = 1e-7
 
 
-def newton_operator(J: Array, hold: Hold, axis: Array) -> Array:
+def newton_operator(J: Array, hold: CorrectedPart, axis: Array) -> Array:
     """Compute the operator G of a Newton step, d = G b, that meets position first and then rotation.
 
     Mathematics: `cor-4`, `cor-5`.
@@ -175,7 +177,7 @@ def _damped(B: Array) -> Array:
     return np.asarray((Vt.swapaxes(1, 2) * gain[:, None]) @ U.swapaxes(1, 2))
 
 
-Asked = Literal["unloaded", "drawn"]
+JointMeaning = Literal["unloaded", "drawn"]
 """Meaning of programmed joints: the pose under own weight alone, as taught; or of the nominal rigid arm."""
 TOLERANCE = 1e-10  #: Largest error of a point's position and of its equilibrium [m, rad].
 USUAL_STEPS, MAX_STEPS = 5, 60  #: Steps that suffice for most points, and most steps.
@@ -199,16 +201,16 @@ class Target:
 class Aim:
     """State which part of the tool's pose is corrected, and about which point of the tool."""
 
-    hold: Hold = "pose"  #: Part of the pose to correct.
+    hold: CorrectedPart = "pose"  #: Part of the pose to correct.
     #: Meaning of programmed joints; None is "drawn" for an absolute model, "unloaded" for any other.
-    reference: Asked | None = None
+    reference: JointMeaning | None = None
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Tool point in the tool's frame, (3,) [m].
     spindle: tuple[float, float, float] = SPINDLE  #: Unit vector of the spindle in the tool's frame, (3,).
 
     def __post_init__(self) -> None:
         """Refuse other words, a point that is none and a spindle of another length, by BenchError."""
-        if self.hold not in get_args(Hold) or self.reference not in (None, *get_args(Asked)):
-            known = f"{', '.join(get_args(Hold))} and {', '.join(get_args(Asked))}"
+        if self.hold not in get_args(CorrectedPart) or self.reference not in (None, *get_args(JointMeaning)):
+            known = f"{', '.join(get_args(CorrectedPart))} and {', '.join(get_args(JointMeaning))}"
             raise BenchError(f"aim: expected {known}, got {self.hold!r} and {self.reference!r}")
         point, spindle = check_array(np.array([self.point, self.spindle]), (2, 3), "tool point and spindle")
         if np.abs(point).max() > MAX_COORDINATE or abs(np.linalg.norm(spindle) - 1) > UNIT:
@@ -216,7 +218,7 @@ class Aim:
             raise BenchError(f"aim: expected {problem}, got {self.point} and {self.spindle}")
 
 
-def target_of(state: ArmState, q: Array, meant: Asked, point: Array) -> Target:
+def target_of(state: ArmState, q: Array, meant: JointMeaning, point: Array) -> Target:
     """Compute the target poses that programmed joints ask for.
 
     Mathematics: `cor-2`.
@@ -270,12 +272,14 @@ class Points:
     loads: Sequence[Load]  #: Each with a row a point.
     target: Target  #: Where the tool point has to be.
     aim: Aim  #: Tool point, and the part of its pose to correct.
-    free: Array  #: 1 for a joint that may move, 0 for one that is held, (points, n).
+    may_move: Array  #: 1 for a joint that may move, 0 for one that is held, (points, n).
 
-    def of(self, some: slice | Ids) -> "Points":
+    def select(self, points: slice | Ids) -> "Points":
         """Take some of the points, by indices or a slice."""
-        loads, target = [load.of(some) for load in self.loads], select_rows(self.target, some)
-        return replace(self, start=self.start[some], loads=loads, target=target, free=self.free[some])
+        loads, target = [load.select(points) for load in self.loads], select_rows(self.target, points)
+        return replace(
+            self, start=self.start[points], loads=loads, target=target, may_move=self.may_move[points]
+        )
 
 
 @dataclass(frozen=True)
@@ -288,18 +292,18 @@ class _Errors:
     spring_error: Array  #: Equilibrium of theta under its loads minus theta, (points, n_theta) [m, rad].
 
 
-def _off(points: Points, q: Array, theta: Array) -> _Errors:
+def _errors(points: Points, q: Array, theta: Array) -> _Errors:
     """Evaluate the deflected arm once."""
     state = points.state
     where = chain(state.vjm, q, theta)
     u = loads_at(state, where, points.loads)
     springs = unsprung_theta(state, q, points.loads) + (state.C_theta @ u).T - theta
     position = where.position + where.rotation @ np.array(points.aim.point)
-    turned = _turned(points, where.rotation)
+    turned = _rotation_error(points, where.rotation)
     return _Errors(where, points.target.position - position, turned, springs)
 
 
-def _turned(points: Points, rotation: Array) -> Array:
+def _rotation_error(points: Points, rotation: Array) -> Array:
     """Compute the remaining rotation; where the spindle may turn about itself, that of its axis alone."""
     if points.aim.hold != "axis":
         return turn_between(rotation, points.target.rotation)
@@ -327,34 +331,34 @@ def solve_inverse_statics(points: Points) -> Corrected:
     corrected = _in_batches(points, USUAL_STEPS)
     late = np.flatnonzero(corrected.steps > USUAL_STEPS)
     if len(late):
-        assign_rows(corrected, late, _in_batches(points.of(late), MAX_STEPS))
+        assign_rows(corrected, late, _in_batches(points.select(late), MAX_STEPS))
     alone = replace(points.aim, hold="position")
     # what is left: with a renewed operator, then position alone, with the first operator and a renewed one
     for aim, renewed in ((points.aim, True), (alone, False), (alone, True)):
         bad = np.flatnonzero(~corrected.solved)
         if len(bad):
-            again = _in_batches(replace(points.of(bad), aim=aim), MAX_STEPS, renewed=renewed)
+            again = _in_batches(replace(points.select(bad), aim=aim), MAX_STEPS, renewed=renewed)
             better = np.flatnonzero(again.solved)
             assign_rows(corrected, bad[better], select_rows(again, better))
     return corrected
 
 
-def _in_batches(points: Points, most: int, *, renewed: bool = False) -> Corrected:
+def _in_batches(points: Points, max_steps: int, *, renewed: bool = False) -> Corrected:
     """Solve points in batches with at most so many steps; `steps` is one more where these did not do."""
     some = batches(len(points.start))
-    return join_rows([_correct(points.of(part), most, renewed=renewed) for part in some])
+    return join_rows([_solve_batch(points.select(part), max_steps, renewed=renewed) for part in some])
 
 
-def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
+def _solve_batch(points: Points, max_steps: int, *, renewed: bool) -> Corrected:
     """Take at most so many Newton steps, with the operator of the start or renewed in every step."""
     runs = len(points.start)
     q, theta = points.start.copy(), unsprung_theta(points.state, points.start, points.loads)
     corrected = Corrected(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
-    moving, now, moves = np.arange(runs), points, points.state.vjm.arm.moves
+    moving, now, moves = np.arange(runs), points, points.state.vjm.arm.dependence
     G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))
-    for step in range(most):
+    for step in range(max_steps):
         # errors of position, rotation and equilibrium at the present q and theta
-        off = _off(now, q[moving], theta[moving])
+        off = _errors(now, q[moving], theta[moving])
         corrected.position_error[moving], corrected.rotation_error[moving] = (
             off.position_error,
             off.rotation_error,
@@ -366,10 +370,10 @@ def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
         # the operator of this step; a joint that is held has no column
         if step == 0 or renewed:
             J = _jacobian(now.aim, off.chain, now.state.vjm.joint_slice)
-            J = (J if moves is None else J @ moves) * now.free[:, None]
+            J = (J if moves is None else J @ moves) * now.may_move[:, None]
             G = newton_operator(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
         # q by the operator, theta to its springs' equilibrium; points that stand still or diverge drop out
-        move = _move(now, off, q[moving], G, J) / 2 ** min(2, step // HALVING_STEPS)
+        move = _joint_step(now, off, q[moving], G, J) / 2 ** min(2, step // HALVING_STEPS)
         still = corrected.solved[moving] & (np.abs(move).max(axis=1) <= MIN_MOTION)
         go = np.flatnonzero(~still & np.isfinite(off.position_error).all(axis=1))
         if not len(go):
@@ -377,29 +381,29 @@ def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
         q[moving[go]] += move[go]
         theta[moving[go]] += off.spring_error[go]
         if len(go) < len(moving):
-            moving, now, G, J = moving[go], now.of(go), G[go], J[go]
+            moving, now, G, J = moving[go], now.select(go), G[go], J[go]
     corrected.steps[moving] += 1
     return corrected
 
 
-def _jacobian(aim: Aim, where: Chain, columns: slice) -> Array:
+def _jacobian(aim: Aim, chain: Chain, columns: slice) -> Array:
     """Compute the Jacobian of some virtual joints at the tool point, translation first, (points, 6, k)."""
-    v, omega = where.J_theta[:3, columns], where.J_theta[3:, columns]
-    arm = (where.rotation @ np.array(aim.point)).T[:, None]
+    v, omega = chain.J_theta[:3, columns], chain.J_theta[3:, columns]
+    arm = (chain.rotation @ np.array(aim.point)).T[:, None]
     return np.ascontiguousarray(np.concatenate([v + cross(omega, arm), omega]).transpose(2, 0, 1))
 
 
-def _move(points: Points, off: _Errors, q: Array, G: Array, J: Array) -> Array:
+def _joint_step(points: Points, errors: _Errors, q: Array, G: Array, J: Array) -> Array:
     """Compute the step of the joints, (points, n), for the errors left when the springs have followed."""
     # the errors that remain once theta has followed its springs, to first order
-    arm = (off.chain.rotation @ np.array(points.aim.point)).T
-    v, omega = np.einsum("xtr,rt->xr", off.chain.J_theta, off.spring_error).reshape(2, 3, -1)
-    left = np.hstack([off.position_error - (v + cross(omega, arm)).T, off.rotation_error - omega.T])
+    arm = (errors.chain.rotation @ np.array(points.aim.point)).T
+    v, omega = np.einsum("xtr,rt->xr", errors.chain.J_theta, errors.spring_error).reshape(2, 3, -1)
+    left = np.hstack([errors.position_error - (v + cross(omega, arm)).T, errors.rotation_error - omega.T])
     # the whole motion from the start solves the start's linear equations: q = start + G (errors + J gone)
     gone = q - points.start
     move = np.matvec(G, left + np.matvec(J, gone)) - gone
-    if points.state.vjm.arm.moves is not None:  # joints that follow others move as these do
-        move = np.matvec(points.state.vjm.arm.moves, move)
+    if points.state.vjm.arm.dependence is not None:  # joints that follow others move as these do
+        move = np.matvec(points.state.vjm.arm.dependence, move)
     return np.asarray(
         move * np.minimum(1, MAX_MOTION / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
     )

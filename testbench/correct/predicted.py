@@ -104,7 +104,7 @@ def predict(
     points = model.vjm.markers if points is None else check_array(points, (None, 3), "points [m]")
     points = np.vstack([np.zeros(3), points])
     every = LoadedPoses(q, loads)
-    return join_rows([_predict(model, every.of(some), points, linear) for some in batches(len(q))])
+    return join_rows([_predict(model, every.select(some), points, linear) for some in batches(len(q))])
 
 
 def _predict(model: ArmModel, loaded: LoadedPoses, points: Array, linear: bool) -> Prediction:
@@ -172,11 +172,11 @@ def extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> Extent:
     return Extent(largest[0], largest[1], ratios[0], ratios[1], of_payload)
 
 
-def _over(value: float, known: float | None) -> float | None:
+def _over(value: float, reference: float | None) -> float | None:
     """Divide by what is known; infinite where that is zero, None where nothing is known or to be divided."""
-    if known is None or not value:
+    if reference is None or not value:
         return None
-    return value / known if known else math.inf
+    return value / reference if reference else math.inf
 
 
 # --- Stiffness of the loaded tool in every direction: the compliance of Eq. (7) and its ellipsoid -----------
@@ -253,12 +253,12 @@ def tangents(position: Array, acts: Mask) -> Array:
     group = np.concatenate([[0], np.cumsum(moves)])
     cut = np.bincount(group, acts) > 0
     unit = step[moves] / length[moves, None]
-    inside = _halfway(unit * (cut[:-1] & cut[1:])[:, None])
-    own = np.where(inside.any(axis=1, keepdims=True), inside, _halfway(unit))
+    inside = _mean_directions(unit * (cut[:-1] & cut[1:])[:, None])
+    own = np.where(inside.any(axis=1, keepdims=True), inside, _mean_directions(unit))
     return np.asarray(own[group])
 
 
-def _halfway(unit: Array) -> Array:
+def _mean_directions(unit: Array) -> Array:
     """Compute directions between those before and behind, (points, 3); zero where opposite or missing."""
     both = np.zeros((len(unit) + 1, 3))
     both[:-1] += unit
@@ -325,7 +325,7 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Arra
     check_items(loads, Load, "loads")
     every = LoadedPoses(q, loads)
     theta = equilibrium(model.state, q, every.loads).theta if theta is None else theta
-    return join_rows([_stiffness(model.state, every.of(some), theta[some]) for some in batches(len(q))])
+    return join_rows([_stiffness(model.state, every.select(some), theta[some]) for some in batches(len(q))])
 
 
 def _stiffness(state: ArmState, poses: LoadedPoses, theta: Array) -> Stiffness:

@@ -18,12 +18,12 @@ from testbench.identify.absolute.state import ArmState
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CONFIDENCE, conditional_covariance, quantile
 from testbench.identify.rows import jacobian, nominal_chain
-from testbench.model.kinematics import basis
+from testbench.model.kinematics import joint_error_basis
 from testbench.model.load import Load, on_joints, own_weight
 from testbench.model.loaded import displacement
 from testbench.model.vjm import chain, tool_pose
 
-LOOKED_AT = 60  #: Most poses, evenly picked, over which the most uncertain part is found.
+MAX_POSES = 60  #: Most poses, evenly picked, over which the most uncertain part is found.
 MIN_VARIANCE_SHARE = 0.5  #: Least share of the variance for a part to be named [1].
 MIN_LEAD = 1.2  #: Least ratio of its share to that of the next part [1].
 
@@ -36,21 +36,23 @@ class LoadedPoses:
     loads: Sequence[Load] = ()  #: Loads that act together, besides own weight.
     #: Whether own weight counts as one of the loads for a model of compliances alone: deflections are then
     #: measured from the nominal rigid arm.
-    heavy: bool = False
+    with_own_weight: bool = False
     equilibrium: RestPoses | None = None  #: Equilibrium under these loads; None where it is not known yet.
 
     def __post_init__(self) -> None:
         """Give every load a row a pose; BenchError where it has another number of them."""
         object.__setattr__(self, "loads", [load.over(len(self.q)) for load in self.loads])
 
-    def of(self, some: slice | Ids) -> "LoadedPoses":
+    def select(self, poses: slice | Ids) -> "LoadedPoses":
         """Take some of the poses with their loads, by indices or a slice."""
-        known = None if self.equilibrium is None else select_rows(self.equilibrium, some)
-        return LoadedPoses(self.q[some], [load.of(some) for load in self.loads], self.heavy, known)
+        known = None if self.equilibrium is None else select_rows(self.equilibrium, poses)
+        return LoadedPoses(
+            self.q[poses], [load.select(poses) for load in self.loads], self.with_own_weight, known
+        )
 
     def releases(self, other: "LoadedPoses") -> bool:
         """Tell whether these poses are those of others without loads: equal joints, and no load here."""
-        return not (self.loads or self.heavy) and np.array_equal(self.q, other.q)
+        return not (self.loads or self.with_own_weight) and np.array_equal(self.q, other.q)
 
     def at_rest(self, state: ArmState) -> RestPoses:
         """Return the equilibrium under these loads, solved if it is not known.
@@ -85,12 +87,12 @@ def half_widths(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, po
         raise BenchError("intervals: expected an absolute model for positions; this one knows deflections")
     scatter, found = _scatter(model), []
     for some in batches(len(end.q)):
-        before = None if start is None else start.of(some)
+        before = None if start is None else start.select(some)
         # Widths by the posterior, then what a linear model leaves out, or the scatter of positions.
-        rows = rows_between(model, end.of(some), before, points)
+        rows = rows_between(model, end.select(some), before, points)
         half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:
-            loaded_poses = end.of(some)
+            loaded_poses = end.select(some)
             free = (
                 before
                 if before is not None and before.releases(loaded_poses)
@@ -159,7 +161,8 @@ def rows_between(model: ArmModel, end: LoadedPoses, start: LoadedPoses | None, p
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
     rows = _rows(model, end, points)
-    if start is None or not (model.absolute or start.loads or start.heavy):  # nothing bends the drawn arm
+    # nothing bends the drawn arm
+    if start is None or not (model.absolute or start.loads or start.with_own_weight):
         return rows
     return rows - _rows(model, start, points)
 
@@ -177,9 +180,11 @@ def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
         theta = poses.at_rest(state).theta
         where = chain(model.vjm, poses.q, theta)
         told = replace(told, theta=theta, chain=where, u=on_joints(where, poses.loads))
-    if model.absolute or poses.heavy:
+    if model.absolute or poses.with_own_weight:
         told = replace(told, u=own_weight(told.chain, state.weights) + told.u)
-    phi = basis(state.errors, model.arm, poses.q, told.u[model.vjm.joint_slice], state.torque_scale)
+    phi = joint_error_basis(
+        state.errors, model.arm, poses.q, told.u[model.vjm.joint_slice], state.torque_scale
+    )
     A = jacobian(model.unknowns, replace(told, phi=phi), points, rotations=False)
     return A[:, :, model.columns].transpose(3, 0, 1, 2)
 
@@ -206,7 +211,7 @@ def curvature(model: ArmModel, poses: LoadedPoses, free: LoadedPoses, points: Ar
     state, loads = model.state, poses.loads
     where, after = chain(model.vjm, poses.q), poses.at_rest(state)
     u = on_joints(where, loads)
-    if poses.heavy:
+    if poses.with_own_weight:
         (position, rotation), u = tool_pose(model.vjm, poses.q), u + own_weight(where, state.weights)
     else:
         before = free.at_rest(state)
@@ -242,19 +247,19 @@ def largest_uncertainty(
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
-    some = evenly(np.arange(len(q)), LOOKED_AT)
-    end = LoadedPoses(q, loads, heavy=absolute).of(some)
+    some = evenly(np.arange(len(q)), MAX_POSES)
+    end = LoadedPoses(q, loads, with_own_weight=absolute).select(some)
     rows = rows_between(model, end, None if absolute else LoadedPoses(q[some]), point[None])
     rows = rows.reshape(-1, rows.shape[-1])
     unseen = np.isinf(model.posterior.deviations(rows))
-    shares = _unbound(model, rows[unseen]) if unseen.any() else _taken_away(model, rows)
+    shares = _bounded_shares(model, rows[unseen]) if unseen.any() else _variance_shares(model, rows)
     (best, share), (_, second) = sorted(((k, s) for k, s in shares.items()), key=lambda one: -one[1])[:2]
     if share < MIN_VARIANCE_SHARE or share < MIN_LEAD * second:
         return None
     return LargestUncertainty(best, share, best in [joint.name for joint in model.arm.joints])
 
 
-def _taken_away(model: ArmModel, rows: Array) -> dict[str, float]:
+def _variance_shares(model: ArmModel, rows: Array) -> dict[str, float]:
     """Compute the share of the variance of functionals, rows (k, c), that is gone where a part is known."""
     k, size = len(rows), np.linalg.norm(model.posterior.root, axis=0)
     K = model.posterior.covariance(np.vstack([rows, np.diag(1 / np.where(size > 0, size, 1))]))
@@ -266,7 +271,7 @@ def _taken_away(model: ArmModel, rows: Array) -> dict[str, float]:
     }
 
 
-def _unbound(model: ArmModel, rows: Array) -> dict[str, float]:
+def _bounded_shares(model: ArmModel, rows: Array) -> dict[str, float]:
     """Compute the share of functionals without bound, rows (k, c), that have one where a part is known."""
     shares = {}
     for name, columns in _parts(model):

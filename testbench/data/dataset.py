@@ -20,7 +20,7 @@ Shapes = dict[str, tuple[int | None, ...]]
 
 MAX_SHOWN = 600
 """Most runs that are evaluated one by one, evenly out of all."""
-SKEW = 1e-9
+ASYMMETRY_TOLERANCE = 1e-9
 """Largest asymmetry of a matrix, as a share of its size."""
 
 
@@ -175,7 +175,7 @@ class Dataset(Displayed):
         return rotation_between(self.rotation_before, self.rotation_after)
 
 
-def read_by(data: Dataset, station: int) -> Mask:
+def runs_of_station(data: Dataset, station: int) -> Mask:
     """Find the runs that one set-up of the tracker read.
 
     Args:
@@ -203,14 +203,14 @@ def rotation_between(before: Array, after: Array) -> Array:
     return np.asarray((Rotation.from_rotvec(after) * Rotation.from_rotvec(before).inv()).as_rotvec())
 
 
-def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], own: Shapes) -> None:
+def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], shapes: Shapes) -> None:
     """Check the shapes and values of readings.
 
     Args:
         data: The readings.
         rows: How many there are.
         ids: Names of their identifiers.
-        own: Shapes of arrays that other readings have not.
+        shapes: Shapes of arrays that other readings have not.
 
     Raises:
         BenchError: If an array has another shape or kind, two targets have one name, or a sigma is
@@ -224,7 +224,7 @@ def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], own: Sh
     if not markers or len(set(markers)) != len(markers):
         raise BenchError(f"markers: expected different names, got {markers}")
     every: Shapes = {"q [rad, m]": (rows, None), "wrench [N, N m]": (rows, 6), "point [m]": (rows, 3)}
-    for what, shape in {**every, **own, "precision [1/m^2]": (rows, len(markers), 3, 3)}.items():
+    for what, shape in {**every, **shapes, "precision [1/m^2]": (rows, len(markers), 3, 3)}.items():
         if have[what.split()[0]] is not None:
             check_array(have[what.split()[0]], shape, what)
     for name, unit in (("sigma", "m"), ("sigma_rotation", "rad")):
@@ -259,12 +259,12 @@ def _check_lines(data: Dataset) -> None:
         if own.size and own.min() < 0:
             raise BenchError(f"{name}: expected 0 or more, got {own.min():g}")
     length = np.linalg.norm(data.direction, axis=2)[data.lines]
-    if (np.abs(length - 1) > SKEW).any():
+    if (np.abs(length - 1) > ASYMMETRY_TOLERANCE).any():
         raise BenchError(f"direction [1]: expected unit vectors, got one of length {length[0]:g}")
     P = data.precision[data.lines]
     u = data.direction[data.lines]
     size = np.trace(P, axis1=1, axis2=2)[:, None, None]
-    if (np.abs(P - size * u[:, :, None] * u[:, None, :]) > SKEW * size).any():
+    if (np.abs(P - size * u[:, :, None] * u[:, None, :]) > ASYMMETRY_TOLERANCE * size).any():
         raise BenchError("precision [1/m^2]: expected u u^T over the variance for readings along u")
 
 
@@ -273,7 +273,7 @@ def _check_precision(precision: Array, lines: Mask) -> None:
     size = np.abs(precision).max(axis=(2, 3))
     skew = np.abs(precision - precision.swapaxes(2, 3)).max(axis=(2, 3))
     least = np.linalg.eigvalsh(precision)[..., 0]
-    bad = (size > 0) & ((skew > SKEW * size) | ((least <= 0) & ~lines))
+    bad = (size > 0) & ((skew > ASYMMETRY_TOLERANCE * size) | ((least <= 0) & ~lines))
     if bad.any():
         run, marker = np.argwhere(bad)[0]
         raise BenchError(
@@ -305,12 +305,12 @@ Rows = TypeVar("Rows", bound="DataclassInstance")
 
 def join_rows(parts: Sequence[Rows]) -> Rows:
     """Concatenate the rows of several parts; all else is taken from the first."""
-    every = [arrays(part) for part in parts]
+    every = [row_arrays(part) for part in parts]
     whole = {name: np.concatenate([own[name] for own in every]) for name in every[0]}
     return replace(parts[0], **whole)
 
 
-def arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:
+def row_arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:
     """Return the fields of a dataclass that are arrays with one row per run, reading or pose, by name."""
     every = {field.name: getattr(data, field.name) for field in fields(data)}
     return {name: own for name, own in every.items() if isinstance(own, np.ndarray)}
@@ -326,20 +326,20 @@ def select_rows(data: Rows, rows: Ids | Mask | slice) -> Rows:
     Returns:
         The rows.
     """
-    return replace(data, **{name: own[rows] for name, own in arrays(data).items()})
+    return replace(data, **{name: own[rows] for name, own in row_arrays(data).items()})
 
 
-def evenly(runs: Ids, most: int = MAX_SHOWN) -> Ids:
+def evenly(runs: Ids, count: int = MAX_SHOWN) -> Ids:
     """Select at most a given number of runs, evenly spaced; the first and the last are among them.
 
     Args:
         runs: The runs, (n,).
-        most: Number of runs to keep.
+        count: Number of runs to keep.
 
     Returns:
         The selected runs, (min(n, most),).
     """
-    return np.asarray(runs[np.linspace(0, len(runs) - 1, min(most, len(runs))).round().astype(int)])
+    return np.asarray(runs[np.linspace(0, len(runs) - 1, min(count, len(runs))).round().astype(int)])
 
 
 def evenly_spaced(count: int, most: int) -> Ids:
@@ -437,7 +437,7 @@ class Series(Displayed):
         if self.rotation is not None:
             if self.rotation.shape != (rows, 3, 3):
                 raise BenchError(f"rotation: expected shape {(rows, 3, 3)}, got {self.rotation.shape}")
-            check_array(self.rotation[self.turned], (None, 3, 3), "rotation")
+            check_array(self.rotation[self.oriented], (None, 3, 3), "rotation")
 
     @property
     def rows(self) -> int:
@@ -452,7 +452,7 @@ class Series(Displayed):
         return np.asarray(self.precision.any(axis=(2, 3)))
 
     @property
-    def turned(self) -> Mask:
+    def oriented(self) -> Mask:
         """Tell in which rows an orientation was read, (rows,)."""
         if self.rotation is None:
             return np.zeros(self.rows, dtype=bool)
@@ -471,11 +471,11 @@ def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
         The series.
     """
     stations = [1] if data.station is None else np.unique(data.station).tolist()
-    every = [(station, select_rows(data, read_by(data, station))) for station in stations]
-    return tuple(_both(own, name, f"{name} {station}", target) for station, own in every)
+    every = [(station, select_rows(data, runs_of_station(data, station))) for station in stations]
+    return tuple(_unloaded_and_loaded(own, name, f"{name} {station}", target) for station, own in every)
 
 
-def _both(data: Dataset, name: str, frame: str, target: str) -> Series:
+def _unloaded_and_loaded(data: Dataset, name: str, frame: str, target: str) -> Series:
     """Combine the unloaded and then the loaded readings of some runs."""
     rotation, both = None, select_rows(data, np.tile(np.arange(data.runs), 2))
     placed = (data.seen & ~data.lines)[..., None]  # a reading along a line is no position

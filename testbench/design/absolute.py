@@ -26,7 +26,7 @@ FRAME_DEVIATION = 1.0
 """Standard deviation that is expected of frames and mounts, which a few poses find [m, rad]."""
 LITTLE_INFORMATION = 1e-3
 """Information of a plan of average poses, over the prior's, below which a direction counts as unseen [1]."""
-LITTLE_MORE = 0.5
+LITTLE_INFORMATION_LATER = 0.5
 """Value of `LITTLE_INFORMATION` for a plan that follows earlier readings [1].
 
 It leaves about a quarter of a thousand unknowns: those about which further readings tell enough.
@@ -42,9 +42,9 @@ class JointUnknowns:
     L: Array  #: Unknowns per unit x of what the prior expects, (size, r).
     #: Readings of one pose: a row per load in the order of reading, with targets and noise.
     pose: Series
-    rest: Array  #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
+    unmodelled: Array  #: Standard deviation of each joint's error beyond the model, (n,) [rad, m].
     #: Threshold of information over the prior's, see `LITTLE_INFORMATION` [1].
-    little: float = LITTLE_INFORMATION
+    min_information: float = LITTLE_INFORMATION
 
     @property
     def loads(self) -> int:
@@ -152,7 +152,7 @@ def realignment_loss(union: JointUnknowns, rows: Array) -> float:
     return float(np.sqrt(3 * np.square(arm).sum() / len(arm)))
 
 
-def joint_rest(union: JointUnknowns, q: Array) -> Array:
+def unmodelled_joint_error(union: JointUnknowns, q: Array) -> Array:
     """Compute the RMS displacement of targets by joint errors beyond the model, in every pose.
 
     Args:
@@ -166,7 +166,7 @@ def joint_rest(union: JointUnknowns, q: Array) -> Array:
     return np.asarray(np.sqrt(np.square(_joint_rows(union, q)[:, : 3 * m]).sum(axis=(1, 2)) / m))
 
 
-def sag_at(union: JointUnknowns, q: Array) -> Array:
+def sag(union: JointUnknowns, q: Array) -> Array:
     """Compute the RMS displacement of targets by own weight and the last load, at the expected compliances.
 
     Args:
@@ -206,7 +206,7 @@ def candidate_set(union: JointUnknowns, q: Array, poses: int) -> CandidateSet:
         mean += A.T @ A / len(q)
     # directions in which `poses` average candidates tell more than the threshold
     values, V = np.linalg.eigh(mean)
-    seen = poses * values > union.little
+    seen = poses * values > union.min_information
     if not seen.any():
         raise BenchError("candidates: expected poses that move a target")
     lift, rest = V[:, seen], V[:, ~seen]
@@ -258,4 +258,4 @@ def _joint_rows(union: JointUnknowns, q: Array) -> Array:
     J = translation_rows(where, state.mount(union.pose).points)[:, -n:]
     if union.pose.rotation is not None:
         J = np.concatenate([J, where.J_theta[3:, -n:]])
-    return np.asarray(J.transpose(2, 0, 1) * union.rest)
+    return np.asarray(J.transpose(2, 0, 1) * union.unmodelled)

@@ -34,7 +34,7 @@ class Observability:
     o4: float  #: s_min^2 / s_max: noise amplification index.
     o5: float  #: 1 / sum(1 / s): harmonic mean over r.
     seen: int  #: Directions that the plan sees.
-    of: int  #: Directions that the candidates can show.
+    showable: int  #: Directions that the candidates can show.
 
 
 def observability(problem: DesignProblem, chosen: Ids) -> Observability:
@@ -60,7 +60,7 @@ def observability(problem: DesignProblem, chosen: Ids) -> Observability:
         o4=float(s[-1] ** 2 / s[0]),
         o5=float(1 / (1 / s).sum()),
         seen=seen,
-        of=problem.r,
+        showable=problem.r,
     )
 
 
@@ -117,14 +117,14 @@ def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
     )
 
 
-def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) -> Baselines:
+def baselines(plan: Plan, rows: Array, *, random_candidates: int, rng: np.random.Generator) -> Baselines:
     """Compute errors at the tasks of greedy and random plans from the same candidates.
 
     Args:
         plan: The plan, with the candidates that were examined.
         rows: Predictions at the tasks per unit of x, (tasks, 3 m, n) [m].
-        drawn: Number of examined candidates, the first ones, that were drawn at random; random plans use
-            these.
+        random_candidates: Number of examined candidates, the first ones, that were drawn at random; random
+            plans use these.
         rng: Source of the random plans.
 
     Returns:
@@ -144,7 +144,12 @@ def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) 
     return Baselines(
         greedy=errors(order[: k + 1] for k in range(len(order))),
         random={
-            count: errors([rng.choice(drawn, count, replace=drawn < count) for _ in range(RANDOM_PLANS)])
+            count: errors(
+                [
+                    rng.choice(random_candidates, count, replace=random_candidates < count)
+                    for _ in range(RANDOM_PLANS)
+                ]
+            )
             for count in stepwise(counts, "drawing random plans")
         },
     )

@@ -23,7 +23,7 @@ from testbench.errors import Array, BenchError
 
 CRITERIA = ("D", "A", "E", "G", "I", "test")  #: Names of all criteria; absolute readings have no "test".
 POWER = 24  #: Exponent of the power mean that stands in for the largest cost of G and E [1].
-GROWN = 1e3  #: Growth of M up to which gains are updated [1]: N loses the digits of its square.
+MAX_GROWTH = 1e3  #: Growth of M up to which gains are updated [1]: N loses the digits of its square.
 SHORTLIST = 32  #: Candidates for which G and E are computed exactly; the stand-in selects them.
 
 
@@ -242,7 +242,7 @@ def criterion_g(rows: Array) -> LargestCriterion:
     Returns:
         The criterion on information matrices (r, r).
     """
-    every = gram_matrices(rows / math.sqrt(_points(rows)))
+    every = gram_matrices(rows / math.sqrt(_targets_per_pose(rows)))
 
     def costs(M: Array) -> Array:
         I = np.linalg.inv(M)  # noqa: E741 - as in the books
@@ -257,10 +257,10 @@ def mean_square(rows: Array) -> Array:
     Mathematics: `pose-5`.
     """
     A = rows.reshape(-1, rows.shape[-1])
-    return np.asarray(A.T @ A / (len(rows) * _points(rows)))
+    return np.asarray(A.T @ A / (len(rows) * _targets_per_pose(rows)))
 
 
-def _points(rows: Array) -> float:
+def _targets_per_pose(rows: Array) -> float:
     """Targets a pose."""
     return float(rows.shape[1] / 3)
 
@@ -274,7 +274,7 @@ def gram_matrices(rows: Array) -> Array:
 class Gains:
     """Hold what each candidate takes off tr(W M^-1): tr(K^-1 N).
 
-    K = 1 + F I F^T and N = F I W I F^T, with I = M^-1, follow an M that grows by a few rows; see `grown`.
+    K = 1 + F I F^T and N = F I W I F^T, with I = M^-1, follow an M that grows by a few rows; see `grow`.
     """
 
     rows: Array  #: Whitened rows F, (candidates, k, r).
@@ -330,24 +330,24 @@ def gains_of(M: Array, rows: Array, W: Array) -> Gains:
     return Gains(rows, W, M, I, np.eye(k)[:, :, None] + both[0::2], both[1::2])
 
 
-def grown(gains: Gains, own: Array) -> Gains:
+def grow(gains: Gains, rows: Array) -> Gains:
     """Compute the gains after some rows were read, by Woodbury's formula.
 
     With U = I f^T, V = I W U and S = 1 + f U the new inverse is I - U S^-1 U^T. So K and N of every candidate
-    change by products of F U and F V, which are as narrow as f. Where M has grown by more than `GROWN` along
-    a direction, differences would lose too many digits, and all is computed from M.
+    change by products of F U and F V, which are as narrow as f. Where M has grown by more than `MAX_GROWTH`
+    along a direction, differences would lose too many digits, and all is computed from M.
 
     Args:
         gains: Gains before.
-        own: Whitened rows f that are read, (k, r).
+        rows: Whitened rows f that are read, (k, r).
 
     Returns:
         Gains at M + f^T f.
     """
-    M, k, U = gains.M + own.T @ own, len(own), gains.I @ own.T
-    S = np.eye(k) + own @ U
+    M, k, U = gains.M + rows.T @ rows, len(rows), gains.I @ rows.T
+    S = np.eye(k) + rows @ U
     growth = gains.growth * float(np.linalg.eigvalsh(S)[-1])
-    if not growth < GROWN:
+    if not growth < MAX_GROWTH:
         return gains_of(M, gains.rows, gains.W)
     both = row_products(gains.rows, np.hstack([U, gains.I @ (gains.W @ U)])).transpose(1, 2, 0)
     T, R = np.ascontiguousarray(both[:, :k]), both[:, k:]

@@ -35,7 +35,7 @@ from testbench.design.criteria import (
     LinearCriterion,
     gains_of,
     gram_matrices,
-    grown,
+    grow,
 )
 from testbench.design.rows import (
     DesignProblem,
@@ -49,12 +49,13 @@ from testbench.progress import stepwise
 
 # --- The relaxed design problem: real weights for all candidates, and a bound on every plan of N poses ------
 
-FIRST, JOINING = 120, 40  #: Candidates of the first working set, and how many join it in a round.
+#: Candidates of the first working set, and how many join it in a round.
+FIRST_CANDIDATES, JOINING_CANDIDATES = 120, 40
 MAX_ROUNDS = 40  #: Most rounds.
 GAP = 1e-3  #: Relative gap from Phi, or its smooth stand-in, to the bound at which the relaxation ends [1].
 MIN_WEIGHT = 1e-6  #: Share of the mean weight below which a candidate leaves the working set [1].
 MAX_STEPS = 150  #: Most multiplicative steps.
-POWER, GROW, MAX_EXPONENT = 0.5, 1.3, 2.0
+POWER, GROWTH, MAX_EXPONENT = 0.5, 1.3, 2.0
 """First exponent of a multiplicative step, and its factor after a step that climbs, up to `MAX_EXPONENT`."""
 ENTRY_SHARE = 0.02  #: Share of all weight given to candidates without any before multiplicative steps [1].
 INNER_GAP = 2.5e-4  #: Relative gap within the working set at which multiplicative steps end [1].
@@ -104,12 +105,12 @@ def relax(problem: DesignProblem, criterion: Criterion, poses: int, start: Relax
     Returns:
         The weights with the lowest bound met.
     """
-    S = np.linspace(0, len(problem.rows) - 1, min(FIRST, len(problem.rows))).astype(int)
+    S = np.linspace(0, len(problem.rows) - 1, min(FIRST_CANDIDATES, len(problem.rows))).astype(int)
     S, w = (start.support, start.weights) if start else (S, np.full(len(S), poses / len(S)))
     best: Relaxed | None = None
     for _ in range(MAX_ROUNDS):
         # better weights on the working set S
-        w = _climb(problem.prior, criterion, problem.rows[S], w)
+        w = _improve_weights(problem.prior, criterion, problem.rows[S], w)
         M = sum_information(problem.prior, np.sqrt(w)[:, None, None] * problem.rows[S])
         # the bound over all candidates: <Z, prior> + N max <Z, F^T F>
         plane = criterion.tangent(M)
@@ -127,12 +128,12 @@ def relax(problem: DesignProblem, criterion: Criterion, poses: int, start: Relax
 def _exchange_members(g: Array, S: Ids, w: Array) -> tuple[Ids, Array]:
     """Drop candidates without weight from the working set; add the most sensitive ones at weight zero."""
     total, stay = w.sum(), w > MIN_WEIGHT * w.mean()
-    new = np.setdiff1d(np.argsort(-g, kind="stable")[:JOINING], S[stay])
+    new = np.setdiff1d(np.argsort(-g, kind="stable")[:JOINING_CANDIDATES], S[stay])
     S, w = np.r_[S[stay], new], np.r_[w[stay], np.zeros(len(new))]
     return S, np.asarray(w * total / w.sum())
 
 
-def _climb(prior: Array, criterion: Criterion, rows: Array, w: Array) -> Array:
+def _improve_weights(prior: Array, criterion: Criterion, rows: Array, w: Array) -> Array:
     """Increase Phi(prior + sum w F^T F), by one Newton step or by many multiplicative steps.
 
     Args:
@@ -166,10 +167,10 @@ def _climb(prior: Array, criterion: Criterion, rows: Array, w: Array) -> Array:
     return w
 
 
-def _curvature(rows: Array, every: Array, I: Array, Z: Array) -> Array:  # noqa: E741
+def _curvature(rows: Array, grams: Array, I: Array, Z: Array) -> Array:  # noqa: E741
     """Compute <Z, S_i M^-1 S_j> of all pairs of S = F^T F, with I = M^-1, (candidates, candidates)."""
     half = row_products(rows, I).swapaxes(1, 2) @ row_products(rows, Z)
-    return np.asarray((half + half.swapaxes(1, 2)).reshape(len(rows), -1) @ every.T / 2)
+    return np.asarray((half + half.swapaxes(1, 2)).reshape(len(rows), -1) @ grams.T / 2)
 
 
 def _best_of_model(slope: Array, H: Array, w: Array) -> Array:
@@ -183,24 +184,24 @@ def _best_of_model(slope: Array, H: Array, w: Array) -> Array:
     return np.asarray(x * w.sum() / x.sum())
 
 
-def _multiply(prior: Array, criterion: Criterion, every: Array, w: Array) -> Array:
+def _multiply(prior: Array, criterion: Criterion, grams: Array, w: Array) -> Array:
     """Climb by multiplicative steps w_i <- w_i g_i^power, scaled to the same sum, g_i = <Z, F^T F>."""
     total, power, new = w.sum(), POWER, w == 0
     # a weight of zero stays zero under products: give new candidates some
     if new.any():
         w = np.where(new, ENTRY_SHARE * total / new.sum(), (1 - ENTRY_SHARE) * w)
-    plane = criterion.tangent(prior + (w @ every).reshape(prior.shape))
+    plane = criterion.tangent(prior + (w @ grams).reshape(prior.shape))
     for _ in range(MAX_STEPS):
-        g = every @ plane.Z.ravel()
+        g = grams @ plane.Z.ravel()
         if total * g.max() - w @ g <= INNER_GAP * plane.height:
             break
         # halve the exponent until the stand-in does not fall; let it grow after a step that climbs
         while power > 1e-3:
             trial = w * (g / g.max()) ** power
             trial *= total / trial.sum()
-            reached = criterion.tangent(prior + (trial @ every).reshape(prior.shape))
+            reached = criterion.tangent(prior + (trial @ grams).reshape(prior.shape))
             if reached.height >= plane.height:
-                w, plane, power = trial, reached, min(GROW * power, MAX_EXPONENT)
+                w, plane, power = trial, reached, min(GROWTH * power, MAX_EXPONENT)
                 break
             power /= 2
         else:
@@ -274,7 +275,7 @@ def greedy(problem: DesignProblem, criterion: Criterion, rows: Array, poses: int
         plan[k] = worth.argmax()
         own = rows[plan[k]]
         M = M + own.T @ own
-        gains = None if gains is None or k == poses - 1 else grown(gains, own)
+        gains = None if gains is None or k == poses - 1 else grow(gains, own)
     return plan
 
 
@@ -367,10 +368,10 @@ class Search:
     poses: int  #: Number of poses to measure.
     limits: Array  #: Lower and upper joint limits, (2, n) [rad, m].
     #: Which poses near the candidates are feasible, and which ways between them are clear.
-    reach: Feasibility
+    feasibility: Feasibility
     rng: np.random.Generator  #: Source of starts and steps.
     #: Function that moves dependent joints of poses, (..., n) [rad, m], to where the others bring them.
-    followed: Callable[[Array], Array] = lambda q: q
+    with_dependent_joints: Callable[[Array], Array] = lambda q: q
 
     def around(self, q: Array, step: Array) -> Array:
         """Draw poses around others within the joint limits, with normal steps.
@@ -383,7 +384,7 @@ class Search:
             Poses, (..., n) [rad, m].
         """
         shape = np.broadcast_shapes(q.shape, step.shape)
-        return self.followed(np.clip(q + step * self.rng.standard_normal(shape), *self.limits))
+        return self.with_dependent_joints(np.clip(q + step * self.rng.standard_normal(shape), *self.limits))
 
 
 def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Search) -> Array:
@@ -411,7 +412,7 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
                 rest = before + after[k + 1]
                 # the best feasible neighbour that helps replaces the pose; without one its step shrinks
                 better = _better(criterion, M, own[k], tells, rest)
-                allowed = better[search.reach.feasible(trial[better])] if len(better) else better
+                allowed = better[search.feasibility.feasible(trial[better])] if len(better) else better
                 if len(allowed):
                     q[k], own[k] = trial[allowed[0]], tells[allowed[0]]
                     M = rest + own[k].T @ own[k]
@@ -421,7 +422,7 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
     return q
 
 
-def _better(criterion: Criterion, M: Array, own: Array, rows: Array, rest: Array) -> Ids:
+def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others: Array) -> Ids:
     """Find the trials that increase Phi in the place of a pose, the best first, at most `CHECKED_NEIGHBOURS`.
 
     Only trials are computed that a tangent leaves hope: Phi(M') is no more than <Z, M'>.
@@ -429,19 +430,19 @@ def _better(criterion: Criterion, M: Array, own: Array, rows: Array, rest: Array
     Args:
         criterion: Information function.
         M: Information of the plan, (r, r).
-        own: Rows of the pose that would be replaced, (k, r).
+        replaced: Rows of the pose that would be replaced, (k, r).
         rows: Rows of the trials, (trials, k, r).
-        rest: Information of the plan without that pose, (r, r).
+        others: Information of the plan without that pose, (r, r).
 
     Returns:
         Indices of trials, (found,).
     """
     floor, Z = (1 + MIN_REFINEMENT) * criterion.information(M), criterion.tangent(M).Z
-    without = (Z * M).sum() - sensitivity(own[None], Z)
+    without = (Z * M).sum() - sensitivity(replaced[None], Z)
     hopeful = np.flatnonzero(without + sensitivity(rows, Z) > floor)
     if not len(hopeful):
         return hopeful
-    reached = criterion.after(rest, rows[hopeful])
+    reached = criterion.after(others, rows[hopeful])
     first = np.argsort(-reached)[:CHECKED_NEIGHBOURS]
     return np.asarray(hopeful[first[reached[first] > floor]])
 
@@ -467,7 +468,7 @@ def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: Search)
         best = reached.argmax(axis=0)
         trial, reached = trial[best, np.arange(len(q))], reached.max(axis=0)
         better = np.flatnonzero(reached > (1 + MIN_REFINEMENT) * value)
-        better = better[search.reach.feasible(trial[better])] if len(better) else better
+        better = better[search.feasibility.feasible(trial[better])] if len(better) else better
         q[better], value[better] = trial[better], reached[better]
         step[np.setdiff1d(np.arange(len(q)), better)] *= SHRINK
     return q

@@ -31,7 +31,7 @@ from testbench.identify.regression import RANK_TOLERANCE
 from testbench.model.load import Load
 
 DRAWS = 4000  #: Draws of the remaining error behind an interval.
-INFLATION, BROAD = (0.7, 1.25), 1.2
+INFLATION, DEVIATION_INFLATION = (0.7, 1.25), 1.2
 """Factors on the ends of a 90 % interval and on a standard deviation, for nonlinear arms and wrong priors.
 
 Measured over the family of true arms and wrong priors, every pair twice (seeds 1 to 72; 8, 12 and 20 poses,
@@ -118,20 +118,22 @@ def forecast(problem: DesignProblem, M: Array, rows: Array) -> Forecast:
     return without_bound(found, unbounded_rows(problem, rows))
 
 
-def without_bound(forecast: Forecast, where: Mask) -> Forecast:
+def without_bound(forecast: Forecast, unbounded: Mask) -> Forecast:
     """Set the errors of some poses, and with them the overall error, to infinity.
 
     Args:
         forecast: A forecast.
-        where: Poses without a bound, (poses,).
+        unbounded: Poses without a bound, (poses,).
 
     Returns:
         The forecast; unchanged where no pose is without a bound.
     """
-    if not where.any():
+    if not unbounded.any():
         return forecast
-    error, low, high = (np.where(where, np.inf, end) for end in (forecast.error, forecast.low, forecast.high))
-    deviation = np.where(where[:, None], np.inf, forecast.deviation)
+    error, low, high = (
+        np.where(unbounded, np.inf, end) for end in (forecast.error, forecast.low, forecast.high)
+    )
+    deviation = np.where(unbounded[:, None], np.inf, forecast.deviation)
     return Forecast(error, low, high, deviation, math.inf, math.inf, math.inf)
 
 
@@ -182,23 +184,26 @@ def _draws(k: int) -> Array:
 class LinearFit:
     """Hold the affine fit of a model to what a plan reads of an arm that has more unknowns, x_m = K y + k."""
 
-    whole: MeasurementSetup  #: The measurement with every unknown of the arm.
+    full_setup: MeasurementSetup  #: The measurement with every unknown of the arm.
     uncertainty: float  #: Relative uncertainty u of the arm's compliances around their expectation [1].
-    model: MeasurementSetup  #: The measurement with the model's unknowns, n of them.
+    model_setup: MeasurementSetup  #: The measurement with the model's unknowns, n of them.
     scatter: Array  #: K of the fit, or a matrix of at most n columns with the same K K^T, (n, columns) [1].
-    k: Array  #: Constant k of the fit, (n,) [1].
+    constant: Array  #: Constant k of the fit, (n,) [1].
     gain: Array  #: K A, response of the fit to each of the arm's unknowns, (n, unknowns of the arm) [1].
 
 
-def fit_of(
-    whole: MeasurementSetup, uncertainty: float, spec: Specification, read: Callable[[Specification], Array]
+def linear_fit(
+    full_setup: MeasurementSetup,
+    uncertainty: float,
+    spec: Specification,
+    read: Callable[[Specification], Array],
 ) -> LinearFit:
     """Fit the model of a specification to a plan, as a linear function of all unknowns of the arm.
 
     Mathematics: `pose-12`.
 
     Args:
-        whole: The same measurement with every unknown of the arm.
+        full_setup: The same measurement with every unknown of the arm.
         uncertainty: Relative uncertainty of the arm's compliances around their expectation [1].
         spec: Specification with the model's unknowns and its prior.
         read: Function that gives whitened rows of all readings per unit of a specification's unknowns x,
@@ -207,9 +212,9 @@ def fit_of(
     Returns:
         The fit x_m = K y + k.
     """
-    A = _flat(read(replace(spec, experiment=whole)))
+    A = _flat(read(replace(spec, experiment=full_setup)))
     K, k = _fit(spec, _flat(read(spec)))
-    return LinearFit(whole, uncertainty, spec.experiment, _narrow(K), k, K @ A)
+    return LinearFit(full_setup, uncertainty, spec.experiment, _narrow(K), k, K @ A)
 
 
 def forecast_on(fit: LinearFit, q: Array, load: Load) -> Forecast:
@@ -245,9 +250,9 @@ def error_on(fit: LinearFit, q: Array, load: Load) -> Array:
 def _error(fit: LinearFit, q: Array, load: Load) -> tuple[Array, Array]:
     """Compute bias and spread of the predictions, as `forecast_of` takes them."""
     # D = T - T_m K A acts on the arm's unknowns, T_m K on the noise
-    T, own = (deflection_rows(experiment, q, load) for experiment in (fit.whole, fit.model))
+    T, own = (deflection_rows(experiment, q, load) for experiment in (fit.full_setup, fit.model_setup))
     D = T - own @ fit.gain
-    bias = D @ fit.whole.scaling.expected - own @ fit.k
+    bias = D @ fit.full_setup.scaling.expected - own @ fit.constant
     return bias, np.concatenate([fit.uncertainty * D, own @ fit.scatter], axis=2)
 
 

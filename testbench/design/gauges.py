@@ -120,7 +120,7 @@ def placed_gauges(
     return PlacedGauges(gauges, chosen.marker, chosen.axis, _deviations(d, gauges)[own])
 
 
-def most_telling(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids, Array]:
+def most_informative_gauges(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids, Array]:
     """Choose the gauges of each pose by a plane of the criterion: each marker's best axis, the best markers.
 
     Args:
@@ -156,7 +156,7 @@ def choose_places(
     Raises:
         BenchError: When there are more gauges than markers.
     """
-    marker, axis = _ways(rows.shape[1], gauges.count)
+    marker, axis = _gauge_choices(rows.shape[1], gauges.count)
     every = rows[:, marker, axis].reshape(-1, *rows[0][marker, axis].shape[1:])
     found = exchange(problem, criterion, every, greedy(problem, criterion, every, poses))
     pose, way = np.divmod(np.sort(found), len(marker))
@@ -179,7 +179,7 @@ def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gau
     Raises:
         BenchError: When there are more gauges than markers.
     """
-    marker, axis = _ways(rows.shape[1], gauges.count)
+    marker, axis = _gauge_choices(rows.shape[1], gauges.count)
     every, poses = rows[:, marker, axis], len(rows)
     M, way, left = problem.prior, np.full(poses, -1), poses
     for p in islice(cycle(range(poses)), SWEEPS * poses):
@@ -195,7 +195,7 @@ def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gau
     return GaugePlan(np.arange(poses), marker[way], axis[way], M)
 
 
-def _ways(markers: int, count: int) -> tuple[Ids, Ids]:
+def _gauge_choices(markers: int, count: int) -> tuple[Ids, Ids]:
     """List markers and axes of all ways to place gauges in a pose, (ways, count) each."""
     if not 1 <= count <= markers:
         raise BenchError(f"gauges: expected 1 to {markers}, one per marker, got {count}")

@@ -47,7 +47,7 @@ from testbench.design.gauges import (
     choose_gauges,
     choose_places,
     gauge_rows,
-    most_telling,
+    most_informative_gauges,
     placed_gauges,
 )
 from testbench.design.rows import (
@@ -119,7 +119,7 @@ def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
     every = np.stack(np.triu_indices(n, 1), axis=1)
     price, asked = cost[every[:, 0], every[:, 1]], np.zeros(len(every), dtype=bool)
     parts: list[Mask] = []  # places that no subtour may join, (places,) each
-    near = _near(cost)[every[:, 0], every[:, 1]]
+    near = _near_legs(cost)[every[:, 0], every[:, 1]]
     legs = (near, np.ones_like(near)) if n <= MAX_EXACT_PLACES else (near,)
     # near legs relaxed, then whole; all legs relaxed, then whole: each keeps the rules found before
     for chosen, whole in itertools.product(legs, (False, True)):
@@ -141,7 +141,7 @@ def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
     return np.asarray(depth_first_order(graph, 0, directed=False, return_predecessors=False))
 
 
-def _near(cost: Array) -> Mask:
+def _near_legs(cost: Array) -> Mask:
     """Select legs to the nearest places and, so that there is a round trip, from each place to the next."""
     n = len(cost)
     rank = np.argsort(np.where(np.eye(n, dtype=bool), np.inf, cost), axis=1, kind="stable")
@@ -151,7 +151,7 @@ def _near(cost: Array) -> Mask:
     return np.asarray(near | near.T)
 
 
-def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, whole: bool) -> Ids:
+def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, integer: bool) -> Ids:
     """Choose the cheapest legs, (legs, 2), two per place, without a subtour in any of the parts.
 
     Where whole is False, legs may be used in part: the linear relaxation.
@@ -160,17 +160,17 @@ def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, whole: bool) 
     ends[legs.T, np.arange(len(legs))] = 1
     inside = np.array([part[legs].all(axis=1) for part in parts], dtype=float).reshape(-1, len(legs))
     rules = [LinearConstraint(ends, 2, 2), LinearConstraint(inside, ub=[part.sum() - 1 for part in parts])]
-    integrality = np.full(len(legs), int(whole))
+    integrality = np.full(len(legs), int(integer))
     found = milp(price, integrality=integrality, bounds=Bounds(0, 1), constraints=rules)
     assert found.x is not None, found.message  # from each place to the next is a trip
-    return np.flatnonzero(found.x > (0.5 if whole else ZERO_LEG))
+    return np.flatnonzero(found.x > (0.5 if integer else ZERO_LEG))
 
 
-MAX_ASCENTS, CLIMBERS = 2, 60
+MAX_ASCENTS, POSES_PER_ASCENT = 2, 60
 """Rounds in which the poses with most relaxed weight are improved, and how many poses in a round."""
 MAX_PLACES = 1000  #: Poses among which places with gauges are exchanged: those that tell most.
-PLANES = 2  #: Planes of the relaxed optimum that choose the gauges behind a bound, one after the other.
-DETOUR = 10.0
+BOUND_PLANES = 2  #: Planes of the relaxed optimum that choose the gauges behind a bound, one after the other.
+COLLISION_DETOUR = 10.0
 """Surcharge on the travel of a leg that would collide [rad]: it is used only where no other is left."""
 
 
@@ -191,7 +191,7 @@ class ChosenPoses(Displayed):
     q: Array  #: Actuated joints, (poses, n) [rad, m].
     load: Ids  #: Index into the specification's loads, (poses,).
     #: Whether the arm can go straight to each pose from the one before, (poses - 1,).
-    clear: tuple[bool, ...]
+    clear_ways: tuple[bool, ...]
     examined: CandidateSet  #: All candidates examined, those of the plan among them.
     chosen: Ids  #: Indices of the plan's poses among the examined, (poses,).
     value: float  #: Phi of the plan.
@@ -280,7 +280,9 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Feasibility, rng:
     check_criterion(name)
     examined = candidate_set(spec, q)
     arm = spec.experiment.vjm.arm
-    search = Search(partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.followed)
+    search = Search(
+        partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.with_dependent_joints
+    )
     criterion = criterion_of(name, examined.problem, workspace_rows(spec), task_rows(spec))
     return Plan(specification=spec, **vars(choose_poses(search, criterion, examined)))
 
@@ -306,13 +308,15 @@ def place_gauges(plan: Plan, gauges: Gauges, reach: Feasibility, rng: np.random.
     """
     spec, examined, criterion = plan.specification, plan.examined, plan.criterion
     problem, arm = examined.problem, spec.experiment.vjm.arm
-    search = Search(partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.followed)
+    search = Search(
+        partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.with_dependent_joints
+    )
     every = gauge_rows(spec, examined.q, examined.load, gauges, problem.lift)
     # poses with their gauges by exchange, then better joint angles with these gauges
     start, pose = _exchange_places(plan, gauges, every)
     q, load = _refine_places(plan, gauges, start, examined.q[pose], examined.load[pose], search)
     # the order of measuring, and other gauges where these are better now
-    order = _order(q, load, reach)
+    order = _measuring_order(q, load, reach)
     q, load = q[order], load[order]
     rows = gauge_rows(spec, q, load, gauges, problem.lift)
     chosen = _better_gauges(rows, problem, criterion, gauges, (start.marker[order], start.axis[order]))
@@ -320,7 +324,7 @@ def place_gauges(plan: Plan, gauges: Gauges, reach: Feasibility, rng: np.random.
     whole, relaxed = _gauge_bound(plan, gauges, np.concatenate([every, rows]), chosen)
     candidates = CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], whole)
     last = np.arange(len(candidates.q) - len(q), len(candidates.q))
-    made = _measured(search, criterion, candidates, last, relaxed)
+    made = _assemble(search, criterion, candidates, last, relaxed)
     placed = placed_gauges(spec, q, load, gauges, chosen)
     return Plan(specification=spec, gauges=placed, **vars(made))
 
@@ -333,7 +337,7 @@ def _exchange_places(plan: Plan, gauges: Gauges, every: Array) -> tuple[GaugePla
     """
     problem, criterion = plan.examined.problem, plan.criterion
     start = choose_gauges(every[plan.chosen], problem, criterion, gauges)
-    useful = most_telling(every, criterion.tangent(start.information).Z, gauges.count)[2]
+    useful = most_informative_gauges(every, criterion.tangent(start.information).Z, gauges.count)[2]
     short = np.union1d(np.argsort(-useful, kind="stable")[:MAX_PLACES], plan.chosen)
     best = choose_places(every[short], problem, criterion, gauges, plan.specification.poses)
     return best, short[best.pose]
@@ -360,7 +364,7 @@ def _better_gauges(
     pose = np.arange(len(rows))
     kept = sum_information(problem.prior, rows[pose[:, None], marker, axis])
     plans = GaugePlan(pose, marker, axis, kept), choose_gauges(rows, problem, criterion, gauges)
-    return max(plans, key=lambda own: criterion.information(own.information))
+    return max(plans, key=lambda gauge_plan: criterion.information(gauge_plan.information))
 
 
 def _gauge_bound(
@@ -374,14 +378,14 @@ def _gauge_bound(
     Z = criterion.tangent(chosen.information).Z
     last = every[-len(chosen.marker) :]
     of_plan = last[np.arange(len(last))[:, None], chosen.marker, chosen.axis]
-    for _ in range(PLANES):
-        marker, axis, _ = most_telling(every, Z, gauges.count)
+    for _ in range(BOUND_PLANES):
+        marker, axis, _ = most_informative_gauges(every, Z, gauges.count)
         rows = every[np.arange(len(every))[:, None], marker, axis]
         rows[-len(last) :] = of_plan
         whole = replace(problem, rows=rows)
         relaxed = relax(whole, criterion, poses)
         Z = relaxed.dual
-    most = most_telling(every, Z, gauges.count)[2].max()
+    most = most_informative_gauges(every, Z, gauges.count)[2].max()
     return whole, replace(relaxed, bound=float((Z * problem.prior).sum() + poses * most))
 
 
@@ -399,7 +403,7 @@ def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -
     # relaxed optimum; its heaviest poses, improved locally, join the candidates
     relaxed = relax(examined.problem, criterion, search.poses)
     for _ in range(MAX_ASCENTS):
-        examined = _climb(search, examined, relaxed)
+        examined = _improve_heaviest(search, examined, relaxed)
         relaxed = relax(examined.problem, criterion, search.poses, relaxed)
     # whole poses by exchange, then a local search in their joint angles
     chosen = select_poses(examined.problem, criterion, search.poses, relaxed, search.rng)
@@ -411,11 +415,11 @@ def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -
 
     q = refine_plan(examined.q[chosen], examined.problem.prior, criterion, rows, search)
     # the order of measuring, and the bound over all poses examined, those of the plan among them
-    order = _order(q, load, search.reach)
-    found = _add(search, examined, q[order], load[order])
+    order = _measuring_order(q, load, search.feasibility)
+    found = _add_candidates(search, examined, q[order], load[order])
     chosen = np.arange(len(found.q) - search.poses, len(found.q))
     last = relax(found.problem, criterion, search.poses, relaxed)
-    return _measured(search, criterion, found, chosen, last)
+    return _assemble(search, criterion, found, chosen, last)
 
 
 def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet) -> ChosenPoses:
@@ -431,14 +435,14 @@ def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet
     """
     problem, poses = examined.problem, search.poses
     chosen = greedy(problem, criterion, problem.rows, poses)
-    chosen = chosen[_order(examined.q[chosen], examined.load[chosen], search.reach)]
+    chosen = chosen[_measuring_order(examined.q[chosen], examined.load[chosen], search.feasibility)]
     M = information(problem, chosen)
     Z = criterion.tangent(M).Z
     bound = float((Z * problem.prior).sum() + poses * sensitivity(problem.rows, Z).max())
-    return _measured(search, criterion, examined, chosen, Relaxed(chosen, np.ones(poses), bound, Z))
+    return _assemble(search, criterion, examined, chosen, Relaxed(chosen, np.ones(poses), bound, Z))
 
 
-def _measured(
+def _assemble(
     search: Search, criterion: Criterion, examined: CandidateSet, chosen: Ids, relaxed: Relaxed
 ) -> ChosenPoses:
     """Assemble a plan from some of the poses examined, which are in the order of measuring."""
@@ -447,7 +451,7 @@ def _measured(
         criterion=criterion,
         q=q,
         load=examined.load[chosen],
-        clear=tuple(search.reach.clear(start, end) for start, end in pairwise(q)),
+        clear_ways=tuple(search.feasibility.clear(start, end) for start, end in pairwise(q)),
         examined=examined,
         chosen=chosen,
         value=criterion.information(information(examined.problem, chosen)),
@@ -455,26 +459,26 @@ def _measured(
     )
 
 
-def _climb(search: Search, examined: CandidateSet, relaxed: Relaxed) -> CandidateSet:
+def _improve_heaviest(search: Search, examined: CandidateSet, relaxed: Relaxed) -> CandidateSet:
     """Improve the poses that carry most weight of the relaxed optimum, and add them as candidates."""
-    top = relaxed.support[np.argsort(-relaxed.weights, kind="stable")[:CLIMBERS]]
+    top = relaxed.support[np.argsort(-relaxed.weights, kind="stable")[:POSES_PER_ASCENT]]
     load = examined.load[top]
 
     def usefulness(q: Array) -> Array:
         rows = search.measured(q, np.resize(load, len(q)), examined.problem.lift)
         return sensitivity(rows, relaxed.dual)
 
-    return _add(search, examined, ascend_poses(examined.q[top], usefulness, search), load)
+    return _add_candidates(search, examined, ascend_poses(examined.q[top], usefulness, search), load)
 
 
-def _add(search: Search, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
+def _add_candidates(search: Search, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
     """Add candidates; directions that only they show are left out."""
     rows = search.measured(q, load, None) @ examined.problem.lift
     problem = replace(examined.problem, rows=np.concatenate([examined.problem.rows, rows]))
     return CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], problem)
 
 
-def _order(q: Array, load: Ids, reach: Feasibility) -> Ids:
+def _measuring_order(q: Array, load: Ids, reach: Feasibility) -> Ids:
     """Order the poses: one load after the other, each on the shortest way through its poses, (poses,)."""
     found: list[int] = []
     for kind in np.unique(load):
@@ -482,7 +486,7 @@ def _order(q: Array, load: Ids, reach: Feasibility) -> Ids:
 
         def detour(a: int, b: int, own: Array = own) -> float:
             """Compute what a motion costs beyond its length."""
-            return 0.0 if reach.clear(own[a], own[b]) else DETOUR
+            return 0.0 if reach.clear(own[a], own[b]) else COLLISION_DETOUR
 
         found += np.flatnonzero(load == kind)[shortest_path(joint_travel(own), detour)].tolist()
     return np.array(found)

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from testbench.arm.document import unique
+from testbench.arm.document import unused_name
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
 from testbench.errors import Array, BenchError, InputError, read_bytes
@@ -421,7 +421,7 @@ def _new_urdf(state: ArmState, geometry: Rigid) -> str:
         if mass > 0:
             _inertial(link, float(mass), centre, tensors[name])
     taken = [joint.name for joint in arm.joints]
-    taken.append(unique(f"{names[0]}_fixed", taken))
+    taken.append(unused_name(f"{names[0]}_fixed", taken))
     _add_joint(robot, taken[-1], "fixed", (ROOT, names[0]), geometry.base)
     for k, joint in enumerate(arm.joints):
         kind = "prismatic" if joint.prismatic else "revolute"
@@ -429,11 +429,11 @@ def _new_urdf(state: ArmState, geometry: Rigid) -> str:
         ET.SubElement(e, "axis", xyz=words(state.vjm.axes[k]))
         ET.SubElement(e, "limit", lower=f"{joint.lower:.12g}", upper=f"{joint.upper:.12g}")
         e[-1].attrib.update(UNKNOWN)
-        if arm.joint_map is not None and (follows := arm.joint_map.follows(k)) is not None:
+        if arm.joint_map is not None and (follows := arm.joint_map.followed_joint(k)) is not None:
             other, multiplier, offset = follows
             told = {"joint": arm.joints[other].name, "multiplier": f"{multiplier:.12g}"}
             ET.SubElement(e, "mimic", {**told, "offset": f"{offset:.12g}"})
-    last = unique(f"{names[-1]}_fixed", taken)
+    last = unused_name(f"{names[-1]}_fixed", taken)
     _add_joint(robot, last, "fixed", (names[-2], names[-1]), geometry.tool)
     ET.indent(robot)
     return f'<?xml version="1.0"?>\n{NEW_STAMP}{ET.tostring(robot, encoding="unicode")}\n'
@@ -652,7 +652,7 @@ def six_axes(title: str, state: ArmState) -> Arm:
         BenchError: If it has other axes.
     """
     arm = state.vjm.arm
-    if arm.n_joints != AXES or arm.moves is not None or any(joint.prismatic for joint in arm.joints):
+    if arm.n_joints != AXES or arm.dependence is not None or any(joint.prismatic for joint in arm.joints):
         raise BenchError(f"{title}: expected an arm of {AXES} joints that turn; {arm.name} has others")
     return arm
 

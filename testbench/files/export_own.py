@@ -269,7 +269,7 @@ def random_joints(vjm: Vjm) -> Array:
     Returns:
         Actuated joints, (RANDOM_POSES, n) [rad, m].
     """
-    return vjm.arm.drawn(np.random.default_rng(0), RANDOM_POSES)
+    return vjm.arm.draw_poses(np.random.default_rng(0), RANDOM_POSES)
 
 
 def tool_poses(vjm: Vjm, q: Array, theta_0: Array | None = None) -> Array:

@@ -139,9 +139,9 @@ class Language(Strict):
 
     @model_validator(mode="after")
     def _has_groups(self) -> "Language":
-        for own in self.targets:
-            groups = re.compile(own.pattern).groupindex
-            numbers = {"main"} if own.holds == "joints" else {"position", "orientation"}
+        for target_syntax in self.targets:
+            groups = re.compile(target_syntax.pattern).groupindex
+            numbers = {"main"} if target_syntax.holds == "joints" else {"position", "orientation"}
             if "target" not in groups or not ("named" in groups or numbers <= groups.keys()):
                 raise ValueError(f"expected the groups target, and named or {' and '.join(numbers)}")
         return self
@@ -264,4 +264,4 @@ def language_of(path: Path) -> Language | None:
         The language; None if no language has the suffix.
     """
     known = known_languages().values()
-    return next((own for own in known if path.suffix.lower() in own.suffixes), None)
+    return next((language for language in known if path.suffix.lower() in language.suffixes), None)

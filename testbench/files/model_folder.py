@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import MAX_MESH_BYTES, assets, read_mjcf
+from testbench.arm.mjcf import MAX_MESH_BYTES, asset_paths, read_mjcf
 from testbench.errors import open_file
 from testbench.runs import manifest as files
 
@@ -32,7 +32,7 @@ def copy_arm(arm: Arm, folder: Path) -> None:
 def _arm_files(folder: Path) -> tuple[str, ...]:
     """The files of an arm by their paths in its folder: what else lies there is none of ours."""
     rigid = folder / ARM[0]
-    return (*ARM, *assets(rigid, read_mjcf(rigid)))
+    return (*ARM, *asset_paths(rigid, read_mjcf(rigid)))
 
 
 def digests(folders: Iterable[Path]) -> dict[str, dict[str, str]]:

@@ -157,8 +157,8 @@ def read_motions(path: Path, language: Language) -> ProgramText:
 def _mark(program: ProgramText) -> tuple[Path, int] | None:
     """Find the first remark that says that the program was corrected."""
     said = re.compile(rf"{re.escape(program.language.comment)}[^\n]*\b{MARK}\b", re.IGNORECASE)
-    found = ((own, match) for own in program.sources for match in said.finditer(own.text))
-    return next(((own.path, own.line(match.start())) for own, match in found), None)
+    found = ((source, match) for source in program.sources for match in said.finditer(source.text))
+    return next(((source.path, source.line(match.start())) for source, match in found), None)
 
 
 def with_mark(text: str, language: Language) -> str:
@@ -191,7 +191,7 @@ def read_points(path: Path, language: Language) -> ProgramText:
         InputError: If a file cannot be read.
     """
     sources = tuple(_source(own, language) for own in files_of(path, language))
-    points = [point for k, own in enumerate(sources) for point in _points(k, own, language)]
+    points = [point for k, source in enumerate(sources) for point in _points(k, source, language)]
     return ProgramText(language, sources, tuple(points), (), ())
 
 
@@ -230,7 +230,7 @@ def _points(k: int, source: Source, language: Language) -> Iterator[PointText]:
     """Find all points of a file that have numbers, in their order."""
     stated = re.finditer(language.mode or "(?!)", source.code, FLAGS)
     modes = [(m.start(), m[1].upper()) for m in stated]
-    turns, found = language.flags, list[PointText]()
+    turns, point_texts = language.flags, list[PointText]()
     same = [] if turns is None else [*re.finditer(turns.same, source.code, FLAGS)]
     for syntax in language.targets:
         for match in re.finditer(syntax.pattern, source.code, FLAGS):
@@ -245,8 +245,8 @@ def _points(k: int, source: Source, language: Language) -> Iterator[PointText]:
                     next((own[1] for own in reversed(same) if own.start() < match.end()), "") if posed else ""
                 )
                 point = PointText(k, match.start("target"), name, posed, mode, numbers, flags, kept)
-                found.append(point)
-    yield from sorted(found, key=lambda point: point.start)
+                point_texts.append(point)
+    yield from sorted(point_texts, key=lambda point: point.start)
 
 
 def _numbers(

@@ -235,7 +235,7 @@ def _program_joints(motions: RobotMotions, arm: Arm) -> Array:
         found[counted] = np.radians(values[counted] / np.array(per))
     _check_limits(motions, arm, points, found)
     q = arm.to_model(found)
-    ends = arm.within(q)
+    ends = arm.clip_to_limits(q)
     if (np.abs(q - ends) > ROUNDED).any():
         row, k = np.argwhere(np.abs(q - ends) > ROUNDED)[0]
         problem = f"{arm.joints[k].name} of the chain is beyond its limits"
@@ -506,19 +506,19 @@ def read_program(
 
 def _robot_program(path: Path, language: Language, arm: Arm, names: Names) -> Program:
     """Read a program in a robot language, which states no loads."""
-    found = read_robot_program(path, language, arm, names.map.controller)
-    count, posed = len(found.q), found.motions.posed
+    robot_points = read_robot_program(path, language, arm, names.map.controller)
+    count, posed = len(robot_points.q), robot_points.motions.posed
     return Program(
-        labels=found.motions.text.labels,
-        q=None if posed.all() else found.q,
-        position=found.position if posed.any() else None,
-        rotation=found.rotation if posed.any() else None,
+        labels=robot_points.motions.text.labels,
+        q=None if posed.all() else robot_points.q,
+        position=robot_points.position if posed.any() else None,
+        rotation=robot_points.rotation if posed.any() else None,
         wrench=np.zeros((count, 6)),
         along=np.zeros((count, 3)),
         mass=np.zeros(count),
         point=None,
         arm=arm,
-        content=found.motions,
+        content=robot_points.motions,
         jumps=True,
     )
 

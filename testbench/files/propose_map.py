@@ -553,7 +553,7 @@ def fit_of_series(arm: Arm, series: Series) -> OrientationFit | None:
     Returns:
         The fit; None without enough orientations.
     """
-    some = series.turned & series.seen[:, 0]
+    some = series.oriented & series.seen[:, 0]
     if series.rotation is None or some.sum() < MIN_POSES:
         return None
     tried = {"as read": series.rotation[some]}

@@ -206,7 +206,7 @@ def _assembled(
         joints=columns.joints,
     )
     # Drop rows without any reading.
-    there = whole.seen.any(axis=1) | whole.turned
+    there = whole.seen.any(axis=1) | whole.oriented
     if not there.any():
         raise table.error(0, "", "expected at least one reading, all are blank")
     turned = [f"the angles are {fit.notation}, which alone fits the arm as drawn: {fit}"] if fit else []
@@ -304,7 +304,7 @@ def _parted(columns: Columns, whole: Series, first: Ids, scatter: Scatter) -> tu
         own, turn = scatter.sigma[first[rows]], scatter.sigma_rotation[first[rows]]
         even = scatter.covariance is None and (own == own[0]).all() and part.seen.all()
         series, station, frame, target = key
-        place, turned = " ".join(filter(None, (series, station))), bool(part.turned.any())
+        place, turned = " ".join(filter(None, (series, station))), bool(part.oriented.any())
         found.append(
             replace(
                 part,

@@ -67,18 +67,18 @@ def _read_targets(path: Path, language: Language) -> TableCells:
     """Read the joint targets of a program: those with a name, else all in their order."""
     program, main = read_points(path, language), language.axes[:ROBOT]
     source = program.sources[0]
-    found = [
+    point_texts = [
         point
         for point in program.points
         if not point.source and not point.posed and {*main} <= point.numbers.keys()
         if not language.pulses or point.mode != language.pulses
     ]
-    found = [point for point in found if point.name] or found
-    if not found:
+    point_texts = [point for point in point_texts if point.name] or point_texts
+    if not point_texts:
         raise InputError(
             path, "", f"expected joints in this {language.title} program, got no joint target; {ASKED}"
         )
-    names = [point.name for point in found]
+    names = [point.name for point in point_texts]
     if language.drop and all(name.casefold().startswith(language.drop.casefold()) for name in names):
         names = [name[len(language.drop) :] for name in names]
     names = [name and f"{language.begin}{name}" for name in names]
@@ -87,18 +87,19 @@ def _read_targets(path: Path, language: Language) -> TableCells:
         axis
         for axis in outer
         if any(
-            axis in point.numbers and 0 < abs(point.numbers[axis].value) < language.no_axis for point in found
+            axis in point.numbers and 0 < abs(point.numbers[axis].value) < language.no_axis
+            for point in point_texts
         )
     ]
     units = [f"A{k} [{language.angle}]" for k in range(1, ROBOT + 1)]
     header = [*["name"] * any(names), *units, *(outer[axis] for axis in beside)]
     rows = [
         [*[name] * any(names), *(_text(source, point, axis) for axis in (*main, *beside))]
-        for name, point in zip(names, found, strict=True)
+        for name, point in zip(names, point_texts, strict=True)
     ]
     content = "\n".join("\t".join(row) for row in [header, *rows])
     table = table_of(path, (content, "utf-8"), bool, FileLayout(skip=0, delimiter="\t", decimal="."))
-    lines = np.array([source.line(point.numbers[main[0]].start) for point in found])
+    lines = np.array([source.line(point.numbers[main[0]].start) for point in point_texts])
     return replace(table, lines=lines, notes=(f"{len(rows)} joint targets of a {language.title} program",))
 
 

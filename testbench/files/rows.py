@@ -288,7 +288,7 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
     _check_limits(columns, joints, q)
     q = arm.to_model(q)
     _check_chain(columns, arm, q)
-    ends = arm.within(q)
+    ends = arm.clip_to_limits(q)
     return np.where(np.abs(q - ends) > SAME_POSE, ends, q)
 
 
@@ -315,7 +315,7 @@ def _check_chain(columns: Columns, arm: Arm, q: Array) -> None:
         joint = arm.joints[k]
         low, high, got = (joint.shown * x for x in (joint.lower, joint.upper, q[i, k]))
         limits = f"expected {low:.4f} to {high:.4f} {joint.shown_unit}, got {got:.4f}"
-        problem = f"{joint.name} of the arm, in file joints {arm.joint_map.words(int(k))}: {limits}"
+        problem = f"{joint.name} of the arm, in file joints {arm.joint_map.sum_text(int(k))}: {limits}"
         raise columns.table.error(i, "", problem)
 
 

@@ -375,8 +375,8 @@ def _vectors(s: Series, R: Array) -> Array:
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
 
     found = np.full((s.rows, 3), np.nan)
-    if s.turned.any():
-        found[s.turned] = Rotation.from_matrix(R[s.turned]).as_rotvec()
+    if s.oriented.any():
+        found[s.oriented] = Rotation.from_matrix(R[s.oriented]).as_rotvec()
     return found
 
 

@@ -71,21 +71,21 @@ ROUNDING_SHARE = 1e-9
 # --- Links that change with the pose ------------------------------------------------------------------------
 
 
-def stiffness_scatter(r: Regression, estimate: Estimate, back: float = 0.0) -> float:
+def stiffness_scatter(r: Regression, estimate: Estimate, backoff: float = 0.0) -> float:
     """Find the relative change rho of link compliances between poses of greatest evidence.
 
     Args:
         r: The dataset, with its rows pose by pose.
         estimate: A fit to it with a learnt prior.
-        back: Log evidence that a larger rho may lose against the best.
+        backoff: Log evidence that a larger rho may lose against the best.
 
     Returns:
         rho, 0 if the evidence does not gain enough [1].
     """
-    gains = _scatter_evidence(r, _uncoupled(estimate))
+    gains = _scatter_evidence(r, _uncoupled_fit(estimate))
     if gains.max() - gains[0] < MIN_LOG_EVIDENCE:
         return 0.0
-    return TRIED_SCATTERS[np.flatnonzero(gains >= gains.max() - back)[-1]]
+    return TRIED_SCATTERS[np.flatnonzero(gains >= gains.max() - backoff)[-1]]
 
 
 def _scatter_evidence(r: Regression, fit: Estimate) -> Array:
@@ -93,14 +93,14 @@ def _scatter_evidence(r: Regression, fit: Estimate) -> Array:
     belief = fit.weighted_prior
     assert belief is not None
     r = restrict_to(r, fit.structure)
-    poses = [_along(rows, _by_link(r, fit.pi)) for rows in r.poses]
+    poses = [_pose_variances(rows, _parameters_by_link(r, fit.pi)) for rows in r.poses]
     lost = r.equations - sum(len(w) for w, _ in poses)
     left = math.fsum(t.equations / 3 * (t.unexplained + float(t.z @ t.z)) for t in r.terms)
     left -= math.fsum(float(y @ y) for y in _readings(poses))
     return np.array([_log_evidence(rho, belief, poses, lost, left) for rho in TRIED_SCATTERS])
 
 
-def _uncoupled(estimate: Estimate) -> Estimate:
+def _uncoupled_fit(estimate: Estimate) -> Estimate:
     """Return the fit of links and joints, with laws if these are more probable: links explain the rest."""
     if estimate.average is None:
         return estimate
@@ -108,13 +108,13 @@ def _uncoupled(estimate: Estimate) -> Estimate:
     return lawful if lawful is not None and estimate.average.laws_weight > 0.5 else estimate.average.all_parts
 
 
-def _by_link(r: Regression, pi: Array) -> Array:
+def _parameters_by_link(r: Regression, pi: Array) -> Array:
     """Rows of the parameters of every link, (links, n), zero for those of all others."""
     own = np.arange(r.structure.links)[:, None] == r.structure.a // 6
     return np.asarray(own * np.pad(pi, (0, r.structure.n - len(pi))))
 
 
-def _along(rows: Array, links: Array) -> tuple[Array, Array]:
+def _pose_variances(rows: Array, links: Array) -> tuple[Array, Array]:
     """Compute variances of a pose's rows per rho^2, (k,), and the rows along uncorrelated directions."""
     R: Array = np.asarray(np.linalg.qr(rows, mode="r"))
     long = np.abs(R).max(axis=1)
@@ -143,7 +143,7 @@ def _log_evidence(
     return best
 
 
-def with_scatter(r: Regression, pi: Array, rho: float) -> Regression:
+def weigh_for_scatter(r: Regression, pi: Array, rho: float) -> Regression:
     """Weigh a dataset as if every link's compliance varied from pose to pose by a share rho.
 
     Mathematics: `prior-13`.
@@ -156,8 +156,8 @@ def with_scatter(r: Regression, pi: Array, rho: float) -> Regression:
     Returns:
         The weighted regression.
     """
-    links, [term] = _by_link(r, pi), r.terms
-    poses, points = [_along(rows, links) for rows in r.poses], term.equations / 3
+    links, [term] = _parameters_by_link(r, pi), r.terms
+    poses, points = [_pose_variances(rows, links) for rows in r.poses], term.equations / 3
     weighed = [rows / np.sqrt(1 + rho**2 * values)[:, None] for values, rows in poses]
     rest = term.unexplained + float(term.z @ term.z) - sum(float(y @ y) for y in _readings(poses)) / points
     own = term_from_triangle(
@@ -193,7 +193,7 @@ than `MIN_LAW_PROBABILITY` in all of 19 arms of the family with all disturbances
 NEW_POSE_PROBABILITY = 0.975
 """Quantile at which what links do in new poses is as wide as Student's distribution, of a pose less than were
 measured: the size of their change is learnt from these poses."""
-RIGID, RIGID_IF_UNSURE = 0.33, 0.5
+MIN_JOINTS_WEIGHT, JOINTS_WEIGHT_IF_UNSURE = 0.33, 0.5
 """Weight of joints alone where links change with the pose: a few poses do not teach what they do in others.
 The second where links do not surely predict poses better that are left out.
 
@@ -229,7 +229,7 @@ def average_two_priors(
     """Average estimates under a prior and a softened prior by their evidence, with intervals.
 
     If the readings want links whose compliance varies from pose to pose, they are weighted for it first, see
-    `wander`; joint stiffness only then weighs at least `RIGID`.
+    `wander`; joint stiffness only then weighs at least `MIN_JOINTS_WEIGHT`.
 
     Mathematics: `prior-12`.
 
@@ -245,7 +245,7 @@ def average_two_priors(
     Raises:
         BenchError: When the best common scale of a prior is not above 0.
     """
-    estimate = _of_two(r, constraint, prior, softened)
+    estimate = _average_priors(r, constraint, prior, softened)
     if not r.poses:
         return estimate
     changing = _with_changing_links(r, constraint, (prior, softened), estimate)
@@ -253,26 +253,26 @@ def average_two_priors(
     rivals = links_and_joints(r, mean, prior)
     errors = None if rivals is None or rivals.certain else rivals.errors
     weight = links_or_joints(errors, changes=changing is not None)
-    return steadied(r, constraint, prior, mean, weight)
+    return average_with_joints(r, constraint, prior, mean, weight)
 
 
 def _with_changing_links(
     r: Regression, constraint: Constraint, priors: tuple[PriorScaling, PriorScaling], estimate: Estimate
 ) -> Estimate | None:
     """Fit anew, weighed for links that change from pose to pose; None where the readings do not want it."""
-    start = _before_laws(r, estimate)
+    start = _fit_before_laws(r, estimate)
     rho = stiffness_scatter(r, start)
     if not rho:
         return None
     try:
-        first = average_models(with_scatter(r, start.pi, rho), constraint, priors[0], widths=False)
+        first = average_models(weigh_for_scatter(r, start.pi, rho), constraint, priors[0], widths=False)
         rho = stiffness_scatter(r, first, EVIDENCE_BACKOFF)
-        return _of_two(with_scatter(r, first.pi, rho), constraint, *priors) if rho else None
+        return _average_priors(weigh_for_scatter(r, first.pi, rho), constraint, *priors) if rho else None
     except BenchError:  # readings weighed so want a scale of the prior that is not above 0
         return None
 
 
-def _before_laws(r: Regression, estimate: Estimate) -> Estimate:
+def _fit_before_laws(r: Regression, estimate: Estimate) -> Estimate:
     """Select the fit without laws of joints where links that change are likelier than these, or the average.
 
     Laws of joints can explain what links do that change, and predict new poses badly then.
@@ -295,11 +295,11 @@ def _before_laws(r: Regression, estimate: Estimate) -> Estimate:
 class LinksAndJoints:
     """Hold the likeliest model of an average beside joints alone; poses left out compare them."""
 
-    r: Regression  #: The reduced dataset, with its rows pose by pose.
+    regression: Regression  #: The reduced dataset, with its rows pose by pose.
     likeliest: Estimate  #: The model of greatest weight, joints alone apart.
     belief: WeightedPrior  #: Its learnt prior.
-    joints: Regression  #: The dataset of joints alone.
-    alone: WeightedPrior  #: Their prior.
+    joints_regression: Regression  #: The dataset of joints alone.
+    joints_prior: WeightedPrior  #: Their prior.
     log_evidence: float  #: Of the likeliest model over joints alone.
 
     @property
@@ -314,10 +314,10 @@ class LinksAndJoints:
         Each is the root mean square over a pose in standard deviations. What was learnt of the prior stays:
         with it a fit without a pose is one solution of normal equations. The cone is left out.
         """
-        wander, rigid = self.likeliest.regression.wander, self.joints.poses
-        own = restrict_to(self.r, self.likeliest.structure).poses
-        weighed = own if wander is None else tuple(_weighed(rows, wander) for rows in own)
-        return _left_out(own, weighed, self.belief), _left_out(rigid, rigid, self.alone)
+        wander, rigid = self.likeliest.regression.wander, self.joints_regression.poses
+        own = restrict_to(self.regression, self.likeliest.structure).poses
+        weighed = own if wander is None else tuple(_weigh_pose(rows, wander) for rows in own)
+        return _held_out_errors(own, weighed, self.belief), _held_out_errors(rigid, rigid, self.joints_prior)
 
 
 def links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> LinksAndJoints | None:
@@ -331,7 +331,7 @@ def links_and_joints(r: Regression, estimate: Estimate, prior: PriorScaling) -> 
     Returns:
         Both, or None where joints alone are no model.
     """
-    regression, bare = _joints(r, prior)
+    regression, bare = _joints_only(r, prior)
     try:
         log_evidence, alone = log_evidence_alone(regression, bare)
     except BenchError:  # no joint is loaded, or all turn against their loads
@@ -354,14 +354,14 @@ def _likeliest(estimate: Estimate) -> Estimate:
     return known.with_laws if known.with_laws is not None and known.laws_weight > 0.5 else known.all_parts
 
 
-def _weighed(rows: Array, wander: Array) -> Array:
+def _weigh_pose(rows: Array, wander: Array) -> Array:
     """Weigh the rows of a pose for links that change: they are uncorrelated and of unit noise then."""
     G = rows[:, :-1] @ wander.T
     values, Q = np.linalg.eigh(np.eye(len(rows)) + G @ G.T)
     return np.asarray(Q.T @ rows / np.sqrt(values)[:, None])
 
 
-def _left_out(poses: tuple[Array, ...], weighed: tuple[Array, ...], belief: WeightedPrior) -> Array:
+def _held_out_errors(poses: tuple[Array, ...], weighed: tuple[Array, ...], belief: WeightedPrior) -> Array:
     """Compute the errors in every pose of the fit to all others, which counts their weighed rows [1]."""
     L, (B, c) = belief.scaling.L, precision_root(belief.scaling, belief.strength)
     grams = [rows.T @ rows for rows in (np.c_[rows[:, :-1] @ L, rows[:, -1]] for rows in weighed)]
@@ -384,10 +384,10 @@ def links_or_joints(held_out: tuple[Array, Array] | None, *, changes: bool) -> f
         changes: Whether links change with the pose.
 
     Returns:
-        Where links surely predict these poses better, 0, or `RIGID` if they change; else 1, or
-        `RIGID_IF_UNSURE` if they change and are not surely worse [1].
+        Where links surely predict these poses better, 0, or `MIN_JOINTS_WEIGHT` if they change; else 1, or
+        `JOINTS_WEIGHT_IF_UNSURE` if they change and are not surely worse [1].
     """
-    better = RIGID if changes else 0.0
+    better = MIN_JOINTS_WEIGHT if changes else 0.0
     if held_out is None:
         return better
     own, alone = np.log(np.maximum(held_out, TINY))
@@ -395,10 +395,10 @@ def links_or_joints(held_out: tuple[Array, Array] | None, *, changes: bool) -> f
     sure = float(stdtrit(len(own) - 1, SELECTION_PROBABILITY)) * error
     if gain > sure:
         return better
-    return RIGID_IF_UNSURE if changes and gain > -sure else 1.0
+    return JOINTS_WEIGHT_IF_UNSURE if changes and gain > -sure else 1.0
 
 
-def steadied(
+def average_with_joints(
     r: Regression, constraint: Constraint, prior: PriorScaling, estimate: Estimate, weight: float
 ) -> Estimate:
     """Average a fit with joints alone; laws and coupled joints keep their weight unless these weigh one.
@@ -422,7 +422,7 @@ def steadied(
     if not weight:
         return replace(estimate, f_m=f_m(restrict_to(r, estimate.structure), estimate.pi))
     # Joints alone, fitted with their wide prior, and the average of both.
-    regression, bare = _joints(r, prior)
+    regression, bare = _joints_only(r, prior)
     rigid = solve(regression, constraint, log_evidence_alone(regression, bare)[1])
     pi = (1 - weight) * estimate.pi + weight * scatter_to(rigid.pi, rigid.structure, estimate.structure)
     average = replace(
@@ -437,12 +437,14 @@ def steadied(
 # --- Averages by evidence, under two priors and under one ---------------------------------------------------
 
 
-def _of_two(r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling) -> Estimate:
+def _average_priors(
+    r: Regression, constraint: Constraint, prior: PriorScaling, softened: PriorScaling
+) -> Estimate:
     """Average the fits under both priors, for readings with given weights."""
-    first, log_evidence = _of_prior(r, constraint, prior, widths=True)
+    first, log_evidence = _average_ties(r, constraint, prior, widths=True)
     if log_evidence is None:
         return first
-    second, log_other = _of_prior(r, constraint, softened, widths=True)
+    second, log_other = _average_ties(r, constraint, softened, widths=True)
     assert log_other is not None
     # Weights by evidence: for the mean, and for intervals.
     odds = log_other - log_evidence
@@ -504,21 +506,21 @@ def average_models(r: Regression, constraint: Constraint, prior: PriorScaling, *
     Raises:
         BenchError: If the dataset requires a common scale of the prior that is not above 0.
     """
-    return _of_prior(r, constraint, prior, widths=widths)[0]
+    return _average_ties(r, constraint, prior, widths=widths)[0]
 
 
-def _of_prior(
+def _average_ties(
     r: Regression, constraint: Constraint, prior: PriorScaling, *, widths: bool
 ) -> tuple[Estimate, float | None]:
     """Fit under one prior and average with simpler models; also return the evidence, None without one."""
     if not prior.ties.any():
-        return _untied(r, constraint, prior, widths=widths)
+        return _average_laws(r, constraint, prior, widths=widths)
     # Both models: without and with couplings between joints.
     bare, tied = (
         restrict_scaling(prior, structure)
         for structure in (without_ties(prior.structure), with_ties(linear(prior.structure)))
     )
-    mean, log_evidence = _untied(restrict_to(r, bare.structure), constraint, bare, widths=widths)
+    mean, log_evidence = _average_laws(restrict_to(r, bare.structure), constraint, bare, widths=widths)
     if log_evidence is None:
         return mean, None
     coupled = restrict_to(r, tied.structure)
@@ -541,13 +543,13 @@ def _of_prior(
     return _average(r, pi, (mean, estimate), likelier, average), together
 
 
-def _untied(
+def _average_laws(
     r: Regression, constraint: Constraint, prior: PriorScaling, *, widths: bool
 ) -> tuple[Estimate, float | None]:
     """Average models with uncoupled joints, with and without laws; also return the evidence."""
-    plain = without_laws(prior)
+    plain = scaling_without_laws(prior)
     compliances = r if plain is prior else restrict_to(r, plain.structure)
-    straight, log_evidence = _linear(compliances, constraint, plain, widths)
+    straight, log_evidence = _average_joints(compliances, constraint, plain, widths)
     if plain is prior or log_evidence is None:
         return straight, log_evidence
     # Odds of joint laws, and the mean by them.
@@ -574,7 +576,7 @@ def _untied(
 # --- Parts of a model ---------------------------------------------------------------------------------------
 
 
-def without_laws(metric: PriorScaling) -> PriorScaling:
+def scaling_without_laws(metric: PriorScaling) -> PriorScaling:
     """Return the scaling of the prior of compliances alone, without joint laws."""
     return metric if not metric.law.any() else restrict_scaling(metric, linear(metric.structure))
 
@@ -598,7 +600,7 @@ def restrict_scaling(metric: PriorScaling, structure: Structure) -> PriorScaling
     return PriorScaling(metric.prior, structure, metric.L[np.ix_(own, keep)], metric.expected[keep], sizes)
 
 
-def _linear(
+def _average_joints(
     r: Regression, constraint: Constraint, prior: PriorScaling, widths: bool
 ) -> tuple[Estimate, float | None]:
     """Average links and joints with joints only, without laws; also return the evidence, None without one."""
@@ -606,7 +608,7 @@ def _linear(
     whole = solve(r, constraint, belief)
     if belief.log_evidence is None or len(joints) < prior.structure.links - 1:  # of links or joints alone
         return whole, None
-    regression, bare = _joints(r, prior)
+    regression, bare = _joints_only(r, prior)
     try:
         log_evidence, alone = log_evidence_alone(regression, bare)
     except BenchError:  # no joint is loaded, or all turn against their loads: joints alone are no model
@@ -627,7 +629,7 @@ def _linear(
     return _average(r, pi, (whole, rigid), belief, average), together
 
 
-def _joints(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
+def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
     """A dataset, and the metric of its prior, of joints alone."""
     joints = joint_columns(prior)
     regression = restrict_to(r, prior.structure.keep(joints, "Joints"))

@@ -22,7 +22,7 @@ MIN_POINTS = 3
 """Fewest points that determine a frame, if they are not on a line."""
 #: Readings that are used, drawn at random where there are more: noise is not what limits a frame.
 MAX_READINGS = 3000
-BLIND_DIRECTION = 1e-6
+MIN_SINGULAR_VALUE = 1e-6
 """Least singular value of the linear form over its largest, below which it is not used [1]."""
 
 
@@ -97,23 +97,23 @@ def _means(series: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array,
     return ids, target[first], series.q[row[first]], y / count, C / count[..., None] ** 2
 
 
-def initial_layouts(readings: MeanReadings, known: FrameLayout) -> Iterator[FrameLayout]:
+def initial_layouts(readings: MeanReadings, start: FrameLayout) -> Iterator[FrameLayout]:
     """Yield complete sets of frames and targets as starts of the refinement.
 
     Args:
         readings: The readings.
-        known: Frames and targets; NaN where unknown.
+        start: Frames and targets; NaN where unknown.
 
     Yields:
         A start from the known targets, and one from the linear form without them.
     """
-    for targets in (known.targets, _hand_eye(readings, len(known.targets))):
-        layout = _complete(readings, replace(known, targets=targets))
+    for targets in (start.targets, _targets_by_hand_eye(readings, len(start.targets))):
+        layout = _complete_layout(readings, replace(start, targets=targets))
         if layout.complete:
             yield layout
 
 
-def _hand_eye(readings: MeanReadings, targets: int) -> Array:
+def _targets_by_hand_eye(readings: MeanReadings, targets: int) -> Array:
     """Targets by the linear form in the frame with most readings, (targets, 3) [m]; NaN for all others.
 
     Its equations are R_s^T p_rk - R_s^T t_s - R_r m_k = p_r.
@@ -128,14 +128,14 @@ def _hand_eye(readings: MeanReadings, targets: int) -> Array:
         A[:, axis, 9 + axis] = -1
         A[n, :, 12 + 3 * at + axis] = -R[:, :, axis]
     x, _, rank, _ = np.linalg.lstsq(
-        A.reshape(3 * len(n), -1), readings.position[own].ravel(), rcond=BLIND_DIRECTION
+        A.reshape(3 * len(n), -1), readings.position[own].ravel(), rcond=MIN_SINGULAR_VALUE
     )
     if rank == A.shape[2]:
         found[read] = x[12:].reshape(-1, 3)
     return found
 
 
-def _complete(readings: MeanReadings, layout: FrameLayout) -> FrameLayout:
+def _complete_layout(readings: MeanReadings, layout: FrameLayout) -> FrameLayout:
     """Frames by the known targets and targets by the known frames, in turn, until neither finds more."""
     rotation, translation, targets = (part.copy() for part in vars(layout).values())
     while True:
@@ -169,7 +169,7 @@ def base_points(readings: MeanReadings, targets: Array) -> Array:
     return np.asarray(readings.position + np.matvec(readings.rotation, targets[readings.target]))
 
 
-def residuals(readings: MeanReadings, layout: FrameLayout) -> Array:
+def layout_residuals(readings: MeanReadings, layout: FrameLayout) -> Array:
     """Compute readings minus model, p_rk - R_s (R_r m_k + p_r) - t_s, in the frame's axes.
 
     Args:

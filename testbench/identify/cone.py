@@ -68,7 +68,7 @@ class Solution:
     duals: tuple[Array, ...]  #: Of every `Rows`, in their order, (rows,) each, then of every PSD block.
     cost: float  #: Of x.
     bound: float  #: What the duals prove: no feasible v costs less.
-    word: str  #: The solver's own word for how it ended.
+    solver_status: str  #: The solver's own word for how it ended.
     seconds: float  #: Time inside the solver.
 
     @property
@@ -81,7 +81,7 @@ class Solution:
     @property
     def failure(self) -> str:
         """Return the message for a program that is not solved."""
-        return f"not solved: Clarabel says {self.word}"
+        return f"not solved: Clarabel says {self.solver_status}"
 
 
 def solve(problem: ConeProgram, *, tolerance: float = TOLERANCE) -> Solution:
@@ -299,6 +299,6 @@ def solved(solver: clarabel.DefaultSolver, problem: ConeProgram) -> Solution:
         duals=tuple(np.split(np.array(found.z), ends)),
         cost=found.obj_val,
         bound=found.obj_val_dual,
-        word=str(found.status),
+        solver_status=str(found.status),
         seconds=found.solve_time,
     )

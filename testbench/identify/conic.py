@@ -44,7 +44,7 @@ The paper has no such term. It selects the least trace among models of equal fit
 as an unobservable compliance grows, no such model exists; then this weight decides where the growth stops,
 and the advice says so.
 """
-LENGTH = 0.5
+LEVER_LENGTH = 0.5
 """Length that turns a translation into a rotation in scaled units [m]: L / sqrt(3) of a link of 0.9 m."""
 
 UNSEEN_SHARE = 1e-2
@@ -62,12 +62,12 @@ The bounds are exact up to it, and to 1e-12 of F_M at C = 0.
 def scaled_units(structure: Structure) -> Array:
     """Return units s, (n_theta,), in which traces and eigenvalues are taken: C = s X s^T.
 
-    A translation counts as the rotation that causes it on an arm of `LENGTH`, so that X and its trace are in
-    rad/(N m) whatever mixture of metres and radians C holds: s is `LENGTH` [m/rad] for translations of links,
-    1 for all else.
+    A translation counts as the rotation that causes it on an arm of `LEVER_LENGTH`, so that X and its trace
+    are in rad/(N m) whatever mixture of metres and radians C holds: s is `LEVER_LENGTH` [m/rad] for
+    translations of links, 1 for all else.
     """
     index = np.arange(structure.n_theta)
-    return np.where((index < 6 * structure.links) & (index % 6 < 3), LENGTH, 1.0)
+    return np.where((index < 6 * structure.links) & (index % 6 < 3), LEVER_LENGTH, 1.0)
 
 
 def tie_break(regression: Regression) -> Penalty:
@@ -103,7 +103,7 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
             f"{estimate.min_eigenvalue:.3g}"
         )
     regression = estimate.regression
-    dual = gradient_dual(regression, estimate.pi) if dual is None else _checked(regression, dual)
+    dual = gradient_dual(regression, estimate.pi) if dual is None else _checked_dual(regression, dual)
     if estimate.penalty is None or estimate.split is None:
         return lower_bound_certificate(regression, estimate.pi, dual, penalty=tie_break(regression))
     return lower_bound_certificate(
@@ -111,7 +111,7 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
     )
 
 
-def _checked(regression: Regression, dual: Dual) -> Dual:
+def _checked_dual(regression: Regression, dual: Dual) -> Dual:
     """A dual from outside: refused unless its vectors are of length one at most but for rounding."""
     terms = len(regression.terms)
     y = check_array(dual.y, (terms, regression.structure.n), "dual.y")
@@ -189,7 +189,7 @@ def lower_bound_certificate(
     def over(cost: float, price: Array) -> float:
         """Bound how far a cost, which includes the trace term of a price, lies above the least."""
         # A negative eigenvalue of S_i can lower the cost by at most -lambda_min t_i.
-        least = constant - float(np.maximum(0, -_smallest(regression, g, price)) @ t)
+        least = constant - float(np.maximum(0, -_smallest_eigenvalues(regression, g, price)) @ t)
         return max(0.0, cost - max(0.0, least))  # the cost is a sum of norms and traces
 
     return Certificate(
@@ -200,7 +200,7 @@ def lower_bound_certificate(
     )
 
 
-def _smallest(regression: Regression, g: Array, price: Array) -> Array:
+def _smallest_eigenvalues(regression: Regression, g: Array, price: Array) -> Array:
     """Smallest eigenvalue of every S_i + w W_i in scaled units, less its rounding, (blocks,).
 
     `g` is the gradient of S_i, `price` that of the trace term, (n,) each.
@@ -350,10 +350,10 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
     # Own solver, else Clarabel; an answer without proof is solved again by the sum of squares.
     answer = solve_interior_point(lifted, program) or solve_clarabel(lifted, program)
     pi = answer.pi
-    certificate, reached = _judged(lifted, program, pi, answer.dual)
+    certificate, reached = _certified(lifted, program, pi, answer.dual)
     if not reached:
         other = solve_least_squares_cone(lifted, program)
-        proof, better = _judged(lifted, program, other, gradient_dual(lifted, other))
+        proof, better = _certified(lifted, program, other, gradient_dual(lifted, other))
         if better or proof.duality_gap < certificate.duality_gap:
             pi, certificate, reached = other, proof, better
     # Back to the unknowns that were asked for.
@@ -373,7 +373,9 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
     )
 
 
-def _judged(regression: Regression, program: ConicProgram, pi: Array, dual: Dual) -> tuple[Certificate, bool]:
+def _certified(
+    regression: Regression, program: ConicProgram, pi: Array, dual: Dual
+) -> tuple[Certificate, bool]:
     """Certify parameters by a dual, and tell whether they are so near the optimum that they are solved."""
     certificate, left = (
         lower_bound_certificate(regression, pi, dual, penalty=program.penalty),
@@ -476,7 +478,7 @@ def scale_program(regression: Regression, penalty: Penalty) -> ConicProgram:
     seen[block[regression.columns > 0]] = True
     # Blocks that no reading shows stay zero.
     columns = np.flatnonzero(seen[block])
-    kept = _kept(s, columns.tobytes())
+    kept = _restricted(s, columns.tobytes())
     unit = f_m(regression, np.zeros(s.n)) or 1.0
     scale = sensitivity_units(regression, unit, penalty)[columns]
     return ConicProgram(
@@ -493,7 +495,7 @@ def scale_program(regression: Regression, penalty: Penalty) -> ConicProgram:
 
 
 @lru_cache(maxsize=64)
-def _kept(structure: Structure, columns: bytes) -> Structure:
+def _restricted(structure: Structure, columns: bytes) -> Structure:
     """The structure with these parameters only: what follows from it is found once, not once a fit."""
     return structure.keep(np.frombuffer(columns, dtype=int), structure.name)
 

@@ -180,7 +180,7 @@ class Estimate(Displayed):
         return self.regression.f_m_floor
 
     @property
-    def of_compliances(self) -> Regression:
+    def compliance_regression(self) -> Regression:
         """Return the equations of links and joints alone, without joint laws or coupled joints."""
         if self.average is None or (self.average.with_laws is None and self.average.with_ties is None):
             return self.regression

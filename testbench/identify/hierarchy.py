@@ -84,7 +84,7 @@ class EvidenceModel:
 
     gram: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
     counts: Array  #: Equations of every kind, (kinds,).
-    known: Array  #: Gram matrix of the equations that count as exact, (c + 1, c + 1).
+    exact_gram: Array  #: Gram matrix of the equations that count as exact, (c + 1, c + 1).
     drawn: Array  #: log d of every unknown per unit of h, zero for unknowns without a prior, (c, m).
     expected: Array  #: m_i over its scale, (c,).
     scale: Array  #: Logarithm of that scale per unit of h, (c, m).
@@ -167,7 +167,7 @@ def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
     d, s2 = np.where(D.any(axis=1), np.exp(D @ h), np.inf), np.exp(2 * h[-kinds:])
     mean = np.exp(problem.scale @ h) * problem.expected
     # Gram matrix of readings and prior, and the most probable unknowns.
-    H = problem.known + sum(gram / own for gram, own in zip(problem.gram, s2, strict=True))
+    H = problem.exact_gram + sum(gram / own for gram, own in zip(problem.gram, s2, strict=True))
     H[:-1, -1] += mean / d**2
     H.flat[: -1 : len(H) + 1] += d**-2
     found = normal(H)
@@ -175,7 +175,7 @@ def evidence_posterior(problem: EvidenceModel, h: Array) -> EvidencePosterior:
     left = problem.gram @ v @ v / s2
     spent = np.array([np.vdot(gram[:-1, :-1], V) for gram in problem.gram]) / s2
     # -log p, its derivative, and the hyperpriors.
-    value = (left.sum() + off @ off + v @ problem.known @ v + found.log_size) / 2
+    value = (left.sum() + off @ off + v @ problem.exact_gram @ v + found.log_size) / 2
     value += problem.counts @ h[-kinds:] + (D @ h).sum()
     g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - problem.scale.T @ (mean * off / d)
     g[-kinds:] += problem.counts - left - spent
@@ -227,12 +227,12 @@ def _shares(problem: EvidenceModel, V: Array, w: Array, s2: Array) -> list[Array
     """V A_k^T A_k / s_k^2 of every kind, (c, c); with V times all else in P they are one."""
     found = [V @ (gram[:-1, :-1] / own) for gram, own in zip(problem.gram[:-1], s2, strict=False)]
     last = np.eye(len(V)) - V * w - sum(found)
-    on = np.flatnonzero(problem.known[:-1].any(axis=1))
-    last[:, on] -= V[:, on] @ problem.known[np.ix_(on, on)]
+    on = np.flatnonzero(problem.exact_gram[:-1].any(axis=1))
+    last[:, on] -= V[:, on] @ problem.exact_gram[np.ix_(on, on)]
     return [*found, last]
 
 
-def maximise_evidence(problem: EvidenceModel, start: Array, held: int | None = None) -> Array:
+def maximise_evidence(problem: EvidenceModel, start: Array, fixed: int | None = None) -> Array:
     """Maximise the evidence over the hyperparameters by Newton's method with step halving.
 
     Mathematics: `prior-9`.
@@ -240,30 +240,30 @@ def maximise_evidence(problem: EvidenceModel, start: Array, held: int | None = N
     Args:
         problem: The linear model.
         start: First hyperparameters, (m,) [1].
-        held: Place of one that stays fixed; None for none.
+        fixed: Place of one that stays fixed; None for none.
 
     Returns:
         Hyperparameters of greatest evidence within the bounds, (m,) [1].
     """
-    h, own, (low, high) = start, evidence_posterior(problem, start), problem.bounds
+    h, posterior, (low, high) = start, evidence_posterior(problem, start), problem.bounds
     for _ in range(MAX_NEWTON_STEPS):
-        g = own.gradient
+        g = posterior.gradient
         # A hyperparameter at its bound is free only if the loss falls inwards.
         free = ~((h <= low) & (g > 0) | (h >= high) & (g < 0))
-        if held is not None:
-            free[held] = False
-        values, Q = np.linalg.eigh(evidence_hessian(problem, h, own)[0][np.ix_(free, free)])
+        if fixed is not None:
+            free[fixed] = False
+        values, Q = np.linalg.eigh(evidence_hessian(problem, h, posterior)[0][np.ix_(free, free)])
         # Newton's step with |eigenvalues|: it descends even where the loss is not convex.
         step = np.zeros_like(h)
         step[free] = -Q @ (Q.T @ g[free] / np.maximum(np.abs(values), MIN_CURVATURE))
-        before, (h, own) = own.loss, _lower(problem, h, own, step)
-        if before - own.loss < EVIDENCE_TOLERANCE:
+        before, (h, posterior) = posterior.loss, _halved_step(problem, h, posterior, step)
+        if before - posterior.loss < EVIDENCE_TOLERANCE:
             break
     return h
 
 
-def _lower(
-    problem: EvidenceModel, h: Array, own: EvidencePosterior, step: Array
+def _halved_step(
+    problem: EvidenceModel, h: Array, posterior: EvidencePosterior, step: Array
 ) -> tuple[Array, EvidencePosterior]:
     """Where a step, or a part of it, lowers the loss; where it starts if none does."""
     step = step * min(1.0, MAX_STEP / np.abs(step).max(initial=MAX_STEP))
@@ -272,11 +272,11 @@ def _lower(
         try:
             found = evidence_posterior(problem, there)
         except BenchError:
-            found = own
-        if found.loss < own.loss:
+            found = posterior
+        if found.loss < posterior.loss:
             return there, found
         step = step / 2
-    return h, own
+    return h, posterior
 
 
 # --- A hierarchical prior: its scales and uncertainties are learnt from the readings before it is used ------
@@ -322,7 +322,7 @@ class LearntPriorModel:
 
     scaling: PriorScaling  #: Of the prior, in the scale of the data.
     problem: EvidenceModel  #: The readings.
-    shares: Array  #: Of every scale in the logarithm of the size of every entry of x, (n, K).
+    scale_shares: Array  #: Of every scale in the logarithm of the size of every entry of x, (n, K).
     kind: Ids  #: Of every scale: 0 for the first of links and joints that there is, (K,).
     link_scales: Ids  #: Scales of whole links, (W,).
     has_ties: bool  #: Whether there are couplings of joints, of the size t.
@@ -334,16 +334,18 @@ class LearntPriorModel:
         return len(self.kind)
 
     @property
-    def tail(self) -> int:
+    def last_hyperparameters(self) -> int:
         """Count the hyperparameters behind log w, T + 3."""
         return 3 + self.has_ties
 
     def scale(self, h: Array) -> Array:
         """Compute the prior scale of every entry of x, (n,) [1]; the first K hyperparameters are log s."""
-        return np.asarray(np.exp(self.shares @ h[: self.blocks]))
+        return np.asarray(np.exp(self.scale_shares @ h[: self.blocks]))
 
 
-def evidence_model(regression: Regression, metric: PriorScaling, *, alike: bool = False) -> LearntPriorModel:
+def evidence_model(
+    regression: Regression, metric: PriorScaling, *, shared_width: bool = False
+) -> LearntPriorModel:
     """Evaluate the evidence of a dataset for a prior, as a function of the prior's hyperparameters.
 
     Mathematics: `prior-7`.
@@ -351,8 +353,8 @@ def evidence_model(regression: Regression, metric: PriorScaling, *, alike: bool 
     Args:
         regression: The reduced dataset.
         metric: Metric of the structure and the prior.
-        alike: Whether all links share one uncertainty w. Otherwise the shape of one link may absorb an error
-            in few readings.
+        shared_width: Whether all links share one uncertainty w. Otherwise the shape of one link may absorb an
+            error in few readings.
 
     Returns:
         The evidence.
@@ -386,12 +388,12 @@ def evidence_model(regression: Regression, metric: PriorScaling, *, alike: bool 
         max(0.0, math.log(size / MAX_SIGNAL_TO_NOISE)),
     )
     bounds = np.array([-MAX_LOG_SCALE, MAX_LOG_SCALE])[:, None] * np.ones(m)
-    bounds[:, first:last] *= not alike
+    bounds[:, first:last] *= not shared_width
     bounds[:, -1] = start[-1], MAX_MISFIT
     problem = EvidenceModel(
         gram=gram[None],
         counts=np.array([regression.equations]),
-        known=np.zeros_like(gram),
+        exact_gram=np.zeros_like(gram),
         drawn=scale + drawn,
         expected=metric.expected,
         scale=scale,
@@ -459,7 +461,7 @@ def learn_prior(regression: Regression, metric: PriorScaling, *, widths: bool = 
     model = evidence_model(regression, metric)
     h = maximise_evidence(model.problem, model.start)
     u, c, kappa = np.exp(h[-3:])
-    shares, first = np.ones(len(metric.sizes)), len(h) - model.tail - len(model.link_scales)
+    shares, first = np.ones(len(metric.sizes)), len(h) - model.last_hyperparameters - len(model.link_scales)
     shares[model.link_scales] = np.exp(h[first : first + len(model.link_scales)])
     tie = float(np.exp(h[-4]) / kappa) if model.has_ties else None
     belief = WeightedPrior(
@@ -470,12 +472,12 @@ def learn_prior(regression: Regression, metric: PriorScaling, *, widths: bool = 
     both = 0 < (metric.kinds == 1).sum() < len(metric.kinds)
     if not (both or widths):
         return belief
-    at, m = evidence_posterior(model.problem, h), len(h) - 1  # kappa stays where it is best
-    H, J = evidence_hessian(model.problem, h, at)
+    posterior, m = evidence_posterior(model.problem, h), len(h) - 1  # kappa stays where it is best
+    H, J = evidence_hessian(model.problem, h, posterior)
     values, Q = np.linalg.eigh(H[:m, :m])
     values = np.maximum(values, MAX_HYPER_DEVIATION**-2)  # where the evidence is flat it is not linear
     if both:
-        belief = replace(belief, log_evidence=_log_evidence(model, at.loss, values))
+        belief = replace(belief, log_evidence=_log_evidence(model, posterior.loss, values))
     if not widths:
         return belief
     root = Q / np.sqrt(values)
@@ -522,7 +524,7 @@ def log_evidence_alone(regression: Regression, metric: PriorScaling) -> tuple[fl
     problem = EvidenceModel(
         gram=gram_matrix(regression, metric)[None],
         counts=np.array([regression.equations]),
-        known=B.T @ B,
+        exact_gram=B.T @ B,
         drawn=np.zeros((n, 1)),
         expected=np.zeros(n),
         scale=np.zeros((n, 1)),
@@ -610,7 +612,7 @@ def _loss_at(model: LearntPriorModel, best: Array, k: int, size: float) -> float
     """Compute the loss of evidence if the log scale of block k is this far from that of its kind."""
     start, kind = best.copy(), model.blocks + model.kind[k]
     start[k] = best[kind] + size
-    h = maximise_evidence(model.problem, start, held=k)
+    h = maximise_evidence(model.problem, start, fixed=k)
     own, before = (float(student_density((x[k] - x[kind]) / STUDENT_SCALE)[0]) for x in (h, best))
     return (
         evidence_posterior(model.problem, h).loss

@@ -354,9 +354,9 @@ class Scaling:
 
 COST_TOLERANCE = 1e-2
 """Distance from the optimum at which a problem is solved, as a share of its cost [1]."""
-STEPS = 30
+MAX_BATCH_STEPS = 30
 """Most steps."""
-FIRST = 0.1
+FIRST_GAP = 0.1
 """Duality gap at the start, as a share of the cost [1]."""
 
 
@@ -384,7 +384,7 @@ class _State:
     gradient: Array  #: (problems, n).
     step: Array  #: Length of the last step, 1 for a full one, (problems,).
 
-    def only(self, some: Mask) -> "_State":
+    def select(self, some: Mask) -> "_State":
         """Select some of the problems, by a mask, (problems,)."""
         return self if some.all() else _State(*(own[some] for own in vars(self).values()))
 
@@ -402,30 +402,30 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
     groups, shape = cone.groups_of(problems.sizes), (len(problems.g), len(weights), len(problems.c))
     found = np.full((2, shape[0] * shape[1], shape[2]), np.nan)
     with np.errstate(all="ignore"):  # a problem that is not finite is given up
-        state = _start(problems, weights, groups)
-        for _ in range(STEPS):
+        state = _start_problems(problems, weights, groups)
+        for _ in range(MAX_BATCH_STEPS):
             cost = np.vecdot(state.x, state.gradient + state.linear) / 2 + state.half
             missing = np.linalg.norm(state.gradient - state.s, axis=1)
             left = np.vecdot(state.x, state.s) + np.linalg.norm(state.x, axis=1) * missing
             done = left <= COST_TOLERANCE * cost
             found[:, state.at[done]] = state.x[done], state.s[done]
-            state = state.only(~done)
+            state = state.select(~done)
             if not len(state.at):
                 break
             try:
-                state = _moved(state, _Newton.of(state.R, state.x, state.s, groups))
+                state = _batch_step(state, _Newton.of(state.R, state.x, state.s, groups))
             except np.linalg.LinAlgError:
                 sound = _definite(state.x, groups) & _definite(state.s, groups)
                 if sound.all() or not sound.any():
                     break
-                state = state.only(sound)
+                state = state.select(sound)
                 continue
-            state = state.only(np.asarray(np.isfinite(np.hstack([state.x, state.s])).all(axis=1)))
+            state = state.select(np.asarray(np.isfinite(np.hstack([state.x, state.s])).all(axis=1)))
     x, s = found.reshape(2, *shape)
     return x, s
 
 
-def freedom(problems: Problems, x: Array, s: Array) -> Array:
+def effective_parameters(problems: Problems, x: Array, s: Array) -> Array:
     """Compute effective numbers of parameters: traces of what maps readings to predictions.
 
     Args:
@@ -450,7 +450,7 @@ def _definite(x: Array, groups: list[Ids]) -> Mask:
     return np.asarray(np.min(least, axis=0) > 0)
 
 
-def _moved(state: _State, newton: "_Newton") -> _State:
+def _batch_step(state: _State, newton: "_Newton") -> _State:
     """Take one step: predicted to first order, then corrected to second order."""
     missing = state.gradient - state.s
     x, s, order = state.x, state.s, sum(one.d.shape[1] * one.d.shape[2] for one in newton.scalings)
@@ -478,7 +478,7 @@ def _moved(state: _State, newton: "_Newton") -> _State:
     )
 
 
-def _start(problems: Problems, weights: Array, groups: list[Ids]) -> _State:
+def _start_problems(problems: Problems, weights: Array, groups: list[Ids]) -> _State:
     """Start with equal blocks that fit the readings best, and multipliers of the gradient's size."""
     fold = np.repeat(np.arange(len(problems.g)), len(weights))
     linear = np.tile(weights, len(problems.g))[:, None] * problems.c - problems.g[fold]
@@ -489,7 +489,7 @@ def _start(problems: Problems, weights: Array, groups: list[Ids]) -> _State:
     gradient = size[:, None] * moved[fold] + linear
     fit = size**2 * square[fold] / 2 - size * (problems.g @ one)[fold] + problems.half[fold]
     large = [np.abs(np.linalg.eigvalsh(cone.smat(gradient[:, at]))).max(axis=(1, 2)) for at in groups]
-    s = np.maximum(FIRST * fit / sum(problems.sizes) / size, np.max(large, axis=0))
+    s = np.maximum(FIRST_GAP * fit / sum(problems.sizes) / size, np.max(large, axis=0))
     return _State(
         at=np.arange(len(fold)),
         R=problems.R[fold],

@@ -269,11 +269,11 @@ class WeightedPrior:
 
 
 @dataclass(frozen=True)
-class Case:
+class RegressionWithPrior:
     """Hold a reduced dataset and its prior."""
 
     regression: Regression
-    belief: WeightedPrior
+    prior: WeightedPrior
 
 
 @lru_cache(maxsize=CACHED_SCALINGS)

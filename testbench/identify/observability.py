@@ -28,10 +28,10 @@ NEIGHBOURS = (1, 2, 3, 5)
 """Numbers of neighbouring links and joints that are searched together, before all are."""
 OPEN_SHARE = 0.5
 """Share of the prior variance that remains from which a quantity counts as undetermined [1]."""
-HIDING_SHARE = 0.5
+CONFOUNDED_SHARE = 0.5
 """Share of the remaining variance, once all others or the confounded ones were known, below which a quantity
 counts as confounded [1]; otherwise it is unobservable, or confounded with a little of everything."""
-MIN_EXPLAINED, MAX_HIDERS = 0.7, 3
+MIN_EXPLAINED, MAX_CONFOUNDERS = 0.7, 3
 """Share of the remaining variance that must vanish with the confounded quantities [1], and most of those."""
 HELPFUL_SHARE = 0.8
 """Share of the remaining variance after one joint was turned below which turning it helps [1]."""
@@ -48,7 +48,7 @@ class Direction:
     #: Their indices, the one that changes most first, relative to what is expected.
     parameters: tuple[int, ...]
     #: Those that change as well, but less than `PARTICIPATION_SHARE` of it, in the same order.
-    others: tuple[int, ...]
+    minor_parameters: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -67,12 +67,12 @@ class HiddenQuantity:
 
     name: str  #: Name of the quantity.
     #: Quantities with which it is confounded, most important first; empty if it is unobservable.
-    behind: tuple[str, ...] = ()
+    confounded_with: tuple[str, ...] = ()
     share: float = 1.0  #: Share of its prior variance that remains [1].
     correlation: float = 0.0  #: Multiple correlation with these quantities, given the readings [1].
     #: Which joint to turn; their number where several have to, -1 where hardly anything helps; None if
     #: it was not requested.
-    helps: int | None = None
+    joint_to_turn: int | None = None
 
 
 def null_space(A: Array) -> Array:
@@ -94,24 +94,24 @@ def null_space(A: Array) -> Array:
     return N
 
 
-def directions(A: Array, unit: Array, groups: Sequence[Ids], known: Array) -> Array:
+def directions(A: Array, unit: Array, groups: Sequence[Ids], known_directions: Array) -> Array:
     """Find a sparse basis of the unobservable directions of a matrix, beyond those that are known.
 
     Args:
         A: Rows, (rows, n).
         unit: Expected size of every parameter, (n,) [m/N, rad/(N m), rad/N].
         groups: Parameters of every link and joint, in the order of the chain.
-        known: Unobservable directions that are known already, (m, n).
+        known_directions: Unobservable directions that are known already, (m, n).
 
     Returns:
         Further directions, (k, n).
     """
     R: Array = np.array(np.linalg.qr(A, mode="r"))
     R[:, zero_columns(A)] = 0
-    missing = null_space(R).shape[1] - len(known)
+    missing = null_space(R).shape[1] - len(known_directions)
     found = np.zeros((0, A.shape[1]))
-    Q = np.linalg.qr(known.T)[0].T  # orthonormal rows: known, then found
-    for window in _windows(groups):
+    Q = np.linalg.qr(known_directions.T)[0].T  # orthonormal rows: known, then found
+    for window in _neighbouring_groups(groups):
         if len(found) >= missing:
             break
         rows = circuits(null_space(R[:, window]), unit[window])
@@ -133,7 +133,7 @@ def zero_columns(A: Array) -> Mask:
     return np.asarray(norm <= ZERO_COLUMN * norm.max(initial=0))
 
 
-def _windows(groups: Sequence[Ids]) -> Iterator[Ids]:
+def _neighbouring_groups(groups: Sequence[Ids]) -> Iterator[Ids]:
     for length in NEIGHBOURS:
         for first in range(len(groups) - length + 1):
             yield np.concatenate(groups[first : first + length])
@@ -221,20 +221,20 @@ def hidden_quantities(
     found = []
     # Of every quantity that is left open: what hides it, and which joint helps.
     for k, (observed_quantity, at) in enumerate(zip(quantities, parts, strict=True)):
-        unit = _unit(H[at], never)
+        unit = _unit_combinations(H[at], never)
         if (
             not observed_quantity.of_the_arm
             or not len(unit)
-            or (share := _mean(unit, K[np.ix_(at, at)])) < OPEN_SHARE
+            or (share := _mean_variance(unit, K[np.ix_(at, at)])) < OPEN_SHARE
         ):
             continue
         helps, hides = (
-            _helps(unit @ H[at], after, share),
-            _alone(observed_quantity.H, L, M) < HIDING_SHARE * share,
+            _joint_to_turn(unit @ H[at], after, share),
+            _share_if_all_known(observed_quantity.H, L, M) < CONFOUNDED_SHARE * share,
         )
-        behind, rest = _behind(K, parts, k, unit) if hides else ([], share)
-        if rest > HIDING_SHARE * share:
-            found.append(HiddenQuantity(observed_quantity.name, share=share, helps=helps))
+        behind, rest = _confounders(K, parts, k, unit) if hides else ([], share)
+        if rest > CONFOUNDED_SHARE * share:
+            found.append(HiddenQuantity(observed_quantity.name, share=share, joint_to_turn=helps))
         else:
             correlation = float(np.sqrt(max(0.0, 1 - rest / share)))
             found.append(
@@ -244,8 +244,10 @@ def hidden_quantities(
             )
     # Of those that hide behind each other the most uncertain is named.
     kept: dict[object, HiddenQuantity] = {}
-    for left in sorted(found, key=lambda left: (not left.behind, -left.share)):
-        kept.setdefault(frozenset((left.name, *left.behind)) if left.behind else left.name, left)
+    for left in sorted(found, key=lambda left: (not left.confounded_with, -left.share)):
+        kept.setdefault(
+            frozenset((left.name, *left.confounded_with)) if left.confounded_with else left.name, left
+        )
     return tuple(kept.values())
 
 
@@ -253,7 +255,7 @@ def _covariance(M: Array) -> Array:
     return np.asarray(np.linalg.inv(np.eye(len(M)) + M))
 
 
-def _unit(H: Array, never: Array) -> Array:
+def _unit_combinations(H: Array, never: Array) -> Array:
     """Combine a quantity's numbers to unit prior variance, outside structural directions."""
     free = H - (H @ never) @ never.T
     values, V = np.linalg.eigh(free @ free.T)
@@ -261,27 +263,27 @@ def _unit(H: Array, never: Array) -> Array:
     return np.asarray((V[:, own] / np.sqrt(values[own])).T)
 
 
-def _alone(H: Array, L: Array, M: Array) -> float:
+def _share_if_all_known(H: Array, L: Array, M: Array) -> float:
     """Compute the share of a quantity's prior variance that remains once all others are known."""
     move = np.linalg.solve(L + np.diag(np.where(np.diag(L) > 0, 0.0, 1.0)), H.T)
     left, before = np.linalg.inv(move.T @ move + move.T @ M @ move), (H @ L) @ (H @ L).T
     return float(np.trace(np.linalg.solve(before, left)) / len(H))
 
 
-def _behind(K: Array, parts: Sequence[Ids], k: int, unit: Array) -> tuple[list[int], float]:
+def _confounders(K: Array, parts: Sequence[Ids], k: int, unit: Array) -> tuple[list[int], float]:
     """Find the quantities that, once known, remove most of quantity k, and the share that remains."""
     found: list[int] = []
-    share = first = _mean(unit, K[np.ix_(parts[k], parts[k])])
-    while len(found) < MAX_HIDERS and share > (1 - MIN_EXPLAINED) * first:
+    share = first = _mean_variance(unit, K[np.ix_(parts[k], parts[k])])
+    while len(found) < MAX_CONFOUNDERS and share > (1 - MIN_EXPLAINED) * first:
         others = [i for i in range(len(parts)) if i != k and i not in found]
         known = [np.concatenate([parts[j] for j in (*found, i)]) for i in others]
-        rest = [_mean(unit, conditional_covariance(K, parts[k], at)) for at in known]
+        rest = [_mean_variance(unit, conditional_covariance(K, parts[k], at)) for at in known]
         best = int(np.argmin(rest))
         found, share = [*found, others[best]], rest[best]
     return found, share
 
 
-def _helps(H: Array, after: Sequence[Array], share: float) -> int | None:
+def _joint_to_turn(H: Array, after: Sequence[Array], share: float) -> int | None:
     """Find the joint to turn, for numbers of unit prior variance, (k, size)."""
     if not after:
         return None
@@ -292,6 +294,6 @@ def _helps(H: Array, after: Sequence[Array], share: float) -> int | None:
     return len(each) if everywhere < HELPFUL_SHARE * share else -1
 
 
-def _mean(unit: Array, K: Array) -> float:
+def _mean_variance(unit: Array, K: Array) -> float:
     """Average the variance of combinations, (k, n), of numbers with a covariance, (n, n)."""
     return float(np.trace(unit @ K @ unit.T) / len(unit))

@@ -258,10 +258,10 @@ def linearise(estimate: Estimate) -> Posterior:
         both.append(np.column_stack(precision_root(belief.scaling, belief.strength)))
     x, rows = np.r_[np.linalg.solve(L, estimate.pi), -1.0], [own[:, :-1] for own in both]
     back, unseen = _inverse(np.vstack(rows))
-    pull = _pull(estimate, rows, back, [own @ x for own in both])
+    pull = _distance_without_cone(estimate, rows, back, [own @ x for own in both])
     learnt = belief is not None and belief.hyperparameter_effect is not None
     if belief is not None and learnt:
-        root, heavy = _split(rows, back, belief, L)
+        root, heavy = _noise_and_prior_roots(rows, back, belief, L)
     else:
         root, heavy = (1.0 if belief is None else belief.misfit) * back @ L.T, 0
     if regression.wander is not None:  # in new poses links are others again: a scatter of its own
@@ -285,20 +285,20 @@ def _inverse(M: Array) -> tuple[Array, Array]:
     return Vt[:r] / s[:r, None], Vt[r:]
 
 
-def conditional_covariance(K: Array, own: Ids, known: Ids) -> Array:
+def conditional_covariance(K: Array, variables: Ids, given: Ids) -> Array:
     """Compute the covariance of some variables, given others: K_oo - K_ok K_kk^-1 K_ko.
 
     Args:
         K: Covariance of all variables, (n, n).
-        own: Places of the variables, (o,).
-        known: Places of those that are known exactly, (k,).
+        variables: Places of the variables, (o,).
+        given: Places of those that are known exactly, (k,).
 
     Returns:
         Conditional covariance, (o, o).
     """
-    C, X = K[np.ix_(known, known)], K[np.ix_(own, known)]
+    C, X = K[np.ix_(given, given)], K[np.ix_(variables, given)]
     ridge = (COVARIANCE_RIDGE * np.trace(C) / len(C) + TINY) * np.eye(len(C))
-    return np.asarray(K[np.ix_(own, own)] - X @ np.linalg.solve(C + ridge, X.T))
+    return np.asarray(K[np.ix_(variables, variables)] - X @ np.linalg.solve(C + ridge, X.T))
 
 
 def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
@@ -307,18 +307,18 @@ def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
         parts = [(p, linearise(own)) for p, own in average.parts]
     elif average.with_ties is not None:
         p = average.ties_weight
-        tied = _among(linearise(average.with_ties), average.with_ties.structure, estimate.structure)
-        others = [] if p == 1 else [((1 - p) * q, posterior) for q, posterior in _untied(average)]
+        tied = _embed(linearise(average.with_ties), average.with_ties.structure, estimate.structure)
+        others = [] if p == 1 else [((1 - p) * q, posterior) for q, posterior in _uncoupled_parts(average)]
         parts = [(p, tied), *others]
     else:
-        parts = _untied(average)
+        parts = _uncoupled_parts(average)
     alone = parts[0][1]
     if len(parts) == 1 and np.array_equal(alone.x, estimate.pi):
         return alone
     return _mixture(estimate.pi, parts)
 
 
-def _untied(average: ModelAverage) -> list[tuple[float, Posterior]]:
+def _uncoupled_parts(average: ModelAverage) -> list[tuple[float, Posterior]]:
     """Select the models with uncoupled joints, and their relative probabilities."""
     p, q = average.laws_probability, average.joints_probability
     lawful = [] if average.with_laws is None else [(p, linearise(average.with_laws))]
@@ -326,14 +326,14 @@ def _untied(average: ModelAverage) -> list[tuple[float, Posterior]]:
         return lawful
     found = [*lawful, ((1 - p) * (1 - q), linearise(average.all_parts))]
     if average.joints_only is not None:
-        alone = _among(
+        alone = _embed(
             linearise(average.joints_only), average.joints_only.structure, average.all_parts.structure
         )
         found.append(((1 - p) * q, alone))
     return found
 
 
-def _among(posterior: Posterior, structure: Structure, widest: Structure) -> Posterior:
+def _embed(posterior: Posterior, structure: Structure, widest: Structure) -> Posterior:
     """Embed a posterior in the unknowns of a wider structure; all others are zero."""
     x, root, unseen, scale = (
         scatter_to(numbers, structure, widest)
@@ -356,7 +356,9 @@ def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
     return replace(widest, x=pi, root=np.vstack([root, prior]), heavy_rows=len(prior))
 
 
-def _split(rows: list[Array], back: Array, belief: WeightedPrior, L: Array) -> tuple[Array, int]:
+def _noise_and_prior_roots(
+    rows: list[Array], back: Array, belief: WeightedPrior, L: Array
+) -> tuple[Array, int]:
     """Compute the root of the covariance: the part of noise, and rows of the part of the prior's error.
 
     With M the rows A of the readings above those B of the prior, the covariance is (M^T M)^-1 (A^T A + B^T B)
@@ -373,7 +375,9 @@ def _split(rows: list[Array], back: Array, belief: WeightedPrior, L: Array) -> t
     return root, len(open_) + len(belief.hyperparameter_effect)
 
 
-def _pull(estimate: Estimate, rows: list[Array], back: Array, residuals: list[Array]) -> float:
+def _distance_without_cone(
+    estimate: Estimate, rows: list[Array], back: Array, residuals: list[Array]
+) -> float:
     """Length of the step to the optimum without a cone, Eq. (14) or (19), whichever is nearer.
 
     Every term asks for a step along the seen directions; rows and residuals are in standard deviations.

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Series, read_by, select_rows, series_of
+from testbench.data.dataset import Dataset, Series, runs_of_station, select_rows, series_of
 from testbench.errors import Array, BenchError, Mask, check_type
 from testbench.identify.registration import Frame, Registration, arm_reach, largest_deviation, register
 from testbench.identify.rows import check_runs, resolve_lines
@@ -52,7 +52,7 @@ class RegisteredDataset:
     registration: Registration | None  #: Result of the registration; None if it failed.
     frame: Literal["base", "tracker"]  #: Frame of the readings.
     targets_taken: Mask  #: Targets that were fitted, (m,).
-    why: str = ""  #: Why the registration failed.
+    failure: str = ""  #: Why the registration failed.
 
 
 def register_dataset(
@@ -178,7 +178,7 @@ def transform_to_base(registration: Registration, data: Dataset) -> Dataset:
     R, t = np.tile(np.eye(3), (data.runs, 1, 1)), np.zeros((data.runs, 1, 3))
     about = np.zeros((data.runs, 1, 3, 3))  # covariance of the rotation of every run's frame, base axes
     for name, frame in registration.frames.items():
-        own = read_by(data, station_number(name))
+        own = runs_of_station(data, station_number(name))
         R[own], t[own], about[own] = frame.rotation, frame.translation, frame.covariance[:3, :3]
     before, after = ((readings - t) @ R for readings in (data.before, data.after))
     turned = [

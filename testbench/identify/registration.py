@@ -22,8 +22,8 @@ from testbench.identify.closed_form import (
     base_points,
     frame_and_target_names,
     initial_layouts,
+    layout_residuals,
     mean_readings,
-    residuals,
 )
 from testbench.identify.robust_loss import FRAMES
 from testbench.model.vjm import Vjm, rotation_matrices, skew, tool_pose
@@ -50,7 +50,7 @@ Before, residuals are those of the start: they would let nominal targets and wil
 WILD_RATIO = 10.0
 """Length of a residual over the median, or over ASSUMED_NOISE if that is more, beyond which it is dropped."""
 NOISE_TOLERANCE = 1e-6  #: Relative change of the noise that ends the search.
-OPEN_STATUS, DIVERGED = "open", "no convergence"  #: Ends of a search that found nothing.
+UNDETERMINED, DIVERGED = "open", "no convergence"  #: Ends of a search that found nothing.
 #: Least eigenvalue of the scaled information; below it a direction is not seen at all.
 MIN_INFORMATION = 1e-11
 
@@ -65,7 +65,7 @@ class Frame:
     #: [rad, m]; zero for a frame that was given.
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
-    def of(self, pose: Array) -> "Frame":
+    def rebased(self, pose: Array) -> "Frame":
         """Return the frame that takes the place of the base, with its covariance.
 
         Args:
@@ -144,7 +144,10 @@ class Registration:
 
 
 def register(
-    vjm: Vjm, series: Sequence[Series], nominal: Mapping[str, Array], given: Mapping[str, Frame] | None = None
+    vjm: Vjm,
+    series: Sequence[Series],
+    nominal: Mapping[str, Array],
+    known_frames: Mapping[str, Frame] | None = None,
 ) -> Registration:
     """Find the frames and targets of series of one mount, with a rigid arm without errors.
 
@@ -157,7 +160,7 @@ def register(
         vjm: The arm's virtual joint model.
         series: The readings, such as one series per station.
         nominal: Expected targets in the tool's frame by name, (3,) [m] each; any of them may be absent.
-        given: Frames that are known, by name; the others are found.
+        known_frames: Frames that are known, by name; the others are found.
 
     Returns:
         Frames, targets, their covariance, and the residuals.
@@ -169,7 +172,7 @@ def register(
     # What is known: nominal targets and given frames.
     expected = np.array([nominal.get(name, np.full(3, np.nan)) for name in targets])
     known = FrameLayout(np.full((len(frames), 3, 3), np.nan), np.full((len(frames), 3), np.nan), expected)
-    for name, frame in (given or {}).items():
+    for name, frame in (known_frames or {}).items():
         if name not in frames:
             raise BenchError(f"frame of {name}: the readings are of {', '.join(frames)}")
         known.rotation[frames.index(name)] = frame.rotation
@@ -178,7 +181,9 @@ def register(
     # Refine every start in closed form; the smallest residual wins.
     none = np.zeros(0)
     tried = [
-        _refined(readings, Registration(frames, targets, expected, start, free, none, none, ASSUMED_NOISE, 0))
+        _gauss_newton(
+            readings, Registration(frames, targets, expected, start, free, none, none, ASSUMED_NOISE, 0)
+        )
         for start in initial_layouts(readings, known)
     ]
     solved = [one for one in tried if isinstance(one, Registration)]
@@ -236,12 +241,12 @@ def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> st
     )
 
 
-def _refined(readings: MeanReadings, start: Registration) -> Registration | str:
-    """Take Gauss-Newton steps from a start; returns `OPEN_STATUS` if a direction is undetermined."""
+def _gauss_newton(readings: MeanReadings, start: Registration) -> Registration | str:
+    """Take Gauss-Newton steps from a start; returns `UNDETERMINED` if a direction is undetermined."""
     layout, free, noise, kept = start.layout, start.free, start.noise, None
     values, V = np.linalg.eigh(readings.covariance)
     for k in range(MAX_STEPS):
-        e, J = residuals(readings, layout), _jacobian(readings, layout, free)
+        e, J = layout_residuals(readings, layout), _jacobian(readings, layout, free)
         # Whiten residuals by W = (C + s^2 I)^-1/2, in the principal axes of C.
         root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]
         u = np.matvec(root, e)
@@ -250,10 +255,10 @@ def _refined(readings: MeanReadings, start: Registration) -> Registration | str:
         # Normal equations, with the nominal targets as further rows.
         A = (root @ J).reshape(-1, J.shape[2])
         weighted = np.repeat(pull, 3)[:, None] * A
-        information, held = weighted.T @ A, _held(start.nominal - layout.targets, A.shape[1])
+        information, held = weighted.T @ A, _nominal_rows(start.nominal - layout.targets, A.shape[1])
         P = _inverse(information + np.diag(held[0]))
         if P is None:
-            return OPEN_STATUS
+            return UNDETERMINED
         step, before = P @ (weighted.T @ u.ravel() + held[0] * held[1]), noise
         layout = _moved(layout, free, step)
         if kept is None and (np.abs(step).max() < SETTLED_STEP or k == MAX_UNWEIGHTED_STEPS):
@@ -276,7 +281,7 @@ def _refined(readings: MeanReadings, start: Registration) -> Registration | str:
     return DIVERGED
 
 
-def _held(off: Array, size: int) -> tuple[Array, Array]:
+def _nominal_rows(off: Array, size: int) -> tuple[Array, Array]:
     """Compute weights and distances of the nominal targets, zero for frames and new targets.
 
     The loss is Huber's here too: a nominal position beyond the bend is wrong, not imprecise.

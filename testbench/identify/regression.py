@@ -31,7 +31,7 @@ from testbench.identify.absolute.align import (
     inverse_noise_roots,
     kinds_of,
     repeated_rows,
-    weights,
+    robust_whitening,
 )
 from testbench.identify.absolute.state import ArmState, Unknowns, compliance_unknowns
 from testbench.identify.robust_loss import READINGS, Loss
@@ -112,20 +112,22 @@ class Regression(Displayed):
         return len(self.terms) * math.sqrt(3 * dof)
 
 
-def term_from_triangle(T: Array, rest: float, equations: int) -> Term:
+def term_from_triangle(T: Array, unexplained: float, equations: int) -> Term:
     """Make a term of F_M from the triangular factor of its rows.
 
     Mathematics: `obs-3`.
 
     Args:
         T: Triangular factor of the rows [A | y] over sqrt(N), (n + 1, n + 1) [1].
-        rest: Squared norm that T does not hold and no parameter explains [1].
+        unexplained: Squared norm that T does not hold and no parameter explains [1].
         equations: Scalar equations behind it.
 
     Returns:
         The term.
     """
-    return Term(R=T[:-1, :-1], z=T[:-1, -1], unexplained=float(T[-1, -1] ** 2) + rest, equations=equations)
+    return Term(
+        R=T[:-1, :-1], z=T[:-1, -1], unexplained=float(T[-1, -1] ** 2) + unexplained, equations=equations
+    )
 
 
 def triangular_factor(rows: Array) -> Array:
@@ -249,7 +251,7 @@ def generic_rows(vjm: Vjm, structure: Structure) -> Array:
         Rows of positions, then of rotations, (rows, n) [m, rad per unit of pi].
     """
     rng = np.random.Generator(np.random.Philox(0))
-    q = vjm.arm.drawn(rng, GENERIC_RUNS)
+    q = vjm.arm.draw_poses(rng, GENERIC_RUNS)
     wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
     equilibrium = nominal_chain(vjm, q, [Load(wrench, point)])
     A = jacobian(compliance_unknowns(vjm, structure), equilibrium, vjm.markers, rotations=True)[:, :, :-1]
@@ -299,7 +301,7 @@ class TriangularFactors:
         self.factors: dict[tuple[int, int], Array] = {}
         self.equations: defaultdict[tuple[int, int], int] = defaultdict(int)  #: Scalar ones of each.
 
-    def take(self, A: Array, kinds: Ids, parts: Ids, *, drop_zeros: bool = False) -> None:
+    def add_readings(self, A: Array, kinds: Ids, parts: Ids, *, drop_zeros: bool = False) -> None:
         """Add whitened rows of some runs.
 
         Args:
@@ -477,7 +479,7 @@ def reduce_parts(
             for v in {one.vjm for one in unknowns}
         }
         for one, folded in zip(unknowns, found, strict=True):
-            folded.take(
+            folded.add_readings(
                 *pair_rows(one, told[one.vjm], runs, these, part[these]), part[these], drop_zeros=lines
             )
     alone = iter(found[1:])
@@ -600,7 +602,7 @@ def reduce_series(
             for some in pose_batches(
                 np.where(block == own, 0, -1), one.pose, max(16, MAX_NUMBERS // numbers)
             ):
-                part.take(
+                part.add_readings(
                     *whitened_rows(linearisation, select_rows(one, some)), np.zeros(len(some), dtype=int)
                 )
             factors = [part.factor(kind, [0]) for kind in kinds]
@@ -626,7 +628,7 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
         linearisation.state.frame(series).rotation,
     )
     # Weights by the loss, and the right-hand side for the unknowns themselves in place of steps.
-    _, pull = weights(series, linearisation.noise, rotation, A[:, :, -1], linearisation.loss)
+    _, pull = robust_whitening(series, linearisation.noise, rotation, A[:, :, -1], linearisation.loss)
     A[:, :, -1] += np.einsum("sxcr,c->sxr", A[:, :, :-1], linearisation.unknowns.current(linearisation.state))
     # Readings of one pose become a mean and differences, (abs-4), and are whitened.
     groups = repeated_rows(series)
@@ -639,7 +641,7 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
     W = W * np.sqrt(pull)[..., None, None]
     isotropic = series.precision is None
     A = A * W[:, None, None, :, 0, 0] if isotropic else np.einsum("srxy,sycr->sxcr", W, A)
-    read = np.concatenate([series.seen.T, series.turned[None]])[: len(kinds)]
+    read = np.concatenate([series.seen.T, series.oriented[None]])[: len(kinds)]
     return A, np.where(read, kinds, -1)
 
 

@@ -77,7 +77,7 @@ def jacobian(
     if series is not None:
         _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], where.points(points), m)
         _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.rotation)
-    A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.inner]
+    A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.geometry_slice]
     if unknowns.errors.size:
         own = J[:, :, unknowns.vjm.joint_slice, None] * equilibrium.phi
         A[:, :, unknowns.columns("errors")] = own.reshape(*A.shape[:2], -1, runs)
@@ -118,7 +118,7 @@ def series_rows(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
         unknowns, equilibrium, state.mount(series).points, series, rotations=series.rotation is not None
     )
     A[:m] *= series.seen.T[:, None, None]
-    A[m:] *= series.turned
+    A[m:] *= series.oriented
     A[:, :, -1] = series_residuals(state, series, equilibrium)
     return A
 
@@ -144,9 +144,9 @@ def series_residuals(state: ArmState, series: Series, equilibrium: JointEquilibr
         return found
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
-    measured = np.where(series.turned[:, None, None], series.rotation, np.eye(3))
+    measured = np.where(series.oriented[:, None, None], series.rotation, np.eye(3))
     left = frame.rotation.T @ measured @ (equilibrium.chain.rotation @ mount.rotation).swapaxes(1, 2)
-    vector = Rotation.from_matrix(left).as_rotvec() * series.turned[:, None]
+    vector = Rotation.from_matrix(left).as_rotvec() * series.oriented[:, None]
     return np.concatenate([found, vector.T[None]])
 
 
@@ -251,9 +251,9 @@ def _separate_set_ups(A: Array, data: Dataset, runs: Ids, part: Ids) -> None:
 
 # --- Readings along lines: a dial gauge, a ballbar or a draw-wire reads one number of a marker's motion -----
 
-ROUGH = 0.1
+MODEL_ERROR = 0.1
 """Error of a model of scaled joints and links, over the RMS of the readings [1]."""
-UNSURE = 1.0
+SCALE_DEVIATION = 1.0
 """Standard deviation of every scale about that of the arm's folder [1]."""
 BLOCK_RUNS = 384  #: Runs whose Jacobians are in memory at a time.
 
@@ -316,7 +316,7 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
 
     With the motion D_j of the markers by joint j alone, and D_0 by all links, the scales s >= 0 minimise
 
-        sum of |P (D s - y)|^2 / (ROUGH RMS(y))^2 + |s - 1|^2 / UNSURE^2
+        sum of |P (D s - y)|^2 / (MODEL_ERROR RMS(y))^2 + |s - 1|^2 / SCALE_DEVIATION^2
 
     over all readings y, P the projection on what was read.
 
@@ -330,20 +330,20 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
     points, parts, turns = marker_points(vjm, data.markers), [], []
     for first in range(0, data.runs, BLOCK_RUNS):
         some = slice(first, first + BLOCK_RUNS)
-        by_part = _parts(vjm, data, some, points)
+        by_part = _motions_by_part(vjm, data, some, points)
         parts.append(by_part[0])
         turns.append(by_part[1])
     D, W = np.concatenate(parts, axis=1), np.concatenate(turns, axis=1)
     seen = data.seen
     read = np.array([data.as_read(own)[seen] for own in D]).reshape(len(D), -1)
     y = data.as_read(data.deflection)[seen].ravel()
-    rough = ROUGH * float(np.sqrt((y**2).mean())) or 1.0
-    rows = np.vstack([read.T / rough, np.eye(len(D)) / UNSURE])
-    s, _ = nnls(rows, np.concatenate([y / rough, np.full(len(D), 1 / UNSURE)]))
+    rough = MODEL_ERROR * float(np.sqrt((y**2).mean())) or 1.0
+    rows = np.vstack([read.T / rough, np.eye(len(D)) / SCALE_DEVIATION])
+    s, _ = nnls(rows, np.concatenate([y / rough, np.full(len(D), 1 / SCALE_DEVIATION)]))
     return np.tensordot(s, D, axes=1), np.tensordot(s, W, axes=1)
 
 
-def _parts(vjm: Vjm, data: Dataset, some: slice, points: Array) -> tuple[Array, Array]:
+def _motions_by_part(vjm: Vjm, data: Dataset, some: slice, points: Array) -> tuple[Array, Array]:
     """Compute motions of markers, (n + 1, runs, m, 3) [m], and turns, (n + 1, runs, 3), of each part."""
     state = nominal_chain(vjm, data.q[some], [Load(data.wrench[some], data.point[some])])
     C, first = vjm.arm.C_theta, 6 * len(vjm.arm.links)

@@ -43,7 +43,7 @@ from testbench.identify.conic import EXACT_FIT, clip_eigenvalues, psd_entries, s
 from testbench.identify.estimate import TOOL_MARKER, Constraint, Estimate, Penalty, Rejected, make_estimate
 from testbench.identify.interior import least_squares
 from testbench.identify.metric import (
-    Case,
+    RegressionWithPrior,
     Strength,
     WeightedPrior,
     cad_prior,
@@ -142,11 +142,13 @@ def complete_conservatively(regression: Regression) -> Estimate:
     # Second-order cone: the shortest w; PSD cones: every block of X_0 + N w.
     free = free_directions(regression, plain.pi)
     shortest = cone.norm_below(0, np.eye(free.N.shape[1] + 1)[1:], np.zeros(free.N.shape[1]))
-    solution = cone.solve(_program(regression.structure, free, np.zeros(len(plain.pi)), (shortest,)))
+    solution = cone.solve(
+        _equal_fit_program(regression.structure, free, np.zeros(len(plain.pi)), (shortest,))
+    )
     if solution.status != "solved":
         why = (
             NO_CONSERVATIVE_FIT
-            if least_shift(regression.structure, free) > PROVEN_DISTANCE
+            if least_eigenvalue_shift(regression.structure, free) > PROVEN_DISTANCE
             else solution.failure
         )
         return replace(plain, status=why, solver_seconds=solution.seconds)
@@ -179,28 +181,32 @@ def free_directions(regression: Regression, pi: Array) -> EqualFits:
     return EqualFits(unit, pi / unit, N / length[:, None])
 
 
-def least_shift(s: Structure, free: EqualFits) -> float:
+def least_eigenvalue_shift(s: Structure, equal_fits: EqualFits) -> float:
     """Compute a lower bound of the least t >= -1 for which some X_0 + N w + t 1 is positive semi-definite.
 
     Args:
         s: The unknowns.
-        free: The affine set of equal fit.
+        equal_fits: The affine set of equal fit.
 
     Returns:
         The bound, in units where the data are of order one [1]; above 0 no conservative model fits equally.
     """
     one = np.where(s.a == s.b, 1.0, 0.0)
-    first = np.eye(1, 1 + free.N.shape[1])
-    return cone.solve(_program(s, free, one, (cone.Rows("nonnegative", -first, np.ones(1)),))).bound
+    first = np.eye(1, 1 + equal_fits.N.shape[1])
+    return cone.solve(
+        _equal_fit_program(s, equal_fits, one, (cone.Rows("nonnegative", -first, np.ones(1)),))
+    ).bound
 
 
-def _program(s: Structure, free: EqualFits, beside: Array, rows: tuple[cone.Rows, ...]) -> cone.ConeProgram:
-    """Make the program min t over (t, w) with X_0 + N w + t B in the cone, B the argument `beside`."""
+def _equal_fit_program(
+    s: Structure, equal_fits: EqualFits, shift_direction: Array, rows: tuple[cone.Rows, ...]
+) -> cone.ConeProgram:
+    """Make the program min t over (t, w) with X_0 + N w + t B in the cone, B the `shift_direction`."""
     for block in s.blocks:
         entries, svec = psd_entries(s, block)
-        A = -svec @ np.c_[beside, free.N][entries]
-        rows += (cone.Rows("psd", A, svec @ free.x[entries]),)
-    cost = np.r_[1.0, np.zeros(free.N.shape[1])]
+        A = -svec @ np.c_[shift_direction, equal_fits.N][entries]
+        rows += (cone.Rows("psd", A, svec @ equal_fits.x[entries]),)
+    cost = np.r_[1.0, np.zeros(equal_fits.N.shape[1])]
     return cone.ConeProgram(cost, (cone.free_block(0, len(cost)),), rows)
 
 
@@ -242,7 +248,7 @@ def solve(
             return solve_gco(regression, belief)
         return (complete_conservatively if constraint == "free" else minimum_norm)(regression)
     # With a prior: minimise chi^2 and penalty in the metric of the prior, then map x back to pi.
-    prior_solution = solve_with_prior(constraint, Case(regression, belief))
+    prior_solution = solve_with_prior(constraint, RegressionWithPrior(regression, belief))
     estimate = make_estimate(regression, prior_solution.pi, method=METHODS[constraint], constraint=constraint)
     return replace(
         estimate, weighted_prior=belief, status=prior_solution.status, solver_seconds=prior_solution.seconds
@@ -260,7 +266,7 @@ class PriorSolution:
     by_our_solver: bool
 
 
-def solve_with_prior(constraint: Constraint, case: Case) -> PriorSolution:
+def solve_with_prior(constraint: Constraint, case: RegressionWithPrior) -> PriorSolution:
     """Minimise |A pi - y|^2 + |B x - c|^2, pi = L x, in the metric of a prior.
 
     Args:
@@ -271,8 +277,8 @@ def solve_with_prior(constraint: Constraint, case: Case) -> PriorSolution:
         The answer of Newton's or our interior-point method if it is proven optimal; else that of
         `solve_by_reference`.
     """
-    start, metric = time.perf_counter(), case.belief.scaling
-    M, r = with_prior_rows(case.regression, metric, case.belief.strength)
+    start, metric = time.perf_counter(), case.prior.scaling
+    M, r = with_prior_rows(case.regression, metric, case.prior.strength)
     x = certified_solution(M, r, metric.sizes if constraint == "psd" else ())
     if x is None:
         return solve_by_reference(constraint, case)
@@ -295,7 +301,7 @@ def certified_solution(M: Array, r: Array, sizes: tuple[int, ...]) -> Array | No
     return x if gap <= OPTIMALITY_TOLERANCE + ROUNDING_SHARE * cost else None
 
 
-def solve_by_reference(constraint: Constraint, case: Case) -> PriorSolution:
+def solve_by_reference(constraint: Constraint, case: RegressionWithPrior) -> PriorSolution:
     """Solve the same problem by an independent solver: LAPACK for least squares, Clarabel for GCO.
 
     Args:
@@ -305,8 +311,8 @@ def solve_by_reference(constraint: Constraint, case: Case) -> PriorSolution:
     Returns:
         The answer, its status as the solver reports it.
     """
-    start, metric = time.perf_counter(), case.belief.scaling
-    M, r = with_prior_rows(case.regression, metric, case.belief.strength)
+    start, metric = time.perf_counter(), case.prior.scaling
+    M, r = with_prior_rows(case.regression, metric, case.prior.strength)
     if constraint == "none":
         pi = metric.L @ np.linalg.lstsq(M, r, rcond=None)[0]
         return PriorSolution(pi, time.perf_counter() - start, "solved", by_our_solver=False)
@@ -359,7 +365,7 @@ def without_outliers(
     data: Dataset,
     regression: Regression,
     constraint: Constraint,
-    held: WeightedPrior | Penalty | None,
+    prior_or_penalty: WeightedPrior | Penalty | None,
 ) -> Estimate:
     """Reject outliers by Huber's loss, and fit the remaining readings by the plain method.
 
@@ -370,7 +376,7 @@ def without_outliers(
         data: The runs.
         regression: All readings, reduced.
         constraint: "none" for least squares, "psd" for GCO.
-        held: The prior, or the trace term of GCO without one.
+        prior_or_penalty: The prior, or the trace term of GCO without one.
 
     Returns:
         The estimate; F_M, its floor and the rank refer to the readings that are kept.
@@ -380,7 +386,7 @@ def without_outliers(
     """
     readings = single_readings(vjm, regression.structure, data)
     start = time.perf_counter()
-    belief = held if isinstance(held, WeightedPrior) else None
+    belief = prior_or_penalty if isinstance(prior_or_penalty, WeightedPrior) else None
     length, status = reject_iteratively(vjm, readings, regression, constraint, belief)
     limit = np.where(readings.numbers == 1, LINE_THRESHOLD, REJECTION_THRESHOLD)
     seconds, keep = time.perf_counter() - start, length <= limit
@@ -393,7 +399,7 @@ def without_outliers(
         )
     if not keep.all():
         regression = _accepted(regression.structure, readings, keep, np.ones(len(keep)))
-    plain = solve(regression, constraint, held)
+    plain = solve(regression, constraint, prior_or_penalty)
     return replace(
         plain,
         method=f"{plain.method}, Huber loss",
@@ -438,7 +444,7 @@ def reject_iteratively(
         if belief is None:
             pi = minimum_norm(weighted).pi
         else:
-            prior_solution = solve_with_prior(constraint, Case(weighted, belief))
+            prior_solution = solve_with_prior(constraint, RegressionWithPrior(weighted, belief))
             pi, status = prior_solution.pi, prior_solution.status
         before, length = length, np.linalg.norm(readings.y - readings.A @ pi, axis=1)
         if np.abs(length - before).max() < CONVERGED_CHANGE:

@@ -41,7 +41,7 @@ from testbench.model.vjm import Vjm
 
 FOLDS = 8
 """Largest number of parts into which the poses, and the loads, are divided; fewer poses make fewer folds."""
-CLEARLY = 2.0
+CLEAR_STANDARD_ERRORS = 2.0
 """Standard errors of the paired difference by which a model must be better to replace the first one."""
 LEVEL_DIGITS = 1
 """Decimals to which forces [N] and moments [N m] are rounded to tell load levels apart."""
@@ -51,7 +51,7 @@ LEVEL_DIGITS = 1
 class Fold:
     """Hold one split of the data: equations that are fitted, and equations that are held out."""
 
-    kept: Ids  #: Numbers of the parts that are fitted.
+    fitted_parts: Ids  #: Numbers of the parts that are fitted.
     parts: PartitionedRegression  #: The equations of these parts.
     held_out: Regression  #: The equations of all other parts.
 
@@ -118,10 +118,10 @@ class Grams:
     """Hold Gram matrices [A | y]^T [A | y] of whitened rows, for k parameters."""
 
     total: Array  #: Of all equations, (k + 1, k + 1) [1].
-    out: Array  #: Of the equations held out in each fold, (folds, k + 1, k + 1) [1].
+    held_out: Array  #: Of the equations held out in each fold, (folds, k + 1, k + 1) [1].
     equations: Array  #: Number of equations held out in each fold, (folds,).
-    all_parts: int  #: Number of all equations.
-    terms: int  #: Number of terms of F_M: positions, and rotations if they are read.
+    all_equations: int  #: Number of all equations.
+    n_terms: int  #: Number of terms of F_M: positions, and rotations if they are read.
 
 
 def grams(parts: PartitionedRegression | Regression, lift: Array) -> Grams:
@@ -163,7 +163,7 @@ def paired(difference: Array) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Duel:
+class Comparison:
     """Hold the result of comparing one model with all others."""
 
     name: str  #: Name of the model that is selected.
@@ -171,8 +171,8 @@ class Duel:
     standard_error: float  #: Standard error of this difference over folds [1].
 
 
-def unless_beaten(candidates: Sequence[Candidate], first: str) -> Duel:
-    """Select the first model unless another beats its held-out error by `CLEARLY` standard errors.
+def prefer_first(candidates: Sequence[Candidate], first: str) -> Comparison:
+    """Select the first model unless another's held-out error is `CLEAR_STANDARD_ERRORS` standard errors less.
 
     Args:
         candidates: All models with their errors, the first one among them.
@@ -182,9 +182,11 @@ def unless_beaten(candidates: Sequence[Candidate], first: str) -> Duel:
         The first model, or the best of those that beat it.
     """
     [candidate] = [c for c in candidates if c.name == first]
-    duels = [Duel(c.name, *paired(c.errors - candidate.errors)) for c in candidates if c is not candidate]
-    better = [d for d in duels if d.difference < -CLEARLY * d.standard_error]
-    return min(better, key=lambda d: d.difference, default=Duel(first, 0.0, 0.0))
+    duels = [
+        Comparison(c.name, *paired(c.errors - candidate.errors)) for c in candidates if c is not candidate
+    ]
+    better = [d for d in duels if d.difference < -CLEAR_STANDARD_ERRORS * d.standard_error]
+    return min(better, key=lambda d: d.difference, default=Comparison(first, 0.0, 0.0))
 
 
 JOINT_PRICE = 1e-6
@@ -244,9 +246,9 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
     """
     penalty = trace_penalty(vjm, parts.structure, 1.0)
     s, folds = penalty.structure, grams(parts, block_diag(penalty.lift, np.eye(1)))
-    G = np.concatenate([[folds.total], folds.total - folds.out])
-    straight = np.array([_joints(s, own) for own in G])
-    strongest = _rate(s, folds.total, straight[0])
+    G = np.concatenate([[folds.total], folds.total - folds.held_out])
+    straight = np.array([_fit_joints_only(s, own) for own in G])
+    strongest = _rigid_rate(s, folds.total, straight[0])
     if not (s.has_full_blocks and strongest > 0 and folds.total[-1, -1] > 0):
         return None
     weights = strongest * WEIGHT_RATIO ** -np.arange(float(TRIED_WEIGHTS))
@@ -273,25 +275,29 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
         pi[..., order] = x * scale * unit
         return pi
 
-    if len(folds.out):  # choose by poses held out, then fit all readings with this weight alone
+    if len(folds.held_out):  # choose by poses held out, then fit all readings with this weight alone
         x, _ = interior.solve(problems(slice(1, None)), weights[1:])
         found = np.concatenate([straight[1:, None], parameters(x)], axis=1)
-        held = np.array([_squares(out, own) for out, own in zip(folds.out, found, strict=True)])
-        k = _strongest(np.sqrt(held / (folds.equations[:, None] / 3)))
+        held = np.array(
+            [_squared_residuals(out, own) for out, own in zip(folds.held_out, found, strict=True)]
+        )
+        k = _strongest_weight(np.sqrt(held / (folds.equations[:, None] / 3)))
         best = straight[0]
         if k:
             best = parameters(interior.solve(problems(slice(0, 1)), weights[k : k + 1])[0])[0, 0]
-        left = float(_squares(folds.total, best))
+        left = float(_squared_residuals(folds.total, best))
     else:  # generalised cross-validation of all readings
         whole = problems(slice(0, 1))
         x, multipliers = interior.solve(whole, weights[1:])
-        errors = _squares(folds.total, np.concatenate([straight[:1], parameters(x[0])]))
-        spent = np.r_[np.count_nonzero(straight[0]), interior.freedom(whole, x, multipliers)[0]]
-        k = int(np.nanargmin(errors / (folds.all_parts - spent) ** 2))
+        errors = _squared_residuals(folds.total, np.concatenate([straight[:1], parameters(x[0])]))
+        spent = np.r_[np.count_nonzero(straight[0]), interior.effective_parameters(whole, x, multipliers)[0]]
+        k = int(np.nanargmin(errors / (folds.all_equations - spent) ** 2))
         left = float(errors[k])
     weights[0] *= WEIGHT_RATIO  # so that no rounding bends a link
     chi2 = max(left, GRAM_ROUNDING * folds.total[-1, -1])  # of an exact fit rounding alone
-    return replace(penalty, weight=float(weights[k] * folds.terms / math.sqrt(chi2 * folds.all_parts / 3)))
+    return replace(
+        penalty, weight=float(weights[k] * folds.n_terms / math.sqrt(chi2 * folds.all_equations / 3))
+    )
 
 
 def _span(H: Array) -> Array:
@@ -307,7 +313,7 @@ def _roots(H: Array, V: Array) -> Array:
     return np.asarray((np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))[:, some])
 
 
-def _joints(s: Structure, gram: Array) -> Array:
+def _fit_joints_only(s: Structure, gram: Array) -> Array:
     """Fit joint stiffness only by non-negative least squares, (n,)."""
     joints = np.flatnonzero(s.a >= 6 * s.links)
     joints = joints[np.diag(gram)[joints] > 0]
@@ -324,7 +330,7 @@ def _joints(s: Structure, gram: Array) -> Array:
     return pi
 
 
-def _rate(s: Structure, gram: Array, pi: Array) -> float:
+def _rigid_rate(s: Structure, gram: Array, pi: Array) -> float:
     """Compute the least rate l that keeps all links rigid at the best joints, (n,)."""
     H, g, units = gram[:-1, :-1], gram[:-1, -1], scaled_units(s)
     S = s.gradient(H @ pi - g) * np.outer(units, units)
@@ -332,13 +338,13 @@ def _rate(s: Structure, gram: Array, pi: Array) -> float:
     return max((-float(np.linalg.eigvalsh(S[np.ix_(b, b)])[0]) for b in links), default=0.0)
 
 
-def _squares(gram: Array, pi: Array) -> Array:
+def _squared_residuals(gram: Array, pi: Array) -> Array:
     """Compute the squared residuals of parameters, (..., n)."""
     every = np.concatenate([pi, -np.ones((*pi.shape[:-1], 1))], axis=-1)
     return np.asarray(np.maximum(np.vecdot(every, every @ gram), 0))
 
 
-def _strongest(errors: Array) -> int:
+def _strongest_weight(errors: Array) -> int:
     """Select the strongest weight whose error exceeds the least one only by chance, (folds, weights)."""
     logs = np.log(np.where(np.isfinite(errors).all(axis=0), np.maximum(errors, TINY), np.inf))
     best, chance = int(logs.mean(axis=0).argmin()), stdtrit(max(1, len(logs) - 1), SELECTION_PROBABILITY)

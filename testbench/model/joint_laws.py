@@ -91,16 +91,16 @@ class Stiffening:
     size_prior: tuple[float, float] = LAW_PRIOR
     formula: str = f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {UNIT_STIFFENING / UNIT_ROTATION**2:g} f^3 = x"
 
-    def turn(self, at: JointTurns) -> Array:
+    def turn(self, joint_turns: JointTurns) -> Array:
         """Compute the turn that a stiffening spring adds to the linear one, (n, runs) [rad, m].
 
         Mathematics: `law-3`.
         """
-        return (_spring(at.x_1) - at.x_1) - (_spring(at.x_0) - at.x_0)
+        return (_spring(joint_turns.x_1) - joint_turns.x_1) - (_spring(joint_turns.x_0) - joint_turns.x_0)
 
-    def slope(self, at: JointTurns) -> Array:
+    def slope(self, joint_turns: JointTurns) -> Array:
         """Compute f' - 1 at x_1, (n, runs) [1]."""
-        return np.asarray(1 / (1 + 3 * UNIT_STIFFENING * (_spring(at.x_1) / UNIT_ROTATION) ** 2) - 1)
+        return np.asarray(1 / (1 + 3 * UNIT_STIFFENING * (_spring(joint_turns.x_1) / UNIT_ROTATION) ** 2) - 1)
 
 
 @dataclass(frozen=True)
@@ -117,17 +117,17 @@ class Backlash:
         f"s {UNIT_BACKLASH_RAD:g} (tanh(x_1 / {UNIT_BACKLASH_RAD:g}) - tanh(x_0 / {UNIT_BACKLASH_RAD:g}))"
     )
 
-    def turn(self, at: JointTurns) -> Array:
+    def turn(self, joint_turns: JointTurns) -> Array:
         """Compute the turn across the gap, (n, runs) [rad, m].
 
         Mathematics: `law-4`.
         """
         b = UNIT_BACKLASH_RAD
-        return np.asarray(b * (np.tanh(at.x_1 / b) - np.tanh(at.x_0 / b)))
+        return np.asarray(b * (np.tanh(joint_turns.x_1 / b) - np.tanh(joint_turns.x_0 / b)))
 
-    def slope(self, at: JointTurns) -> Array:
+    def slope(self, joint_turns: JointTurns) -> Array:
         """Compute 1 - tanh(x_1 / b)^2, (n, runs) [1]."""
-        return np.asarray(1 - np.tanh(at.x_1 / UNIT_BACKLASH_RAD) ** 2)
+        return np.asarray(1 - np.tanh(joint_turns.x_1 / UNIT_BACKLASH_RAD) ** 2)
 
 
 @dataclass(frozen=True)
@@ -143,17 +143,19 @@ class Friction:
     size_prior: tuple[float, float] = LAW_PRIOR
     formula: str = f"-s {UNIT_FRICTION_RAD:g} clip((x_1 - x_0) / {UNIT_FRICTION_RAD:g}, -1, 1)"
 
-    def turn(self, at: JointTurns) -> Array:
+    def turn(self, joint_turns: JointTurns) -> Array:
         """Compute the turn that friction holds back, (n, runs) [rad, m].
 
         Mathematics: `law-5`.
         """
-        width = at.widths * UNIT_FRICTION_RAD
-        return np.asarray(-width * np.clip((at.x_1 - at.x_0) / width, -1, 1))
+        width = joint_turns.widths * UNIT_FRICTION_RAD
+        return np.asarray(-width * np.clip((joint_turns.x_1 - joint_turns.x_0) / width, -1, 1))
 
-    def slope(self, at: JointTurns) -> Array:
+    def slope(self, joint_turns: JointTurns) -> Array:
         """Compute -1 where friction holds the joint, and 0 where it slips, (n, runs) [1]."""
-        return np.asarray(-1.0 * (np.abs(at.x_1 - at.x_0) < at.widths * UNIT_FRICTION_RAD))
+        return np.asarray(
+            -1.0 * (np.abs(joint_turns.x_1 - joint_turns.x_0) < joint_turns.widths * UNIT_FRICTION_RAD)
+        )
 
 
 def _spring(x: Array) -> Array:
@@ -163,7 +165,7 @@ def _spring(x: Array) -> Array:
 
 
 STRUT = "compensator"  #: Kind of law of joint 2 alone, where the arm has a compensator.
-CHECKED = JointTurns(np.array([[-1e-3, 0.0]]), np.array([[2e-3, 1e-3]]))
+TRIAL_TURNS = JointTurns(np.array([[-1e-3, 0.0]]), np.array([[2e-3, 1e-3]]))
 """Turns at which a law that is added is tried: one joint, two runs."""
 
 
@@ -176,8 +178,8 @@ def _check(name: str, law: JointLaw) -> None:
     if not (law.unit > 0 and median > 0 and width > 0):
         raise BenchError(f"joint law {name!r}: expected a unit and a size_prior above 0")
     for part in (law.turn, law.slope):
-        found = np.asarray(part(CHECKED))
-        if found.shape != CHECKED.x_1.shape or not np.isfinite(found).all():
+        found = np.asarray(part(TRIAL_TURNS))
+        if found.shape != TRIAL_TURNS.x_1.shape or not np.isfinite(found).all():
             raise BenchError(
                 f"joint law {name!r}: expected finite numbers (n, runs) from {part.__name__}, got {found!r}"
             )

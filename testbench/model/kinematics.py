@@ -133,7 +133,7 @@ def urdf_poses(file: Path, text: str, joints: Sequence[str], link: str, q: Array
         InputError: When Pinocchio refuses the text, or it has no such joint or link.
     """
     try:
-        model = pin.buildModelFromXML(_bare(parse_xml(file, text), joints))
+        model = pin.buildModelFromXML(_joints_and_links(parse_xml(file, text), joints))
     except (RuntimeError, ValueError, IndexError) as err:
         raise InputError(file, "", f"Pinocchio refuses it: {err}") from err
     if missing := [name for name in joints if not model.existJointName(name)]:
@@ -153,7 +153,7 @@ def urdf_poses(file: Path, text: str, joints: Sequence[str], link: str, q: Array
     return np.array(found)
 
 
-def _bare(root: ET.Element, joints: Sequence[str]) -> str:
+def _joints_and_links(root: ET.Element, joints: Sequence[str]) -> str:
     """Keep the links and joints of a URDF alone: shapes, masses and limits may be wrong here."""
     bare = ET.Element("robot", name="bare")
     for link in root.findall("link"):
@@ -212,32 +212,36 @@ def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:
     values = np.array(numbers(arm.rigid, body, key, NUMBERS[key]))
     try:
         if key == "quat":
-            return np.asarray(pin.Quaternion(*_unit(values)).matrix())
+            return np.asarray(pin.Quaternion(*_unit_vector(values)).matrix())
         if key == "axisangle":
-            return np.asarray(pin.AngleAxis(unit * values[3], _unit(values[:3])).matrix())
+            return np.asarray(pin.AngleAxis(unit * values[3], _unit_vector(values[:3])).matrix())
         if key == "euler":  # about x, then the new y, then the new z
             x, y, z = map(pin.utils.rotate, "xyz", unit * values)
             return np.asarray(x @ y @ z)
-        return _of_axes(values[:3], values[3:]) if key == "xyaxes" else _of_z(_unit(values))
+        return (
+            _rotation_from_axes(values[:3], values[3:])
+            if key == "xyaxes"
+            else _rotation_from_z(_unit_vector(values))
+        )
     except ZeroDivisionError:
         raise InputError(arm.rigid, where, f"{key}: expected directions, got {body.get(key)!r}") from None
 
 
-def _unit(vector: Array) -> Array:
+def _unit_vector(vector: Array) -> Array:
     length = np.linalg.norm(vector)
     if length < MIN_DIRECTION_LENGTH:
         raise ZeroDivisionError
     return np.asarray(vector / length)
 
 
-def _of_axes(x: Array, y: Array) -> Array:
+def _rotation_from_axes(x: Array, y: Array) -> Array:
     """Build the rotation whose first column is x and whose second lies in the half plane of y, (3, 3)."""
-    x = _unit(x)
-    y = _unit(y - (x @ y) * x)
+    x = _unit_vector(x)
+    y = _unit_vector(y - (x @ y) * x)
     return np.column_stack([x, y, np.cross(x, y)])
 
 
-def _of_z(z: Array) -> Array:
+def _rotation_from_z(z: Array) -> Array:
     """Build the shortest rotation that takes the z axis to a direction; about x where that is -z."""
     across = np.cross([0.0, 0.0, 1.0], z)
     sine = float(np.linalg.norm(across))
@@ -297,7 +301,7 @@ class JointErrors:
         return found
 
 
-def basis(errors: JointErrors, arm: Arm, q: Array, torque: Array, scale: Array) -> Array:
+def joint_error_basis(errors: JointErrors, arm: Arm, q: Array, torque: Array, scale: Array) -> Array:
     """Evaluate the functions phi_jk of every joint's own error, sum_k phi_jk(q_j, tau_j) n_jk.
 
     They are sin(o q) for all orders o, cos(o q) for all orders o, q, tanh(tau / (BACKLASH_SMOOTHING tau_0))

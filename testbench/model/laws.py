@@ -34,7 +34,7 @@ COMPENSATOR_LAW_PRIOR = 0.05, 1.5
 """Median of a compensator's size, and standard deviation of its logarithm [1]: from no stiffness as the arm
 deflects to half of that of joint 2."""
 TIED_SUFFIX = " + joints coupled"  #: End of the name of a structure with couplings between joints.
-VJMS = STRUCTURES = 32  #: Number of models with laws, and of structures, that are remembered.
+CACHED_VJMS = CACHED_STRUCTURES = 32  #: Number of models with laws, and of structures, that are remembered.
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,9 @@ class JointLaws:
         Returns:
             Turn per unit of size, (laws, runs) [rad, m].
         """
-        at, c = self._turns(chain, u), self.compliance[:, None]
-        turns = [law.turn(at) for law in self.shapes.values()]
-        return np.concatenate([*turns, self._beside(chain) * (c * u)[1:2]])
+        joint_turns, c = self._turns(chain, u), self.compliance[:, None]
+        turns = [law.turn(joint_turns) for law in self.shapes.values()]
+        return np.concatenate([*turns, self._compensator_share(chain) * (c * u)[1:2]])
 
     def slope(self, chain: Chain, u: Array) -> Array:
         """Compute the derivative of the laws' turns with respect to the torque of their joint.
@@ -89,9 +89,9 @@ class JointLaws:
         Returns:
             Turn per unit of size and torque, (laws, runs) [rad/(N m), m/N].
         """
-        at, c = self._turns(chain, u), self.compliance[:, None]
-        slopes = [c * law.slope(at) for law in self.shapes.values()]
-        return np.concatenate([*slopes, c[1:2] * self._beside(chain)])
+        joint_turns, c = self._turns(chain, u), self.compliance[:, None]
+        slopes = [c * law.slope(joint_turns) for law in self.shapes.values()]
+        return np.concatenate([*slopes, c[1:2] * self._compensator_share(chain)])
 
     def _turns(self, chain: Chain, u: Array) -> JointTurns:
         """Compute the nominal turns before and under the load."""
@@ -115,7 +115,7 @@ class JointLaws:
             found[1] += self.compensator.rate * (length - self.compensator.rest_length) * lever
         return found
 
-    def _beside(self, chain: Chain) -> Array:
+    def _compensator_share(self, chain: Chain) -> Array:
         """Compute a compensator's share of joint 2's turn, -K s^2 / (1 + K s^2), (1 or 0, runs) [1]."""
         if self.compensator is None:
             return np.zeros((0, len(chain.position)))
@@ -148,7 +148,7 @@ def with_joint_laws(vjm: Vjm, kinds: Sequence[str] | None = None) -> Vjm:
     return _with_shapes(vjm, tuple((name, joint_laws[name]) for name in names))
 
 
-@lru_cache(maxsize=VJMS)
+@lru_cache(maxsize=CACHED_VJMS)
 def _with_shapes(vjm: Vjm, shapes: tuple[tuple[str, JointLaw], ...]) -> Vjm:
     return replace(vjm, laws=laws_of(vjm.arm, dict(shapes)))
 
@@ -206,13 +206,13 @@ def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
     return found
 
 
-def for_load_history(vjm: Vjm, taken_off: Mask | None, some: Ids | slice = slice(None)) -> Vjm:
+def for_load_history(vjm: Vjm, taken_off: Mask | None, runs: Ids | slice = slice(None)) -> Vjm:
     """Adapt the friction law to runs in which the load was put on, or put on and taken off again.
 
     Args:
         vjm: Kinematics, with or without laws.
         taken_off: Runs whose load was taken off again, (all runs,); None for none.
-        some: Indices of the runs that are wanted, (runs,), or a slice; all by default.
+        runs: Indices of the runs that are wanted, (runs,), or a slice; all by default.
 
     Returns:
         The model with a loop of two half widths in those runs and of one in the others; unchanged without
@@ -220,7 +220,7 @@ def for_load_history(vjm: Vjm, taken_off: Mask | None, some: Ids | slice = slice
     """
     if taken_off is None or not isinstance(vjm.laws, JointLaws):
         return vjm
-    return replace(vjm, laws=replace(vjm.laws, widths=np.where(taken_off[some], 2.0, 1.0)))
+    return replace(vjm, laws=replace(vjm.laws, widths=np.where(taken_off[runs], 2.0, 1.0)))
 
 
 def model_for(vjm: Vjm, structure: Structure) -> Vjm:
@@ -292,7 +292,7 @@ def with_laws(structure: Structure, arm: Arm, kinds: Sequence[str] | None = None
     )
 
 
-@lru_cache(maxsize=STRUCTURES)
+@lru_cache(maxsize=CACHED_STRUCTURES)
 def with_ties(structure: Structure) -> Structure:
     """Add couplings between all pairs of joints, n (n - 1) / 2 last parameters, to a structure; cached."""
     joints = 6 * structure.links + np.arange(structure.links - 1)
@@ -301,7 +301,7 @@ def with_ties(structure: Structure) -> Structure:
     return replace(structure, name=name, a=np.append(structure.a, a), b=np.append(structure.b, b))
 
 
-@lru_cache(maxsize=STRUCTURES)
+@lru_cache(maxsize=CACHED_STRUCTURES)
 def without_ties(structure: Structure) -> Structure:
     """Remove the couplings between joints from a structure; cached."""
     keep = np.flatnonzero((structure.a < 6 * structure.links) | (structure.a == structure.b))
@@ -312,7 +312,7 @@ def without_ties(structure: Structure) -> Structure:
     )
 
 
-@lru_cache(maxsize=STRUCTURES)
+@lru_cache(maxsize=CACHED_STRUCTURES)
 def without_laws(structure: Structure) -> Structure:
     """Remove joint laws and couplings between joints from a structure; cached."""
     structure = without_ties(structure)

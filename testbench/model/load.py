@@ -47,9 +47,9 @@ class Load(Displayed):
         check_array(point, (poses, 3), "point [m]")
         return Load(wrench, point)
 
-    def of(self, some: slice | Ids) -> "Load":
+    def select(self, poses: slice | Ids) -> "Load":
         """Take the rows of some poses, by indices or a slice, from a load that has one row per pose."""
-        return Load(self.wrench[some], self.point[some])
+        return Load(self.wrench[poses], self.point[poses])
 
 
 def weight(vjm: Vjm, mass: float | Array) -> Load:
@@ -156,14 +156,17 @@ def read_weights(arm: Arm) -> Weights:
     bodies = [find_body(arm.rigid, root, name) for name in names]
     light = _light_shapes(arm, root) if from_shapes == ["auto"] else set(root.iter("geom"))
     every = [
-        sum((_own(arm, part, light, T) for part, T in _fixed(arm, root, body, bodies)), np.zeros(4))
+        sum(
+            (_mass_and_moments(arm, part, light, T) for part, T in _fixed_bodies(arm, root, body, bodies)),
+            np.zeros(4),
+        )
         for body in bodies
     ]
     mass, moment = np.split(np.array(every), [1], axis=1)
     return Weights(mass[:, 0], moment / np.where(mass > 0, mass, 1))
 
 
-def weights_known(arm: Arm) -> tuple[Weights, list[str]]:
+def weights_with_note(arm: Arm) -> tuple[Weights, list[str]]:
     """Read what the links weigh; where the arm's file does not state it, nothing, and a note for the user."""
     try:
         return read_weights(arm), []
@@ -171,7 +174,7 @@ def weights_known(arm: Arm) -> tuple[Weights, list[str]]:
         return no_weights(arm), [f"Own weight is left out: {err}"]
 
 
-def _fixed(
+def _fixed_bodies(
     arm: Arm, root: ET.Element, body: ET.Element, chain_bodies: list[ET.Element]
 ) -> Iterator[tuple[ET.Element, Array]]:
     """Yield a body and all bodies fixed to it, each with its pose in the body, (4, 4) [1, m]."""
@@ -183,7 +186,7 @@ def _fixed(
         pending += [(child, pose @ body_pose(arm, child, angle_unit(root))) for child in children]
 
 
-def _own(arm: Arm, body: ET.Element, light: set[ET.Element], pose: Array) -> Array:
+def _mass_and_moments(arm: Arm, body: ET.Element, light: set[ET.Element], pose: Array) -> Array:
     """Read mass and first moments of one body in the axes of the one it is fixed to, (4,) [kg, kg m]."""
     inertial = body.find("inertial")
     if inertial is not None:
@@ -234,7 +237,7 @@ def weight_columns(chain: Chain) -> Array:
     for k, (p, R) in enumerate(chain.bodies):
         # the Jacobian at the body's origin: v_z(p) = v_z + (omega x (p - tool))_z
         arm = p - chain.position.T
-        for some in _before(k, chain):
+        for some in _carrying_joints(k, chain):
             v_z, (x, y) = chain.J_theta[2, some], chain.J_theta[3:5, some]
             columns[k, 0, some] = v_z + x * arm[1] - y * arm[0]
             for axis in range(3):
@@ -243,7 +246,7 @@ def weight_columns(chain: Chain) -> Array:
     return columns.transpose(2, 3, 0, 1)
 
 
-def _before(body: int, chain: Chain) -> tuple[slice, slice]:
+def _carrying_joints(body: int, chain: Chain) -> tuple[slice, slice]:
     """Return slices of the virtual joints that carry a body: those of links, and those of joints."""
     links, joints = 6 * (len(chain.bodies) - 1), len(chain.bodies) - 2
     return slice(0, 6 * body), slice(links, links + min(body, joints))
@@ -270,7 +273,7 @@ def own_weight(chain: Chain, weights: Weights) -> Array:
         p, R = chain.bodies[k]
         mass += weights.mass[k]
         moment += weights.mass[k] * (p - chain.position.T + weights.centre[k] @ R)
-        links, joints = _before(k, chain)
+        links, joints = _carrying_joints(k, chain)
         for some in (slice(links.stop - 6, links.stop), slice(joints.stop - 1, joints.stop)):
             v_z, (x, y) = chain.J_theta[2, some], chain.J_theta[3:5, some]
             load[some] = -GRAVITY * (mass * v_z + x * moment[1] - y * moment[0])

@@ -12,7 +12,7 @@ from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.model.vjm import Chain, Vjm, chain, cross, generalised_load, translation_rows
 
 
-def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
+def geometric_stiffness(chain: Chain, wrench: Array, point: Array) -> Array:
     """Compute the force term K_w = d(J_theta^T w) / d theta of Eq. (7), in closed form.
 
     A virtual joint i carries everything behind it in the chain. So for i before j in the chain, or i = j, the
@@ -24,7 +24,7 @@ def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
     Mathematics: `loaded-3`.
 
     Args:
-        where: Tool and Jacobian of every run, without joint laws.
+        chain: Tool and Jacobian of every run, without joint laws.
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
 
@@ -34,10 +34,10 @@ def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
     Raises:
         BenchError: When an array has another shape or is not finite.
     """
-    runs = len(where.position)
+    runs = len(chain.position)
     wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = check_array(point, (runs, 3), "point [m]")
-    J, turns = load_jacobian(where, point), where.J_theta[3:]
+    J, turns = load_jacobian(chain, point), chain.J_theta[3:]
     v, omega = J[:, :3], J[:, 3:].swapaxes(1, 2)
     of_force, of_moment = (cross(part.T[:, None], turns).transpose(2, 1, 0) for part in np.hsplit(wrench, 2))
     forces = of_force @ v  # [i, j]: f . (omega_i x J_v,j)
@@ -58,11 +58,11 @@ def _rank_in_chain(n_theta: int) -> Ids:
     return np.concatenate([links.ravel(), 7 * np.arange(n) + 6])
 
 
-def load_jacobian(where: Chain, point: Array) -> Array:
+def load_jacobian(chain: Chain, point: Array) -> Array:
     """Compute the Jacobian J_theta = dg / d theta of Eq. (2) at the point where the load acts.
 
     Args:
-        where: Tool and Jacobian of every run.
+        chain: Tool and Jacobian of every run.
         point: Where the load acts, in the tool's frame, (runs, 3) [m].
 
     Returns:
@@ -71,8 +71,8 @@ def load_jacobian(where: Chain, point: Array) -> Array:
     Raises:
         BenchError: When point has another shape or is not finite.
     """
-    point = check_array(point, (len(where.position), 3), "point [m]")
-    arm, (v, omega) = np.einsum("rxy,ry->xr", where.rotation, point), np.split(where.J_theta, 2)
+    point = check_array(point, (len(chain.position), 3), "point [m]")
+    arm, (v, omega) = np.einsum("rxy,ry->xr", chain.rotation, point), np.split(chain.J_theta, 2)
     J = np.concatenate([v + cross(omega, arm[:, None]), omega])
     return np.ascontiguousarray(J.transpose(2, 0, 1))
 
@@ -114,7 +114,7 @@ def _solve_springs(C_theta: Array, K_w: Array, right: Array) -> Array:
         raise NoEquilibrium("K_theta - K_w is singular: the arm buckles under this load") from None
 
 
-def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array | None = None) -> Array:
+def secant(chain: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array | None = None) -> Array:
     """Compute virtual joints as if the stiffness of theta = 0 held for the whole load, Eq. (5) to (7).
 
     Without K_w, theta = C_theta J^T w, Eq. (6). With it, theta = (I - C_theta K_w)^-1 C_theta J^T w, Eq. (7).
@@ -122,7 +122,7 @@ def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array
     Mathematics: `loaded-5`, `vjm-7`.
 
     Args:
-        where: Tool and Jacobian of every run, the springs at zero.
+        chain: Tool and Jacobian of every run, the springs at zero.
         C_theta: Compliance of the virtual joints, (n_theta, n_theta) [m/N, rad/N, rad/(N m)].
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
@@ -135,22 +135,22 @@ def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array
         NoEquilibrium: When K_theta - K_w is exactly singular: the load is a buckling load.
         BenchError: When an array has another shape or is not finite.
     """
-    n_theta, runs = where.J_theta.shape[1:]
+    n_theta, runs = chain.J_theta.shape[1:]
     C = check_array(C_theta, (n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
-    theta = (C @ generalised_load(where, wrench, point)).T
+    theta = (C @ generalised_load(chain, wrench, point)).T
     if K_w is not None:
         K_w = check_array(K_w, (runs, n_theta, n_theta), "K_w [N/m, N, N m]")
         theta = _solve_springs(C, K_w, theta[..., None])[..., 0]
     return np.asarray(theta)
 
 
-def displacement(where: Chain, theta: Array, targets: Array) -> Array:
+def displacement(chain: Chain, theta: Array, targets: Array) -> Array:
     """Compute deflections of points of the tool to first order, dp = J_p theta.
 
     Mathematics: `vjm-8`.
 
     Args:
-        where: Tool and Jacobian of every run.
+        chain: Tool and Jacobian of every run.
         theta: Virtual joint coordinates, (runs, n_theta) [m, rad].
         targets: Points in the tool's frame, (m, 3) [m].
 
@@ -161,7 +161,7 @@ def displacement(where: Chain, theta: Array, targets: Array) -> Array:
         BenchError: When targets have another shape or are not finite.
     """
     targets = check_array(targets, (None, 3), "targets [m]")
-    moved = np.einsum("ptr,rt->rp", translation_rows(where, targets), theta)
+    moved = np.einsum("ptr,rt->rp", translation_rows(chain, targets), theta)
     return np.asarray(moved.reshape(len(theta), len(targets), 3))
 
 

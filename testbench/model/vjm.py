@@ -39,22 +39,22 @@ class Laws(Protocol):
     def joints(self) -> Ids:
         """Return the index of the actuated joint that each law turns with, (laws,)."""
 
-    def load(self, where: "Chain", u: Array) -> Array:
+    def load(self, chain: "Chain", u: Array) -> Array:
         """Compute the turn of every law per unit of its size.
 
         Args:
-            where: The arm in its poses.
+            chain: The arm in its poses.
             u: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
             Turn per unit of size, (laws, runs) [rad, m].
         """
 
-    def slope(self, where: "Chain", u: Array) -> Array:
+    def slope(self, chain: "Chain", u: Array) -> Array:
         """Compute the derivative of the laws' turns with respect to the torque of their joint.
 
         Args:
-            where: The arm in its poses.
+            chain: The arm in its poses.
             u: Torques of the load at the actuated joints, (n, runs) [N m, N].
 
         Returns:
@@ -101,18 +101,18 @@ class Vjm(Displayed):
         return np.asarray(np.einsum("jxb,jxy,jy->jb", frames, self.placements[:, :3, :3], self.axes))
 
     @cached_property
-    def steps(self) -> Array:
+    def body_offsets(self) -> Array:
         """Return vectors from each body to the next, base to tool, in the former's axes, (n + 1, 3) [m]."""
         return np.array([pose[:3, 3] for pose in (*self.placements, self.tool)])
 
     @property
     def reach(self) -> float:
         """Compute the stretched length from the first joint to the tool [m]; without joints, of the link."""
-        lengths = np.linalg.norm(self.steps, axis=1)
+        lengths = np.linalg.norm(self.body_offsets, axis=1)
         return float(lengths[1:].sum() or lengths.sum())
 
     @cached_property
-    def links(self) -> tuple[tuple[Array, Array, Array], ...]:
+    def link_transforms(self) -> tuple[tuple[Array, Array, Array], ...]:
         """Precompute the constant transforms of every link, a tuple of three arrays per link.
 
         They are the beam axes as rows in the body's axes, (3, 3); the vector from the body's origin to the
@@ -124,7 +124,7 @@ class Vjm(Displayed):
         return tuple((f.T, x[:3, 3], x[:3, :3].T @ f) for f, x in zip(frames, poses, strict=True))
 
     @cached_property
-    def joints(self) -> tuple[Array, ...]:
+    def rodrigues_factors(self) -> tuple[Array, ...]:
         """Precompute the factors of Rodrigues' formula of every joint, (7, 3) each.
 
         Rows 0 to 2 are multiplied by sin(q), rows 3 to 5 by 1 - cos(q), and row 6 is the joint's axis. A
@@ -150,7 +150,7 @@ class Chain:
 
     def points(self, points: Array) -> Array:
         """Transform points from the tool's frame, (k, 3) [m], to the world, (runs, k, 3) [m]."""
-        return on_tool((self.position, self.rotation), points)
+        return points_on_tool((self.position, self.rotation), points)
 
 
 # --- Kinematics, Eq. (1) to (3) -----------------------------------------------------------------------------
@@ -189,7 +189,7 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     R = np.tile(vjm.base[:3, :3, None], runs)  # world axis, body axis, run
     p = np.tile(vjm.base[:3, 3:], runs)
     bodies = []
-    for i, (frame, arm, behind) in enumerate(vjm.links):
+    for i, (frame, arm, behind) in enumerate(vjm.link_transforms):
         bodies.append((p, R))
         # the link's virtual joint sits at its end: slides move along the beam axes, hinges turn about them
         p = p + arm @ R
@@ -200,7 +200,7 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
         of_links[:, i, 0] = p
         R = behind @ beam
         if i < n:  # the actuated joint: R (1 + sin W + (1 - cos) W^2), or a way along its axis
-            of = vjm.joints[i] @ R
+            of = vjm.rodrigues_factors[i] @ R
             of_joints[:, i] = p
             if vjm.arm.joints[i].prismatic:
                 J[:3, links + i] = of[:, 6]
@@ -266,10 +266,10 @@ def tool_points(vjm: Vjm, q: Array, points: Array) -> Array:
     Raises:
         BenchError: When q has another shape or is not finite.
     """
-    return on_tool(tool_pose(vjm, q), points)
+    return points_on_tool(tool_pose(vjm, q), points)
 
 
-def on_tool(pose: tuple[Array, Array], points: Array) -> Array:
+def points_on_tool(pose: tuple[Array, Array], points: Array) -> Array:
     """Compute world positions of points of the tool from the tool's poses.
 
     Args:
@@ -414,28 +414,28 @@ def cross(a: Array, b: Array) -> Array:
 # --- Loads, Eq. (3), and the observation matrix, Eq. (12) ---------------------------------------------------
 
 
-def translation_rows(where: Chain, points: Array) -> Array:
+def translation_rows(chain: Chain, points: Array) -> Array:
     """Compute the translational rows J_p of J_theta at points fixed to the tool.
 
     Mathematics: `vjm-4`.
 
     Args:
-        where: Tool and Jacobian of every run.
+        chain: Tool and Jacobian of every run.
         points: Points in the tool's frame, (p, 3) [m].
 
     Returns:
         J_p, world axes, three rows per point, (3 p, n_theta, runs) [1, m].
     """
-    v, omega = where.J_theta[:3], where.J_theta[3:]
-    arms = [(where.rotation @ point).T[:, None] for point in points]
+    v, omega = chain.J_theta[:3], chain.J_theta[3:]
+    arms = [(chain.rotation @ point).T[:, None] for point in points]
     return np.concatenate([v + cross(omega, arm) for arm in arms])
 
 
-def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
+def generalised_load(chain: Chain, wrench: Array, point: Array) -> Array:
     """Compute the load J_F^T w of every virtual joint, Eq. (10), J_F the Jacobian where the wrench acts.
 
     Args:
-        where: Tool and Jacobian of every run.
+        chain: Tool and Jacobian of every run.
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
 
@@ -446,16 +446,16 @@ def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
     Raises:
         BenchError: When an array has another shape or is not finite.
     """
-    return append_law_loads(where, plain_load(where, wrench, point))
+    return append_law_loads(chain, plain_load(chain, wrench, point))
 
 
-def plain_load(where: Chain, wrench: Array, point: Array) -> Array:
+def plain_load(chain: Chain, wrench: Array, point: Array) -> Array:
     """Compute the load J_F^T w of the virtual joints of links and joints, joint laws left out.
 
     Mathematics: `obs-7`, `vjm-5`.
 
     Args:
-        where: Tool and Jacobian of every run.
+        chain: Tool and Jacobian of every run.
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
 
@@ -465,37 +465,37 @@ def plain_load(where: Chain, wrench: Array, point: Array) -> Array:
     Raises:
         BenchError: When an array has another shape or is not finite.
     """
-    runs, plain = len(where.position), 7 * len(where.bodies) - 8
+    runs, plain = len(chain.position), 7 * len(chain.bodies) - 8
     wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = check_array(point, (runs, 3), "point [m]")
     # the wrench moved to the tool's origin, then J_theta^T w
-    force, arm = wrench[:, :3].T, np.einsum("rxy,ry->xr", where.rotation, point)
+    force, arm = wrench[:, :3].T, np.einsum("rxy,ry->xr", chain.rotation, point)
     at_tool = np.concatenate([force, wrench[:, 3:].T + cross(arm, force)])
-    return np.asarray(np.einsum("xtr,xr->tr", where.J_theta[:, :plain], at_tool))
+    return np.asarray(np.einsum("xtr,xr->tr", chain.J_theta[:, :plain], at_tool))
 
 
-def append_law_loads(where: Chain, u: Array) -> Array:
+def append_law_loads(chain: Chain, u: Array) -> Array:
     """Append the turns of joint laws per unit of size to the loads of links and joints.
 
     Args:
-        where: Tool and Jacobian of every run, with the laws if there are some.
+        chain: Tool and Jacobian of every run, with the laws if there are some.
         u: Loads of links and joints, (7 n + 6, runs) [N, N m].
 
     Returns:
         Loads of all virtual joints, (n_theta, runs) [N, N m; rad, m for laws].
     """
-    if where.laws is None:
+    if chain.laws is None:
         return u
-    return np.concatenate([u, where.laws.load(where, u[6 * (len(where.bodies) - 1) :])])
+    return np.concatenate([u, chain.laws.load(chain, u[6 * (len(chain.bodies) - 1) :])])
 
 
-def observation(where: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:
+def observation(chain: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:
     """Compute the observation matrix A of Eq. (12), so that the deflection of Eq. (11) is A @ pi.
 
     Mathematics: `obs-1`.
 
     Args:
-        where: Tool and Jacobian of every run.
+        chain: Tool and Jacobian of every run.
         structure: Structure of the unknowns, n_par of them.
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where the wrench acts, in the tool's frame, (runs, 3) [m].
@@ -508,7 +508,7 @@ def observation(where: Chain, structure: Structure, wrench: Array, point: Array,
         BenchError: When an array has another shape or is not finite, or the structure is of another arm.
     """
     targets = check_array(targets, (None, 3), "targets [m]")
-    J, u = translation_rows(where, targets), generalised_load(where, wrench, point)
+    J, u = translation_rows(chain, targets), generalised_load(chain, wrench, point)
     A = np.stack([*parameter_rows(structure, J, u)])
     return A.reshape(-1, 3, structure.n, A.shape[-1]).transpose(3, 0, 1, 2)
 
@@ -685,7 +685,7 @@ def random_poses(
     kept: list[Array] = []
     drawn = reached = 0
     for _ in range(MAX_BATCHES):
-        q = vjm.arm.drawn(rng, POSES_PER_BATCH)
+        q = vjm.arm.draw_poses(rng, POSES_PER_BATCH)
         drawn += len(q)
         for piece in np.split(q, range(POSES_PER_CHECK, POSES_PER_BATCH, POSES_PER_CHECK)):
             inside = piece if area is None else piece[in_area(vjm, area, piece)]

@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 
 from testbench.arm.folder import Arm, Link
-from testbench.arm.mjcf import LENGTH, find_body, mesh_files, read_meshes, read_mjcf
+from testbench.arm.mjcf import MAX_LENGTH, find_body, mesh_files, read_meshes, read_mjcf
 from testbench.errors import Array, Ids, InputError
 from testbench.plant.disturbance import NOMINAL, Disturbances, Gears
 from testbench.plant.joint_law import Beyond
@@ -35,7 +35,7 @@ MuJoCo admits at most six degrees of freedom a body, so the virtual joint needs 
 that a float of the arm's weight could see.
 """
 
-BRAKE = 1e15
+BRAKE_ARMATURE = 1e15
 """Armature of an actuated joint [kg m^2, kg]: its brake is on, so that a simulated arm holds its pose.
 
 Statics does not depend on it. Without it the two joints on one axis make the mass matrix singular.
@@ -136,7 +136,7 @@ def _insert_carrier(parent: ET.Element, child: ET.Element, name: str, frame: Arr
 
 def _add_springs(tendons: ET.Element, link: Link) -> None:
     """Add six fixed tendons whose springs have the link's stiffness together."""
-    for k, (stiffness, v) in enumerate(zip(*springs(link.compliance), strict=True)):
+    for k, (stiffness, v) in enumerate(zip(*tendon_springs(link.compliance), strict=True)):
         tendon = ET.SubElement(
             tendons,
             "fixed",
@@ -150,7 +150,7 @@ def _add_springs(tendons: ET.Element, link: Link) -> None:
                 ET.SubElement(tendon, "joint", joint=virtual_joint(link.name, axis), coef=repr(float(coef)))
 
 
-def springs(C: Array) -> tuple[Array, Array]:
+def tendon_springs(C: Array) -> tuple[Array, Array]:
     """Decompose K = C^-1 of a positive definite compliance, (6, 6), into six springs, K = sum_k k v_k v_k^T.
 
     The eigenvectors are those of the unit-diagonal matrix D^-1/2 C D^-1/2, not of C: C mixes m/N with rad/(N
@@ -182,19 +182,19 @@ def _insert_spring(root: ET.Element, joint: str, stiffness: float) -> None:
         stiffness=repr(stiffness),
         damping=repr(DAMPING * stiffness),
     )
-    actuated.set("armature", repr(BRAKE))
+    actuated.set("armature", repr(BRAKE_ARMATURE))
     body.insert(list(body).index(actuated) + 1, spring)
 
 
 # --- The true arm as MuJoCo models: one for inspection, and one with several copies for computation ---------
 
-REFUSED = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
+COMPILE_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 """What MuJoCo raises of a model that it does not compile."""
 MAX_PAIRS = 50_000
 """Most geoms that may collide: 316 on ten links."""
 HULL_CORNERS = 1000
 """Most corners of the convex hull by which a mesh collides."""
-ABREAST = 8
+COPIES = 8
 """Number of copies. MuJoCo compiles them in 15 ms; the time grows with the square of their number."""
 
 
@@ -208,7 +208,7 @@ class Plant:
 
     arm: Arm  #: Description of the arm.
     model: mujoco.MjModel  #: Elastic MuJoCo model.
-    abreast: mujoco.MjModel  #: Copies of its bodies and joints.
+    copies: mujoco.MjModel  #: Copies of its bodies and joints.
     theta: Ids  #: Address of each virtual joint, (n_theta,).
     joints: Ids  #: Address of each actuated joint, (n,).
     tool: int  #: Body id of the tool.
@@ -217,11 +217,11 @@ class Plant:
     C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
     carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
     disturbances: Disturbances  #: Disturbances of the true arm.
-    offset: Array  #: True minus commanded joint angles, equal in all poses, (n,) [rad].
-    centre: Array  #: True minus recorded load point, tool's axes, (3,) [m].
+    joint_offset: Array  #: True minus commanded joint angles, equal in all poses, (n,) [rad].
+    load_point_error: Array  #: True minus recorded load point, tool's axes, (3,) [m].
     #: True minus drawn frames of the joints and the tool, (n + 1, 6) [m, rad]: shift along the axes of the
     #: link before, turn about the frame's own. The model has them.
-    frames: Array
+    frame_errors: Array
     gears: Gears | None = None  #: Joint errors that depend on the pose; None for none.
     beyond: Beyond | None = None  #: Elastic behaviour beyond constant matrices; None for none.
 
@@ -264,7 +264,7 @@ def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
     meshes = read_meshes(mesh_files(path, read_mjcf(path)))
     try:
         model = mujoco.MjModel.from_xml_string(_small_hulls(text), meshes)
-    except REFUSED as err:
+    except COMPILE_ERRORS as err:
         raise InputError(path, "", " ".join(f"MuJoCo refuses it: {err}".split())) from err
     check_geoms(path, model)
     return model
@@ -291,9 +291,9 @@ def check_geoms(path: Path, model: mujoco.MjModel) -> None:
     """
     bounded = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
     reach = np.abs(np.hstack([model.geom_pos, model.geom_aabb])).max(axis=1)
-    for g in np.flatnonzero(bounded & ~(reach <= LENGTH)).tolist():
+    for g in np.flatnonzero(bounded & ~(reach <= MAX_LENGTH)).tolist():
         place = f"<geom name={model.geom(g).name!r}>"
-        raise InputError(path, place, f"expected lengths up to {LENGTH:g} m, got {reach[g]:.3g} m")
+        raise InputError(path, place, f"expected lengths up to {MAX_LENGTH:g} m, got {reach[g]:.3g} m")
 
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     own = np.bincount(model.geom_bodyid[collides], minlength=model.nbody).astype(int)
@@ -309,10 +309,10 @@ def build_plant(arm: Arm) -> Plant:
     Raises:
         InputError: If MuJoCo refuses the arm's MJCF.
     """
-    return plant_of(arm, compile_mjcf(arm.rigid, elastic_mjcf(arm)))
+    return plant_from_model(arm, compile_mjcf(arm.rigid, elastic_mjcf(arm)))
 
 
-def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
+def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
     """Make the plant of an arm from its compiled elastic model.
 
     Args:
@@ -332,7 +332,7 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
     return Plant(
         arm=arm,
         model=model,
-        abreast=_side_by_side(model, ABREAST),
+        copies=_copies_in_one_model(model, COPIES),
         theta=theta,
         joints=np.array([model.joint(j.name).dofadr[0] for j in arm.joints], dtype=int),
         tool=model.body(arm.tool).id,
@@ -341,9 +341,9 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
         C=C,
         carries=_carries(model),
         disturbances=NOMINAL,
-        offset=np.zeros(arm.n_joints),
-        centre=np.zeros(3),
-        frames=np.zeros((arm.n_joints + 1, 6)),
+        joint_offset=np.zeros(arm.n_joints),
+        load_point_error=np.zeros(3),
+        frame_errors=np.zeros((arm.n_joints + 1, 6)),
     )
 
 
@@ -357,12 +357,12 @@ def with_model(plant: Plant, model: mujoco.MjModel) -> Plant:
     Returns:
         The new plant.
     """
-    abreast = copy.copy(plant.abreast)
+    abreast = copy.copy(plant.copies)
     abreast.opt.gravity[:] = model.opt.gravity
     for name in ("body_pos", "body_quat"):
         one, all_arms = getattr(model, name)[1:], getattr(abreast, name)[1:]
         all_arms.reshape(-1, *one.shape)[:] = one
-    return replace(plant, model=model, abreast=abreast)
+    return replace(plant, model=model, copies=abreast)
 
 
 def weightless(plant: Plant) -> Plant:
@@ -372,7 +372,7 @@ def weightless(plant: Plant) -> Plant:
     return with_model(plant, model)
 
 
-def _side_by_side(model: mujoco.MjModel, arms: int) -> mujoco.MjModel:
+def _copies_in_one_model(model: mujoco.MjModel, arms: int) -> mujoco.MjModel:
     """Copy a model's bodies and joints several times, all from the world's origin.
 
     Statics needs a body's mass and its centre, not its inertia.

@@ -22,9 +22,9 @@ from testbench.arm.elastic import Material, check_compliance
 from testbench.arm.folder import Link
 from testbench.errors import Array
 
-BEND = np.array([0.5, 0.5]), np.array([0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)])
+BENDING_QUADRATURE = np.array([0.5, 0.5]), np.array([0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)])
 """Weights and nodes of Gaussian quadrature on a wall, exact for the squares of distances."""
-FLOW = np.array([5, 8, 5]) / 18, np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
+SHEAR_QUADRATURE = np.array([5, 8, 5]) / 18, np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
 """Weights and nodes for the squares of shear flows, which are parabolas."""
 
 
@@ -64,8 +64,8 @@ class Sections:
     @cached_property
     def second_moments(self) -> Array:
         """Compute second moments about the centroid, (y y, y z; y z, z z), (sections, 2, 2) [m^4]."""
-        weights, at = BEND
-        p = self._places(at)
+        weights, at = BENDING_QUADRATURE
+        p = self._wall_points(at)
         return np.asarray(np.einsum("sw,g,swgi,swgj->sij", self.thickness * self.lengths, weights, p, p))
 
     @cached_property
@@ -81,9 +81,9 @@ class Sections:
         """Compute the shear flow of unit forces along y and z without twist, (sections, walls, 3, 2) [1/m].
 
         dq/ds = -t p^T I^-1 V, and the integral of q / t around the cell is zero. It is evaluated at the nodes
-        of FLOW.
+        of SHEAR_QUADRATURE.
         """
-        weights, at = FLOW
+        weights, at = SHEAR_QUADRATURE
         p, d = (self.corners - self.centroid[:, None])[:, :, None], self.edges[:, :, None]
         x = at[:, None]
         static = self.thickness[..., None, None] * self.lengths[..., None, None] * (x * p + x**2 * d / 2)
@@ -97,7 +97,7 @@ class Sections:
     @cached_property
     def shear_centre(self) -> Array:
         """Compute the shear centre from the centroid, (sections, 2) [m]: a force there does not twist."""
-        weights, _ = FLOW
+        weights, _ = SHEAR_QUADRATURE
         p, d = self.corners - self.centroid[:, None], self.edges
         lever = p[..., 0] * d[..., 1] - p[..., 1] * d[..., 0]
         torque = np.einsum("sw,g,swgv->sv", lever, weights, self.flow)
@@ -106,7 +106,7 @@ class Sections:
     @cached_property
     def shear_flexibility(self) -> Array:
         """Compute the integral of q q^T / t, the inverse of a shear area, (sections, 2, 2) [1/m^2]."""
-        weights, _ = FLOW
+        weights, _ = SHEAR_QUADRATURE
         ease = self.lengths / self.shear_thickness
         return np.asarray(np.einsum("sw,g,swgi,swgj->sij", ease, weights, self.flow, self.flow))
 
@@ -133,7 +133,7 @@ class Sections:
         twist = torque / np.sqrt(G * self.torsion_constant)[:, None]
         return np.asarray(c + twist[:, :, None] * twist[:, None, :])
 
-    def _places(self, at: Array) -> Array:
+    def _wall_points(self, at: Array) -> Array:
         """Places on every wall from the centroid, (sections, walls, places, 2) [m]."""
         p = self.corners - self.centroid[:, None]
         return np.asarray(p[:, :, None] + at[:, None] * self.edges[:, :, None])
@@ -165,11 +165,11 @@ SEGMENTS = 16
 ITERATIONS = 5
 """Corrections of the wall thickness: bending is inversely proportional to it, except for the torsion of a
 bow."""
-CLOSED = 0.5
+CLOSED_SHARE = 0.5
 """Share of links without an open side [1]."""
-SLIM = 20.0
+DIAMETER_OVER_WALL = 20.0
 """Diameter over wall of the tube of equal bending compliance that gives a link its size [1]."""
-RANGES = {
+CASTING_RANGES = {
     "size": (0.9, 1.3),  # width and height at the root, over the diameter of that tube
     "taper": (0.6, 1.0),  # width and height at the tip over those at the root
     "trapezium": (0.7, 1.0),  # length of the top over that of the bottom
@@ -225,7 +225,7 @@ class Casting:
     thickness: float  #: Thickness of the walls at the root [m].
     wall: Array  #: Thickness of bottom, right, top and left over that, (4,) [1].
     thinning: float  #: Thickness at the tip over that at the root [1].
-    turned: float  #: Angle of the sections about the line [rad].
+    section_angle: float  #: Angle of the sections about the line [rad].
     line_offset: Array  #: Offset of the line to y and z, (2,) [m].
     bow: Array  #: Height of its arc to y and z, (2,) [m].
     open_side: int | None  #: Wall that is ribs with gaps between them; None for a closed box.
@@ -237,7 +237,7 @@ class Casting:
         width, height = (self.size * (1 + s[:, None] * (self.taper - 1))).T / 2
         top = self.trapezium * width
         y, z = np.array([-width, width, top, -top]).T, np.array([-height, -height, height, height]).T
-        cos, sin = np.cos(self.turned), np.sin(self.turned)
+        cos, sin = np.cos(self.section_angle), np.sin(self.section_angle)
         corners = np.stack([cos * y - sin * z, sin * y + cos * z], axis=2)
         thickness = self.thickness * (1 + s[:, None] * (self.thinning - 1)) * self.wall
         whole = Sections(corners, thickness, thickness.copy())
@@ -269,7 +269,7 @@ class Casting:
 
 
 def cast_link(link: Link, rng: np.random.Generator) -> Link:
-    """Replace a tube by a cast link with random dimensions from RANGES.
+    """Replace a tube by a cast link with random dimensions from CASTING_RANGES.
 
     Its length is that of the tube, twice c26 over c66. Its wall thickness is chosen so that its mean
     compliance under moments, (c55 + c66) / 2, is that of the tube.
@@ -283,11 +283,11 @@ def cast_link(link: Link, rng: np.random.Generator) -> Link:
     """
     C = link.compliance
     bending = float(C[4, 4] + C[5, 5]) / 2
-    casting = as_compliant(draw_casting(float(C[1, 5] - C[2, 4]) / bending, bending, rng), bending)
+    casting = scale_walls(draw_casting(float(C[1, 5] - C[2, 4]) / bending, bending, rng), bending)
     return replace(link, compliance=check_compliance(casting.compliance(), f"cast {link.name}"))
 
 
-def as_compliant(casting: Casting, bending: float) -> Casting:
+def scale_walls(casting: Casting, bending: float) -> Casting:
     """Scale the walls of a casting to a given mean of c55 and c66.
 
     Args:
@@ -314,27 +314,28 @@ def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Cas
     Returns:
         The casting.
     """
-    wide = (8 * SLIM * length / (np.pi * CAST_IRON.E * bending)) ** 0.25  # I = pi D^3 t / 8, t = D / 20
+    # I = pi D^3 t / 8, t = D / 20
+    wide = (8 * DIAMETER_OVER_WALL * length / (np.pi * CAST_IRON.E * bending)) ** 0.25
 
     def one(name: str) -> float:
-        return float(rng.uniform(*RANGES[name]))
+        return float(rng.uniform(*CASTING_RANGES[name]))
 
     def each(name: str, count: int) -> Array:
         """Draw several values of one dimension."""
-        return rng.uniform(*RANGES[name], count)
+        return rng.uniform(*CASTING_RANGES[name], count)
 
     return Casting(
         length=length,
         size=wide * each("size", 2),
         taper=each("taper", 2),
         trapezium=one("trapezium"),
-        thickness=wide / SLIM,
+        thickness=wide / DIAMETER_OVER_WALL,
         wall=each("wall", 4),
         thinning=one("thinning"),
-        turned=one("turned"),
+        section_angle=one("turned"),
         line_offset=wide * each("beside", 2),
         bow=length * each("bow", 2),
-        open_side=int(rng.integers(4)) if rng.random() > CLOSED else None,
+        open_side=int(rng.integers(4)) if rng.random() > CLOSED_SHARE else None,
         pitch=one("pitch"),
         rib=one("rib"),
     )

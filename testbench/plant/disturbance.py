@@ -17,7 +17,7 @@ import numpy as np
 from testbench.arm.folder import Compensator
 from testbench.errors import Array, BenchError, check_least
 
-HIGHEST = 1000  #: Highest order of a periodic error [1].
+MAX_GEAR_ORDER = 1000  #: Highest order of a periodic error [1].
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class GearErrors:
     def __post_init__(self) -> None:
         for name in ("sigma", "ratio"):
             check_least(getattr(self, name), name)
-        if not 0 <= self.orders <= HIGHEST:
-            raise BenchError(f"orders: expected 0 to {HIGHEST}, got {self.orders}")
+        if not 0 <= self.orders <= MAX_GEAR_ORDER:
+            raise BenchError(f"orders: expected 0 to {MAX_GEAR_ORDER}, got {self.orders}")
 
 
 @dataclass(frozen=True)

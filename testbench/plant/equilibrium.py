@@ -35,7 +35,7 @@ from testbench.arm.folder import Compensator
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
 from testbench.plant.disturbance import gear_error
-from testbench.plant.joint_law import Beyond, JointLaw, joint_rotation, tangent_compliance
+from testbench.plant.joint_law import Beyond, TrueJointLaws, joint_rotation, tangent_compliance
 from testbench.progress import stepwise
 
 # --- Poses evaluated by MuJoCo, many at once, and generalised forces of loads on bodies ---------------------
@@ -54,7 +54,7 @@ class BodyState:
 
 
 @dataclass(frozen=True)
-class ArmsInRow:
+class ArmCopies:
     """Hold the copies of the arm in one MuJoCo state; every call of `solve_equilibrium` has its own."""
 
     model: mujoco.MjModel
@@ -66,11 +66,11 @@ class ArmsInRow:
     rotation: Array  #: World from body, (arms, bodies, 3, 3) [1].
 
 
-def open_row(plant: Plant) -> ArmsInRow:
+def open_copies(plant: Plant) -> ArmCopies:
     """Make the MuJoCo model with copies of the plant's arm in a row, and views of its arrays by copy."""
-    model, data = plant.abreast, mujoco.MjData(plant.abreast)
+    model, data = plant.copies, mujoco.MjData(plant.copies)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
-    return ArmsInRow(
+    return ArmCopies(
         model=model,
         data=data,
         qpos=data.qpos.reshape(-1, nv),
@@ -81,7 +81,7 @@ def open_row(plant: Plant) -> ArmsInRow:
     )
 
 
-def evaluate(row: ArmsInRow, qpos: Array, bodies: Collection[int] = ()) -> BodyState:
+def evaluate(row: ArmCopies, qpos: Array, bodies: Collection[int] = ()) -> BodyState:
     """Evaluate configurations in MuJoCo, as many at a time as there are arms in the row.
 
     Velocities are zero, so of MuJoCo's forward pass only kinematics and the bias force are needed.
@@ -185,7 +185,7 @@ class Strut:
 
     spring: Compensator
     slope: float  #: Change of force over change of length as the arm deflects [N/m].
-    ends: tuple[int, int]  #: Ids of the bodies on which it is hinged.
+    bodies: tuple[int, int]  #: Ids of the bodies on which it is hinged.
     length_fixed: Array  #: Length in the held poses, theta = 0, (poses,) [m].
     C_g: Array  #: C g with g = ds / dqpos in the held poses, (poses, nv).
     share: Array  #: k g / (1 + k g C_g), k the slope, (poses, nv).
@@ -223,14 +223,14 @@ def strut(compensator: Compensator, plant: Plant, state: BodyState) -> Strut:
     ends = hinged_bodies(plant)
     hinges = _hinges(compensator, ends, state)
     held = _length(hinges)
-    g = _pull(plant, ends, state, hinges, np.full(len(held), -1.0))
+    g = _strut_load(plant, ends, state, hinges, np.full(len(held), -1.0))
     C_g = np.matvec(plant.C, g)
     k = compensator.rate if compensator.stiffness is None else compensator.stiffness
     share = (k / (1 + k * np.vecdot(g, C_g)))[:, None] * g
     return Strut(compensator, k, ends, held, C_g, share)
 
 
-def strut_force(strut: Strut, plant: Plant, state: BodyState, some: Ids) -> Array:
+def strut_force(strut: Strut, plant: Plant, state: BodyState, poses: Ids) -> Array:
     """Compute the generalised force of the compensator in the present poses.
 
     Mathematics: `law-10`.
@@ -239,18 +239,18 @@ def strut_force(strut: Strut, plant: Plant, state: BodyState, some: Ids) -> Arra
         strut: The compensator.
         plant: The plant.
         state: The present poses.
-        some: Places of the poses that are wanted, (poses,).
+        poses: Places of the poses that are wanted, (poses,).
 
     Returns:
         Force on every degree of freedom, (some, nv) [N, N m].
     """
-    spring, held = strut.spring, strut.length_fixed[some]
-    hinges = _hinges(spring, strut.ends, state)
+    spring, held = strut.spring, strut.length_fixed[poses]
+    hinges = _hinges(spring, strut.bodies, state)
     force = spring.rate * (held - spring.rest_length) + strut.slope * (_length(hinges) - held)
-    return _pull(plant, strut.ends, state, hinges, force)
+    return _strut_load(plant, strut.bodies, state, hinges, force)
 
 
-def correct_for_strut(strut: Strut, step: Array, some: Ids) -> Array:
+def correct_for_strut(strut: Strut, step: Array, poses: Ids) -> Array:
     """Correct steps of the arm's own springs for the stiffness of the compensator.
 
     It applies the inverse of C (C^-1 + k g g^T) of the held pose, by Sherman and Morrison.
@@ -258,13 +258,13 @@ def correct_for_strut(strut: Strut, step: Array, some: Ids) -> Array:
     Args:
         strut: The compensator.
         step: Steps without it, (some, nv) [m, rad].
-        some: Places of the poses, (poses,).
+        poses: Places of the poses, (poses,).
 
     Returns:
         Steps with it, (some, nv) [m, rad].
     """
-    along = np.vecdot(strut.share[some], step)
-    return np.asarray(step - along[:, None] * strut.C_g[some])
+    along = np.vecdot(strut.share[poses], step)
+    return np.asarray(step - along[:, None] * strut.C_g[poses])
 
 
 def _hinges(spring: Compensator, ends: tuple[int, int], state: BodyState) -> tuple[Array, Array]:
@@ -278,7 +278,7 @@ def _length(hinges: tuple[Array, Array]) -> Array:
     return np.asarray(np.linalg.norm(hinges[1] - hinges[0], axis=1))
 
 
-def _pull(
+def _strut_load(
     plant: Plant, ends: tuple[int, int], state: BodyState, hinges: tuple[Array, Array], force: Array
 ) -> Array:
     """Compute the generalised force of a pull between both ends, (poses, nv) [N, N m]."""
@@ -319,18 +319,18 @@ class Batch:
     wrench: Array  #: Force and moment, world axes, (poses, 6) [N, N m].
     point: Array  #: Point where the force acts, in the tool's frame, (poses, 3) [m].
     C: Array  #: Compliance, one per pose or the same in all, (poses, nv, nv) or (nv, nv).
-    law: JointLaw | None = None  #: Nonlinear joint laws; None for MuJoCo's linear springs.
+    law: TrueJointLaws | None = None  #: Nonlinear joint laws; None for MuJoCo's linear springs.
     strut: Strut | None = None  #: A gravity compensator.
 
     @property
     def bodies(self) -> tuple[int, ...]:
         """Return ids of the bodies on which loads act, own weight excluded."""
         tool = (self.plant.tool,) if self.wrench.any() else ()
-        return tool if self.strut is None else (*tool, *self.strut.ends)
+        return tool if self.strut is None else (*tool, *self.strut.bodies)
 
-    def compliance(self, some: Ids) -> Array:
+    def compliance_in(self, poses: Ids) -> Array:
         """Return the compliance in some poses, (some, nv, nv), or (nv, nv) if all poses share one."""
-        return self.C if self.C.ndim == 2 else self.C[some]
+        return self.C if self.C.ndim == 2 else self.C[poses]
 
 
 def solve_equilibrium(
@@ -367,22 +367,26 @@ def solve_equilibrium(
     wrench = np.zeros((runs, 6)) if wrench is None else check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = np.zeros((runs, 3)) if point is None else check_array(point, (runs, 3), "point [m]")
     # The true load and joint angles, as far as the disturbances change them.
-    wrench, point, law = wrench * (1 + changes.mass_error), point + plant.centre, _law(plant, runs, before)
-    true_q = q + plant.offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
+    wrench, point, law = (
+        wrench * (1 + changes.mass_error),
+        point + plant.load_point_error,
+        _law(plant, runs, before),
+    )
+    true_q = q + plant.joint_offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
-    def settled(some: slice, row: ArmsInRow) -> ArmEquilibrium:
+    def settled(some: slice, row: ArmCopies) -> ArmEquilibrium:
         """Find the equilibrium of some runs."""
         held, C = fixed_configurations(plant, true_q[some]), plant.compliance(q[some])
-        poses = Batch(plant, held, wrench[some], point[some], C, law and law.of(some))
+        poses = Batch(plant, held, wrench[some], point[some], C, law and law.select(some))
         if changes.compensator is not None:
             state = evaluate(row, poses.q_fixed, hinged_bodies(plant))
             poses = replace(poses, strut=strut(changes.compensator, plant, state))
-        return _settle(poses, row)
+        return _solve_batch(poses, row)
 
-    return in_parts(plant, runs, settled)
+    return solve_in_batches(plant, runs, settled)
 
 
-def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> JointLaw | None:
+def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> TrueJointLaws | None:
     """Make the joint laws of all runs; None for MuJoCo's linear springs."""
     if before is not None:
         check_array(before.theta, (runs, plant.arm.n_theta), "theta before [m, rad]")
@@ -390,14 +394,14 @@ def _law(plant: Plant, runs: int, before: ArmEquilibrium | None) -> JointLaw | N
     sizes = changes.stiffening, changes.backlash, changes.hysteresis
     if not any(sizes) and beyond.slip is None and beyond.law is None:
         return None
-    return JointLaw(
+    return TrueJointLaws(
         compliance=np.array([joint.compliance for joint in plant.arm.joints]),
         stiffening=changes.stiffening,
         backlash=changes.backlash,
         hysteresis=changes.hysteresis,
-        before=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
+        start=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
         slip=beyond.slip,
-        added=beyond.law,
+        user_law=beyond.law,
     )
 
 
@@ -419,22 +423,22 @@ def solve_unloaded_and_loaded(
     return rest, solve_equilibrium(plant, q, wrench, point, before=rest)
 
 
-def in_parts(
-    plant: Plant, runs: int, settled: Callable[[slice, ArmsInRow], ArmEquilibrium]
+def solve_in_batches(
+    plant: Plant, runs: int, solve: Callable[[slice, ArmCopies], ArmEquilibrium]
 ) -> ArmEquilibrium:
     """Find the equilibria of all runs part by part.
 
     Args:
         plant: The plant.
         runs: Number of runs.
-        settled: Finds the equilibria of one part.
+        solve: Finds the equilibria of one part.
 
     Returns:
         The equilibria of all runs.
     """
-    row = open_row(plant)
+    row = open_copies(plant)
     starts = stepwise(range(0, max(runs, 1), POSES_AT_ONCE), "settling the arm")
-    equilibria = [settled(slice(start, start + POSES_AT_ONCE), row) for start in starts]
+    equilibria = [solve(slice(start, start + POSES_AT_ONCE), row) for start in starts]
     return ArmEquilibrium(
         *(np.concatenate([getattr(e, f.name) for e in equilibria]) for f in fields(ArmEquilibrium))
     )
@@ -468,11 +472,11 @@ def unloaded_body_poses(plant: Plant, q: Array, names: Sequence[str]) -> list[tu
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     bodies = [int(plant.model.body(name).id) for name in names]
-    state = evaluate(open_row(plant), fixed_configurations(plant, q), set(bodies))
+    state = evaluate(open_copies(plant), fixed_configurations(plant, q), set(bodies))
     return [(state.position[body], state.rotation[body]) for body in bodies]
 
 
-def _settle(poses: Batch, row: ArmsInRow) -> ArmEquilibrium:
+def _solve_batch(poses: Batch, row: ArmCopies) -> ArmEquilibrium:
     """Solve for the equilibrium of one batch of poses."""
     plant, markers = poses.plant, poses.plant.markers.tolist()
     qpos = _newton(poses, row)
@@ -496,14 +500,14 @@ def _force(poses: Batch, state: BodyState, some: Ids) -> Array:
 
 def _deflect(poses: Batch, Q: Array, some: Ids) -> Array:
     """Compute the deflection under a generalised force, zero at the actuated joints, (some, nv) [m, rad]."""
-    deflection, hinges = np.matvec(poses.compliance(some), Q), poses.plant.hinges
+    deflection, hinges = np.matvec(poses.compliance_in(some), Q), poses.plant.hinges
     if poses.law:
-        law = poses.law.of(some)
+        law = poses.law.select(some)
         deflection[:, hinges] = joint_rotation(law, _torques(poses, law, Q[:, hinges]))
     return np.asarray(deflection)
 
 
-def _torques(poses: Batch, law: JointLaw, torque: Array) -> Array:
+def _torques(poses: Batch, law: TrueJointLaws, torque: Array) -> Array:
     """Compute torques by which uncoupled joints would turn as these coupled joints do, (..., n) [N m]."""
     beyond = poses.plant.beyond
     if beyond is None or beyond.between is None:
@@ -511,7 +515,7 @@ def _torques(poses: Batch, law: JointLaw, torque: Array) -> Array:
     return np.asarray(torque + np.matvec(beyond.between, torque) / law.compliance)
 
 
-def _newton(poses: Batch, row: ArmsInRow) -> Array:
+def _newton(poses: Batch, row: ArmCopies) -> Array:
     """Iterate the virtual joints from `held` to equilibrium; return the configurations, (poses, nv) [m, rad].
 
     A pose in equilibrium, or without one, takes no further steps.
@@ -528,13 +532,13 @@ def _newton(poses: Batch, row: ArmsInRow) -> Array:
         at, last = qpos[active], size[active]
         # Step of all active poses: theta <- C_theta Q(theta), or by a pose's own tangent.
         Q = _force(poses, evaluate(row, at, poses.bodies), active)
-        step = _corrected(poses, inverses, held[active] + _deflect(poses, Q, active) - at, active)
+        step = _newton_steps(poses, inverses, held[active] + _deflect(poses, Q, active) - at, active)
         now = np.sqrt(np.vecdot(step, step))
         qpos[active], size[active] = at + step, now
         # A pose ends if its step is small, or fails if it leaves the elastic range.
         done, going = now < STEP_TOLERANCE, (now >= STEP_TOLERANCE) & (now < MAX_SAG)
         for i in active[~done & ~going].tolist():
-            lost[i] = _not_found(k, size[i])
+            lost[i] = _no_equilibrium_text(k, size[i])
         # A slow pose gets its own tangent.
         for i in active[going & (now > last / 4)].tolist():
             inverses[i] = np.asarray(np.linalg.inv(tangent(poses, row, qpos[i], i)), dtype=float)
@@ -545,15 +549,15 @@ def _newton(poses: Batch, row: ArmsInRow) -> Array:
         active = active[going]
         if not active.size:
             break
-    lost |= {i: _not_found(MAX_ITERATIONS, size[i]) for i in active.tolist()}
+    lost |= {i: _no_equilibrium_text(MAX_ITERATIONS, size[i]) for i in active.tolist()}
     for i in sorted(lost):
-        q, wrench = poses.plant.arm.words(held[i, poses.plant.joints]), poses.wrench[i].round(1).tolist()
+        q, wrench = poses.plant.arm.pose_text(held[i, poses.plant.joints]), poses.wrench[i].round(1).tolist()
         where = f"q = {q} under wrench {wrench} N, N m"
         raise NoEquilibrium(f"{lost[i]} at {where}: too soft for its load, or buckled")
     return qpos
 
 
-def _corrected(poses: Batch, inverses: dict[int, Array], step: Array, some: Ids) -> Array:
+def _newton_steps(poses: Batch, inverses: dict[int, Array], step: Array, some: Ids) -> Array:
     """Convert steps of the constant springs to Newton steps: by a pose's own tangent, or by the strut."""
     corrected = step if poses.strut is None else correct_for_strut(poses.strut, step, some)
     for i in inverses.keys() & set(some.tolist()):
@@ -562,7 +566,7 @@ def _corrected(poses: Batch, inverses: dict[int, Array], step: Array, some: Ids)
     return corrected
 
 
-def tangent(poses: Batch, row: ArmsInRow, qpos: Array, pose: int) -> Array:
+def tangent(poses: Batch, row: ArmCopies, qpos: Array, pose: int) -> Array:
     """Compute I - C dQ/dqpos = C (K_theta - K_w) of Eq. (7) in one pose, by central differences.
 
     Args:
@@ -579,10 +583,10 @@ def tangent(poses: Batch, row: ArmsInRow, qpos: Array, pose: int) -> Array:
     around = np.concatenate([qpos[None], qpos + h * unit, qpos - h * unit])
     Q = _force(poses, evaluate(row, around, poses.bodies), np.full(len(around), pose))
     ahead, behind = Q[1 : len(unit) + 1], Q[len(unit) + 1 :]
-    C = poses.compliance(np.array([pose])).reshape(unit.shape).copy()
+    C = poses.compliance_in(np.array([pose])).reshape(unit.shape).copy()
     if poses.law:
         # With joint laws the slope of each joint replaces its compliance.
-        law = poses.law.of(slice(pose, pose + 1))
+        law = poses.law.select(slice(pose, pose + 1))
         steep = tangent_compliance(law, _torques(poses, law, Q[:1, hinges]))[0]
         C[np.ix_(hinges, hinges)] *= (steep / law.compliance)[:, None]
         C[hinges, hinges] = steep
@@ -598,7 +602,7 @@ def _unstable(C_K: Array) -> bool:
     return bool(np.linalg.eigvals(C_K).real.min() <= 0)
 
 
-def _not_found(steps: int, size: float) -> str:
+def _no_equilibrium_text(steps: int, size: float) -> str:
     return f"no static equilibrium in {steps} Newton steps, the last one {size:.3g} m or rad"
 
 
@@ -618,14 +622,16 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
     wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
     point = check_array(point, (len(q), 3), "point [m]")
 
-    def settled(some: slice, row: ArmsInRow) -> ArmEquilibrium:
+    def settled(some: slice, row: ArmCopies) -> ArmEquilibrium:
         """Find the equilibrium of some runs."""
-        return _displaced(plant, row, q[some], wrench[some], point[some])
+        return _linear_equilibrium(plant, row, q[some], wrench[some], point[some])
 
-    return in_parts(plant, len(q), settled)
+    return solve_in_batches(plant, len(q), settled)
 
 
-def _displaced(plant: Plant, row: ArmsInRow, q: Array, wrench: Array, point: Array) -> ArmEquilibrium:
+def _linear_equilibrium(
+    plant: Plant, row: ArmCopies, q: Array, wrench: Array, point: Array
+) -> ArmEquilibrium:
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few truths are linear
 
     tool, markers = plant.tool, plant.markers.tolist()

@@ -30,7 +30,7 @@ import numpy as np
 
 from testbench.errors import Array, Ids
 
-STIFFENING_ANGLE = 1e-3
+STIFFENING_TURN = 1e-3
 """Turn phi_ref at which a joint's stiffness has grown by the share beta [rad]."""
 
 
@@ -59,7 +59,7 @@ class TrueLaw(Protocol):
 
 
 @dataclass(frozen=True)
-class JointLaw:
+class TrueJointLaws:
     """Define the turn of every joint's spring as a function of its torque."""
 
     compliance: Array  #: Compliance of the joints at no torque, 1 / k_0, (n,) [rad/(N m)].
@@ -67,17 +67,17 @@ class JointLaw:
     backlash: float  #: Half-width b of the backlash [rad].
     hysteresis: float  #: Half-width h of the hysteresis loop [rad].
     #: Turns from which the joints come, (..., n) [rad]; None for joints without friction history.
-    before: Array | None = None
+    start: Array | None = None
     #: Largest half-width H of friction that slips gradually, (n,) [rad]; None for none.
     slip: Array | None = None
-    added: TrueLaw | None = None  #: Effect that a user adds; None for none.
+    user_law: TrueLaw | None = None  #: Effect that a user adds; None for none.
 
-    def of(self, some: Ids | slice) -> "JointLaw":
+    def select(self, runs: Ids | slice) -> "TrueJointLaws":
         """Select the law of some runs."""
-        return self if self.before is None else replace(self, before=self.before[some])
+        return self if self.start is None else replace(self, start=self.start[runs])
 
 
-def joint_rotation(law: JointLaw, torque: Array) -> Array:
+def joint_rotation(law: TrueJointLaws, torque: Array) -> Array:
     """Compute the turn theta of joints under a torque.
 
     Mathematics: `law-3`, `law-9`.
@@ -89,14 +89,14 @@ def joint_rotation(law: JointLaw, torque: Array) -> Array:
     Returns:
         Turn, (..., n) [rad].
     """
-    target = _target(law, torque)
-    if law.before is None:
+    target = _frictionless_turn(law, torque)
+    if law.start is None:
         return target
-    held = np.clip(law.before, target - law.hysteresis, target + law.hysteresis)
-    return held if law.slip is None else law.before + friction_following(held - law.before, law.slip)
+    held = np.clip(law.start, target - law.hysteresis, target + law.hysteresis)
+    return held if law.slip is None else law.start + friction_motion(held - law.start, law.slip)
 
 
-def tangent_compliance(law: JointLaw, torque: Array) -> Array:
+def tangent_compliance(law: TrueJointLaws, torque: Array) -> Array:
     """Compute the tangent compliance d theta / d torque of joints; zero where friction holds.
 
     Args:
@@ -108,35 +108,35 @@ def tangent_compliance(law: JointLaw, torque: Array) -> Array:
     """
     x = law.compliance * torque
     phi = _spring_turn(law, x)
-    rate = 1 / (1 + 3 * law.stiffening * (phi / STIFFENING_ANGLE) ** 2)
-    if law.added is not None:
-        rate = rate + law.added.slope(x)
+    rate = 1 / (1 + 3 * law.stiffening * (phi / STIFFENING_TURN) ** 2)
+    if law.user_law is not None:
+        rate = rate + law.user_law.slope(x)
     if law.backlash:
         rate += 1 - np.tanh(x / law.backlash) ** 2
-    if law.before is not None:
-        away = _target(law, torque) - law.before
+    if law.start is not None:
+        away = _frictionless_turn(law, torque) - law.start
         rate[np.abs(away) < law.hysteresis] = 0
         if law.slip is not None:
             rate *= slipping_share(np.maximum(np.abs(away) - law.hysteresis, 0), law.slip)
     return law.compliance * rate
 
 
-def _target(law: JointLaw, torque: Array) -> Array:
+def _frictionless_turn(law: TrueJointLaws, torque: Array) -> Array:
     """Compute the turn without friction, (..., n) [rad]."""
     x = law.compliance * torque
-    target = _spring_turn(law, x) + _play(law, x)
-    return target if law.added is None else target + law.added.turn(x)
+    target = _spring_turn(law, x) + _backlash_turn(law, x)
+    return target if law.user_law is None else target + law.user_law.turn(x)
 
 
-def _spring_turn(law: JointLaw, x: Array) -> Array:
+def _spring_turn(law: TrueJointLaws, x: Array) -> Array:
     """Solve phi + beta phi^3 / phi_ref^2 = x for its real root phi in closed form, (..., n) [rad]."""
     if not law.stiffening:
         return x
-    a = np.sqrt(3 * law.stiffening) / STIFFENING_ANGLE
+    a = np.sqrt(3 * law.stiffening) / STIFFENING_TURN
     return np.asarray(2 / a * np.sinh(np.arcsinh(1.5 * a * x) / 3))
 
 
-def _play(law: JointLaw, x: Array) -> Array:
+def _backlash_turn(law: TrueJointLaws, x: Array) -> Array:
     return law.backlash * np.tanh(x / law.backlash) if law.backlash else np.zeros_like(x)
 
 
@@ -144,8 +144,8 @@ def _play(law: JointLaw, x: Array) -> Array:
 class Follows:
     """Describe how compliances of links depend on the pose: s = sin(turns q + phase), one per link."""
 
-    share: Array  #: Logarithm of the compliance along every axis of a link at s = 1, (links, 6) [1].
-    turns: Array  #: Change of the argument of s with every joint, (links, n) [1, rad/m].
+    log_change: Array  #: Logarithm of the compliance along every axis of a link at s = 1, (links, 6) [1].
+    joint_rates: Array  #: Change of the argument of s with every joint, (links, n) [1, rad/m].
     phase: Array  #: Phase of every link, (links,) [rad].
 
     def factors(self, q: Array) -> Array:
@@ -153,8 +153,8 @@ class Follows:
 
         They refer to the compliances of the arm's folder, (poses, 6 links) [1].
         """
-        s = np.sin((q[:, None, :] * self.turns).sum(axis=2) + self.phase)
-        return np.asarray(np.exp(s[..., None] * self.share / 2).reshape(len(q), -1))
+        s = np.sin((q[:, None, :] * self.joint_rates).sum(axis=2) + self.phase)
+        return np.asarray(np.exp(s[..., None] * self.log_change / 2).reshape(len(q), -1))
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class Beyond:
     law: TrueLaw | None = None  #: Turn of the joints beside their linear springs.
 
 
-def friction_following(d: Array, slip: Array) -> Array:
+def friction_motion(d: Array, slip: Array) -> Array:
     """Compute how far friction elements of half widths from 0 to `slip` follow a target that moved.
 
     Args:

@@ -59,7 +59,7 @@ class BodyFrames:
     rotations: Array  #: World from body, (runs, bodies, 3, 3) [1].
 
 
-def of_rows(frames: BodyFrames, rows: Ids) -> BodyFrames:
+def select_frames(frames: BodyFrames, rows: Ids) -> BodyFrames:
     """Select poses of bodies.
 
     Args:
@@ -72,7 +72,7 @@ def of_rows(frames: BodyFrames, rows: Ids) -> BodyFrames:
     return BodyFrames(frames.positions[rows], frames.rotations[rows])
 
 
-def origins(site: Site, names: Sequence[str], frames: BodyFrames) -> Array:
+def body_origins(site: Site, names: Sequence[str], frames: BodyFrames) -> Array:
     """Return the origins of named bodies.
 
     Args:
@@ -101,10 +101,10 @@ def solid_shapes(site: Site) -> list[Shape]:
     return _shapes(site.model, site.model.geom_contype != 0)
 
 
-def _shapes(model: mujoco.MjModel, some: Mask) -> list[Shape]:
+def _shapes(model: mujoco.MjModel, wanted: Mask) -> list[Shape]:
     """List the drawable geoms under a mask, (geoms,)."""
     return [
-        _shape(model, g) for g in np.flatnonzero(some & np.isin(model.geom_type, list(GEOM_KINDS))).tolist()
+        _shape(model, g) for g in np.flatnonzero(wanted & np.isin(model.geom_type, list(GEOM_KINDS))).tolist()
     ]
 
 
@@ -267,28 +267,30 @@ def _frames(
     return BodyFrames(positions, rotations)
 
 
-ROUND = 2 * np.pi * np.arange(24) / 24
-RING = np.column_stack([np.cos(ROUND), np.sin(ROUND), np.zeros_like(ROUND)])
-BALL = np.concatenate([np.cos(t) * RING + [0, 0, np.sin(t)] for t in np.linspace(-np.pi / 2, np.pi / 2, 13)])
-CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+CIRCLE_ANGLES = 2 * np.pi * np.arange(24) / 24
+CIRCLE = np.column_stack([np.cos(CIRCLE_ANGLES), np.sin(CIRCLE_ANGLES), np.zeros_like(CIRCLE_ANGLES)])
+SPHERE = np.concatenate(
+    [np.cos(t) * CIRCLE + [0, 0, np.sin(t)] for t in np.linspace(-np.pi / 2, np.pi / 2, 13)]
+)
+CUBE_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
-def _rod(size: Array, cap: Array) -> Array:
+def _capped_ends(size: Array, cap: Array) -> Array:
     """Compute points of two caps of the shape's radius at the ends of its half length."""
     return np.concatenate([size[0] * cap + [0, 0, end * size[2]] for end in (-1, 1)])
 
 
-POINTS: dict[Kind, Callable[[Array], Array]] = {
-    "box": lambda size: CUBE * size,
-    "cylinder": lambda size: _rod(size, RING),
-    "capsule": lambda size: _rod(size, BALL),
-    "sphere": lambda size: BALL * size,
-    "ellipsoid": lambda size: BALL * size,
+SURFACE_POINTS: dict[Kind, Callable[[Array], Array]] = {
+    "box": lambda size: CUBE_CORNERS * size,
+    "cylinder": lambda size: _capped_ends(size, CIRCLE),
+    "capsule": lambda size: _capped_ends(size, SPHERE),
+    "sphere": lambda size: SPHERE * size,
+    "ellipsoid": lambda size: SPHERE * size,
 }
 """Surface points of a primitive by its half sizes, in its own axes."""
 
 
 def corners(shape: Shape) -> Array:
     """Compute points whose convex hull is that of a shape, in the axes of its body, (points, 3) [m]."""
-    own = POINTS[shape.kind](shape.size) if shape.mesh is None else shape.mesh.vertices
+    own = SURFACE_POINTS[shape.kind](shape.size) if shape.mesh is None else shape.mesh.vertices
     return np.asarray(shape.position + own @ shape.rotation.T)

@@ -16,7 +16,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from testbench.arm.document import unique
+from testbench.arm.document import unused_name
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
 from testbench.errors import Array, BenchError, Ids, InputError, PoseError, check_array, check_least
@@ -24,7 +24,7 @@ from testbench.plant.build import compile_mjcf
 
 # --- Contacts of a rigid arm in MuJoCo, its floor, and names of the parts in contact ------------------------
 
-COLLIDES = {"contype": str(2**31 - 1), "conaffinity": str(2**31 - 1), "gap": "0", "group": "0"}
+COLLISION_ATTRIBUTES = {"contype": str(2**31 - 1), "conaffinity": str(2**31 - 1), "gap": "0", "group": "0"}
 """Attributes of a geom that collides with every colliding geom, whatever the defaults of a user's MJCF."""
 MAX_CONTACTS = 5000
 """Most contacts in one pose."""
@@ -44,7 +44,7 @@ def lay_floor(root: ET.Element, height: float | None) -> None:
     world = root.find("worldbody")
     assert world is not None  # the arm has bodies
     place = {"type": "plane", "size": "0 0 1", "pos": f"0 0 {height!r}", "quat": "1 0 0 0"}
-    ET.SubElement(world, "geom", {**place, "margin": "0", **COLLIDES})
+    ET.SubElement(world, "geom", {**place, "margin": "0", **COLLISION_ATTRIBUTES})
 
 
 def body_name(model: mujoco.MjModel, body: int) -> str:
@@ -60,7 +60,7 @@ def body_name(model: mujoco.MjModel, body: int) -> str:
     return model.body(int(body)).name or f"body_{body}"
 
 
-def collide(path: Path, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+def compute_contacts(path: Path, model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Compute MuJoCo's contacts in a pose.
 
     Args:
@@ -96,12 +96,12 @@ apply."""
 SLING_RADIUS = 0.01  #: Radius of the sling [m].
 HEAD_RADIUS = 0.2
 """Radius of the sphere that contains the tracker's head, its motion and the top of its stand [m]."""
-FARTHEST = 1000.0
+MAX_STATION_COORDINATE = 1000.0
 """Largest coordinate of a station [m]; beyond it a unit is wrong."""
 TARGET_RADIUS = 0.06
 """Distance from a marker within which an obstacle counts as the target itself or its holder [m]."""
-SOLID = " ".join(f'{key}="{value}"' for key, value in COLLIDES.items())
-OPAQUE = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
+SOLID = " ".join(f'{key}="{value}"' for key, value in COLLISION_ATTRIBUTES.items())
+RAY_GROUPS = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
 """Geom groups that stop a ray: `_opaque` puts such geoms into group 0, all others into group 5."""
 
 
@@ -164,7 +164,7 @@ class Site:
     load: int  #: Body id of the load point.
     markers: Ids  #: Body ids of the markers, (m,).
     facing: Array  #: Z axes of the markers' bodies in the tool's frame, (m, 3) [1].
-    part: Ids  #: Index in `CONTACT_CATEGORIES` of the owner of each geom, (geoms,).
+    geom_owner: Ids  #: Index in `CONTACT_CATEGORIES` of the owner of each geom, (geoms,).
 
 
 def check_position(position: object) -> Array:
@@ -174,9 +174,10 @@ def check_position(position: object) -> Array:
         BenchError: If it is not three finite numbers, or is far from any arm.
     """
     where = check_array(position, (3,), "position of the station [m]")
-    if np.abs(where).max() > FARTHEST:
+    if np.abs(where).max() > MAX_STATION_COORDINATE:
         raise BenchError(
-            f"position of the station [m]: expected coordinates up to {FARTHEST:g}, got {where.tolist()}"
+            f"position of the station [m]: expected coordinates up to {MAX_STATION_COORDINATE:g}, got "
+            f"{where.tolist()}"
         )
     return where
 
@@ -206,11 +207,11 @@ def build_site(
     root = read_mjcf(arm.rigid)
     lay_floor(root, floor)
     taken = {str(body.get("name")) for body in root.iter("body")}
-    weight, head = unique("payload", taken), unique("tracker", taken)
+    weight, head = unused_name("payload", taken), unused_name("tracker", taken)
     if payload is not None:
-        _hang(root, weight, payload)
+        _hang_payload(root, weight, payload)
     if where is not None:
-        _stand(root, head, where)
+        _place_tracker(root, head, where)
     model = compile_mjcf(arm.rigid, ET.tostring(root, encoding="unicode"))
     part = _parts(model, arm, weight, head)
     _check_head(model, part, where)
@@ -229,11 +230,11 @@ def build_site(
         load=model.body(arm.load).id,
         markers=markers,
         facing=_facing(model, model.body(arm.tool).id, markers),
-        part=part,
+        geom_owner=part,
     )
 
 
-def _hang(root: ET.Element, name: str, payload: Payload) -> None:
+def _hang_payload(root: ET.Element, name: str, payload: Payload) -> None:
     """Add the weight and its sling, hanging from the origin of their body.
 
     The body has slides, though it is placed explicitly: in MuJoCo two bodies without joints never collide,
@@ -241,7 +242,7 @@ def _hang(root: ET.Element, name: str, payload: Payload) -> None:
     """
     half, rope, top = payload.diameter / 2, (payload.sling - payload.upper_end) / 2, payload.upper_end
     slides = "".join(f'<joint type="slide" axis="{x}" limited="false"/>' for x in ("1 0 0", "0 1 0", "0 0 1"))
-    _add(
+    _add_body(
         root,
         f"""<body name="{name}"><inertial pos="0 0 0" mass="{payload.mass}" diaginertia="1 1 1"/>{slides}
         <geom type="cylinder" size="{half} {half}" pos="0 0 {-payload.sling - half}"
@@ -251,16 +252,16 @@ def _hang(root: ET.Element, name: str, payload: Payload) -> None:
     )
 
 
-def _stand(root: ET.Element, name: str, where: Array) -> None:
-    x, y, z = where.tolist()
-    _add(
+def _place_tracker(root: ET.Element, name: str, position: Array) -> None:
+    x, y, z = position.tolist()
+    _add_body(
         root,
         f"""<body name="{name}" pos="{x} {y} {z}">
         <geom type="sphere" size="{HEAD_RADIUS}" pos="0 0 0" mass="0" margin="0" {SOLID}/></body>""",
     )
 
 
-def _add(root: ET.Element, body: str) -> None:
+def _add_body(root: ET.Element, body: str) -> None:
     world = root.find("worldbody")
     assert world is not None  # the arm has bodies
     world.append(ET.fromstring(body))
@@ -280,9 +281,9 @@ def _parts(model: mujoco.MjModel, arm: Arm, weight: str, head: str) -> Ids:
     return part
 
 
-def _check_head(model: mujoco.MjModel, part: Ids, where: Array | None) -> None:
+def _check_head(model: mujoco.MjModel, part: Ids, position: Array | None) -> None:
     """Refuse a tracker inside something that does not move; MuJoCo's collisions exclude such pairs."""
-    if where is None:
+    if position is None:
         return
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -292,7 +293,7 @@ def _check_head(model: mujoco.MjModel, part: Ids, where: Array | None) -> None:
     for g in still:
         if mujoco.mj_geomDistance(model, data, head, g, 1e-3, None) < 0:
             raise BenchError(
-                f"station at {where.tolist()} m: the tracker's head (radius {HEAD_RADIUS} m) is inside "
+                f"station at {position.tolist()} m: the tracker's head (radius {HEAD_RADIUS} m) is inside "
                 f"{body_name(model, model.geom_bodyid[g])}, which does not move; expected a free place"
             )
 
@@ -342,23 +343,23 @@ def contacts(site: Site, q: Array) -> list[Contact | None]:
     found: list[Contact | None] = []
     geoms, depths = [np.empty((0, 2), dtype=int)], [np.empty(0)]
     for data in _poses(site, q):
-        collide(site.arm.rigid, site.model, data)
+        compute_contacts(site.arm.rigid, site.model, data)
         found.append(None)
         geoms.append(data.contact.geom.copy())
         depths.append(data.contact.dist.copy())
     pose = np.repeat(np.arange(len(found)), [len(depth) for depth in depths[1:]])
     pairs = np.concatenate(geoms)
     for k in _touching(site, pose, pairs, np.concatenate(depths)):
-        pair = sorted(pairs[k], key=lambda g: site.part[g])
+        pair = sorted(pairs[k], key=lambda g: site.geom_owner[g])
         one, other = (site.names[site.model.geom_bodyid[g]] for g in pair)
-        found[pose[k]] = Contact(CONTACT_CATEGORIES[site.part[pair].max()], (one, other))
+        found[pose[k]] = Contact(CONTACT_CATEGORIES[site.geom_owner[pair].max()], (one, other))
     return found
 
 
 def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:
     """Select the first contact of every pose by the order of `CONTACT_CATEGORIES`, if it is close enough."""
     clearance = 0.0 if site.payload is None else site.payload.clearance
-    kind = site.part[pairs].max(axis=1)
+    kind = site.geom_owner[pairs].max(axis=1)
     # geoms of a user's MJCF may have margins
     near = np.where(kind == CONTACT_CATEGORIES.index("payload"), clearance, 0.0)
     touching = np.flatnonzero(distance < near)
@@ -397,7 +398,9 @@ def check_poses(site: Site, q: Array) -> None:
         raise PoseError(f"pose {i + 1}: {joint.name} at {q[i, k]:.4f} {joint.unit}, expected {limits}")
     for i, pair in enumerate(collisions(site, q)):
         if pair:
-            raise PoseError(f"pose {i + 1}: {pair[0]} collides with {pair[1]} at q = {site.arm.words(q[i])}")
+            raise PoseError(
+                f"pose {i + 1}: {pair[0]} collides with {pair[1]} at q = {site.arm.pose_text(q[i])}"
+            )
 
 
 def has_surroundings(site: Site) -> bool:
@@ -407,7 +410,7 @@ def has_surroundings(site: Site) -> bool:
     return bool((collides & (model.geom_bodyid == 0)).any())
 
 
-def hidden(site: Site, q: Array) -> list[tuple[str, str] | None]:
+def hidden_markers(site: Site, q: Array) -> list[tuple[str, str] | None]:
     """Find the first marker of every pose whose line of sight is blocked.
 
     A ray is cast from the station to every marker. The marker's own body blocks none, nor does what is nearer
@@ -435,7 +438,7 @@ def _first_hidden(site: Site, station: Array, data: mujoco.MjData) -> tuple[str,
     for k, (beam, length) in enumerate(zip(beams, lengths, strict=True)):
         if length <= TARGET_RADIUS:
             continue
-        share = mujoco.mj_ray(site.sight, data, station, beam, OPAQUE, True, site.markers[k], hit, None)
+        share = mujoco.mj_ray(site.sight, data, station, beam, RAY_GROUPS, True, site.markers[k], hit, None)
         if share >= 0 and share * length < length - TARGET_RADIUS:
             return site.arm.markers[k], site.names[site.model.geom_bodyid[hit[0]]]
     return None

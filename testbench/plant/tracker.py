@@ -58,7 +58,7 @@ RADIAL, TRANSVERSE = (10e-6, 0.3e-6), (15e-6, 6e-6)
 
 Published by makers of laser trackers; taken from the project's list of numbers, no data sheet was at hand.
 """
-TYPICAL = 0.5  #: Standard deviation over the maximum permissible error: typical results are half of it.
+TYPICAL_SHARE = 0.5  #: Standard deviation over the maximum permissible error: typical results are half of it.
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class LaserTracker:
     """Describe a spherical instrument: one distance and two angles with independent normal noise."""
 
     station: tuple[float, float, float]  #: Origin of the beam, world, (3,) [m].
-    share: float = TYPICAL  #: Standard deviation over the maximum permissible error [1].
+    share: float = TYPICAL_SHARE  #: Standard deviation over the maximum permissible error [1].
 
     def covariance(self, positions: Array) -> Array:
         """Compute transverse^2 (I - u u^T) + radial^2 u u^T for the beam directions u.
@@ -164,8 +164,8 @@ TOO_STEEP = "target too high or low for the tracker"
 FACES_AWAY = "target faces away from the tracker"
 
 
-NEAREST, FARTHEST_SEEN = 1.0, 20.0  #: Distances between which a target is seen [m].
-LOWEST, HIGHEST = math.radians(-50), math.radians(75)
+MIN_RANGE, MAX_RANGE = 1.0, 20.0  #: Distances between which a target is seen [m].
+MIN_ELEVATION, MAX_ELEVATION = math.radians(-50), math.radians(75)
 """Elevations above the horizon of the station between which it is [rad].
 
 These are narrower than what common trackers are sold with: near the ends of its range an instrument is at its
@@ -210,9 +210,9 @@ def out_of_view(station: Station, targets: Array, facing: Array | None = None) -
     distance = np.linalg.norm(beam, axis=2)
     elevation = np.arctan2(beam[:, :, 2], np.hypot(beam[:, :, 0], beam[:, :, 1]))
     refused = {
-        TOO_NEAR: distance < NEAREST,
-        TOO_FAR: distance > FARTHEST_SEEN,
-        TOO_STEEP: (elevation < LOWEST) | (elevation > HIGHEST),
+        TOO_NEAR: distance < MIN_RANGE,
+        TOO_FAR: distance > MAX_RANGE,
+        TOO_STEEP: (elevation < MIN_ELEVATION) | (elevation > MAX_ELEVATION),
     }
     if station.acceptance is not None:
         assert facing is not None
@@ -260,7 +260,7 @@ def face_travel(axis: Array, normal: Array, start: Array, end: Array, turn: Arra
     return np.asarray(np.vecdot(end - start, after) / np.where(along == 0, np.nan, along))
 
 
-def tilted(direction: Array, tilt: float, group: Ids, rng: np.random.Generator) -> Array:
+def tilt_directions(direction: Array, tilt: float, group: Ids, rng: np.random.Generator) -> Array:
     """Tilt directions by random angles; the directions of one group are tilted alike.
 
     Args:
@@ -322,7 +322,7 @@ class Gauge:
             Readings unloaded and loaded, (2, runs) [m]; NaN out of range.
         """
         group = np.zeros_like(pose) if self.alike else pose
-        normal, axis = (tilted(direction, self.tilt, group, rng) for _ in range(2))
+        normal, axis = (tilt_directions(direction, self.tilt, group, rng) for _ in range(2))
         turn = rotations[1] @ rotations[0].swapaxes(1, 2)
         moved = face_travel(axis, normal, *places, turn)
         # Friction holds the tip back: from either side unloaded, against the motion loaded.
@@ -340,7 +340,7 @@ class DistanceMeter:
     """Describe a ballbar, a draw-wire or an interferometer between a fixed point and a marker."""
 
     sigma: float  #: Standard deviation of one reading [m].
-    fixed: float  #: Standard deviation of the fixed point's stated place along each axis [m].
+    fixed_point_sigma: float  #: Standard deviation of the fixed point's stated place along each axis [m].
     #: Largest change of the distance that it follows, to either side [m].
     travel: float
 
@@ -361,15 +361,15 @@ class DistanceMeter:
         Returns:
             Readings unloaded and loaded, (2, runs) [m]; NaN out of range.
         """
-        true = stated + self.fixed * rng.standard_normal(3)
+        true = stated + self.fixed_point_sigma * rng.standard_normal(3)
         length = np.linalg.norm(np.array(places) - true, axis=-1)
         read = length + self.sigma * rng.standard_normal(length.shape)
         return np.where(np.abs(length[1] - length[0]) <= self.travel, read, np.nan)
 
 
-BALLBAR = DistanceMeter(sigma=1e-6, fixed=1e-3, travel=1e-3)
+BALLBAR = DistanceMeter(sigma=1e-6, fixed_point_sigma=1e-3, travel=1e-3)
 """A telescoping ballbar. Makers state about 1 um and a range of 1 mm to either side [assumed]; the fixed ball
 is placed with a tape or a square, to a millimetre [assumed]."""
-DRAW_WIRE = DistanceMeter(sigma=50e-6, fixed=2e-3, travel=1.0)
+DRAW_WIRE = DistanceMeter(sigma=50e-6, fixed_point_sigma=2e-3, travel=1.0)
 """A draw-wire encoder of 2 m. Makers state a repeatability of some hundredths of a millimetre [assumed]; its
 outlet is known to two millimetres [assumed]."""

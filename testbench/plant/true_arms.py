@@ -24,7 +24,15 @@ import numpy as np
 from testbench.arm.elastic import check_compliance, rotated_compliance
 from testbench.arm.folder import Arm, Link
 from testbench.errors import Array, BenchError
-from testbench.plant.build import AXES, Plant, compile_mjcf, elastic_mjcf, plant_of, weightless, with_model
+from testbench.plant.build import (
+    AXES,
+    Plant,
+    compile_mjcf,
+    elastic_mjcf,
+    plant_from_model,
+    weightless,
+    with_model,
+)
 from testbench.plant.cast import cast_link
 from testbench.plant.disturbance import FOUNDATION, Disturbances, draw_gears
 from testbench.plant.equilibrium import hinged_bodies
@@ -50,30 +58,31 @@ class TrueArm:
     springs: Springs | None = None  #: Draws what constant compliances cannot describe, given the drawn arm.
 
 
-UNEQUAL = 0.5  #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
+#: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
+JOINT_LOG_DEVIATION = 0.5
 JOINT_FACTOR_RANGE = 0.3, 3.0
 """Range of a joint's compliance over the folder's, if all joints are far off [1]."""
-STIFFER = 3, 10, 30, 100, 300
+STIFFER_FACTORS = 3, 10, 30, 100, 300
 """Factors by which links are stiffer, so that the joints dominate."""
-RADIUS, TILTS = 0.15, (0.1, 1.0)
+BEARING_RADIUS, BEARING_TILTS = 0.15, (0.1, 1.0)
 """Radius of a bearing [m], and range of its tilt under a moment over the turn of the folder's joint [1]."""
-SOFTER = 5.0
+SOFT_LINK_FACTOR = 5.0
 """Factor by which one link is softer than the others [1]."""
 TUBE_ENTRIES = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4))
 """Entries of a tube's compliance that are not zero, one of each pair."""
-DRAWS = 7
+CORRELATION_VECTORS = 7
 """Vectors that define a random correlation matrix."""
-FOLLOWING = 20, 50
+POSE_DEPENDENCE_PERCENT = 20, 50
 """Largest change of a link's compliance with the angle of the next joint, softer or stiffer [%]."""
-ALONG = 0.5
+AXIS_LOG_DEVIATION = 0.5
 """Change of the log compliance of a link's axes with all joints, standard deviation [1]."""
-TIED = 0.2, 0.5
+JOINT_COUPLING_RANGE = 0.2, 0.5
 """Range of the compliance between neighbouring joints over the geometric mean of theirs [1]."""
-SLIP = 5e-5, 4e-4
+SLIP_RANGE = 5e-5, 4e-4
 """Range of the largest half width of friction that slips gradually [rad]; hysteresis has one of 3e-5."""
 FAMILY = "family"
 """All of TRUTHS, one per seed in turn."""
-HALVINGS = 24
+BISECTIONS = 24
 """Bisections for the size of a link's deformation."""
 
 
@@ -124,7 +133,7 @@ def deform_tube(C: Array, S: Array, distance: float) -> Array:
     low, high = 0.0, float(distance / np.linalg.norm(S, 2))
     while distance_from_tubes(at(high)) < distance:
         low, high = high, 2 * high
-    for _ in range(HALVINGS):
+    for _ in range(BISECTIONS):
         middle = (low + high) / 2
         low, high = (middle, high) if distance_from_tubes(at(middle)) < distance else (low, middle)
     return at(high)
@@ -158,7 +167,7 @@ def _scaled_links(arm: Arm, factors: Array) -> Arm:
 
 
 def _unequal_joints(arm: Arm, rng: np.random.Generator) -> Arm:
-    return _scaled_joints(arm, np.exp(UNEQUAL * rng.standard_normal(arm.n_joints)))
+    return _scaled_joints(arm, np.exp(JOINT_LOG_DEVIATION * rng.standard_normal(arm.n_joints)))
 
 
 TRUTHS: Mapping[str, TrueArm] = {
@@ -185,14 +194,14 @@ def member_of_family(arm: Arm, rng: np.random.Generator) -> Arm:
     return TRUTHS[str(rng.choice(list(TRUTHS)))].draw(arm, rng)
 
 
-def _stiffer(times: float, arm: Arm, rng: np.random.Generator) -> Arm:
+def _stiffer_links(times: float, arm: Arm, rng: np.random.Generator) -> Arm:
     own = member_of_family(arm, rng)
     return _scaled_links(own, np.full(len(own.links), 1 / times))
 
 
 def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
     own, factors = member_of_family(arm, rng), np.ones(len(arm.links))
-    factors[rng.integers(len(factors))] = SOFTER
+    factors[rng.integers(len(factors))] = SOFT_LINK_FACTOR
     return _scaled_links(own, factors)
 
 
@@ -209,13 +218,13 @@ def couple_compliance(C: Array, rng: np.random.Generator) -> Array:
     Returns:
         The coupled compliance, (6, 6).
     """
-    A = rng.standard_normal((6, DRAWS))
+    A = rng.standard_normal((6, CORRELATION_VECTORS))
     W = A @ A.T
     scale = np.sqrt(np.diag(C) / np.diag(W))
     return np.asarray(W * np.outer(scale, scale))
 
 
-def _coupled(arm: Arm, rng: np.random.Generator) -> Arm:
+def _coupled_links(arm: Arm, rng: np.random.Generator) -> Arm:
     def own(link: Link) -> Link:
         C = couple_compliance(link.compliance, rng)
         return replace(link, compliance=check_compliance(C, f"{link.name} coupled"))
@@ -225,8 +234,8 @@ def _coupled(arm: Arm, rng: np.random.Generator) -> Arm:
 
 def _soft_bearings(arm: Arm, rng: np.random.Generator) -> Arm:
     """Add a bearing, equal in all directions, to the end of every link before a hinge."""
-    own, unit = member_of_family(arm, rng), np.diag([RADIUS**2] * 3 + [1.0] * 3)
-    shares = np.exp(rng.uniform(np.log(TILTS[0]), np.log(TILTS[1]), arm.n_joints))
+    own, unit = member_of_family(arm, rng), np.diag([BEARING_RADIUS**2] * 3 + [1.0] * 3)
+    shares = np.exp(rng.uniform(np.log(BEARING_TILTS[0]), np.log(BEARING_TILTS[1]), arm.n_joints))
     tilts = [0.0 if j.prismatic else s * j.compliance for j, s in zip(arm.joints, shares, strict=True)]
     links = zip(own.links, [*tilts, 0.0], strict=True)
     return replace(
@@ -240,7 +249,7 @@ def _far_joints(arm: Arm, rng: np.random.Generator) -> Arm:
     )
 
 
-def _following(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
+def _pose_dependent(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
     """Vary every link as a whole with the sine of the next joint's angle; the last with the last joint's."""
     from testbench.plant.joint_law import Beyond, Follows
 
@@ -251,16 +260,16 @@ def _following(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
     return Beyond(Follows(share, turns, rng.uniform(-np.pi, np.pi, links)))
 
 
-def _following_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
+def _pose_dependent_axes(arm: Arm, rng: np.random.Generator) -> "Beyond":
     """Vary every axis of a link by itself, with a sum of the angles of all joints."""
     from testbench.plant.joint_law import Beyond, Follows
 
     links, n = len(arm.links), arm.n_joints
-    share = ALONG * rng.standard_normal((links, 6))
+    share = AXIS_LOG_DEVIATION * rng.standard_normal((links, 6))
     return Beyond(Follows(share, rng.standard_normal((links, n)), rng.uniform(-np.pi, np.pi, links)))
 
 
-def _tied(arm: Arm, correlation: Array) -> "Beyond":
+def _coupled_joints(arm: Arm, correlation: Array) -> "Beyond":
     """Couple joints by a correlation matrix, (n, n) [1]."""
     from testbench.plant.joint_law import Beyond
 
@@ -268,63 +277,65 @@ def _tied(arm: Arm, correlation: Array) -> "Beyond":
     return Beyond(between=(correlation - np.diag(np.diag(correlation))) * np.outer(root, root))
 
 
-def _tied_joints(arm: Arm, rng: np.random.Generator) -> "Beyond":
+def _coupled_neighbours(arm: Arm, rng: np.random.Generator) -> "Beyond":
     """Couple every joint with the next one: below 1/2 the matrix is positive definite."""
     n = arm.n_joints - 1
-    own = np.diag(rng.uniform(*TIED, n) * rng.choice([-1.0, 1.0], n), 1)
-    return _tied(arm, own + own.T)
+    own = np.diag(rng.uniform(*JOINT_COUPLING_RANGE, n) * rng.choice([-1.0, 1.0], n), 1)
+    return _coupled_joints(arm, own + own.T)
 
 
-def _tied_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
+def _all_joints_coupled(arm: Arm, rng: np.random.Generator) -> "Beyond":
     """Couple every joint with every other one, by correlations of normal vectors with 4 n numbers."""
     n = arm.n_joints
     A = rng.standard_normal((n, 4 * n))
     d = np.linalg.norm(A, axis=1)
-    return _tied(arm, A @ A.T / np.outer(d, d))
+    return _coupled_joints(arm, A @ A.T / np.outer(d, d))
 
 
 def _slipping(arm: Arm, rng: np.random.Generator) -> "Beyond":
     from testbench.plant.joint_law import Beyond
 
-    least, most = np.log(SLIP)
+    least, most = np.log(SLIP_RANGE)
     return Beyond(slip=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))
 
 
 _SPRINGS: Mapping[str, Springs] = {
-    **{f"following_{percent}": partial(_following, percent) for percent in FOLLOWING},
-    "following_all": _following_all,
-    "tied_joints": _tied_joints,
-    "tied_all": _tied_all,
+    **{f"following_{percent}": partial(_pose_dependent, percent) for percent in POSE_DEPENDENCE_PERCENT},
+    "following_all": _pose_dependent_axes,
+    "tied_joints": _coupled_neighbours,
+    "tied_all": _all_joints_coupled,
     "slipping": _slipping,
 }
 HELD_OUT: Mapping[str, TrueArm] = {
-    **{f"stiffer_{n}": TrueArm(partial(_stiffer, n)) for n in STIFFER},
+    **{f"stiffer_{n}": TrueArm(partial(_stiffer_links, n)) for n in STIFFER_FACTORS},
     "soft_link": TrueArm(_soft_link),
-    "coupled": TrueArm(_coupled),
+    "coupled": TrueArm(_coupled_links),
     "far_joints": TrueArm(_far_joints),
     "bearings": TrueArm(_soft_bearings),
     **{name: TrueArm(member_of_family, springs) for name, springs in _SPRINGS.items()},
 }
 """True arms of further kinds, for judging only: nothing was developed on them, and the family excludes
 them."""
-CALLED = {
+TRUE_ARM_LABELS = {
     "tubes": "links of tubes",
     **{f"off_{percent}": f"links {percent} % off tubes" for percent in (10, 20, 40)},
     "cast": "cast links",
     "joints": "unequal joints",
-    **{f"stiffer_{n}": f"links {n} times stiffer" for n in STIFFER},
+    **{f"stiffer_{n}": f"links {n} times stiffer" for n in STIFFER_FACTORS},
     "soft_link": "one link softer",
     "coupled": "coupled links",
     "far_joints": "joints far off",
     "bearings": "soft bearings",
-    **{f"following_{percent}": f"links follow the pose by {percent} %" for percent in FOLLOWING},
+    **{
+        f"following_{percent}": f"links follow the pose by {percent} %" for percent in POSE_DEPENDENCE_PERCENT
+    },
     "following_all": "axes of links follow all joints",
     "tied_joints": "neighbouring joints coupled",
     "tied_all": "all joints coupled",
     "slipping": "friction slips bit by bit",
 }
 """Names of our true arms in reports; one that is added bears its own."""
-TRUTH_WORDS = {
+TRUTH_DESCRIPTIONS = {
     "tubes": "the folder's: every link a straight tube, which the template contains",
     **{
         f"off_{percent}": f"every link {percent} % off any tube along its axes, and these turned by "
@@ -333,7 +344,7 @@ TRUTH_WORDS = {
     },
     "cast": "every link a cast box, tapered, bowed, beside its joints, half of them with an open side; as "
     "long as the tube and in the mean as compliant under moments",
-    "joints": f"joints other than the folder's, standard deviation of the logarithm {UNEQUAL:g}",
+    "joints": f"joints other than the folder's, standard deviation of the logarithm {JOINT_LOG_DEVIATION:g}",
 }
 """Descriptions of TRUTHS."""
 
@@ -348,9 +359,9 @@ true_arms: Registry[TrueArm] = Registry("true arm", "testbench.true_arms", {**TR
 """Kinds of true arms by name: TRUTHS, HELD_OUT, and those that users add."""
 
 
-def called(name: str) -> str:
+def true_arm_label(name: str) -> str:
     """Return the words that reports use for a kind of true arm; one that a user added keeps its own name."""
-    return CALLED.get(name, name)
+    return TRUE_ARM_LABELS.get(name, name)
 
 
 def true_arm_of_seed(family: str, seed: int) -> str:
@@ -421,13 +432,13 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
         frames = np.zeros_like(frames)
     else:
         frames = frames * np.repeat([errors.position, errors.angle], 3)
-        true = _displaced(true, frames)
+        true = _with_frame_errors(true, frames)
     return replace(
         true,
         disturbances=disturbances,
-        offset=disturbances.sensor_offset * offset,
-        centre=disturbances.centre_error * centre,
-        frames=frames,
+        joint_offset=disturbances.sensor_offset * offset,
+        load_point_error=disturbances.centre_error * centre,
+        frame_errors=frames,
         gears=None if disturbances.gear is None else draw_gears(disturbances.gear, n, rng.spawn(1)[0]),
     )
 
@@ -435,7 +446,7 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
 def exactly_loaded(plant: Plant) -> Plant:
     """Copy a plant without errors of the recorded load: its mass and its centre are exact."""
     exact = replace(plant.disturbances, mass_error=0.0, centre_error=0.0)
-    return replace(plant, disturbances=exact, centre=np.zeros(3))
+    return replace(plant, disturbances=exact, load_point_error=np.zeros(3))
 
 
 def _on_foundation(plant: Plant, scale: float) -> Plant:
@@ -446,13 +457,13 @@ def _on_foundation(plant: Plant, scale: float) -> Plant:
     compliance = scale * np.array(FOUNDATION)
     model = compile_mjcf(arm.rigid, elastic_mjcf(arm, compliance))
     model.opt.gravity[:] = plant.model.opt.gravity
-    true = replace(plant_of(arm, model), beyond=plant.beyond)
+    true = replace(plant_from_model(arm, model), beyond=plant.beyond)
     soft = [model.joint(f"foundation_{axis}").dofadr[0] for axis in AXES]
     true.C[soft, soft] = compliance
     return true
 
 
-def _displaced(plant: Plant, frames: Array) -> Plant:
+def _with_frame_errors(plant: Plant, frames: Array) -> Plant:
     """Move and rotate the frames of all joints and of the tool, (n + 1, 6) [m, rad].
 
     The body that carries the virtual joint before a frame defines its place; the frame's own body its

@@ -18,7 +18,7 @@ from matplotlib.colors import LinearSegmentedColormap, SymLogNorm
 from matplotlib.figure import Figure
 
 from testbench.errors import Array
-from testbench.identify.conic import LENGTH
+from testbench.identify.conic import LEVER_LENGTH
 from testbench.report.colours import GREY, LINK, MEASURED, NEGATIVE, NOMINAL, SERIES, Look, hexadecimal
 from testbench.report.figure import (
     MIN_LETTER_SIZE,
@@ -286,7 +286,8 @@ def eigenvalue_figure(details: Row, looks: Mapping[str, Look], names: Sequence[s
 
 OF_EIGENVALUES = (
     "Eigenvalues of the compliance of every link, and the compliance of every joint; a translation counts as "
-    f"the rotation on an arm of {LENGTH:g} m. A part with a negative eigenvalue, a red cross, would move "
+    f"the rotation on an arm of {LEVER_LENGTH:g} m. A part with a negative eigenvalue, a red cross, "
+    f"would move "
     "against its load, which no body does."
 )
 

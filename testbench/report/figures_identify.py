@@ -104,8 +104,8 @@ def ratio_pane(axes: Axes, f: Row, models: Table) -> None:
     name, ratio = models.columns[0], TableColumn(RATIO, "held-out error, ratio", form=".2f", none="")
     ratios = {row.name: row.ratio for row in f.over}
     rows = [Row(name=name.cell(row), ratio=ratios.get(name.cell(row), math.nan)) for row in models.rows]
-    own = Table((TableColumn("name", "model"), ratio), rows, looks=models.looks)
-    forest_pane(axes, own, ratio, named=False)
+    table = Table((TableColumn("name", "model"), ratio), rows, looks=models.looks)
+    forest_pane(axes, table, ratio, named=False)
     ends = [*axes.dataLim.intervalx.tolist(), 1.0]
     axes.axvline(1, color=SOFT, linewidth=0.8, linestyle=":")
     log_ticks(axes, "x", min(ends), max(ends))

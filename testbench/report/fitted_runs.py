@@ -108,7 +108,9 @@ def _runs(
     poses = PoseGroup(
         name="Runs, against their readings",
         names=[f"Run {row.which_run}" for row in rows],
-        words=[_said(row, list(left), cell.arm.words(data.q[k])) for row, k in zip(rows, some, strict=True)],
+        words=[
+            _said(row, list(left), cell.arm.pose_text(data.q[k])) for row, k in zip(rows, some, strict=True)
+        ],
         rigid=rigid_frames(cell.room, data.q[some]),
         bent=bent,
         layers=[
@@ -161,18 +163,18 @@ def _map(f: Row, group: int) -> PlaceMap:
     )
 
 
-def badge(found: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
+def badge(identified: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
     """Compare the recommended model with its strongest rival, by what was held out.
 
     Args:
-        found: The fits.
+        identified: The fits.
         left: Residuals by model.
 
     Returns:
         The badge; None without a rival.
     """
-    rms, each = held_out(found, left, MIN_PAIRS)
-    taken, fits = found.fits.recommended, found.fits
+    rms, each = held_out(identified, left, MIN_PAIRS)
+    taken, fits = identified.fits.recommended, identified.fits
     rivals = [name for name in incumbents(fits.models, taken) if name in rms]
     why = "first check the runs, see the doubt" if any(x.name != "prior" for x in fits.doubts) else ""
     own = badge_against_all(taken, {name: (rms[taken], rms[name], None) for name in rivals}, each, why)
@@ -181,18 +183,18 @@ def badge(found: IdentifyResult, left: Mapping[str, Array]) -> Badge | None:
     return own
 
 
-def ratios_to_chosen(found: IdentifyResult, left: Mapping[str, Array]) -> list[Row]:
+def ratios_to_chosen(identified: IdentifyResult, left: Mapping[str, Array]) -> list[Row]:
     """Compare the held-out errors of all models with those of the model to take.
 
     Args:
-        found: The fits.
+        identified: The fits.
         left: Residuals by model.
 
     Returns:
         A row per model; none where too few runs were held out.
     """
-    rms, each = held_out(found, left, MIN_PAIRS)
-    taken = found.fits.recommended
+    rms, each = held_out(identified, left, MIN_PAIRS)
+    taken = identified.fits.recommended
     if len(rms.get(taken, ())) < MIN_PAIRS:
         return []
     return ratios(taken, {name: (rms[taken], own, None) for name, own in rms.items() if name != taken}, each)

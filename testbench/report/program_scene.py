@@ -28,19 +28,21 @@ MOVED, GIVE = 0.15, 0.25  #: Length of most deflections and of most ways by a fo
 TOOL = Look(GCO, 0, prior=True)
 
 
-def draw_correction(cell: Cell, found: CorrectedProgram, said: Report) -> draw.PageContent:
+def draw_correction(cell: Cell, corrected_program: CorrectedProgram, said: Report) -> draw.PageContent:
     """Draw the path, where loads draw the tool off it, and the arm that does so.
 
     Args:
         cell: The arm with its model and its truth.
-        found: The corrected program.
+        corrected_program: The corrected program.
         said: Its report.
 
     Returns:
         The content.
     """
     points, tolerance = said.numbers["rows"], said.numbers["tolerance"]
-    some = draw.largest_and_even(np.linalg.norm(found.found.before, axis=1), np.arange(len(points)), far=1)
+    some = draw.largest_and_even(
+        np.linalg.norm(corrected_program.found.before, axis=1), np.arange(len(points)), far=1
+    )
     rows = [points[k] for k in some]
     bounded = any(row.most_mm is not None for row in rows)  # bound beside bound: a residual is no success
     keys = {WITHIN: "before_most_mm"} if bounded else {EXPECTED: "before_mm"}
@@ -51,7 +53,7 @@ def draw_correction(cell: Cell, found: CorrectedProgram, said: Report) -> draw.P
     note, labels = draw.of_all(len(some), len(points), "points"), [row.label for row in rows]
     off, limit = "How far the loaded tool is off at each point (mm)", tolerance and tolerance.mm
     runs = [draw.RunChart(off, 0, "point", labels, errors, limit, note, limit_is="tolerance")]
-    scale, groups = _path(cell, found, rows, some, [line.values for line in errors])
+    scale, groups = _path(cell, corrected_program, rows, some, [line.values for line in errors])
     stretch, net = draw.ellipsoid_layer(said.numbers["ellipsoids"], said.numbers["ellipsoid_force_n"])
     groups[::2] = [replace(group, layers=[*group.layers, net]) for group in groups[::2]]  # not of what was
     title = f"Offsets of the path, and how the arm bends, x {scale:g}. Ellipsoids x {stretch:g}."
@@ -59,23 +61,23 @@ def draw_correction(cell: Cell, found: CorrectedProgram, said: Report) -> draw.P
 
 
 def _path(
-    cell: Cell, found: CorrectedProgram, rows: Sequence[Row], some: Ids, sizes: Sequence[Array]
+    cell: Cell, corrected_program: CorrectedProgram, rows: Sequence[Row], some: Ids, sizes: Sequence[Array]
 ) -> tuple[float, list[draw.PoseGroup]]:
     """The arm along its program, and from near the path before and after; how much is magnified.
 
     Args:
         cell: The arm.
-        found: The corrected program.
+        corrected_program: The corrected program.
         rows: What is said of the points.
         some: Which they are.
         sizes: Errors before and after that colour both paths, (points,) each [mm]; NaN where there is none.
     """
-    compensated, q = found.found, found.found.start[some]
+    compensated, q = corrected_program.found, corrected_program.found.start[some]
     asked = compensated.target.position[some]
     size = max(MIN_ERROR_LENGTH, float(np.linalg.norm(np.ptp(asked, axis=0))))
     M = draw.arrow_scale(compensated.before[some], ERROR_LENGTH * size)
     off, back = (asked + M * metres[some] for metres in (compensated.before, compensated.after))
-    force = np.sum([load.wrench[some, :3] for load in found.loads], axis=0)
+    force = np.sum([load.wrench[some, :3] for load in corrected_program.loads], axis=0)
     before, after = (
         draw.Layer(name, colour, "tubes", x[None, :-1], x[None, 1:], values=np.fmax(mm[:-1], mm[1:]))
         for name, colour, x, mm in zip(
@@ -99,7 +101,7 @@ def _path(
         names=[f"Point {row.label}, line {row.line}" for row in rows],
         words=[_of_point(row) for row in rows],
         rigid=rigid_frames(cell.room, q),
-        bent=elastic_frames(cell.plant, q, M * predicted_bending(found, some)),
+        bent=elastic_frames(cell.plant, q, M * predicted_bending(corrected_program, some)),
         layers=[path, before, after, tool, *loads(off, force, cell.vjm.reach)],
         first=int(np.argmax([row.before_mm for row in rows])),
         ordered=True,
@@ -171,7 +173,7 @@ def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
     """The poses of the file, bent by what acts there."""
     prediction, state, q, tool = made.found, made.model.state, made.asked.q[some], made.stiffness
     theta = (
-        equilibrium(state, q, [load.of(some) for load in made.asked.loads]).theta
+        equilibrium(state, q, [load.select(some) for load in made.asked.loads]).theta
         - equilibrium(state, q).theta
     )
     start = prediction.position[some] - prediction.deflection[some]
@@ -179,12 +181,12 @@ def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
     ways = G * made.map.force * (tool.displacement_per_force[some][:, None] * tool.axes[some])
     ways = ways.transpose(0, 2, 1)  # a row an axis
     bent = elastic_frames(made.cell.plant, q, M * joint_law_rotations(state.vjm, theta))
-    acting = [own for load in made.asked.loads for own in _acting(made.cell, bent, load.of(some))]
+    acting = [layer for load in made.asked.loads for layer in _acting(made.cell, bent, load.select(some))]
     words = [
         f"The tool moves {MM * prediction.size[k, 0]:.3f} mm, {_bound(MM * prediction.widest[k, 0])}. "
         f"{made.map.force:,.0f} N move it up to "
         f"{MM * made.map.force * tool.displacement_per_force[k, 0]:.3f} mm, "
-        f"{direction_words(tool.softest[k])}. {made.model.arm.words(made.asked.q[k])}."
+        f"{direction_words(tool.softest[k])}. {made.model.arm.pose_text(made.asked.q[k])}."
         for k in some
     ]
     return draw.PoseGroup(
@@ -221,7 +223,7 @@ def _places(made: Predicted) -> draw.PoseGroup:
     sizes = zip(MM * field.worst, MM * field.half.max(axis=1), field.direction, field.q, strict=True)
     words = [
         f"{field.force:,.0f} N {direction_words(direction)} move the tool {size:.3f} mm, {_bound(half)}. "
-        f"{made.model.arm.words(q)}."
+        f"{made.model.arm.pose_text(q)}."
         for size, half, direction, q in sizes
     ]
     way_of = draw.Layer("softest direction", GCO, "lines", at - way, at + way)

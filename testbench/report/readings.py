@@ -87,17 +87,17 @@ def _others(f: Row) -> Iterator[tuple[str, str]]:
         yield "measured deflections over those predicted by the arm's folder", f"{f.scale:.2f}"
 
 
-def report(found: Row, registered: RegisteredDataset) -> Report:
+def report(row: Row, registered: RegisteredDataset) -> Report:
     """Report a file of measured runs.
 
     Args:
-        found: What is in it, with its `dataset`, `doubts` and `scale`.
+        row: What is in it, with its `dataset`, `doubts` and `scale`.
         registered: The runs in the base's frame.
 
     Returns:
         The report.
     """
-    f = Row(found, arm=registered.vjm.arm.name, frame=registered.frame, away=farthest_off(registered))
+    f = Row(row, arm=registered.vjm.arm.name, frame=registered.frame, away=farthest_off(registered))
     others = [Row(what=what, value=value) for what, value in _others(f)]
     tables = {"columns": Table(COLUMNS, f.columns, "Which column is which quantity")}
     tables["numbers"] = Table(columns("what value"), others, "The runs")
@@ -147,8 +147,15 @@ def draw_runs(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
             ("Unloaded reading from where the arm without sag has the target (mm)", away),
         )
     )
-    read = ((title, [line for line in own if np.isfinite(line.values).any()]) for title, own in lines)
-    charts = [draw.RunChart(title, 0, "run", labels, own, note=note) for title, own in read if own]
+    read = (
+        (title, [line for line in model_lines if np.isfinite(line.values).any()])
+        for title, model_lines in lines
+    )
+    charts = [
+        draw.RunChart(title, 0, "run", labels, model_lines, note=note)
+        for title, model_lines in read
+        if model_lines
+    ]
     title = f"Deflections x {M:g}."
     return draw.PageContent(scene=draw.Scene(cell, title, [_runs(cell, registered, some, M)]), runs=charts)
 
@@ -185,22 +192,22 @@ def _words(cell: Cell, data: Dataset, k: int) -> str:
     each = zip(data.markers, sizes, there, there | data.lost[k], strict=True)
     moved = [f"{name} {f'moves {mm:.3f} mm' if seen else 'lost'}" for name, mm, seen, meant in each if meant]
     force = float(np.linalg.norm(data.wrench[k, :3]))
-    return f"{force:.5g} N: {', '.join(moved)}. {cell.arm.words(data.q[k])}."
+    return f"{force:.5g} N: {', '.join(moved)}. {cell.arm.pose_text(data.q[k])}."
 
 
-def draw_calibration(cell: Cell, found: Calibrated, left: counted.RemainingErrors) -> draw.PageContent:
+def draw_calibration(cell: Cell, calibrated: Calibrated, left: counted.RemainingErrors) -> draw.PageContent:
     """Draw the readings on the arm: from where the arm should have its targets to where they were read.
 
     Args:
         cell: The arm with its model and its truth.
-        found: The calibration.
+        calibrated: The calibration.
         left: Errors that remain.
 
     Returns:
         The content.
     """
-    known = np.flatnonzero((size := counted.largest_remaining_error(found, left)) >= 0)
-    rows, reach = counted.rows_of(found, left, draw.largest_and_even(size, known)), cell.vjm.reach
+    known = np.flatnonzero((size := counted.largest_remaining_error(calibrated, left)) >= 0)
+    rows, reach = counted.rows_of(calibrated, left, draw.largest_and_even(size, known)), cell.vjm.reach
     sizes = [MM * np.nanmax(np.linalg.norm(x, axis=2), axis=1) for x in (rows.before, rows.after)]
     marks = [draw.ModelLine(name, look, mm) for (name, look), mm in zip(LOOKS.items(), sizes, strict=True)]
     A = draw.arrow_scale(rows.before, ARROW_LENGTH * reach)
@@ -215,7 +222,7 @@ def draw_calibration(cell: Cell, found: Calibrated, left: counted.RemainingError
         name="Readings",
         names=[f"{name}, row {row}" for name, row in zip(rows.name, rows.row, strict=True)],
         words=[
-            f"{b:.3f} mm as drawn, {a:.3f} mm calibrated. {cell.arm.words(q)}."
+            f"{b:.3f} mm as drawn, {a:.3f} mm calibrated. {cell.arm.pose_text(q)}."
             for b, a, q in zip(*sizes, rows.q, strict=True)
         ],
         rigid=straight,

@@ -511,7 +511,7 @@ def _difference(axes: Axes, cut: Slice, both: tuple[ModelLine, ModelLine], there
     """
     ours, theirs = both
     less = cut.interpolate((ours.values - theirs.values)[there])
-    colours = ListedColormap([own.look.hex for own in both])
+    colours = ListedColormap([model_line.look.hex for model_line in both])
     axes.imshow(
         np.where(np.isfinite(less), less > 0, np.nan), cmap=colours, vmin=0, vmax=1, alpha=0.75, **cut.frame
     )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from testbench.errors import Array
-from testbench.plant.true_arms import CALLED
+from testbench.plant.true_arms import TRUE_ARM_LABELS
 from testbench.report.colours import Look, Modelled, look_of
 from testbench.runs.spread import Number, Share, Spread, median_interval, middle, spans
 
@@ -354,7 +354,7 @@ WORDS = """
 """
 COUNTS = "datasets seeds poses run task line pose seed cases trials readings row"
 """Keys of words and of counts that are their own headings."""
-NAMES = {"true_arm": CALLED}  #: What readers call the words of a column.
+NAMES = {"true_arm": TRUE_ARM_LABELS}  #: What readers call the words of a column.
 
 
 DECLARED = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))

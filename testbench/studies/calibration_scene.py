@@ -9,7 +9,7 @@ from testbench.data.dataset import Dataset, select_rows, split
 from testbench.errors import Array
 from testbench.files.read_pairs import from_text
 from testbench.files.write import write_csv
-from testbench.plant.shapes import elastic_frames, origins, rigid_frames
+from testbench.plant.shapes import body_origins, elastic_frames, rigid_frames
 from testbench.report.colours import MEASURED, Look, look_of
 from testbench.report.scene import (
     Layer,
@@ -95,7 +95,9 @@ def amid_errors(
     rigid = rigid_frames(cell.room, q[some])
     title, called = "Positions that were not fitted", [f"Position {name}" for name in names]
     poses = PoseGroup(title, called, [""] * len(some), rigid, bent=None)
-    drawn, lines = with_errors(poses, origins(cell.room, cell.arm.markers[:1], rigid), errors, looks, scale)
+    drawn, lines = with_errors(
+        poses, body_origins(cell.room, cell.arm.markers[:1], rigid), errors, looks, scale
+    )
     note = of_all(len(some), len(q), "positions")
     chart = RunChart("Error at each position (mm)", 0, "position", names, lines, note=note)
     return PageContent(scene=Scene(cell, f"Errors x {scale:g}.", [drawn]), runs=[chart])
@@ -196,7 +198,7 @@ def _poses(
     poses = PoseGroup(
         *of,
         words=[
-            f"Markers move up to {mm:.2f} mm. Joints at {cell.arm.words(q)}. "
+            f"Markers move up to {mm:.2f} mm. Joints at {cell.arm.pose_text(q)}. "
             for mm, q in zip(moved.tolist(), data.q, strict=True)
         ],
         rigid=rigid_frames(cell.room, data.q),

@@ -423,7 +423,7 @@ def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> Dr
         cell.vjm, estimate, true, sag_by_part(cell.vjm, estimate, campaign.identification)
     )
     if whole:
-        measured, over = (csv_text(own, cell.arm) for own in (campaign.measured, campaign.truth))
+        measured, over = (csv_text(data, cell.arm) for data in (campaign.measured, campaign.truth))
         moved = tuple(campaign.truth.deflection.ravel().tolist())
         names = tuple(part.part for part in parts for _ in part.urad_per_Nm)
     return DrawnErrors(

@@ -137,7 +137,7 @@ def bounds(models: FitSet, functionals: Array) -> Bounds:
             size = float(np.linalg.norm(a))
             for side, sign in enumerate((-1, 1)):
                 solution = greatest(-sign * a / (size or 1.0))
-                good = solution.word in ACCEPTED
+                good = solution.solver_status in ACCEPTED
                 status[i][side] = "solved" if good else solution.failure
                 if good:  # the bound is the dual's, so it holds
                     value[i, side], reached[i, side] = -sign * size * solution.bound, L @ solution.x

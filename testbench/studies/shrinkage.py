@@ -22,7 +22,13 @@ from testbench.identify.cone import psd_part
 from testbench.identify.conic import EXACT_FIT, norms_below, solve_gco
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.interior import BlockProgram, interior
-from testbench.identify.metric import Case, PriorScaling, Strength, WeightedPrior, weighted_rows
+from testbench.identify.metric import (
+    PriorScaling,
+    RegressionWithPrior,
+    Strength,
+    WeightedPrior,
+    weighted_rows,
+)
 from testbench.identify.regression import Regression, f_m, reduce_parts
 from testbench.identify.solve import solve_with_prior
 from testbench.identify.trace import Fold, divide_poses, folds
@@ -46,29 +52,29 @@ def gco_stein(regression: Regression, metric: PriorScaling, strength: Strength) 
     Returns:
         The estimate.
     """
-    case = Case(regression, WeightedPrior(metric, strength))
+    case = RegressionWithPrior(regression, WeightedPrior(metric, strength))
     pi, left = _minimum(case)
     estimate = make_estimate(regression, pi, method="GCO with log-det prior", constraint="psd")
     return replace(
-        estimate, weighted_prior=case.belief, status="solved" if left <= LEFT else f"not solved: {left:.1g}"
+        estimate, weighted_prior=case.prior, status="solved" if left <= LEFT else f"not solved: {left:.1g}"
     )
 
 
-def stein_parameters(case: Case) -> Array:
+def stein_parameters(case: RegressionWithPrior) -> Array:
     """Compute the parameters that `gco_stein` finds, (n,)."""
     return _minimum(case)[0]
 
 
-def _minimum(case: Case) -> tuple[Array, float]:
+def _minimum(case: RegressionWithPrior) -> tuple[Array, float]:
     """Parameters, (n,), and how far they are from the optimum, over the cost of no model."""
-    metric, n = case.belief.scaling, case.belief.scaling.structure.n
+    metric, n = case.prior.scaling, case.prior.scaling.structure.n
     e, (A, y) = metric.expected, weighted_rows(case.regression, metric)
     scale = max(1e-6, float(np.linalg.solve(metric.L, solve_with_prior("psd", case).pi) @ e / (e @ e)))
     # X in units of the scale, the cost in those of what the readings span
     T: Array = np.asarray(np.linalg.qr(np.c_[scale * A, y], mode="r"))[:n]
     size = float(T[:, n] @ T[:, n])
     R, z = T[None, :, :n] / math.sqrt(size), T[None, :, n] / math.sqrt(size)
-    weight = 1 / (size * case.belief.strength.uncertainty**2)
+    weight = 1 / (size * case.prior.strength.uncertainty**2)
     program = BlockProgram(R, z, np.zeros(1), weight * e, metric.sizes, squares=True, barrier=weight)
     iterate = interior(program)
     return np.asarray(scale * metric.L @ iterate.x), iterate.distance_from_optimum(program)
@@ -128,7 +134,9 @@ def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
     return folds(parts)
 
 
-def choose_strength(held: Sequence[Fold], metric: PriorScaling, fit: Callable[[Case], Array]) -> Strength:
+def choose_strength(
+    held: Sequence[Fold], metric: PriorScaling, fit: Callable[[RegressionWithPrior], Array]
+) -> Strength:
     """Choose the uncertainty of a prior that predicts held-out poses best.
 
     Args:
@@ -141,7 +149,7 @@ def choose_strength(held: Sequence[Fold], metric: PriorScaling, fit: Callable[[C
     """
 
     def error(strength: Strength) -> float:
-        cases = ((fold, Case(fold.fitted, WeightedPrior(metric, strength))) for fold in held)
+        cases = ((fold, RegressionWithPrior(fold.fitted, WeightedPrior(metric, strength))) for fold in held)
         return float(np.mean([f_m(fold.held_out, fit(case)) for fold, case in cases]))
 
     return min(map(Strength, UNCERTAINTIES), key=error)

@@ -19,12 +19,17 @@ from testbench.identify.absolute.align import (
     align_all,
     outliers,
     residuals,
-    too_few,
     typical_distance,
+    underdetermined_reason,
 )
 from testbench.identify.absolute.fit import Calibration, CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import inside_ellipsoid, locate_series, predict, with_known_frame
-from testbench.identify.absolute.state import LEVEL, nominal_state, torque_scale, undetermined_frames
+from testbench.identify.absolute.state import (
+    LEVEL_DEVIATION,
+    nominal_state,
+    torque_scale,
+    undetermined_frames,
+)
 from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.diagnosis.diagnose import unplaced_series
@@ -214,7 +219,7 @@ def calibrate_with_masses(
     said += [
         f"{one.name}: {few}; taken from the series that share it"
         for one in series
-        if (few := too_few(vjm, one))
+        if (few := underdetermined_reason(vjm, one))
     ]
     said += of_held(calibration)
     wild = outliers(calibration.state, calibration.series, calibration.influences)
@@ -228,17 +233,17 @@ def calibrate_with_masses(
     )
 
 
-def hidden_geometry(found: Calibrated) -> str:
+def hidden_geometry(calibrated: Calibrated) -> str:
     """Say what geometry that no arm has may hide, such as a joint's zero."""
-    why = unplaced_series(found.calibration.state.vjm, found.series[0])
+    why = unplaced_series(calibrated.calibration.state.vjm, calibrated.series[0])
     if why is None or why.name == "kinematics":
         return "is a joint's zero off, or is it another arm?"
-    return describe(why, found.calibration.state.vjm.arm, found.series[0].joints).sentence
+    return describe(why, calibrated.calibration.state.vjm.arm, calibrated.series[0].joints).sentence
 
 
 def of_held(calibration: Calibration) -> list[str]:
     """Say what every series leaves open of its frame and mount, and what holds it."""
-    vjm, every, words = calibration.state.vjm, calibration.active.unknowns.held, []
+    vjm, every, words = calibration.state.vjm, calibration.active.unknowns.undetermined, []
     for series in calibration.series:
         alone, mount, frame = (
             undetermined_frames(vjm, (series,)),
@@ -257,7 +262,7 @@ def of_held(calibration: Calibration) -> list[str]:
             open_ = f"the places of {names} on the tool and of the frame cannot be told apart"
             words.append(f"{series.name}: its tool turns too little, so that {open_}: {by}")
         if frame in alone:
-            by = f"a prior holds the frame upright, within {np.degrees(LEVEL):.1f} degrees"
+            by = f"a prior holds the frame upright, within {np.degrees(LEVEL_DEVIATION):.1f} degrees"
             by = by if frame in every else "a series that shares the target or the frame determines it"
             words.append(
                 f"{series.name}: a turn of its frame about the line of its positions is not determined: {by}"
@@ -269,7 +274,7 @@ def of_outliers(found: Outliers) -> str:
     """Say how many positions are far off."""
     worst = f"the worst is row {found.row} of {found.series}, by {1e3 * found.distance:.3g} mm"
     far = f"{READINGS.threshold / OUTLIER_WEIGHT:g} standard deviations"
-    few = f"{found.count} of {found.of} positions"
+    few = f"{found.count} of {found.readings} positions"
     return f"{few} are off by more than {far} and have less than half of the usual weight; {worst}"
 
 
@@ -278,7 +283,7 @@ def of_masses(mass_fit: MassFit) -> str:
     if not mass_fit.explained:
         return (
             "masses stay those of rigid.xml: fitted ones would leave "
-            f"{mass_fit.rest:.3g} of {mass_fit.spread:.3g} N m of the torques' scatter (order of joints, "
+            f"{mass_fit.residual:.3g} of {mass_fit.spread:.3g} N m of the torques' scatter (order of joints, "
             "unit or payload?)"
         )
     whose = "the motors' against the weight" if mass_fit.motors else "the weight's on the joints"
@@ -287,8 +292,8 @@ def of_masses(mass_fit: MassFit) -> str:
     )
     return (
         f"masses are fitted to the torques of {mass_fit.poses} poses, taken as {whose}: of a scatter of "
-        f"{mass_fit.spread:.3g} N m they leave {mass_fit.rest:.3g} N m, the masses of rigid.xml "
-        f"{mass_fit.before:.3g} N m{limited}"
+        f"{mass_fit.spread:.3g} N m they leave {mass_fit.residual:.3g} N m, the masses of rigid.xml "
+        f"{mass_fit.nominal_residual:.3g} N m{limited}"
     )
 
 

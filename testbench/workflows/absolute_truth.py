@@ -114,12 +114,12 @@ class Truth:
         plant = self.arm
         names = [*(link.name for link in plant.arm.links[1:]), plant.arm.tool]
         parts = []
-        for link, name, error in zip(plant.arm.links, names, plant.frames, strict=True):
+        for link, name, error in zip(plant.arm.links, names, plant.frame_errors, strict=True):
             frame = Rotation.from_quat(plant.model.body(name).quat, scalar_first=True)
             beam = Rotation.from_matrix(link.frame).inv() * frame
             turn = beam * Rotation.from_rotvec(error[3:]) * beam.inv()
             parts += [link.frame.T @ error[:3], turn.as_euler("XYZ")]
-        return np.concatenate([*parts, plant.offset])
+        return np.concatenate([*parts, plant.joint_offset])
 
 
 def _seen(truth: Truth, series: int, tool: Array, rotation: Array) -> tuple[Array, Array]:

@@ -32,11 +32,11 @@ def advice(estimate: Estimate) -> tuple[str, ...]:
 
 
 def _of_rank(estimate: Estimate) -> list[str]:
-    s, rank = estimate.of_compliances.structure, estimate.of_compliances.rank
+    s, rank = estimate.compliance_regression.structure, estimate.compliance_regression.rank
     if rank == s.n:
         return []
     text = f"{s.name}: {s.n} unknowns, rank {rank}; the data do not determine {s.n - rank} directions"
-    unseen = int((estimate.of_compliances.columns == 0).sum())
+    unseen = int((estimate.compliance_regression.columns == 0).sum())
     return [f"{text}; {unseen} parameters have no effect on any reading" if unseen else text]
 
 

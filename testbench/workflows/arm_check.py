@@ -14,7 +14,7 @@ from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, Doubt
 from testbench.model.vjm import Vjm, body_poses, chain, generalised_load
-from testbench.plant.shapes import RING
+from testbench.plant.shapes import CIRCLE
 from testbench.plant.tracker import trial_rng
 from testbench.workflows.cell import Cell, build_cell, check_agreement
 from testbench.workflows.rows import rms
@@ -97,7 +97,7 @@ def work_area(cell: Cell) -> Array:
     turning = np.array([not joint.prismatic for joint in cell.arm.joints], dtype=bool)
     lower = np.where(turning, np.maximum(lower, np.minimum(upper - FULL_ROTATION, -FULL_ROTATION)), lower)
     upper = np.where(turning, np.minimum(upper, np.maximum(lower + FULL_ROTATION, FULL_ROTATION)), upper)
-    q = cell.arm.followed(trial_rng(0).uniform(lower, upper, (DRAWN_POSES, cell.arm.n_joints)))
+    q = cell.arm.with_dependent_joints(trial_rng(0).uniform(lower, upper, (DRAWN_POSES, cell.arm.n_joints)))
     clear = q[[pair is None for pair in collisions(cell.room, q)]]
     return np.asarray(clear if len(clear) >= MIN_CLEAR_POSES else q)
 
@@ -136,7 +136,7 @@ def arm_warnings(looked: ArmContext) -> list[Doubt]:
 
 def _tube_lengths(arm: ArmContext) -> Iterator[str]:
     """A tube as long as the way to the next joint."""
-    for link, step in zip(arm.elastic.link, arm.vjm.steps, strict=True):
+    for link, step in zip(arm.elastic.link, arm.vjm.body_offsets, strict=True):
         if link.tube is not None:
             length, distance = link.tube.length.value, float(np.linalg.norm(step))
             if distance < length <= link.tube.outer_diameter.value:
@@ -148,7 +148,7 @@ def _tube_lengths(arm: ArmContext) -> Iterator[str]:
 
 def _beam_axes(arm: ArmContext) -> Iterator[str]:
     """A beam that points to the next joint."""
-    for link, step in zip(arm.cell.arm.links, arm.vjm.steps, strict=True):
+    for link, step in zip(arm.cell.arm.links, arm.vjm.body_offsets, strict=True):
         distance = float(np.linalg.norm(step))
         if distance > CLOSE * arm.vjm.reach:
             cosine = float(np.clip(link.frame[:, 0] @ step / distance, -1, 1))
@@ -234,7 +234,7 @@ def _behind(arm: ArmContext) -> Iterator[str]:
         return
     com = arm.cell.room.model.body(links[-1].name).ipos
     way = flange_axis(vjm.axes[-1], vjm.placements[-1], vjm.tool, com, COINCIDE * vjm.reach)
-    tool, end = float(vjm.steps[-1] @ way), 0.0
+    tool, end = float(vjm.body_offsets[-1] @ way), 0.0
     if (drawn := _drawn(arm.cell).get(len(links) - 1)) is not None:
         end = float((drawn @ way).max())
     if end - tool > INSIDE * vjm.reach:
@@ -434,13 +434,13 @@ class Checked(ArmContext):
 
         A first joint about the vertical does not change the sag: both poses have it at the same angle.
         """
-        zero = self.cell.arm.within(np.zeros(self.cell.arm.n_joints))
+        zero = self.cell.arm.clip_to_limits(np.zeros(self.cell.arm.n_joints))
         middle = int(np.argsort(self.sag.size)[len(self.sag.size) // 2])
         poses = np.array([zero, self.sag.q[middle]])
         turning, tilt, _ = base_stance(self.cell)
         if turning == 0 and tilt <= UPRIGHT:
             poses[1, 0] = poses[0, 0]
-        return self.cell.arm.followed(poses)
+        return self.cell.arm.with_dependent_joints(poses)
 
     @cached_property
     def worst(self) -> int:
@@ -459,7 +459,7 @@ class Checked(ArmContext):
     @property
     def sizes(self) -> Array:
         """Return length and outer diameter of each tube; of a link without one its way, (n + 1, 2) [m]."""
-        tubes, ways = [link.tube for link in self.elastic.link], self.vjm.steps
+        tubes, ways = [link.tube for link in self.elastic.link], self.vjm.body_offsets
         return np.array(
             [
                 (t.length.value, t.outer_diameter.value) if t else (np.linalg.norm(way), 0.0)
@@ -472,9 +472,9 @@ class Checked(ArmContext):
         """Compute where the lines that draw the tubes begin and end, in both poses, (2, k, 3) [m]."""
         beams, (length, diameter) = self.beams, self.sizes.T
         start, along = beams[..., :3, 3], beams[..., :3, 0] * length[:, None]
-        rings = 0.5 * diameter[:, None, None] * RING[:, :2]  # (tubes, p, 2)
+        rings = 0.5 * diameter[:, None, None] * CIRCLE[:, :2]  # (tubes, p, 2)
         near = start[:, :, None] + np.einsum("rkxy,kpy->rkpx", beams[..., :3, 1:3], rings)
-        far, step = near + along[:, :, None], len(RING) // SPOKES
+        far, step = near + along[:, :, None], len(CIRCLE) // SPOKES
         lines = (
             (near, np.roll(near, -1, axis=2)),
             (far, np.roll(far, -1, axis=2)),

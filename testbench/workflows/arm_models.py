@@ -30,7 +30,7 @@ from testbench.identify.registration import Frame
 from testbench.model.joint_laws import STRUT, joint_laws
 from testbench.model.kinematics import JointErrors, build_vjm
 from testbench.model.laws import model_for, with_laws
-from testbench.model.load import Load, Weights, resultant, weights_known
+from testbench.model.load import Load, Weights, resultant, weights_with_note
 from testbench.model.structure import Structure, all153, labels_of
 from testbench.model.vjm import Vjm, tool_pose
 from testbench.runs import manifest as files
@@ -431,7 +431,7 @@ def write_stiffness(
         folder: The folder.
     """
     fits, estimate, used = identified.fits, identified.taken, runs.used
-    model, notes = cell.model(estimate), weights_known(cell.arm)[1]
+    model, notes = cell.model(estimate), weights_with_note(cell.arm)[1]
     doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
     about = _about(f"{fits.recommended}: {estimate.method}", data, doubts, _about_tool(cell.vjm, used))
     fit = {
@@ -446,7 +446,7 @@ def write_stiffness(
             "sigma_rotation_rad": used.sigma_rotation,
         },
         "unseen": {
-            "directions": estimate.of_compliances.structure.n - estimate.of_compliances.rank,
+            "directions": estimate.compliance_regression.structure.n - estimate.compliance_regression.rank,
             "without_bound": len(model.posterior.unseen),
             "stiffer": list(fits.unchecked.stiffer),
             "softer": list(fits.unchecked.softer),

@@ -22,7 +22,7 @@ from testbench.identify.absolute.choose import SelectionStep
 from testbench.identify.absolute.evidence import DEFAULT_SCALES, LOOSE_STRENGTH, ActiveUnknowns
 from testbench.identify.absolute.evidence import MAX_SCALE_FACTOR as MOST_OF_USUAL
 from testbench.identify.absolute.fit import Calibration
-from testbench.identify.absolute.posterior import posterior_of, pull_of
+from testbench.identify.absolute.posterior import further_information, posterior_of
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, series_equilibrium
 from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior
@@ -434,7 +434,7 @@ def _spectrum(calibration: Calibration) -> Iterator[Row]:
             largest=max(rows, key=lambda row: float(row.amplitude_urad)),
             significant=int((amplitude > SIGNIFICANT * deviation).sum()),
             curve=joint_curve(
-                known, columns, orders, np.concatenate([one.q[:, k] for one in calibration.series])
+                known, columns, orders, np.concatenate([series.q[:, k] for series in calibration.series])
             ),
             orders=rows,
         )
@@ -468,7 +468,7 @@ def _pattern(unknowns: Unknowns) -> list[Row]:
     if (pattern := unknowns.pattern) is None:
         return []
     joints = [unknowns.vjm.arm.joints[k].name for k in pattern.joints]
-    every = zip(joints, np.degrees(pattern.turns).tolist(), pattern.senses, strict=True)
+    every = zip(joints, np.degrees(pattern.shifts).tolist(), pattern.signs, strict=True)
     return [Row(joint=name, turn_deg=turn, mirrored=sense < 0) for name, turn, sense in every]
 
 
@@ -540,7 +540,7 @@ def _left_open(calibration: Calibration) -> tuple[str, ...]:
         calibration.state, errors=few.errors, n=np.zeros((len(calibration.state.n), few.errors.size))
     )
     information = calibration.information[np.ix_(columns, columns)]
-    return unobservable(few, information, prior, pull_of(few, state, calibration.series))
+    return unobservable(few, information, prior, further_information(few, state, calibration.series))
 
 
 def _slow(active: ActiveUnknowns) -> tuple[Unknowns, Ids]:

@@ -176,7 +176,7 @@ class Cell(Displayed):
         from testbench.identify.absolute.posterior import model_of
         from testbench.identify.arm_model import model_of_estimate
         from testbench.identify.estimate import Estimate
-        from testbench.model.load import weights_known
+        from testbench.model.load import weights_with_note
 
         if isinstance(found, Calibration):
             return model_of(found)
@@ -185,7 +185,7 @@ class Cell(Displayed):
         names, own = found.structure.labels, labels_of(self.arm)
         if names[: len(own)] != own:
             raise BenchError(f"model: expected an estimate of {self.arm.name}, got one of {names[0]} ...")
-        return model_of_estimate(self.vjm, found, weights_known(self.arm)[0])
+        return model_of_estimate(self.vjm, found, weights_with_note(self.arm)[0])
 
 
 @dataclass(frozen=True, repr=False)
@@ -249,7 +249,7 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
     from testbench.plant.equilibrium import unloaded_body_poses
 
     arm = vjm.arm
-    q = arm.drawn(np.random.default_rng(0), POSES)
+    q = arm.draw_poses(np.random.default_rng(0), POSES)
     ours = [np.dstack([R, p]) for p, R in body_poses(vjm, q)]  # axes and origin as columns
     at, axes = ours[-1][..., 3:], ours[-1][..., :3]  # of points on the tool the model knows no axes
     ours += [at + axes @ point[:, None] for point in (vjm.load, *vjm.markers)]
@@ -559,7 +559,7 @@ def simulate_full_pose(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
         The campaign.
     """
     poses_rng, noise_rng = trial_rng(seed, 0), trial_rng(seed, 1)
-    q = cell.arm.drawn(poses_rng, scenario.poses)
+    q = cell.arm.draw_poses(poses_rng, scenario.poses)
     loads = np.diag([scenario.force] * 3 + [scenario.moment] * 3)
     pose = np.repeat(np.arange(scenario.poses), 6)
     wrench = np.tile(loads, (scenario.poses, 1))
@@ -594,7 +594,7 @@ def _check_runs(cell: Cell, scenario: FullPose, rng: np.random.Generator) -> tup
     """Random poses and wrenches whose first-order deflection is in range; and how many were drawn."""
     kept_q, kept_wrench = np.empty((0, cell.arm.n_joints)), np.empty((0, 6))
     for k in range(1, MAX_BATCHES + 1):
-        q = cell.arm.drawn(rng, POSES_PER_BATCH)
+        q = cell.arm.draw_poses(rng, POSES_PER_BATCH)
         wrench = random_wrenches(POSES_PER_BATCH, scenario.force, scenario.moment, rng)
         zero = np.zeros((POSES_PER_BATCH, 3))
         moved = [solve_linear_equilibrium(cell.plant, q, load, zero).tool for load in (0 * wrench, wrench)]

@@ -214,13 +214,13 @@ def joint_stiffness(vjm: Vjm, estimate: Estimate, prior: Prior, uncertainty: flo
         ends `low`, `high` and the `middle`; an end that has no bound is None.
     """
     plain, spread = (
-        estimate.of_compliances.structure,
+        estimate.compliance_regression.structure,
         NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * uncertainty,
     )
     assumed = plain.entries(aggregate(prior.C_theta, vjm, plain))
     L, known, rows = any_metric(prior, vjm, plain).L, linearise(estimate), []
     for k, joint in enumerate(vjm.arm.joints):
-        before, after = (joint_functional(vjm, own, k) for own in (plain, estimate.structure))
+        before, after = (joint_functional(vjm, structure, k) for structure in (plain, estimate.structure))
         compliances = float(before @ assumed), float(after @ estimate.pi)
         if min(compliances) <= 0:
             continue
@@ -353,11 +353,12 @@ def fit_details(
         residuals=residual_histograms(left),
         predictions=predictions(runs.deflection[seen], left),
         eigenvalues={
-            name: eigenvalues(vjm.arm, own.structure, own.C_theta) for name, own in estimates.items()
+            name: eigenvalues(vjm.arm, estimate.structure, estimate.C_theta)
+            for name, estimate in estimates.items()
         },
         sag=sag,
         compliances=link_compliances(vjm, taken, prior.C_theta, sag),
-        singular_values=singular_values(vjm, taken.of_compliances, prior, uncertainty),
+        singular_values=singular_values(vjm, taken.compliance_regression, prior, uncertainty),
         joints=joint_stiffness(vjm, taken, prior, uncertainty),
     )
 
@@ -430,7 +431,7 @@ def identifiability(cell: Cell, identified: IdentifyResult) -> Row:
         The expected error at random poses, the same after one more way to measure each, and the directions
         that the runs do not show.
     """
-    data, regression = identified.runs.used, identified.taken.of_compliances
+    data, regression = identified.runs.used, identified.taken.compliance_regression
     own: Identifiability = of_regression(cell.vjm, regression, data, cad_prior(cell.arm), USUAL)
     return Row(
         structure=own.structure.name,
@@ -565,7 +566,7 @@ def _residuals(identified: IdentifyResult, left: Mapping[str, Array]) -> list[Ro
 
 def _seen(cell: Cell, identified: IdentifyResult) -> Row:
     """Tell how much the runs say of each link and joint, beside a prior known to 30 %."""
-    regression = identified.taken.of_compliances
+    regression = identified.taken.compliance_regression
     component, share = explained_variance(cell.vjm, regression, cad_prior(cell.arm), USUAL)
     own = {name: share[np.array(component) == name] for name in dict.fromkeys(component)}
     return Row(

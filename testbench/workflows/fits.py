@@ -274,7 +274,7 @@ def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> U
     method = taken.estimator
     if not isinstance(method, Method) or method.prior is None:
         return UndeterminedParts()
-    regression = estimates[taken.name].of_compliances
+    regression = estimates[taken.name].compliance_regression
     return undetermined_parts(regression, scale_by_prior(method.prior, cell.vjm, regression.structure))
 
 

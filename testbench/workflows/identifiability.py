@@ -190,8 +190,8 @@ def unseen_poses(identifiability: Identifiability) -> list[Row]:
         ("structure", identifiability.lost_to_structure),
         ("loads", identifiability.lost_to_loads),
     ):
-        for own in lost:
-            every = [*own.parameters, *own.others]
+        for direction in lost:
+            every = [*direction.parameters, *direction.minor_parameters]
             parts = tuple(dict.fromkeys(identifiability.component[k] for k in sorted(every)))
             names = ", ".join(_name(identifiability, k) for k in every)
             start = Row(why=why, parts=", ".join(parts), directions=0, parameters=names)
@@ -417,7 +417,7 @@ def more_poses(vjm: Vjm, data: Dataset, count: int, *, seed: int) -> Dataset:
     Returns:
         The runs.
     """
-    q = vjm.arm.drawn(np.random.Generator(np.random.Philox(seed)), count)
+    q = vjm.arm.draw_poses(np.random.Generator(np.random.Philox(seed)), count)
     turn = np.arange(count) % data.runs
     if data.runs > count:
         turn = np.linspace(0, data.runs - 1, count).astype(int)
@@ -492,7 +492,7 @@ def unobservable(
         unknowns: Whose columns they are.
         information: Of the readings, no prior, (size, size).
         prior: Covariance, (size, size), zero of what is taken to be zero.
-        pull: What further poses would tell, `pull_of`.
+        pull: What further poses would tell, `further_information`.
 
     Returns:
         The sentences.
@@ -548,7 +548,7 @@ def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[s
     Returns:
         The sentences.
     """
-    behind = [hidden_quantity for hidden_quantity in found if hidden_quantity.behind]
+    behind = [hidden_quantity for hidden_quantity in found if hidden_quantity.confounded_with]
     said = [
         _words(hidden_quantity, joints)
         for hidden_quantity in behind
@@ -560,11 +560,12 @@ def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[s
             [hidden_quantity for hidden_quantity in behind if _among_themselves(hidden_quantity)]
         )
     ]
-    unseen = [hidden_quantity for hidden_quantity in found if not hidden_quantity.behind]
-    for advice in dict.fromkeys(hidden_quantity.helps for hidden_quantity in unseen):
+    unseen = [hidden_quantity for hidden_quantity in found if not hidden_quantity.confounded_with]
+    for advice in dict.fromkeys(hidden_quantity.joint_to_turn for hidden_quantity in unseen):
         said.append(
             _unseen(
-                [hidden_quantity for hidden_quantity in unseen if hidden_quantity.helps == advice], joints
+                [hidden_quantity for hidden_quantity in unseen if hidden_quantity.joint_to_turn == advice],
+                joints,
             )
         )
     return tuple(said)
@@ -572,9 +573,11 @@ def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[s
 
 def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
     left = f"{100 * hidden_quantity.share:.0f} % of its prior variance left"
-    if not hidden_quantity.behind:
+    if not hidden_quantity.confounded_with:
         return f"{hidden_quantity.name} is not seen ({left}){_advice(hidden_quantity, joints)}"
-    behind = " and ".join(filter(None, [", ".join(hidden_quantity.behind[:-1]), hidden_quantity.behind[-1]]))
+    behind = " and ".join(
+        filter(None, [", ".join(hidden_quantity.confounded_with[:-1]), hidden_quantity.confounded_with[-1]])
+    )
     return (
         f"{hidden_quantity.name} hides behind {behind} (correlation {hidden_quantity.correlation:.2f}, "
         f"{left}){_advice(hidden_quantity, joints)}"
@@ -583,13 +586,13 @@ def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
 
 def _advice(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
     """What would show it; nothing where that was not asked for."""
-    if hidden_quantity.helps is None:
+    if hidden_quantity.joint_to_turn is None:
         return ""
-    if hidden_quantity.helps < 0:
+    if hidden_quantity.joint_to_turn < 0:
         return f": {FURTHER_ROWS} more poses hardly help, another load may"
     return (
-        f": turn {joints[hidden_quantity.helps]} more"
-        if hidden_quantity.helps < len(joints)
+        f": turn {joints[hidden_quantity.joint_to_turn]} more"
+        if hidden_quantity.joint_to_turn < len(joints)
         else ": turn several joints together"
     )
 
@@ -602,18 +605,20 @@ def _joint(name: str) -> str:
 def _among_themselves(hidden_quantity: HiddenQuantity) -> bool:
     """Whether a joint's error hides behind others of the same joint alone."""
     return bool(_joint(hidden_quantity.name)) and all(
-        _joint(name) == _joint(hidden_quantity.name) for name in hidden_quantity.behind
+        _joint(name) == _joint(hidden_quantity.name) for name in hidden_quantity.confounded_with
     )
 
 
 def _grouped(found: Sequence[HiddenQuantity]) -> list[list[HiddenQuantity]]:
     """By joint and advice, in their order."""
-    keys = dict.fromkeys((_joint(hidden_quantity.name), hidden_quantity.helps) for hidden_quantity in found)
+    keys = dict.fromkeys(
+        (_joint(hidden_quantity.name), hidden_quantity.joint_to_turn) for hidden_quantity in found
+    )
     return [
         [
             hidden_quantity
             for hidden_quantity in found
-            if (_joint(hidden_quantity.name), hidden_quantity.helps) == key
+            if (_joint(hidden_quantity.name), hidden_quantity.joint_to_turn) == key
         ]
         for key in keys
     ]

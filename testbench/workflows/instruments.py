@@ -208,18 +208,22 @@ def _read(
     for own in layer:
         if isinstance(own.instrument, Tracker):
             some = [markers.index(own.marker)] if own.marker else list(range(len(markers)))
-            read[:, :, some] = [read_positions(own.instrument, one.markers[:, some], rng) for one in settled]
+            read[:, :, some] = [
+                read_positions(own.instrument, equilibrium.markers[:, some], rng) for equilibrium in settled
+            ]
             P[:, some] = np.eye(3) / (2 * own.instrument.sigma**2)
             if own.instrument.sigma_rotation:
-                both = [read_orientations(own.instrument, one.rotation, rng) for one in settled]
+                both = [
+                    read_orientations(own.instrument, equilibrium.rotation, rng) for equilibrium in settled
+                ]
                 turned = dict(zip(("rotation_before", "rotation_after"), both, strict=True))
                 turned["sigma_rotation"] = own.instrument.sigma_rotation
             continue
         k = markers.index(own.marker)
         u, tilt[:, k], reach[:, k] = _line(cell, loaded.q, own)
-        places = tuple(one.markers[:, k] for one in settled)
+        places = tuple(equilibrium.markers[:, k] for equilibrium in settled)
         if isinstance(own.instrument, Gauge):
-            rotations = tuple(one.rotation for one in settled)
+            rotations = tuple(equilibrium.rotation for equilibrium in settled)
             numbers = own.instrument.read(u, places, rotations, loaded.pose, rng)  # type: ignore[arg-type]
         else:
             numbers = own.instrument.read(np.asarray(own.fixed), places, rng)  # type: ignore[arg-type]
@@ -256,7 +260,7 @@ def _line(cell: Cell, q: Array, own: Mounted) -> tuple[Array, Array, Array]:
     assert own.fixed is not None
     beam = tool_points(cell.vjm, q, marker_points(cell.vjm, (own.marker,)))[:, 0] - own.fixed
     reach = np.linalg.norm(beam, axis=1)
-    return beam / reach[:, None], own.instrument.fixed / reach, reach
+    return beam / reach[:, None], own.instrument.fixed_point_sigma / reach, reach
 
 
 def _with_lines(data: Dataset) -> Dataset:

@@ -35,7 +35,7 @@ from testbench.identify import (
 from testbench.identify.estimate import make_estimate
 from testbench.identify.metric import Prior, Strength, cad_prior, perturbed
 from testbench.identify.regression import PartitionedRegression, f_m, non_redundant, reduce, reduce_parts
-from testbench.identify.trace import Candidate, Duel, Fold, divide_poses, folds, unless_beaten
+from testbench.identify.trace import Candidate, Comparison, Fold, divide_poses, folds, prefer_first
 from testbench.model.laws import with_laws, with_ties
 from testbench.model.structure import (
     FULL,
@@ -489,11 +489,11 @@ def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | ReducedRuns) 
         return Recommendation(first.name, why, ())
     every = tuple(Candidate(m.name, _errors(cell, m, runs)) for m in models)
     rivals = [c for c in every if first.name != default or c.name in (default, JOINTS)]
-    duel = unless_beaten(rivals, first.name)
+    duel = prefer_first(rivals, first.name)
     return Recommendation(duel.name, _why(duel, first.name, default), every)
 
 
-def _why(duel: Duel, first: str, default: str) -> str:
+def _why(duel: Comparison, first: str, default: str) -> str:
     """Why a model stays, or gives way."""
     taken = "the default" if first == default else "the model with fewest unknowns"
     if duel.name == first:
@@ -512,7 +512,7 @@ def _errors(cell: Cell, model: Model, runs: ReducedRuns) -> Array:
         if isinstance(method, Method):
             pi = method.fit_reduced(cell.vjm, fold.parts, widths=False).pi
             return np.pad(pi, (0, model.structure.n - len(pi)))  # laws are last
-        return fit_model(cell, model, select(runs.data, np.isin(runs.part, fold.kept))).pi
+        return fit_model(cell, model, select(runs.data, np.isin(runs.part, fold.fitted_parts))).pi
 
     held = folds(runs.parts[model.structure.name])
     return np.array([f_m(fold.held_out, fit(fold)) for fold in stepwise(held, "cross-validating")])

@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from testbench.arm.document import unique
+from testbench.arm.document import unused_name
 from testbench.arm.elastic import PAYLOAD_RANGE, Material, Tube
 from testbench.arm.folder import COMPLIANCE_UNIT, OFFSETS
 from testbench.errors import Array, BenchError
@@ -273,12 +273,12 @@ def propose(chain: ImportedChain, wishes: UserInputs) -> Proposal:
     ahead = _ahead(chain, tool, lines[-1], long)
     axes = tool[:3, :3].T @ lines[-1].frame  # beam axes in the tool's frame, as columns
     sites, taken = _sites(chain, tool), [part.name for part in chain.parts]
-    taken.append(tool_name := unique("tool", taken))
-    taken.append(load_name := unique("load", taken))
+    taken.append(tool_name := unused_name("tool", taken))
+    taken.append(load_name := unused_name("load", taken))
     load = np.round((ahead + BEYOND * long) * axes[:, 0], MILLIMETRE) if wishes.load is None else wishes.load
     markers: list[Point] = []
     for name, place in wishes.markers or sites or _ring(axes, AROUND * long, ahead):
-        taken.append(name := unique(name, taken))
+        taken.append(name := unused_name(name, taken))
         markers.append((name, place))
     stated = {
         Note("tool"): wishes.tool is not None,

@@ -31,7 +31,7 @@ from testbench.design.planning import choose_poses as search_best
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array, check_type
-from testbench.identify.absolute.posterior import model_of, pull_of
+from testbench.identify.absolute.posterior import further_information, model_of
 from testbench.identify.absolute.state import Mount, nominal_state, unknowns_of
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.metric import cad_prior, scale_by_prior
@@ -134,9 +134,10 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
     best = choose(cell, settings, tasks, candidates)
     spec = best.specification
     indices = observability(best.examined.problem, best.chosen)
-    if spec.uncertainty is None and indices.seen < indices.of:
+    if spec.uncertainty is None and indices.seen < indices.showable:
         raise BenchError(
-            f"poses: {settings.poses} poses see {indices.seen} of the {indices.of} directions that these "
+            f"poses: {settings.poses} poses see {indices.seen} of the {indices.showable} directions "
+            f"that these "
             "loads can show; give more poses, or plan with a prior"
         )
     fit = linear_fit_after(spec, cad_prior(cell.arm), best.read)
@@ -181,7 +182,7 @@ def nearest_turn(q: Array, arm: Arm) -> Array:
         The poses, (poses, n) [rad, m].
     """
     near, (lower, upper) = q - 2 * np.pi * np.round(q / (2 * np.pi)), arm.limits
-    return np.where(arm.turns & (near >= lower) & (near <= upper), near, q)
+    return np.where(arm.full_turn_joints & (near >= lower) & (near <= upper), near, q)
 
 
 def workspace_poses(cell: Cell, settings: PlanSettings) -> Array:
@@ -306,9 +307,9 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
         measured=lambda q, _load, lift: absolute.measured_rows(union, q, lift),
         poses=settings.poses,
         limits=cell.arm.limits,
-        reach=reach_of(cell, settings),
+        feasibility=reach_of(cell, settings),
         rng=trial_rng(settings.seed, 1),
-        followed=cell.arm.followed,
+        with_dependent_joints=cell.arm.with_dependent_joints,
     )
     best_of = search_best if given is None else choose_greedily
     best = best_of(asked, criterion_of(settings.criterion, examined.problem, wanted), examined)
@@ -333,7 +334,7 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
     settings = PlanSettings(
         absolute=True, criterion="I", poses=FURTHER, sigma_um=UM * sigma, candidates_wanted=FURTHER_CANDIDATES
     )
-    union = replace(union_after(given, settings), little=float(FURTHER))
+    union = replace(union_after(given, settings), min_information=float(FURTHER))
     wanted = absolute.position_rows(union, workspace_poses(cell, settings)[:FURTHER_CANDIDATES])
     return absolute.realignment_loss(union, wanted), best_of(union, search(cell, settings).q, wanted)[1]
 
@@ -415,7 +416,9 @@ def union_after(given: ArmModel, settings: PlanSettings) -> JointUnknowns:
     L = np.zeros((unknowns.size, first + len(root)))
     L[:first, :first] = absolute.FRAME_DEVIATION * np.eye(first)
     L[first + given.columns, first:] = root.T
-    return JointUnknowns(unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.LITTLE_MORE)
+    return JointUnknowns(
+        unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.LITTLE_INFORMATION_LATER
+    )
 
 
 def _one_pose(vjm: Vjm, settings: PlanSettings, targets: tuple[str, ...] | None = None) -> Series:
@@ -451,7 +454,7 @@ def undetermined_by(union: JointUnknowns, q: Array) -> tuple[str, ...]:
         Sentences.
     """
     once = absolute.series_at(replace(union, pose=select_rows(union.pose, np.arange(1))), q)
-    pull = pull_of(
+    pull = further_information(
         union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)
     )
     tells, prior = absolute.information_of(union, q), union.L @ union.L.T

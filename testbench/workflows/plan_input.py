@@ -22,7 +22,7 @@ from testbench.files.rows import joint_coordinates
 from testbench.files.table import TableCells, read_table
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, WorkArea, chain, in_area
-from testbench.plant.site import Kind, Payload, Site, build_site, contacts, hidden
+from testbench.plant.site import Kind, Payload, Site, build_site, contacts, hidden_markers
 from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
 from testbench.progress import tell
 from testbench.workflows.cell import Cell
@@ -385,7 +385,7 @@ def _contacts(checks: Checks, q: Array) -> dict[str, Mask]:
 def _sight(checks: Checks, q: Array) -> dict[str, Mask]:
     if checks.conditions.station is None:
         return {}
-    return {BLOCKED: np.array([by is not None for by in hidden(checks.site, q)], dtype=bool)}
+    return {BLOCKED: np.array([by is not None for by in hidden_markers(checks.site, q)], dtype=bool)}
 
 
 STAGES: tuple[Callable[[Checks, Array], dict[str, Mask]], ...] = (_limits, _area, _view, _contacts, _sight)
@@ -423,7 +423,7 @@ def find(
     rejected, drawn = dict.fromkeys(REASONS, 0), 0
     kept: list[Array] = []
     while len(kept) < count and drawn < patience + DRAWS_A_POSE * len(kept):
-        q = checks.vjm.arm.drawn(rng, POSES_PER_BATCH)
+        q = checks.vjm.arm.draw_poses(rng, POSES_PER_BATCH)
         reasons = why_not(checks, q)
         good = np.flatnonzero([reason is None for reason in reasons])[: count - len(kept)]
         kept += list(q[good])

@@ -63,7 +63,7 @@ POSITION = Meaning("expected error", "of the targets' positions after calibratio
 def numbers(made: Planned) -> Row:
     """Collect all numbers of plan.json."""
     cell, plan, arm = made.cell, made.plan, made.cell.arm
-    margins = arm.room(plan.q).min(axis=0)
+    margins = arm.limit_distance(plan.q).min(axis=0)
     efficiency = min(plan.efficiency, 1.0)
     own = Row(
         vars(made.settings),
@@ -161,7 +161,7 @@ def _pairs(made: Planned) -> Row:
     scaling, influence = spec.experiment.scaling, prior_influence(plan, rows)
     alone = linear_fit_after(joints_alone(spec, prior), prior, plan.read)
     drawn, rng = len(made.found.q) * len(spec.loads), trial_rng(made.settings.seed, 3)
-    others = baselines(plan, rows, drawn=drawn, rng=rng)
+    others = baselines(plan, rows, random_candidates=drawn, rng=rng)
     around, chance = made.workspace, others.random[made.settings.poses]
     hidden = MM * math.sqrt(influence.hidden)
     return Row(
@@ -245,7 +245,7 @@ def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
     slides = np.array([joint.prismatic for joint in arm.joints], dtype=bool)
     steps = np.abs(np.diff(q, axis=0, prepend=q[:1]))
     turned, slid = (steps[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
-    ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear)]
+    ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear_ways)]
     tools, gauges = chain(made.cell.vjm, q).position, gauge_words(made)
     return [
         Row(
@@ -348,17 +348,17 @@ def _absolute(made: AbsolutePlanned) -> Row:
     middle, low, _ = _random(made, error, asked, rng)
     counts = sorted({asked, *(count for count in COUNTS if count <= max(2 * asked, COUNTS[1]))})
     order = greedy(problem, criterion, problem.rows, counts[-1])
-    workspace_poses = places_at(arm, q, tool_pose(made.cell.vjm, q)[0], absolute.sag_at(union, q))
+    workspace_poses = places_at(arm, q, tool_pose(made.cell.vjm, q)[0], absolute.sag(union, q))
     return Row(
         model=union.unknowns.structure.name,
         prior=cad_prior(arm).name,
         targets=list(union.pose.markers),
         unknowns=_counts(made),
-        beyond_mm=MM * float(np.sqrt(np.square(absolute.joint_rest(union, q)).mean())),
+        beyond_mm=MM * float(np.sqrt(np.square(absolute.unmodelled_joint_error(union, q)).mean())),
         random_plans=Row(plans=CHANCE, median_mm=middle, best_tenth_mm=low),
         before_mm=None if made.given is None else MM * absolute.realignment_loss(union, made.wanted),
         filled=[] if made.given is None else list(joint_coverage(arm, made.given.series, plan.q)),
-        plan=_measured(made, ("sag", absolute.sag_at(union, plan.q))),
+        plan=_measured(made, ("sag", absolute.sag(union, plan.q))),
         hidden=[] if made.given is not None else list(undetermined_by(union, plan.q)),
         curve=[_count(k, MM * error(order[:k]), _random(made, error, k, rng)) for k in counts],
         map=error_places(workspace_poses, {CALIBRATED: bounded_mm(made.forecast.error)}, means=POSITION),

@@ -11,7 +11,7 @@ from statistics import NormalDist
 import numpy as np
 from scipy.linalg import block_diag
 
-from testbench.design.forecast import BROAD, Forecast, LinearFit, error_on, fit_of
+from testbench.design.forecast import DEVIATION_INFLATION, Forecast, LinearFit, error_on, linear_fit
 from testbench.design.planning import Plan
 from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_rows, loads_of
 from testbench.errors import Array, Ids, Mask
@@ -77,7 +77,7 @@ def linear_fit_after(spec: Specification, prior: Prior, read: Callable[[Specific
     """
     every = spec.experiment
     whole = replace(every, scaling=scale_by_prior(prior, every.vjm, all153(every.vjm.arm)))
-    return fit_of(whole, prior_uncertainty(spec), spec, read)
+    return linear_fit(whole, prior_uncertainty(spec), spec, read)
 
 
 def joints_alone(spec: Specification, prior: Prior) -> Specification:
@@ -111,7 +111,7 @@ def least_squares(spec: Specification, prior: Prior, structure: Structure) -> Sp
 
 def half_widths(forecast: Forecast) -> Array:
     """Compute half widths of 95 % intervals of every target's deflection, (poses, 3 m) [m]."""
-    return np.asarray(NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * BROAD * forecast.deviation)
+    return np.asarray(NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * DEVIATION_INFLATION * forecast.deviation)
 
 
 def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:

@@ -16,8 +16,8 @@ from testbench.correct.compensated import (
     configurations,
     joints_along,
 )
-from testbench.correct.newton import Aim, Hold
-from testbench.correct.newton import Asked as Meant
+from testbench.correct.newton import Aim, CorrectedPart
+from testbench.correct.newton import JointMeaning as Meant
 from testbench.correct.predicted import (
     Extent,
     Prediction,
@@ -266,7 +266,7 @@ def refuse_unreached(corrected_program: CorrectedProgram) -> None:
         raise InputError(corrected_program.program.path, "", problem)
 
 
-def aim_of(hold: Hold, asked: Meant | None, tip: str, spindle: str) -> Aim:
+def aim_of(hold: CorrectedPart, asked: Meant | None, tip: str, spindle: str) -> Aim:
     """Make an aim of flags.
 
     Args:
@@ -495,7 +495,7 @@ def _no_load(model: ArmModel, mass: float) -> str:
 def _carried(file_poses: PosesWithLoads, some: slice, compute: Callable[[Array, list[Load]], T]) -> T:
     """What follows from some poses and loads; InputError names the line of the first that has no rest."""
     try:
-        return compute(file_poses.q[some], [load.of(some) for load in file_poses.loads])
+        return compute(file_poses.q[some], [load.select(some) for load in file_poses.loads])
     except NoEquilibrium as err:
         if some.stop - some.start == 1:
             raise InputError(file_poses.path, f"line {file_poses.line[some.start]}", str(err)) from err

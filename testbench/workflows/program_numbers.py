@@ -141,7 +141,7 @@ def _ellipsoids_of_program(corrected_program: CorrectedProgram, force: float) ->
     compensated, model = corrected_program.found, corrected_program.model
     some = some_poses(corrected_program.program.points)
     q, labels = compensated.q[some], [corrected_program.program.labels[k] for k in some]
-    tool = stiffness(model, q, [load.of(some) for load in corrected_program.loads])
+    tool = stiffness(model, q, [load.select(some) for load in corrected_program.loads])
     lever = tool_pose(model.vjm, q)[1] @ np.array(corrected_program.aim.point)
     return ellipsoids(tool.compliance, lever, compensated.target.position[some], labels, force)
 
@@ -263,7 +263,7 @@ def _fitted(corrected_program: CorrectedProgram) -> Row | None:
     if count < MIN_FITTED:
         return None
     some = np.unique(np.linspace(0, count - 1, min(MAX_FITTED, count)).round().astype(int))
-    stand = uncertainty.LoadedPoses(compensated.q, corrected_program.loads).of(some)
+    stand = uncertainty.LoadedPoses(compensated.q, corrected_program.loads).select(some)
     half = MM * uncertainty.fitted_half_widths(
         corrected_program.model, stand, np.array(corrected_program.aim.point)
     ).max(axis=1)
@@ -281,7 +281,7 @@ def predicted_bending(corrected_program: CorrectedProgram, some: Ids) -> Array:
         Virtual joints, (points, n_theta) [m, rad].
     """
     state, q = corrected_program.model.state, corrected_program.found.start[some]
-    loaded = equilibrium(state, q, [load.of(some) for load in corrected_program.loads]).theta
+    loaded = equilibrium(state, q, [load.select(some) for load in corrected_program.loads]).theta
     own = loaded if corrected_program.found.reference == "drawn" else loaded - equilibrium(state, q).theta
     return joint_law_rotations(state.vjm, own)
 
@@ -389,7 +389,7 @@ def _pose(made: Predicted, k: int, push_half: float) -> Row:
     return Row(
         pose=file_poses.labels[k],
         line=int(file_poses.line[k]),
-        joints=made.model.arm.words(file_poses.q[k]),
+        joints=made.model.arm.pose_text(file_poses.q[k]),
         tool_m=prediction.position[k, 0].tolist(),
         deflection_mm=float(MM * prediction.size[k, 0]),
         deflections_mm=(MM * prediction.deflection[k, 0]).tolist(),
@@ -424,7 +424,7 @@ def _map(made: Predicted) -> Row:
         half_mm=finite(MM * stiffness_map.half[0].max()),
         unseen_percent=float(100 * np.isinf(stiffness_map.half).any(axis=1).mean()),
         at_m=stiffness_map.position[0].tolist(),
-        joints=made.model.arm.words(stiffness_map.q[0]),
+        joints=made.model.arm.pose_text(stiffness_map.q[0]),
         softest=direction_words(stiffness_map.direction[0]),
         errors=error_places(workspace_poses, values, [MOVED_BY], Meaning("movement", words, "median")),
     )

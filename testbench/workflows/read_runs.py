@@ -45,11 +45,11 @@ SMALL = 1e-9  #: Rotation that has no axis [rad].
 def registration_notes(registered: RegisteredDataset) -> tuple[str, ...]:
     """Write notes on the frames, on how well the readings fit, and on targets taken as found."""
     if registered.registration is None:
-        return (f"readings are taken to be in the base's frame: {registered.why}",)
+        return (f"readings are taken to be in the base's frame: {registered.failure}",)
     frames = ["readings are in the base's frame"]
     if registered.frame == "tracker":
         every = registered.registration.frames.items()
-        frames = [_frame_note(name, frame.of(registered.vjm.base)) for name, frame in every]
+        frames = [_frame_note(name, frame.rebased(registered.vjm.base)) for name, frame in every]
     fit = _fit_note(registered.registration, _sag(registered.vjm, registered.data))
     return (*frames, fit, *_target_notes(registered, registered.registration))
 
@@ -198,14 +198,14 @@ def register_export(cell: Cell, export: Export, options: ReadingOptions) -> tupl
 
 
 def diagnose_runs(
-    cell: Cell, export: Export, found: RegisteredDataset, options: ReadingOptions
+    cell: Cell, export: Export, registered: RegisteredDataset, options: ReadingOptions
 ) -> tuple[tuple[Doubt, ...], float]:
     """Diagnose registered runs of an arm, as its folder has it.
 
     Args:
         cell: The arm with its model and its truth.
         export: The runs as read.
-        found: The registered runs.
+        registered: The registered runs.
         options: How they are read.
 
     Returns:
@@ -213,9 +213,11 @@ def diagnose_runs(
     """
     prior = cad_prior(cell.arm)
     try:
-        issues = diagnose(Submission(cell.vjm, export.data, found, _said(export, options) != "auto"), prior)
+        issues = diagnose(
+            Submission(cell.vjm, export.data, registered, _said(export, options) != "auto"), prior
+        )
         factor = deflection_scale(
-            found.vjm, scale_by_prior(prior, found.vjm, all153(found.vjm.arm)), found.data
+            registered.vjm, scale_by_prior(prior, registered.vjm, all153(registered.vjm.arm)), registered.data
         )
     except BenchError as err:
         raise InputError(options.dataset, "", str(err)) from err
@@ -256,18 +258,18 @@ def read_runs(
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(options.dataset, "header", f"{problem} (--full-pose); it has positions only")
     filed = cell
-    cell, found = register_export(cell, export, options)
-    doubts, factor = diagnose_runs(filed, export, found, options)
+    cell, registered = register_export(cell, export, options)
+    doubts, factor = diagnose_runs(filed, export, registered, options)
     name, notes, frames = (
         options.dataset.name,
-        (*export.notes, *registration_notes(found)),
-        registration_row(found),
+        (*export.notes, *registration_notes(registered)),
+        registration_row(registered),
     )
-    runs = MeasuredRuns(name, found.data, found.data, None, notes, frames, doubts, factor)
+    runs = MeasuredRuns(name, registered.data, registered.data, None, notes, frames, doubts, factor)
     if not held:
         return cell, runs
     try:
-        check, used = split(found.data, np.array(held))
+        check, used = split(registered.data, np.array(held))
     except BenchError as err:
         raise BenchError(f"--check-pose: {err}") from err
     if not check.seen.any():
@@ -295,11 +297,11 @@ def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Regis
         choice = next(word for word in words if word == frame)
     elif files := _frame_files(frame):
         to_world = np.asarray(np.linalg.inv(cell.vjm.base), dtype=float)
-        choice = {f"{STATION} {k}": one.of(to_world) for k, one in read_frames(files[0]).items()}
+        choice = {f"{STATION} {k}": one.rebased(to_world) for k, one in read_frames(files[0]).items()}
     else:
         raise BenchError(f"frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
-    found = register_dataset(cell.vjm, data, choice)
-    return replace(cell, vjm=found.vjm), found
+    registered = register_dataset(cell.vjm, data, choice)
+    return replace(cell, vjm=registered.vjm), registered
 
 
 def read_frames(path: Path) -> dict[int, Frame]:
@@ -343,7 +345,7 @@ def registration_row(registered: RegisteredDataset) -> dict[str, object] | None:
                 "rotation_sd_deg": math.degrees(frame.deviation),
             }
             for name, frame in (
-                (name, frame.of(registered.vjm.base)) for name, frame in registration.frames.items()
+                (name, frame.rebased(registered.vjm.base)) for name, frame in registration.frames.items()
             )
         ],
         "targets": [

@@ -92,7 +92,7 @@ def fit_row(name: str, estimate: "Estimate", seconds: float | None, *, prior: bo
     from testbench.identify.conic import total_trace  # here: reports need the rows without the methods
     from testbench.workflows.advice import advice
 
-    certificate, regression = estimate.certificate, estimate.of_compliances
+    certificate, regression = estimate.certificate, estimate.compliance_regression
     return FitRow(
         name=name,
         structure=regression.structure.name,

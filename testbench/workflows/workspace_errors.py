@@ -99,7 +99,7 @@ def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> WorkspacePos
     return WorkspacePoses(
         run=tuple(range(1, len(q) + 1)),
         q=tuple(q.round(Q_DECIMALS).ravel().tolist()),
-        joints=tuple(map(arm.words, q)),
+        joints=tuple(map(arm.pose_text, q)),
         x_m=tuple(x),
         y_m=tuple(y),
         z_m=tuple(z),

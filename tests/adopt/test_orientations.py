@@ -22,7 +22,7 @@ WRONG_JOINTS = np.radians(0.1)  #: The drawn arm is off by so much a joint.
 def measured(poses=8, spread=1.0, seed=4):
     """Joints, positions [m] and orientations of a target on an arm that is not quite as drawn."""
     rng, vjm = np.random.default_rng(seed), build_vjm(ARM)
-    q = ARM.drawn(rng, poses)
+    q = ARM.draw_poses(rng, poses)
     q = q[0] + spread * (q - q[0])
     x, R = tool_pose(vjm, q + rng.normal(0, WRONG_JOINTS, q.shape))
     X, Y = (own.as_matrix() for own in Rotation.random(2, rng=rng))

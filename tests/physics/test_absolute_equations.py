@@ -15,14 +15,20 @@ from testbench.identify.absolute.align import (
     Noise,
     align_all,
     combine_rows,
-    expected_of,
     inverse_noise_roots,
+    mean_variances,
     repeated_rows,
     scatter,
     single_reading_noise,
 )
 from testbench.identify.absolute.evidence import ErrorScales, moved_frame, moved_mount, solve_step
-from testbench.identify.absolute.fit import LEAST_OF_ONE, ON_THE_WAY, CalibrationOptions, calibrate, subsample
+from testbench.identify.absolute.fit import (
+    INTERMEDIATE_ROWS,
+    MIN_SERIES_ROWS,
+    CalibrationOptions,
+    calibrate,
+    subsample,
+)
 from testbench.identify.absolute.posterior import (
     deviations_root,
     locate_series,
@@ -52,7 +58,7 @@ from testbench.identify.regression import Linearisation, ReducedReadings, Series
 from testbench.identify.robust_loss import READINGS, SQUARE
 from testbench.identify.rows import series_rows
 from testbench.model.kinematics import BACKLASH_SMOOTHING, BANDS, JointErrors
-from testbench.model.kinematics import basis as errors_of
+from testbench.model.kinematics import joint_error_basis as errors_of
 from testbench.model.load import Load, read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
@@ -92,7 +98,7 @@ def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series
 def test_a_reading_alone_scatters_as_the_mean_of_its_pose_says(series, factor):
     """Less may be left open than was thought; readings are better than said only where nothing is."""
     one = replace(series[0], sigma=SIGMA, sigma_rotation=TURN)
-    found = single_reading_noise(Noise(S, S, np.array([factor, factor, 1.0, 1.0])), expected_of([one]))
+    found = single_reading_noise(Noise(S, S, np.array([factor, factor, 1.0, 1.0])), mean_variances([one]))
     for kind, (own, opened) in enumerate(((SIGMA, found.open_position), (TURN, found.open_rotation))):
         of_means = factor**2 * (own**2 + 3 * S**2)
         if of_means > own**2:
@@ -222,7 +228,7 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
         for d, (kind, at) in zip(size, groups, strict=True):
             large = len(at) > sizes.LARGE_GROUP
             usual = sizes.DEFAULT_SCALES[kind] * (sizes.LARGE_GROUP_SHARE if large else 1.0)
-            found += (1.0 if large else sizes.IMAGINED_UNKNOWNS) * (np.log(d) + usual**2 / (2 * d**2))
+            found += (1.0 if large else sizes.PSEUDO_UNKNOWNS) * (np.log(d) + usual**2 / (2 * d**2))
             deviation[at] = d
         found += (
             (STUDENT_DOF + 1) / 2 * np.log1p((np.log(size[2] / size[1]) / STUDENT_SCALE) ** 2 / STUDENT_DOF)
@@ -393,8 +399,8 @@ def test_joints_that_share_a_pattern_are_found_with_their_turns_and_no_others(se
     errors[1] = SIZE * rng.standard_normal(2 * K)
     pattern = sought(told(errors, [(-2.5, 2.5), (-2.5, 2.5), (-1.5, 3.5), (-3.5, 1.5), (0.5, 0.6)], rng))
     assert pattern.joints == tuple(PLACED)
-    assert pattern.senses == tuple(sense for _, sense in PLACED.values())
-    np.testing.assert_allclose(pattern.turns, [turn for turn, _ in PLACED.values()], atol=np.radians(3))
+    assert pattern.signs == tuple(sense for _, sense in PLACED.values())
+    np.testing.assert_allclose(pattern.shifts, [turn for turn, _ in PLACED.values()], atol=np.radians(3))
     rng = np.random.default_rng(seed)
     errors = SIZE * rng.standard_normal((4, 2 * K))
     assert sought(told(errors, [(-3, 3)] * 4, rng)) is None
@@ -422,7 +428,7 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
     P = A.T @ A / factor**2 + back.T @ np.diag(deviation**-2.0) @ back
     np.testing.assert_allclose(found.root.T @ found.root, P, atol=1e-9)
     np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y / factor**2))
-    assert found.spent == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
+    assert found.degrees_of_freedom == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
     assert not np.tril(found.root, -1).any()
     [part] = plain.turned(B).parts
     np.testing.assert_allclose(part.gram[0][:-1, :-1], B.T @ (A.T @ A) @ B, atol=1e-9)
@@ -440,12 +446,12 @@ def test_steps_on_the_way_take_few_rows_all_of_a_pose_and_enough_of_every_series
     many, huge = longer(one, 40), longer(one, 200)
     few, short = subsample((many, one))
     assert short is one
-    assert ON_THE_WAY / 2 < few.rows <= ON_THE_WAY or few.rows == many.rows
+    assert INTERMEDIATE_ROWS / 2 < few.rows <= INTERMEDIATE_ROWS or few.rows == many.rows
     _, count = np.unique(few.pose, return_counts=True)
     assert (count == 2).all()
     few, short = subsample((huge, many))
-    assert LEAST_OF_ONE <= short.rows < many.rows
-    assert few.rows + short.rows <= 1.05 * ON_THE_WAY
+    assert MIN_SERIES_ROWS <= short.rows < many.rows
+    assert few.rows + short.rows <= 1.05 * INTERMEDIATE_ROWS
     assert set(np.unique(few.pose)) < set(huge.pose)
 
 

@@ -107,7 +107,7 @@ def test_slides_have_friction_and_play_and_come_to_rest_with_them(slides):
     disturbed = disturb(slides.plant, replace(TYPICAL, compensator=None), rng)
     _, after = solve_unloaded_and_loaded(disturbed, q, wrench, np.tile(slides.vjm.load, (10, 1)))
     second = 6 * len(slides.arm.links) + 1
-    plain = replace(disturbed, disturbances=NOMINAL, centre=np.zeros(3))
+    plain = replace(disturbed, disturbances=NOMINAL, load_point_error=np.zeros(3))
     linear = solve_equilibrium(plain, q, wrench, np.tile(slides.vjm.load, (10, 1)))
     play = np.abs(after.theta - linear.theta)[:, second]
     assert (play > 0).all()

@@ -386,7 +386,7 @@ def test_forces_and_moments_are_each_compared_with_their_own_largest(known):
 )
 def test_the_part_that_is_named_leaves_clearly_more_open_than_the_next(known, monkeypatch, shares, name):
     told = {"a": shares[0], "b": shares[1], "c": 0.0}
-    monkeypatch.setattr("testbench.correct.uncertainty._taken_away", lambda *_: told)
+    monkeypatch.setattr("testbench.correct.uncertainty._variance_shares", lambda *_: told)
     found = largest_uncertainty(known, Q[None], [FORCE], TIP, absolute=False)
     assert (found and found.name) == name
     assert found is None or (found.share, found.joint) == (told[name], False)
@@ -428,4 +428,4 @@ def test_an_aim_that_is_none_no_points_what_a_model_does_not_know_and_buckling_a
     wrench = np.array([[0.0] * 6, [0, 0, -3e7, 0, 0, 0]])
     with pytest.raises(NoEquilibrium) as err:
         equilibrium(state, q, [Load(wrench, kr500.vjm.load)])
-    assert f"no static equilibrium at q = {kr500.arm.words(q[1])}" in str(err.value)
+    assert f"no static equilibrium at q = {kr500.arm.pose_text(q[1])}" in str(err.value)

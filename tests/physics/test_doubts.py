@@ -19,8 +19,13 @@ from sound_sets import sound
 
 from testbench.data.dataset import Dataset, select, select_rows
 from testbench.identify.diagnosis import diagnose as diagnosis
-from testbench.identify.diagnosis.deflections import PLAY, STIFFER, residual_model, sound_joint_columns
-from testbench.identify.diagnosis.diagnose import AT_A_TIME, diagnose
+from testbench.identify.diagnosis.deflections import (
+    SOUND_BACKLASH,
+    SOUND_STIFFENING,
+    residual_model,
+    sound_joint_columns,
+)
+from testbench.identify.diagnosis.diagnose import RUNS_AT_A_TIME, diagnose
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, describe
 from testbench.identify.diagnosis.hypothesis import MAX_ROUNDS, Issue, Submission, score_test, undo_one_by_one
 from testbench.identify.diagnosis.kinematics import Observations, best_hypothesis
@@ -126,7 +131,7 @@ def test_sound_joints_play_and_stiffen_as_if_they_turned(sets):
     found = sound_joint_columns(vjm, data, s, s.entries(C)).reshape(data.runs, len(data.markers), 3, -1, 2)
     turn = (C @ generalised_load(chain(vjm, data.q), data.wrench, data.point))[-len(data.q[0]) :].T
     for j in range(turn.shape[1]):
-        for k, size in enumerate((PLAY * np.sign(turn), STIFFER * turn * np.abs(turn))):
+        for k, size in enumerate((SOUND_BACKLASH * np.sign(turn), SOUND_STIFFENING * turn * np.abs(turn))):
             q = data.q + size * np.eye(turn.shape[1])[j]
             moved = tool_points(vjm, q, vjm.markers) - tool_points(vjm, data.q, vjm.markers)
             moved /= np.sqrt(2) * data.sigma
@@ -277,13 +282,13 @@ def told(vjm, data, frame="base"):
 def test_single_runs_are_found_among_many(sets):
     """More runs than are weighed together."""
     once, rng = sets["levels"].data, np.random.default_rng(3)
-    many = select_rows(once, np.tile(np.arange(once.runs), AT_A_TIME // once.runs + 1))
+    many = select_rows(once, np.tile(np.arange(once.runs), RUNS_AT_A_TIME // once.runs + 1))
     before, after = (x + 1e-6 * rng.standard_normal(x.shape) for x in (many.before, many.after))
     run = np.arange(many.runs) + 1
     data = replace(
         many, run=run, pose=many.pose + 1000 * ((run - 1) // once.runs), before=before, after=after
     )
-    assert data.runs > AT_A_TIME
+    assert data.runs > RUNS_AT_A_TIME
     after[[3, data.runs - 2], 1] += 3e-3
     told = named(replace(sets["levels"], data=replace(data, after=after)))
     assert {(d.name, d.sentence.split(":")[0]) for d in told} == {

@@ -141,7 +141,7 @@ def test_what_is_named_is_not_seen_joint_1_by_no_weight_and_a_side_load_restores
     report = report_of(kr500, structure, data)
     A = generic_rows(kr500.vjm, structure)
     for d in report.lost_to_structure:
-        part = A[:, [*d.parameters, *d.others]]
+        part = A[:, [*d.parameters, *d.minor_parameters]]
         assert rank(part) < part.shape[1]
         assert rank(np.delete(A, d.parameters[0], axis=1)) == rank(A)
     s = Structure.of(kr500.arm, joints=["joint_1", "joint_2"])

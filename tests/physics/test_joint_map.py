@@ -126,7 +126,7 @@ def test_plans_are_the_same_poses_in_pendant_joints(both, tmp_path):
     """Searched, refined and ordered in joints of the chain; from tasks that a pendant counted."""
     plans = []
     for cell in both:
-        q = cell.arm.drawn(trial_rng(8), 3)
+        q = cell.arm.draw_poses(trial_rng(8), 3)
         settings = tb.PlanSettings(loads_kg=(8.0,), poses=5, candidates_wanted=40)
         plans.append(tb.plan(cell, q, settings))
     np.testing.assert_allclose(plans[1].plan.q, plans[0].plan.q, rtol=0, atol=1e-9)
@@ -230,7 +230,7 @@ def test_mujoco_finds_equalities_kept_in_all_poses_of_file_joints(tmp_path, kind
     assert [joint.name for joint in arm.file_joints] == ["turn", "lift", "x", "spin"]
     assert any(note.startswith("joints that follow others") for note in notes)
     model = mujoco.MjModel.from_xml_string(text)
-    data, q = mujoco.MjData(model), arm.to_file(arm.drawn(trial_rng(4), 20))
+    data, q = mujoco.MjData(model), arm.to_file(arm.draw_poses(trial_rng(4), 20))
     p, _ = tool_pose(cell.vjm, arm.to_model(q))
     own = [model.joint(joint.name).qposadr[0] for joint in arm.joints]
     for k, pose in enumerate(arm.to_model(q)):
@@ -249,7 +249,7 @@ def test_a_joint_may_follow_one_behind_it():
     found = build_map(arm, {"a": {"c": -0.5}}, {"a": 0.1})
     assert found.names == ("b", "c")
     assert found.free.tolist() == [1, 2]
-    assert found.follows(0) == (2, -0.5, 0.1)
+    assert found.followed_joint(0) == (2, -0.5, 0.1)
     np.testing.assert_allclose(found.to_model(np.array([0.3, 0.4])), [-0.1, 0.3, 0.4], atol=1e-15)
 
 
@@ -348,12 +348,12 @@ def test_a_hand_held_by_mimics_keeps_its_tilt_in_mujoco_and_in_the_model(level):
     assert tilt(tool).max() < 1e-9
     assert tilt(tool_pose(level.vjm, arm.to_model(q))[1]).max() < 1e-9
     np.testing.assert_allclose(arm.to_file(arm.to_model(q)), q, rtol=0, atol=ROUND_TRIP)
-    for j, own in enumerate(np.radians(arm.room(arm.to_model(q))).T):
+    for j, own in enumerate(np.radians(arm.limit_distance(arm.to_model(q))).T):
         ends = [arm.to_model(q + s * own[:, None] * np.eye(4)[j]) for s in (-1, 1)]
         beyond = [np.maximum(arm.limits[0] - end, end - arm.limits[1]).max(axis=1) for end in ends]
         assert np.abs(np.max(beyond, axis=0)).max() < 1e-9  # so far, and no farther
     moved = arm.to_model(q) + 0.1 * np.eye(6)[3]
-    np.testing.assert_array_equal(arm.followed(moved), arm.to_model(q))
+    np.testing.assert_array_equal(arm.with_dependent_joints(moved), arm.to_model(q))
 
 
 def test_a_palletiser_is_corrected_by_its_file_joints_alone(level, tmp_path):
@@ -387,7 +387,7 @@ def test_a_palletiser_is_corrected_by_its_file_joints_alone(level, tmp_path):
 
 def possible(arm, q):
     """Poses lie where the file joints can be, within the limits."""
-    np.testing.assert_allclose(arm.followed(q), q, rtol=0, atol=ROUND_TRIP)
+    np.testing.assert_allclose(arm.with_dependent_joints(q), q, rtol=0, atol=ROUND_TRIP)
     assert ((q >= arm.limits[0] - 1e-9) & (q <= arm.limits[1] + 1e-9)).all()
 
 
@@ -396,7 +396,9 @@ def test_candidates_and_ways_of_a_palletiser_are_poses_that_it_has(level):
     arm = level.arm
     q = search(level, SETTINGS).q
     assert len(q) == 30
-    tries = Search(lambda q, _: q, 4, arm.limits, Feasibility(lambda q: q), trial_rng(7), arm.followed)
+    tries = Search(
+        lambda q, _: q, 4, arm.limits, Feasibility(lambda q: q), trial_rng(7), arm.with_dependent_joints
+    )
     for some in (q, tries.around(q, np.full((30, 1), 0.5)), workspace(level, SETTINGS)):
         possible(arm, some)
     way = arm.to_model(np.linspace([0.1, 0.2, -0.2, 0.4], [0.5, 0.5, 0.1, 0.1], 9))
@@ -440,6 +442,6 @@ def test_rows_that_say_nothing_leave_the_arm_as_it_is(tmp_path):
     arm = tb.load_arm(stated(write_arm(tmp_path / "arm", "zyyxyx"), table))
     assert arm.joint_map is None
     assert arm.file_joints is arm.joints
-    q = arm.drawn(trial_rng(1), 4)
+    q = arm.draw_poses(trial_rng(1), 4)
     assert arm.to_file(q) is q
-    assert arm.followed(q) is q
+    assert arm.with_dependent_joints(q) is q

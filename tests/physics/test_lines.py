@@ -27,14 +27,14 @@ from testbench.workflows.cell import poses_with_weight
 from testbench.workflows.instruments import Mounted, read_instruments
 
 EXACT = Gauge(sigma=1e-9, tilt=0.0, resolution=0.0)
-WIRE = DistanceMeter(sigma=1e-9, fixed=0.0, travel=1.0)
+WIRE = DistanceMeter(sigma=1e-9, fixed_point_sigma=0.0, travel=1.0)
 XYZ = [Mounted(EXACT, f"P{k + 1}", axis) for k, axis in enumerate(np.eye(3))]
 FIXED = np.array([1.5, -0.4, 0.2])
 
 
 def measured(cell, mounted, seed=3, poses=4, mass=100.0, truth="linear", pose=None):
     """Runs of random poses under a weight, read by some instruments."""
-    q = cell.arm.drawn(np.random.default_rng(seed), poses)
+    q = cell.arm.draw_poses(np.random.default_rng(seed), poses)
     pose = np.arange(poses) if pose is None else pose
     loaded = poses_with_weight(cell, q[pose], pose + 1, mass)
     return read_instruments(cell, truth, loaded, mounted, trial_rng(seed, 1))

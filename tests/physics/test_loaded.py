@@ -11,14 +11,14 @@ from spoil import swap
 
 from testbench import Series, load_arm
 from testbench.errors import BenchError, InputError, NoEquilibrium
-from testbench.identify.absolute.torques import CENTRE, LIMIT, MASS, fit_weights
+from testbench.identify.absolute.torques import CENTRE_DEVIATION, MASS_DEVIATION, MAX_DEVIATIONS, fit_weights
 from testbench.identify.regression import non_redundant, rank
 from testbench.model import loaded
 from testbench.model.load import own_weight, read_weights
 from testbench.model.structure import template56
 from testbench.model.vjm import chain, observation
 from testbench.plant.build import weightless
-from testbench.plant.equilibrium import Batch, open_row, solve_equilibrium
+from testbench.plant.equilibrium import Batch, open_copies, solve_equilibrium
 from testbench.plant.equilibrium import tangent as plant_tangent
 from testbench.workflows.absolute import of_masses
 
@@ -36,7 +36,7 @@ def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
     plant, q = weightless(cell.plant), random_q(cell, rng, 3)
     most = HEAVIEST[cell.arm.name.removesuffix("_l480")]
     wrench, point = random_wrench(rng, 3, most / 10, most / 10)  # of a force alone it would be symmetric
-    theta, row = solve_equilibrium(plant, q, wrench, point).theta, open_row(plant)
+    theta, row = solve_equilibrium(plant, q, wrench, point).theta, open_copies(plant)
     K_w = loaded.geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
     qpos = np.zeros((3, plant.model.nv))
     qpos[:, plant.joints], qpos[:, plant.theta] = q, theta
@@ -174,9 +174,9 @@ def test_masses_that_only_mujoco_could_weigh_are_refused(tmp_path, old, new, exp
 def other_arm(cell, rng):
     """Every mass off by a Gaussian factor, every centre too."""
     model = cell.room.model.__copy__()
-    factor = np.maximum(1 + MASS * rng.standard_normal(model.nbody), 0.2)
+    factor = np.maximum(1 + MASS_DEVIATION * rng.standard_normal(model.nbody), 0.2)
     model.body_mass *= factor
-    model.body_ipos += CENTRE / 2 * rng.standard_normal((model.nbody, 3))
+    model.body_ipos += CENTRE_DEVIATION / 2 * rng.standard_normal((model.nbody, 3))
     return model
 
 
@@ -246,7 +246,7 @@ def test_torques_that_are_not_of_the_weight_change_no_mass_and_none_beyond_its_b
         return fit_weights(kr500.vjm, weights, (with_torques(q, 0 * wrench, point, torque),))
 
     found = fit(250.0)
-    assert (np.abs(found.weights.mass / weights.mass - 1) < LIMIT * MASS + 1e-9).all()
+    assert (np.abs(found.weights.mass / weights.mass - 1) < MAX_DEVIATIONS * MASS_DEVIATION + 1e-9).all()
     assert "as far from rigid.xml as is allowed: link_" in of_masses(found)
     found = fit(1000.0)
     assert found.weights is weights

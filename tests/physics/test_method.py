@@ -103,7 +103,7 @@ def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_
 def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_better(kr500, campaign):
     data, cad = campaign.identification, cad_prior(kr500.arm)
     chosen = choose_model(kr500, data, cad)
-    assert (chosen.name, chosen.estimate.of_compliances.structure.n) == (DEFAULT, 153)
+    assert (chosen.name, chosen.estimate.compliance_regression.structure.n) == (DEFAULT, 153)
     assert chosen.why.startswith("the default; in cross-validation no other")
 
 

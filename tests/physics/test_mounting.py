@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
 
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.diagnosis.gravity import DOWN, angle, by_own_weight, mounted, towards
+from testbench.identify.diagnosis.gravity import DOWN, angle, by_own_weight, mounted_under, rotation_of_down
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.metric import cad_prior
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
@@ -49,5 +49,5 @@ def test_own_weight_tells_how_the_base_stands(upright, tmp_path, how):
 def test_weights_along_g_are_those_of_an_arm_whose_base_is_turned(upright):
     """Also where g is along +z, and from a base that does not stand in the world itself."""
     for g in (np.array([0.0, 0, 1]), np.array([0.6, 0, -0.8]), np.array([0.0, -1, 0])):
-        np.testing.assert_allclose(towards(g) @ DOWN, g, atol=1e-12)
-        np.testing.assert_allclose(mounted(upright.vjm, g).base[:3, :3] @ g, DOWN, atol=1e-12)
+        np.testing.assert_allclose(rotation_of_down(g) @ DOWN, g, atol=1e-12)
+        np.testing.assert_allclose(mounted_under(upright.vjm, g).base[:3, :3] @ g, DOWN, atol=1e-12)

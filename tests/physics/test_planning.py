@@ -16,11 +16,11 @@ from testbench.design import rows as plans
 from testbench.design.baselines import error_after
 from testbench.design.criteria import CRITERIA, criterion_of
 from testbench.design.exchange import Feasibility, Search, exchange, greedy
-from testbench.design.forecast import fit_of, forecast, forecast_on
+from testbench.design.forecast import forecast, forecast_on, linear_fit
 from testbench.design.gauges import Gauges, gauge_rows
 from testbench.design.planning import (
-    DETOUR,
-    _order,
+    COLLISION_DETOUR,
+    _measuring_order,
     candidate_set,
     choose_greedily,
     forecast_errors,
@@ -28,8 +28,8 @@ from testbench.design.planning import (
     place_gauges,
 )
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
+from testbench.identify.absolute.posterior import further_information, model_of
 from testbench.identify.absolute.posterior import information as told_by
-from testbench.identify.absolute.posterior import model_of, pull_of
 from testbench.identify.absolute.state import series_equilibrium
 from testbench.identify.metric import Strength, cad_prior, precision_root, scale_by_prior, weighted_rows
 from testbench.identify.observability import hidden_quantities
@@ -181,9 +181,9 @@ def test_order_avoids_a_way_that_collides():
     def way(a, b):
         return {a[0], b[0]} != {0.0, 1.0}
 
-    assert _order(q, load, Feasibility(lambda q: q)).tolist() in ([0, 1, 2], [2, 1, 0])
-    assert _order(q, load, Feasibility(lambda q: q, way)).tolist() in ([0, 2, 1], [1, 2, 0])
-    assert DETOUR > 2.1
+    assert _measuring_order(q, load, Feasibility(lambda q: q)).tolist() in ([0, 1, 2], [2, 1, 0])
+    assert _measuring_order(q, load, Feasibility(lambda q: q, way)).tolist() in ([0, 2, 1], [1, 2, 0])
+    assert COLLISION_DETOUR > 2.1
 
 
 def draw(own, uncertainty, rng):
@@ -231,7 +231,7 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
             squares[name].append(np.square(off).sum(axis=2).mean())
     for name, (model, *_) in fits.items():
         read = partial(plans.measured_rows, q=q, load=load)
-        fit = fit_of(replace(spec.experiment, scaling=whole), 0.3, model, read)
+        fit = linear_fit(replace(spec.experiment, scaling=whole), 0.3, model, read)
         promised = forecast_on(fit, spec.tasks.q, spec.tasks.load)
         found, errors = promised.overall**2, np.sqrt(squares[name])
         inside = np.mean((promised.overall_low < errors) & (errors < promised.overall_high))
@@ -260,21 +260,21 @@ def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, places):
     """Drawn joints move the targets, by finite differences of the arm itself; rows are whitened by that."""
     q, rng = places[:1], np.random.default_rng(0)
     series, state = absolute.series_at(union, q), union.state
-    draws = rng.normal(0, union.rest, (4000, len(union.rest)))
+    draws = rng.normal(0, union.unmodelled, (4000, len(union.unmodelled)))
 
     def targets(moved):
         where = series_equilibrium(state, replace(series, q=series.q + moved)).chain
         return where.points(state.mount(series).points).ravel()
 
     still = targets(0 * draws[0])
-    J = np.stack([(targets(h) - still) / 1e-6 for h in 1e-6 * np.eye(len(union.rest))], axis=1)
+    J = np.stack([(targets(h) - still) / 1e-6 for h in 1e-6 * np.eye(len(union.unmodelled))], axis=1)
     V = np.cov((draws @ J.T).T) + series.sigma**2 * np.eye(len(still))
     A = np.linalg.solve(np.linalg.cholesky(V), absolute.position_rows(union, q)[0])
     ours, drawn = (rows.T @ rows for rows in (absolute.measured_rows(union, q)[0], A))
     # 4000 draws: 2 % of a variance, and some more over many entries
     assert np.linalg.norm(ours - drawn) < 0.1 * np.linalg.norm(ours)
     rms = np.sqrt(np.square(draws @ J.T).sum(axis=1).mean() / (2 * len(series.markers)))
-    assert absolute.joint_rest(union, q) == pytest.approx(rms, rel=0.03)
+    assert absolute.unmodelled_joint_error(union, q) == pytest.approx(rms, rel=0.03)
 
 
 def test_a_joint_that_never_turns_hides_what_a_plan_shows_but_for_structural_directions(union, places):
@@ -307,14 +307,14 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
     L = np.diag(np.sqrt(np.diag(union.L @ union.L.T)))
     both = sum(i.H[0] @ L / np.linalg.norm(i.H @ union.L) for i in (one, other))
     found = hidden_quantities(quantities(unknowns), L, k * np.outer(both, both), np.zeros((len(L), 0)))
-    assert [(i.name, i.behind) for i in found if i.behind] in (
+    assert [(i.name, i.confounded_with) for i in found if i.confounded_with] in (
         [("joint_3's offset", ("joint_6's compliance",))],
         [("joint_6's compliance", ("joint_3's offset",))],
     )
     prior = np.diag(np.diag(union.L @ union.L.T))
     prior[unknowns.columns("errors")] = 0
     series = absolute.series_at(union, places[:POSES])
-    pull = pull_of(unknowns, union.state, (series,))
+    pull = further_information(unknowns, union.state, (series,))
     tells = told_by(unknowns, union.state, series)
     said = " ".join(unobservable(unknowns, tells, prior, pull))
     assert "12 directions" in said
@@ -335,7 +335,7 @@ def before(kr500):
 def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
     """The error by roots of covariances is that by sums of precisions in SI units."""
     model = model_of(before[1])
-    own, q = replace(union_after(model, ALONE), little=0.0), places[:6]
+    own, q = replace(union_after(model, ALONE), min_information=0.0), places[:6]
     first, across = own.unknowns.starts["geometry"], replace(own, L=np.eye(own.unknowns.size))
     on = np.r_[:first, first + model.columns]
     P = np.eye(len(on)) / absolute.FRAME_DEVIATION**2

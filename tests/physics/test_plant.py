@@ -13,7 +13,7 @@ from loads import hung, random_q
 from testbench.arm.folder import Compensator, load_arm
 from testbench.errors import BenchError, InputError, NoEquilibrium
 from testbench.files.robot.write import write_elastic
-from testbench.plant.build import build_plant, plant_of
+from testbench.plant.build import build_plant, plant_from_model
 from testbench.plant.disturbance import (
     FOUNDATION,
     KR500_COMPENSATOR,
@@ -27,14 +27,14 @@ from testbench.plant.equilibrium import (
     evaluate,
     fixed_configurations,
     hinged_bodies,
-    open_row,
+    open_copies,
     solve_equilibrium,
     solve_linear_equilibrium,
     solve_unloaded_and_loaded,
     strut,
     strut_force,
 )
-from testbench.plant.joint_law import Beyond, Follows, JointLaw, joint_rotation, tangent_compliance
+from testbench.plant.joint_law import Beyond, Follows, TrueJointLaws, joint_rotation, tangent_compliance
 from testbench.plant.true_arms import disturb, exactly_loaded
 
 
@@ -111,8 +111,8 @@ def test_poses_settle_alike_in_any_order_and_in_any_company(kr500, rng, monkeypa
     assert_close(shuffled, replace(expected, **{k: v[order] for k, v in vars(expected).items()}))
     monkeypatch.setattr("testbench.plant.equilibrium.POSES_AT_ONCE", 7)
     assert_close(settled(kr500.plant, *runs), expected)
-    monkeypatch.setattr("testbench.plant.build.ABREAST", 1)
-    assert_close(settled(plant_of(kr500.arm, kr500.plant.model), *runs), expected)
+    monkeypatch.setattr("testbench.plant.build.COPIES", 1)
+    assert_close(settled(plant_from_model(kr500.arm, kr500.plant.model), *runs), expected)
 
 
 def test_threads_of_a_caller_find_the_same(kr500, rng):
@@ -163,9 +163,9 @@ def test_an_undisturbed_arm_is_the_clean_one_and_errors_of_a_load_are_another_on
     q, (wrench, point) = random_q(kr500, rng, 20), hung(kr500, 20)
     solve_equilibrium(disturbed(kr500, TYPICAL), q)
     true = disturbed(kr500, replace(CLEAN, centre_error=5e-3, mass_error=0.01))
-    assert np.abs(true.centre).max() > 1e-3
+    assert np.abs(true.load_point_error).max() > 1e-3
     clean, exact = disturbed(kr500, CLEAN), exactly_loaded(true)
-    for arm, pull, at in ((clean, 1, point), (true, 1.01, point + true.centre), (exact, 1, point)):
+    for arm, pull, at in ((clean, 1, point), (true, 1.01, point + true.load_point_error), (exact, 1, point)):
         unloaded, loaded = solve_unloaded_and_loaded(arm, q, wrench, point)
         assert_same(unloaded, solve_equilibrium(kr500.plant, q))
         assert_same(loaded, solve_equilibrium(kr500.plant, q, pull * wrench, at))
@@ -189,7 +189,11 @@ def strut_length(plant, spring, qpos):
 @pytest.mark.parametrize("stiffness", [None, KR500_COMPENSATOR.stiffness])
 def test_the_compensator_pulls_along_its_length_and_stiffens_the_arm_it_holds(kr500, rng, stiffness):
     """On all 54 coordinates in a bent pose, by its stretch beyond the held one; there its stiffness."""
-    spring, plant, row = replace(KR500_COMPENSATOR, stiffness=stiffness), kr500.plant, open_row(kr500.plant)
+    spring, plant, row = (
+        replace(KR500_COMPENSATOR, stiffness=stiffness),
+        kr500.plant,
+        open_copies(kr500.plant),
+    )
     k = spring.rate if stiffness is None else stiffness
     qpos = fixed_configurations(plant, np.deg2rad([[10.0, -40, 60, 20, 30, 0]]))
     compensator = strut(spring, plant, evaluate(row, qpos, hinged_bodies(plant)))
@@ -221,7 +225,7 @@ def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
     np.testing.assert_allclose(linear.tool - rest.tool, soft.tool - rest.tool, rtol=0, atol=1e-10)
 
 
-LAW = JointLaw(
+LAW = TrueJointLaws(
     compliance=np.array([0.075e-6, 0.15e-6, 0.7e-6, 0.7e-6]), stiffening=0.2, backlash=5e-5, hysteresis=3e-5
 )
 TORQUE = np.array([13e3, -4e3, 900.0, 40.0])  # the last within the play
@@ -230,8 +234,8 @@ TORQUE = np.array([13e3, -4e3, 900.0, 40.0])  # the last within the play
 def spring_torque(law, theta, torque):
     """What springs hold at their turns, friction beside them: by the polynomial itself."""
     x = law.compliance * torque
-    friction = 0.0 if law.before is None else law.hysteresis
-    slip = np.clip(theta - joint_rotation(replace(law, before=None), torque), -friction, friction)
+    friction = 0.0 if law.start is None else law.hysteresis
+    slip = np.clip(theta - joint_rotation(replace(law, start=None), torque), -friction, friction)
     phi = theta - law.backlash * np.tanh(x / law.backlash) - slip
     return phi / law.compliance * (1 + law.stiffening * (phi / 1e-3) ** 2)
 
@@ -239,7 +243,7 @@ def spring_torque(law, theta, torque):
 @pytest.mark.parametrize("before", [None, np.array([0.0, 0.0, 2e-3, 8e-5])])
 def test_compliance_of_a_joint_is_the_slope_of_its_turn_whose_certificate_sees_a_nanoradian(before):
     """Springs by their polynomial, not by the root that was solved for; within its band friction holds."""
-    law, h = replace(LAW, before=before), 1e-3
+    law, h = replace(LAW, start=before), 1e-3
     expected = (joint_rotation(law, TORQUE + h) - joint_rotation(law, TORQUE - h)) / (2 * h)
     np.testing.assert_allclose(tangent_compliance(law, TORQUE), expected, rtol=1e-6, atol=1e-15)
     moving, theta = tangent_compliance(law, TORQUE) > 0, joint_rotation(law, TORQUE)
@@ -267,8 +271,8 @@ def test_the_same_seed_gives_the_same_arm_and_a_switch_leaves_the_other_numbers_
     K, C = -np.array(springs)[np.ix_(free, free)], arms[0].C[np.ix_(free, free)]
     np.testing.assert_allclose(C @ K, np.eye(len(free)), rtol=0, atol=1e-6)  # metres beside radians
     fewer = replace(TYPICAL, geometry=None, foundation=0.0, compensator=None)
-    np.testing.assert_array_equal(disturbed(kr500, fewer, 7).offset, arms[0].offset)
-    np.testing.assert_array_equal(disturbed(kr500, fewer, 7).centre, arms[0].centre)
+    np.testing.assert_array_equal(disturbed(kr500, fewer, 7).joint_offset, arms[0].joint_offset)
+    np.testing.assert_array_equal(disturbed(kr500, fewer, 7).load_point_error, arms[0].load_point_error)
 
 
 @pytest.mark.parametrize(
@@ -304,8 +308,8 @@ def test_links_that_follow_the_pose_rest_where_an_arm_of_the_links_of_that_pose_
     plant, (wrench, point) = with_springs(kr500, follows=follows), hung(kr500, 3)
     together = solve_equilibrium(plant, q, wrench, point), solve_linear_equilibrium(plant, q, wrench, point)
     for pose in range(3):
-        s = np.sin(follows.turns @ q[pose] + follows.phase)
-        roots = [np.diag(np.exp(own * share / 2)) for own, share in zip(s, follows.share, strict=True)]
+        s = np.sin(follows.joint_rates @ q[pose] + follows.phase)
+        roots = [np.diag(np.exp(own * share / 2)) for own, share in zip(s, follows.log_change, strict=True)]
         scaled = [
             replace(link, compliance=D @ link.compliance @ D)
             for link, D in zip(kr500.arm.links, roots, strict=True)
@@ -335,7 +339,7 @@ def test_a_torque_on_a_coupled_joint_turns_the_others_by_their_whole_matrix(kr50
         where = data.xpos[plant.tool] + data.xmat[plant.tool].reshape(3, 3) @ point[pose]
         mujoco.mj_applyFT(plant.model, data, wrench[pose, :3], wrench[pose, 3:], where, plant.tool, Q)
         linear = (np.diag(own) + between) @ Q[plant.hinges]
-        turns = JointLaw(own, *(law.values() or (0, 0, 0)), before=before.theta[pose, n:])
+        turns = TrueJointLaws(own, *(law.values() or (0, 0, 0)), start=before.theta[pose, n:])
         np.testing.assert_allclose(
             rest.theta[pose, n:], joint_rotation(turns, linear / own), rtol=0, atol=1e-9
         )
@@ -344,12 +348,12 @@ def test_a_torque_on_a_coupled_joint_turns_the_others_by_their_whole_matrix(kr50
 def test_friction_that_slips_bit_by_bit_is_many_plays_side_by_side():
     """The mean over plays of half widths spread evenly from 0 to H; its slope is that of its turn."""
     H, before, h = np.array([2e-4, 1e-4, 5e-5, 4e-4]), np.array([0.0, 0.0, 2e-3, 8e-5]), 1e-3
-    law = replace(LAW, before=before, hysteresis=0.0, slip=H)
+    law = replace(LAW, start=before, hysteresis=0.0, slip=H)
     widths = (np.arange(20_000) + 0.5)[:, None] / 20_000 * H
-    target = joint_rotation(replace(law, before=None), TORQUE)
+    target = joint_rotation(replace(law, start=None), TORQUE)
     plays = np.clip(before, target - widths, target + widths)
     np.testing.assert_allclose(joint_rotation(law, TORQUE), plays.mean(axis=0), rtol=0, atol=1e-11)
     expected = (joint_rotation(law, TORQUE + h) - joint_rotation(law, TORQUE - h)) / (2 * h)
     np.testing.assert_allclose(tangent_compliance(law, TORQUE), expected, rtol=1e-5)
     # some of its plays move
-    assert 0 < tangent_compliance(law, TORQUE)[3] < tangent_compliance(replace(law, before=None), TORQUE)[3]
+    assert 0 < tangent_compliance(law, TORQUE)[3] < tangent_compliance(replace(law, start=None), TORQUE)[3]

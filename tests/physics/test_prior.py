@@ -24,7 +24,12 @@ from testbench import (
 from testbench.data.dataset import select
 from testbench.identify import average, hierarchy
 from testbench.identify import posterior as posteriors
-from testbench.identify.average import average_models, average_two_priors, stiffness_scatter, with_scatter
+from testbench.identify.average import (
+    average_models,
+    average_two_priors,
+    stiffness_scatter,
+    weigh_for_scatter,
+)
 from testbench.identify.estimate import ModelAverage, make_estimate
 from testbench.identify.hierarchy import evidence_hessian, evidence_posterior, maximise_evidence
 from testbench.identify.metric import (
@@ -47,7 +52,7 @@ from testbench.identify.posterior import (
 )
 from testbench.identify.regression import f_m, restrict_to, scatter_to
 from testbench.identify.solve import solve, solve_with_prior
-from testbench.identify.trace import FOLDS, Candidate, divide_poses, unless_beaten
+from testbench.identify.trace import FOLDS, Candidate, divide_poses, prefer_first
 from testbench.model.laws import with_laws, with_ties
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
@@ -146,9 +151,9 @@ def test_a_model_stays_unless_beaten_fold_by_fold_by_more_than_chance():
     first, noise = Candidate("first", hard), np.array([0.1, -0.1, 0.1, -0.1, 0.1, -0.1])
     alike = Candidate("alike", hard - 0.05 + noise)  # 0.05 +- 0.045: 1.1 standard errors
     better, best = (Candidate(f"less by {d}", hard - d + noise) for d in (0.15, 0.3))
-    assert unless_beaten([first, alike], "first").name == "first"
-    assert unless_beaten([alike, first], "alike").name == "alike"
-    duel = unless_beaten([first, alike, better, best], "first")
+    assert prefer_first([first, alike], "first").name == "first"
+    assert prefer_first([alike, first], "alike").name == "alike"
+    duel = prefer_first([first, alike, better, best], "first")
     assert (duel.name, duel.difference) == ("less by 0.3", pytest.approx(-0.3))
     assert duel.standard_error == pytest.approx(np.std(noise, ddof=1) / np.sqrt(6))
 
@@ -227,7 +232,7 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
         """Minus its logarithm, from all rows as they are, the scales at one."""
         A, y = weighted_rows(regression, seen.scaling)
         u, c, kappa = np.exp(h[-3:])
-        D = (np.where(seen.scaling.couplings, c, u) * (seen.shares @ shares(seen, h))) ** 2
+        D = (np.where(seen.scaling.couplings, c, u) * (seen.scale_shares @ shares(seen, h))) ** 2
         S = kappa**2 * np.eye(len(y)) + A * D @ A.T
         e = y - A @ seen.scaling.expected
         more = sum(t.equations / 3 * t.unexplained for t in regression.terms) / kappa**2 / 2
@@ -480,7 +485,7 @@ def test_the_share_of_a_prior_is_that_of_its_evidence_against_the_odds_beforehan
     ]
     log_evidence = [7.0, 7.0 + math.log(average.BEAM_ODDS) + (math.log(3) if likelier else -math.log(3))]
     given = dict(zip(("first", "second"), zip(both, log_evidence, strict=True), strict=True))
-    monkeypatch.setattr(average, "_of_prior", lambda _r, _constraint, prior, *, widths: given[prior])
+    monkeypatch.setattr(average, "_average_ties", lambda _r, _constraint, prior, *, widths: given[prior])
     found = average_two_priors(r, "psd", "first", "second")
     share = np.array([0.25, 0.75] if likelier else [0.75, 0.25])
     np.testing.assert_allclose(found.pi, (share @ [1.0, 2.0]) * size, rtol=1e-12)
@@ -518,7 +523,7 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
         return e_joints, WeightedPrior(prior, Strength(1.0))
 
     monkeypatch.setattr(average, "log_evidence_alone", log_evidence_alone)
-    found, together = average._of_prior(r, "psd", own, widths=True)
+    found, together = average._average_ties(r, "psd", own, widths=True)
     joints, links = average.JOINTS_ONLY_ODDS * math.exp(e_joints), math.exp(e_links)
     linear, laws = joints + links, math.exp(e_laws) / average.LINEAR_JOINTS_ODDS
     assert together == pytest.approx(math.log(linear + laws))
@@ -672,7 +677,7 @@ def test_links_that_are_others_in_every_pose_weigh_readings_by_their_covariance(
     _, s = default(kr500, 3)
     regression, rho = reduce(kr500.vjm, s, campaign.identification), 0.2
     data, pi = campaign.identification, cad_prior(kr500.arm).C_theta[s.a[:147], s.b[:147]]
-    weighed = with_scatter(regression, pi, rho)
+    weighed = weigh_for_scatter(regression, pi, rho)
     H = np.zeros((s.n + 1, s.n + 1))
     link = s.a // 6
     for pose in np.unique(data.pose):
@@ -718,8 +723,8 @@ def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, camp
     method, s = default(kr500, 3)
     regression = reduce(kr500.vjm, s, campaign.identification)
     monkeypatch.setattr(average, "stiffness_scatter", lambda *_: 0.2)
-    found, share = method.fit_reduced(kr500.vjm, regression), average.RIGID
-    monkeypatch.setattr(average, "RIGID", 0.0)
+    found, share = method.fit_reduced(kr500.vjm, regression), average.MIN_JOINTS_WEIGHT
+    monkeypatch.setattr(average, "MIN_JOINTS_WEIGHT", 0.0)
     changing = method.fit_reduced(kr500.vjm, regression)
     assert found.average.laws_weight == found.average.ties_weight == 0
     joints = joints_only(kr500.arm)
@@ -743,7 +748,7 @@ def test_poses_left_out_are_predicted_by_a_fit_to_all_others(kr500, campaign):
     fit = method.fit_reduced(kr500.vjm, replace(regression, poses=()))
     whole = fit if fit.average is None else fit.average.all_parts
     belief, poses = whole.weighted_prior, restrict_to(regression, whole.structure).poses
-    found = average._left_out(poses, poses, belief)
+    found = average._held_out_errors(poses, poses, belief)
     L, (B, c) = belief.scaling.L, precision_root(belief.scaling, belief.strength)
     for k, held in enumerate(poses):
         rest = np.vstack([rows for other, rows in enumerate(poses) if other != k])
@@ -758,8 +763,8 @@ def test_poses_left_out_are_predicted_by_a_fit_to_all_others(kr500, campaign):
         ([0.2, 0.3, 0.4], False, 0.0),  # t = 5.2, of two degrees of freedom 2.9 is sure
         ([0.1, 0.5, 0.9], False, 1.0),  # t = 2.2
         ([-0.2, -0.3, -0.4], False, 1.0),
-        ([0.2, 0.3, 0.4], True, average.RIGID),
-        ([0.1, 0.5, 0.9], True, average.RIGID_IF_UNSURE),
+        ([0.2, 0.3, 0.4], True, average.MIN_JOINTS_WEIGHT),
+        ([0.1, 0.5, 0.9], True, average.JOINTS_WEIGHT_IF_UNSURE),
         ([-0.2, -0.3, -0.4], True, 1.0),
     ],
 )
@@ -770,20 +775,20 @@ def test_links_count_where_they_surely_predict_poses_better_that_were_left_out(g
 
 @pytest.mark.parametrize("changes", [False, True])
 def test_without_held_out_errors_the_average_stays_but_where_links_change(changes):
-    assert average.links_or_joints(None, changes=changes) == (average.RIGID if changes else 0)
+    assert average.links_or_joints(None, changes=changes) == (average.MIN_JOINTS_WEIGHT if changes else 0)
 
 
 def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(kr500, campaign, monkeypatch):
     method, s = default(kr500, 3)
     regression = reduce(kr500.vjm, s, campaign.identification)
     before = method.fit_reduced(kr500.vjm, regression)
-    of_two = average._of_two
+    of_two = average._average_priors
 
     def with_laws_of_half(*args):
         e = of_two(*args)
         return replace(e, average=replace(e.average or ModelAverage(0.0, e), laws_weight=0.5))
 
-    monkeypatch.setattr(average, "_of_two", with_laws_of_half)
+    monkeypatch.setattr(average, "_average_priors", with_laws_of_half)
     monkeypatch.setattr(average.LinksAndJoints, "certain", False)
     monkeypatch.setattr(average.LinksAndJoints, "errors", (np.ones(8), np.ones(8)))
     found = method.fit_reduced(kr500.vjm, regression)

@@ -180,7 +180,7 @@ def test_joints_and_poses_of_both_kinds_of_moves_are_read_back(name, arm, tmp_pa
     """Written by the template, read, moved in the text, and read again."""
     language, n = known_languages()[name], 12
     rng = np.random.default_rng(5)
-    q = arm.drawn(rng, n)
+    q = arm.draw_poses(rng, n)
     p, R = rng.uniform(-3, 3, (n, 3)), Rotation.random(n, rng=rng).as_matrix()
     R[3] = Rotation.from_euler("ZYX", [30, 90, 0], degrees=True).as_matrix()  # two axes coincide
     linear, posed = np.arange(n) % 2 == 1, np.arange(n) % 4 > 0
@@ -193,7 +193,11 @@ def test_joints_and_poses_of_both_kinds_of_moves_are_read_back(name, arm, tmp_pa
         np.testing.assert_allclose(found.q[~posed], q[~posed], rtol=0, atol=ROUND_TRIP)
         np.testing.assert_allclose(found.position[posed], p[posed], rtol=0, atol=ROUND_TRIP)
         np.testing.assert_allclose(found.rotation[posed], R[posed], rtol=0, atol=ROUND_TRIP)
-        q, p, R = arm.within(q + moved), p + moved, Rotation.from_rotvec([0, moved, moved]).as_matrix() @ R
+        q, p, R = (
+            arm.clip_to_limits(q + moved),
+            p + moved,
+            Rotation.from_rotvec([0, moved, moved]).as_matrix() @ R,
+        )
         [(_, content)] = changed_texts(found.motions.text, changed_numbers(found.motions, arm, q, p, R))
         file.write_bytes(content)
     assert np.abs(np.degrees(arm.to_file(q)[0]) - re_read(file, name, arm)).max() < 1e-6
@@ -505,7 +509,7 @@ def test_the_example_of_the_docs_adds_a_language_by_two_files(tmp_path):
     for kind, name in (("toml", "as.toml"), ("jinja", "as.j2")):
         (tmp_path / name).write_text(re.search(rf"```{kind}\n(.*?)```", page, re.DOTALL)[1])
     language, rng = read_language(tmp_path / "as.toml"), np.random.default_rng(2)
-    q, p, R = ARM.drawn(rng, 8), rng.uniform(-3, 3, (8, 3)), Rotation.random(8, rng=rng).as_matrix()
+    q, p, R = ARM.draw_poses(rng, 8), rng.uniform(-3, 3, (8, 3)), Rotation.random(8, rng=rng).as_matrix()
     linear, posed = np.arange(8) % 2 == 1, np.arange(8) % 4 > 0
     write_moves(tmp_path / "a.as", language, Motion(q, ARM.joints, ["x"] * 8, linear, posed, p, R), tmp_path)
     found = read_robot_program(tmp_path / "a.as", language, ARM, Controller())

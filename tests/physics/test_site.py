@@ -12,7 +12,15 @@ from testbench.errors import PoseError
 from testbench.model.vjm import tool_points
 from testbench.plant import site as places
 from testbench.plant.shapes import rigid_frames
-from testbench.plant.site import Contact, Payload, build_site, collisions, contacts, has_surroundings, hidden
+from testbench.plant.site import (
+    Contact,
+    Payload,
+    build_site,
+    collisions,
+    contacts,
+    has_surroundings,
+    hidden_markers,
+)
 
 STATION = (4.5, -2.5, 1.6)
 READY = np.deg2rad([[10.0, -70, 80, 20, -35, 15]])
@@ -110,12 +118,15 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
     site = build_site(altered(kr500, tmp_path, *CHANGES[change]), payload, (1.2, -1.6, 1.2))
     model, data = site.model, mujoco.MjData(site.model)
     hanging, head = (
-        np.flatnonzero(site.part == places.CONTACT_CATEGORIES.index(name)) for name in ("payload", "tracker")
+        np.flatnonzero(site.geom_owner == places.CONTACT_CATEGORIES.index(name))
+        for name in ("payload", "tracker")
     )
     others = np.flatnonzero(
-        (site.part != places.CONTACT_CATEGORIES.index("payload")) & (model.geom_contype != 0)
+        (site.geom_owner != places.CONTACT_CATEGORIES.index("payload")) & (model.geom_contype != 0)
     )
-    arm = np.flatnonzero((site.part == places.CONTACT_CATEGORIES.index("itself")) & (model.geom_contype != 0))
+    arm = np.flatnonzero(
+        (site.geom_owner == places.CONTACT_CATEGORIES.index("itself")) & (model.geom_contype != 0)
+    )
     assert model.geom_size[head, 0] == places.HEAD_RADIUS
     found = contacts(site, q)
     loads = tool_points(kr500.vjm, q, kr500.vjm.load[None])[:, 0]
@@ -152,18 +163,18 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
 )
 def test_a_tracker_inside_what_does_not_move_or_nowhere_is_refused_in_one_line(name, station, said, request):
     with pytest.raises(BenchError, match=said) as err:
-        hidden(build_site(request.getfixturevalue(name).arm, station=station), READY)
+        hidden_markers(build_site(request.getfixturevalue(name).arm, station=station), READY)
     assert "\n" not in str(err.value)
 
 
 def test_the_ready_pose_is_seen_and_a_wall_hides_it(kr500, tmp_path):
     """Whether the wall is drawn, only collides, or is fully transparent."""
-    assert hidden(build_site(kr500.arm, Payload(460.3), STATION), READY) == [None]
+    assert hidden_markers(build_site(kr500.arm, Payload(460.3), STATION), READY) == [None]
     middle = (tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0] + STATION) / 2
     wall = f'type="sphere" size="0.3" pos="{" ".join(map(str, middle))}"'
     for looks in ("", 'group="3"', 'rgba="1 1 1 0"', 'contype="0" conaffinity="0"'):
         arm = furnished(kr500, tmp_path, f"<geom {wall} {looks}/>")
-        assert hidden(build_site(arm, Payload(460.3), STATION), READY) == [("P1", "world")], looks
+        assert hidden_markers(build_site(arm, Payload(460.3), STATION), READY) == [("P1", "world")], looks
 
 
 @pytest.mark.parametrize("name", ["kr500", "arm_6r"])
@@ -174,8 +185,8 @@ def test_a_ball_hides_a_target_where_it_meets_the_line_of_sight(name, request, t
     centre, radius, station = np.array([2.5, -1.5, 1.8]), 0.5, np.array(STATION)
     ball = f'<geom type="sphere" size="{radius}" pos="2.5 -1.5 1.8"/>'
     arm = furnished(cell, tmp_path, ball)
-    by_arm = np.array([h is not None for h in hidden(build_site(cell.arm, station=STATION), q)])
-    by_both = np.array([h is not None for h in hidden(build_site(arm, station=STATION), q)])
+    by_arm = np.array([h is not None for h in hidden_markers(build_site(cell.arm, station=STATION), q)])
+    by_both = np.array([h is not None for h in hidden_markers(build_site(arm, station=STATION), q)])
     beams = tool_points(cell.vjm, q, cell.vjm.markers) - station
     beams *= 1 - places.TARGET_RADIUS / np.linalg.norm(beams, axis=2, keepdims=True)
     along = np.clip((beams @ (centre - station)) / (beams**2).sum(axis=2), 0, 1)
@@ -191,9 +202,9 @@ def test_padding_and_the_end_of_its_holder_hide_no_target_but_another_thing_near
     P1 = '<body name="P1" pos="0.12 0.40 0.24">'
     hull = '<geom class="collision" type="sphere" size="0.3" pos="0.12 0.40 0.24"/>'
     arm = altered(kr500, tmp_path, (P1, hull + P1))
-    assert hidden(build_site(arm, station=STATION), READY) == [None]
+    assert hidden_markers(build_site(arm, station=STATION), READY) == [None]
     bare = altered(kr500, tmp_path, (P1, f'<body name="case">{hull}</body>{P1}'))
-    assert hidden(build_site(bare, station=STATION), READY) == [("P1", "case")]
+    assert hidden_markers(build_site(bare, station=STATION), READY) == [("P1", "case")]
     P1 = tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0]
     toward = (np.array(STATION) - P1) / np.linalg.norm(np.array(STATION) - P1)
     for beyond, expected in ((-0.005, None), (0.005, ("P1", "world"))):
@@ -202,7 +213,7 @@ def test_padding_and_the_end_of_its_holder_hide_no_target_but_another_thing_near
         )  # its face towards the tracker is 1 mm nearer
         geom = f'<geom type="sphere" size="0.001" pos="{" ".join(map(repr, bead.tolist()))}"/>'
         site = build_site(furnished(kr500, tmp_path, geom), station=STATION)
-        assert hidden(site, READY) == [expected]
+        assert hidden_markers(site, READY) == [expected]
 
 
 def test_targets_face_along_the_z_axis_of_their_bodies(kr500, tmp_path, rng):

@@ -20,7 +20,7 @@ from testbench.identify.conic import (
 )
 from testbench.identify.estimate import Dual
 from testbench.identify.metric import (
-    Case,
+    RegressionWithPrior,
     Strength,
     WeightedPrior,
     cad_prior,
@@ -129,7 +129,7 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
         return replace(found, x=size * found.x)
 
     monkeypatch.setattr(interior, "interior", wrongly)
-    assert not solve_with_prior("psd", Case(regression, belief)).by_our_solver
+    assert not solve_with_prior("psd", RegressionWithPrior(regression, belief)).by_our_solver
     again = solve(regression, "psd", belief)
     assert again.conservative
     assert again.f_m == pytest.approx(right.f_m, rel=1e-5)
@@ -171,8 +171,8 @@ def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_the
 def test_what_cannot_be_is_not_called_solved():
     apart = tuple(cone.Rows("nonnegative", sign * np.eye(1), np.array([-1.0])) for sign in (1, -1))
     found = cone.solve(cone.ConeProgram(np.ones(1), (cone.free_block(0, 1),), apart))  # x <= -1 and x >= 1
-    assert found.status == f"not solved: Clarabel says {found.word}"
-    assert "nfeasible" in found.word
+    assert found.status == f"not solved: Clarabel says {found.solver_status}"
+    assert "nfeasible" in found.solver_status
 
 
 SLACK = 1e-12  #: Of F_M at C = 0, for the arithmetic of this file.

@@ -8,7 +8,7 @@ import pytest
 from testbench import BenchError, Scenario, deflections, score, simulate
 from testbench.identify import certify, cone, gco, interior, least_squares, paper_gco, reduce, trace
 from testbench.identify.regression import reduce_parts
-from testbench.identify.trace import _strongest, divide_poses, learn_trace_weight, trace_penalty
+from testbench.identify.trace import _strongest_weight, divide_poses, learn_trace_weight, trace_penalty
 from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
 from testbench.workflows.cell import true_cell
 
@@ -65,7 +65,7 @@ def test_links_that_hardly_bend_are_left_to_the_joints(kr500):
 
 def test_readings_that_joints_explain_exactly_have_a_weight_too(kr500, monkeypatch):
     """Neither noise nor links: nothing is left, not even rounding, that a weight could be over."""
-    monkeypatch.setattr(trace, "_squares", lambda _, pi: np.zeros(pi.shape[:-1]))
+    monkeypatch.setattr(trace, "_squared_residuals", lambda _, pi: np.zeros(pi.shape[:-1]))
     rigid = true_cell(kr500, "tubes", 1, stiffer=1e9)
     exact = simulate(rigid, Scenario(arm=kr500.arm.name, noise=False, truth="linear", workspace_poses=5), 1)
     found = gco(kr500.vjm, template56(kr500.arm), exact.identification)
@@ -83,8 +83,8 @@ def test_a_weaker_weight_has_to_predict_better_in_pose_after_pose():
         (strong * np.r_[0.7 * ripple[:7], 1.02], 1),  # better but in the hardest
         (0.999 * strong * (1 + 0.1 * np.cos(np.arange(8))), 0),  # by chance
     ):
-        assert _strongest(np.c_[strong, weak]) == chosen
-    assert _strongest(np.c_[strong, np.full(8, np.nan)]) == 0  # not solved
+        assert _strongest_weight(np.c_[strong, weak]) == chosen
+    assert _strongest_weight(np.c_[strong, np.full(8, np.nan)]) == 0  # not solved
 
 
 def test_all_folds_and_weights_are_solved_as_if_one_by_one(kr500, campaign, monkeypatch):

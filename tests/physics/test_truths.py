@@ -15,10 +15,10 @@ from testbench.plant.cast import (
     BeamSegments,
     Casting,
     Sections,
-    as_compliant,
     beam_compliance,
     draw_casting,
     rib_thickness,
+    scale_walls,
 )
 from testbench.plant.tracker import trial_rng
 from testbench.workflows.cell import Scenario, simulate, true_cell
@@ -90,7 +90,7 @@ def test_every_truth_is_conservative_and_new_for_every_seed_and_comes_again(kr50
 
 @pytest.mark.parametrize(
     ("name", "middle", "spread"),
-    [("joints", 0, true_arms.UNEQUAL), ("far_joints", np.log(0.9) / 2, np.log(10) / np.sqrt(12))],
+    [("joints", 0, true_arms.JOINT_LOG_DEVIATION), ("far_joints", np.log(0.9) / 2, np.log(10) / np.sqrt(12))],
 )
 def test_joints_are_normal_or_far_off_evenly_in_the_logarithm_each_by_itself(kr500, name, middle, spread):
     own = compliances(kr500.arm.joints)
@@ -352,7 +352,7 @@ def test_cast_links_are_as_long_and_bend_as_the_tubes_with_walls_that_can_be_cas
     bending = (tube[4, 4] + tube[5, 5]) / 2
     for seed in range(6):
         draw = draw_casting((tube[1, 5] - tube[2, 4]) / bending, bending, np.random.default_rng(seed))
-        casting = as_compliant(draw, bending)
+        casting = scale_walls(draw, bending)
         C = casting.compliance()
         assert casting.length == pytest.approx(2 * tube[1, 5] / tube[5, 5])
         assert C[4, 4] + C[5, 5] == pytest.approx(tube[4, 4] + tube[5, 5], rel=1e-8)

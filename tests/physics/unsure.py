@@ -61,7 +61,7 @@ def state_of(model, x):
     """The arm with these values of all unknowns."""
     unknowns = model.unknowns
     theta = model.state.theta_0.copy()
-    theta[unknowns.inner] = x[unknowns.columns("geometry")]
+    theta[unknowns.geometry_slice] = x[unknowns.columns("geometry")]
     n = x[unknowns.columns("errors")].reshape(model.state.n.shape)
     C = model.structure.matrix(x[unknowns.columns("elastic")])
     return replace(model.state, theta_0=theta, C_theta=C, n=n)

@@ -11,7 +11,7 @@ from scipy.stats import kstest, norm
 from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
 from testbench.identify import gco, least_squares, with_prior
-from testbench.identify.conic import LENGTH
+from testbench.identify.conic import LEVER_LENGTH
 from testbench.identify.estimate import all_deflections, lilliefors
 from testbench.identify.metric import aggregate, cad_prior
 from testbench.identify.posterior import linearise
@@ -86,7 +86,7 @@ def test_eigenvalues_are_those_of_every_block_in_one_unit_and_signs_say_what_is_
     kr500, fitted, details
 ):
     arm, estimates = kr500.arm, fitted[1]
-    s = np.array([LENGTH] * 3 + [1.0] * 3)
+    s = np.array([LEVER_LENGTH] * 3 + [1.0] * 3)
     for name, estimate in estimates.items():
         parts = {row.part: row.urad_per_Nm for row in details.eigenvalues[name]}
         assert [*parts] == [part.name for part in (*arm.links, *arm.joints)]
@@ -141,7 +141,7 @@ def test_residuals_predictions_and_directions_count_every_reading(kr500, fitted,
     assert details.predictions.predicted_mm["MLS56"] == pytest.approx(predicted, rel=1e-4)
     s = np.array(details.singular_values)
     assert (np.diff(s) <= 0).all()
-    assert (s > 1e-9 * s[0]).sum() == estimates[TAKEN].of_compliances.rank
+    assert (s > 1e-9 * s[0]).sum() == estimates[TAKEN].compliance_regression.rank
 
 
 def test_a_joint_is_as_stiff_as_the_folder_says_before_and_its_interval_holds_the_truth_after(kr500, details):

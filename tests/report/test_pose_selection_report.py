@@ -8,7 +8,7 @@ from checks import bands, curves, key_of, looks_differ, unit_in
 from made_up import of_one_trial
 from reports import campaign_row, check, check_forest, place_of, table_of
 
-from testbench.plant.true_arms import CALLED
+from testbench.plant.true_arms import TRUE_ARM_LABELS
 from testbench.report.markdown import grid
 from testbench.runs.spread import ends, spread
 from testbench.studies.campaigns import CampaignRow
@@ -124,7 +124,7 @@ def test_promises_are_counted_case_by_case(both):
         "all": ["" for _ in whole["plan"]],
         "poses": [{"test": "planned"}.get(name, name) for name in whole["plan"]],
         "tasks": whole["ground"].tolist(),
-        "truth": [CALLED[name] for name in whole["truth"]],
+        "truth": [TRUE_ARM_LABELS[name] for name in whole["truth"]],
         "prior": whole["prior"].tolist(),
     }
     wanted = {f"{key}: {name}".removesuffix(": ") for key, own in labels.items() for name in own}

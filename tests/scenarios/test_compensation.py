@@ -145,5 +145,5 @@ def test_a_payload_weighed_wrongly_spoils_the_campaign_and_not_the_work(cell):
     found = disturb(cell.plant, TYPICAL, trial_rng(4, 20))
     exact = trial.exactly_loaded(found)
     assert found.disturbances == TYPICAL == replace(exact.disturbances, mass_error=2e-3, centre_error=2e-3)
-    assert found.centre.any()
-    assert (exact.disturbances.mass_error, np.abs(exact.centre).max()) == (0, 0)
+    assert found.load_point_error.any()
+    assert (exact.disturbances.mass_error, np.abs(exact.load_point_error).max()) == (0, 0)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from testbench.errors import Array, BenchError, PoseError
 from testbench.model.vjm import WorkArea
 from testbench.plant.shapes import rigid_frames
-from testbench.plant.site import Payload, contacts, hidden
+from testbench.plant.site import Payload, contacts, hidden_markers
 from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
 from testbench.workflows.plan_input import (
     ADVICE,
@@ -73,7 +73,7 @@ def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
         TOO_STEEP: ((elevation < -50) | (elevation > 75)).any(axis=1),
         FACES_AWAY: ((facing * back).sum(axis=2) < np.cos(np.radians(80)) * distance).any(axis=1),
         **{reason: np.array([t == reason for t in touching]) for reason in TOUCHING.values()},
-        BLOCKED: np.array([h is not None for h in hidden(checks.site, q)]),
+        BLOCKED: np.array([h is not None for h in hidden_markers(checks.site, q)]),
     }
     assert tuple(single) == REASONS
     expected = [next((r for r, mask in single.items() if mask[i]), None) for i in range(len(q))]

@@ -14,7 +14,7 @@ from testbench.design.criteria import (
     criterion_g,
     criterion_of,
     gains_of,
-    grown,
+    grow,
     mean_square,
 )
 from testbench.design.exchange import Feasibility, Search, ascend_poses, exchange, greedy, refine_plan, relax
@@ -111,7 +111,7 @@ def test_gains_that_follow_the_information_are_those_computed_from_it(prior):
     problem, W, read = random_problem(30, 3, prior), criteria()[4].W, rng(1).integers(0, 30, 15)
     gains = gains_of(problem.prior, problem.rows, W)
     for k in read:
-        gains = grown(gains, problem.rows[k])
+        gains = grow(gains, problem.rows[k])
     M = information(problem, read)
     np.testing.assert_allclose(gains.M, M, rtol=1e-12)
     left = [np.trace(W @ np.linalg.inv(M + F.T @ F)) for F in problem.rows]
@@ -140,7 +140,7 @@ def test_observability_indices_are_those_of_the_definitions():
     problem, plan = random_problem(), np.array([3, 5, 8, 13])
     s = np.linalg.svd(problem.rows[plan].reshape(-1, R))[1]
     found = observability(problem, plan)
-    assert (found.seen, found.of) == (R, R)
+    assert (found.seen, found.showable) == (R, R)
     by_hand = [np.prod(s) ** (1 / R) / 2, s.min() / s.max(), s.min(), s.min() ** 2 / s.max(), 1 / sum(1 / s)]
     np.testing.assert_allclose((found.o1, found.o2, found.o3, found.o4, found.o5), by_hand)
     little = observability(problem, np.array([0, 0]))

@@ -49,7 +49,7 @@ def test_readings_go_to_the_rows_of_their_kind_and_part(rng, lost):
     kinds = np.repeat([[0], [0], [1]], 40, axis=1)
     kinds[rng.integers(0, 3, lost), rng.integers(0, 40, lost)] = -1
     found = TriangularFactors(COLUMNS)
-    found.take(A, kinds, runs % 2)
+    found.add_readings(A, kinds, runs % 2)
     for kind in (0, 1):
         for part in (0, 1):
             of = (kinds == kind) & (runs % 2 == part)

@@ -26,7 +26,7 @@ GAUGES = f"""{HEAD},travel_unloaded_mm,travel_loaded_mm,direction_x,direction_y,
 
 def simulated(cell, *instruments):
     """Three poses read by some instruments."""
-    q = cell.arm.drawn(np.random.default_rng(1), 3)
+    q = cell.arm.draw_poses(np.random.default_rng(1), 3)
     loaded = poses_with_weight(cell, q, np.arange(3) + 1, 200.0)
     return read_instruments(cell, "linear", loaded, instruments, trial_rng(1, 1))
 

@@ -35,7 +35,7 @@ def test_a_quantity_hides_behind_those_that_explain_most_of_it_together(shares, 
     [found] = left_open(shares)
     assert found.name == "x"
     assert found.share == pytest.approx(SHARE)
-    assert found.behind == behind
+    assert found.confounded_with == behind
     explained = sum(sorted(shares)[::-1][: len(behind)])
     assert found.correlation == pytest.approx(np.sqrt(explained))
 
@@ -54,7 +54,7 @@ def test_turning_a_joint_helps_by_what_it_takes_of_what_is_left(each, everywhere
     further = [np.array([[1 / share - 1 / 0.6]]) for share in (*each, everywhere)]
     one = [ObservedQuantity("x", np.eye(1))]
     [found] = hidden_quantities(one, np.eye(1), np.array([[1 / 0.6 - 1]]), np.zeros((1, 0)), further)
-    assert found.helps == helps
+    assert found.joint_to_turn == helps
 
 
 def test_what_hides_comes_first_and_the_most_open_of_those_alike_and_of_a_pair_the_more_open_one():
@@ -66,4 +66,9 @@ def test_what_hides_comes_first_and_the_most_open_of_those_alike_and_of_a_pair_t
     M = np.linalg.inv(K) - np.eye(6)
     quantities = [ObservedQuantity(name, row[None]) for name, row in zip(names, np.eye(6), strict=True)]
     found = hidden_quantities(quantities, np.eye(6), M, np.zeros((6, 0)))
-    assert [(one.name, one.behind) for one in found] == [("d", ("c",)), ("b", ("a",)), ("f", ()), ("e", ())]
+    assert [(one.name, one.confounded_with) for one in found] == [
+        ("d", ("c",)),
+        ("b", ("a",)),
+        ("f", ()),
+        ("e", ()),
+    ]

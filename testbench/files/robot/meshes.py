@@ -18,7 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from testbench.errors import Array, InputError, read_bytes
 from testbench.files.robot.robot import Faces, ImportedMesh, Note, Surface
-from testbench.plant.shapes import POINTS, Kind, half_sizes
+from testbench.plant.shapes import SURFACE_POINTS, Kind, half_sizes
 
 PLAUSIBLE = 300.0, 4000.0
 """Range of the mass of an arm over the volume of its hulls; stated masses beyond it are doubtful [kg/m^3]."""
@@ -46,7 +46,7 @@ def primitive(kind: Kind, size: Array) -> ImportedMesh:
     Returns:
         The triangles of its convex hull.
     """
-    corners = POINTS[kind](half_sizes(kind, size))
+    corners = SURFACE_POINTS[kind](half_sizes(kind, size))
     return ImportedMesh(corners, _outward(corners, ConvexHull(corners).simplices.astype(int)), corners)
 
 

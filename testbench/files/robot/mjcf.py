@@ -16,7 +16,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from testbench.arm.document import inside
+from testbench.arm.document import path_inside
 from testbench.errors import Array, InputError
 from testbench.files.robot.meshes import (
     MAX_ALL_FACES,
@@ -43,7 +43,7 @@ from testbench.files.robot.robot import (
     read_xml,
     substitute_limits,
 )
-from testbench.plant.build import HULL_CORNERS, REFUSED
+from testbench.plant.build import COMPILE_ERRORS, HULL_CORNERS
 from testbench.plant.shapes import GEOM_KINDS, geom_rgba, rotation_of
 from testbench.plant.site import VISUAL_GROUPS, body_name
 
@@ -109,7 +109,7 @@ def _include(file: Path, root: ET.Element) -> None:
     while pair := next(((p, c) for p in root.iter() for c in p if c.tag == "include"), None):
         parent, e = pair
         name = e.get("file", "")
-        path = inside(file.parent, Path(name))
+        path = path_inside(file.parent, Path(name))
         if path is None or str(path) in seen or len(seen) > MAX_FILES:
             wanted = f"expected at most {MAX_FILES} files inside of {file.parent}, each included once"
             raise InputError(file, "<include>", f"{wanted}, got {name!r}")
@@ -153,7 +153,7 @@ def _compile(file: Path, root: ET.Element, meshes: Meshes) -> tuple[mujoco.MjMod
         weighs = spec.compiler.inertiafromgeom != NO_GEOMS  # what no geom gives a mass is meant to have none
         stated = [bool(body.explicitinertial) for body in spec.bodies]
         light = model.body_mass <= NOTHING
-    except REFUSED as err:
+    except COMPILE_ERRORS as err:
         problem = re.sub(r",? line [0-9]+", "", " ".join(f"MuJoCo refuses it: {err}".split()))
         raise InputError(file, "", problem) from err  # lines are of the text above, not of the file
     return model, [own or (weighs and bool(none)) for own, none in zip(stated, light, strict=True)]
@@ -168,7 +168,7 @@ def _assets(file: Path, spec: mujoco.MjSpec, meshes: Meshes) -> dict[str, bytes]
         if not mesh.file:
             continue
         try:
-            path = inside(file.parent, (folder / mesh.file).absolute())
+            path = path_inside(file.parent, (folder / mesh.file).absolute())
             if path is None:
                 raise MeshError(f"lies outside of {file.parent}")
             imported_mesh = meshes.load(path)

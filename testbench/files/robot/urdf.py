@@ -19,7 +19,7 @@ from urllib.parse import unquote, urlparse
 import numpy as np
 import pinocchio as pin
 
-from testbench.arm.document import inside, place_of, unique
+from testbench.arm.document import path_inside, place_of, unused_name
 from testbench.arm.mjcf import numbers
 from testbench.errors import Array, InputError
 from testbench.files.robot.meshes import (
@@ -166,7 +166,7 @@ def _by_pinocchio(file: Path, root: ET.Element) -> pin.Model:
     with _standard_error() as said:
         try:
             text = ET.tostring(bare, encoding="unicode")
-            model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), unique("root", names))
+            model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), unused_name("root", names))
         except (RuntimeError, ValueError, IndexError) as err:
             said.seek(0)
             found = PARSER_ERROR.search(said.read())
@@ -359,7 +359,7 @@ def find_mesh(urdf: Path, name: str) -> Path:
     elif not (roots := packages(folder, package)):
         raise MeshError(f"no package {package!r} beside the file or in {UP} folders above it")
     root = next((root for root in roots if (root / path).exists()), roots[0])
-    found = inside(root if rest else folder.parent, root / path)
+    found = path_inside(root if rest else folder.parent, root / path)
     if found is None:
         raise MeshError(f"lies outside of {root if rest else folder.parent}")
     if rest and not found.exists():

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import GRAVITY, MAX_BYTES, assets, read_meshes, read_mjcf
+from testbench.arm.mjcf import GRAVITY, MAX_BYTES, asset_paths, read_meshes, read_mjcf
 from testbench.errors import Array, BenchError, InputError, read_bytes
 from testbench.files.robot.meshes import (
     PLAUSIBLE,
@@ -44,8 +44,8 @@ from testbench.files.robot.robot import (
     pose_of,
     visible_shapes,
 )
-from testbench.plant.build import REFUSED, check_geoms, elastic_mjcf
-from testbench.plant.site import collide
+from testbench.plant.build import COMPILE_ERRORS, check_geoms, elastic_mjcf
+from testbench.plant.site import compute_contacts
 from testbench.runs.whole import whole_files
 
 # --- Writer of an imported robot's rigid.xml in the strict dialect, and of its meshes -----------------------
@@ -359,18 +359,18 @@ def _always_touching(chain: ImportedChain, xml: str, meshes: dict[str, bytes]) -
     """Find pairs of parts that touch in more than half of all poses."""
     try:
         model = mujoco.MjModel.from_xml_string(xml, meshes)
-    except REFUSED as err:
+    except COMPILE_ERRORS as err:
         raise BenchError(f"{chain.name}: " + " ".join(f"MuJoCo refuses the arm: {err}".split())) from err
     file = Path(chain.name)
     check_geoms(file, model)
     data, seen = mujoco.MjData(model), Counter[tuple[str, str]]()
     lower, upper = np.array([(joint.lower, joint.upper) for joint in chain.joints]).T
     poses = np.random.default_rng(0).uniform(lower, upper, (CHECKED_POSES, chain.n_joints))
-    for q in poses if chain.joint_map is None else chain.joint_map.followed(poses):
+    for q in poses if chain.joint_map is None else chain.joint_map.with_dependent_joints(poses):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        collide(file, model, data)
+        compute_contacts(file, model, data)
         pairs = model.geom_bodyid[data.contact.geom[data.contact.dist < 0]]
         seen.update({(model.body(int(a)).name, model.body(int(b)).name) for a, b in np.sort(pairs, axis=1)})
     return sorted(pair for pair, count in seen.items() if count > MAX_CONTACT_SHARE * CHECKED_POSES)
@@ -395,7 +395,7 @@ def write_elastic(arm: Arm, file: Path) -> None:
     if file.resolve().is_relative_to(source.resolve()):
         raise InputError(file, "", "expected a place outside the arm's own folder")
     text = elastic_mjcf(arm)
-    meshes = read_meshes({name: source / name for name in assets(arm.rigid, read_mjcf(arm.rigid))})
+    meshes = read_meshes({name: source / name for name in asset_paths(arm.rigid, read_mjcf(arm.rigid))})
     for name, content in meshes.items():
         _check_mesh(content, file.parent / name, file.parent)
     with whole_files([*(file.parent / name for name in meshes), file]) as parts:

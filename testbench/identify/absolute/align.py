@@ -29,7 +29,7 @@ from testbench.identify.absolute.state import (
     undetermined_frames,
 )
 from testbench.identify.closed_form import FrameLayout, mean_readings, nearest_rotation
-from testbench.identify.closed_form import residuals as left_by
+from testbench.identify.closed_form import layout_residuals as left_by
 from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.registered import MAX_NOMINAL_DISTANCE
 from testbench.identify.registration import MIN_POSES, Frame, arm_reach, moving_joints, register
@@ -57,7 +57,7 @@ class Noise:
 
 def repeated_rows(series: Series) -> tuple[Ids, ...]:
     """Group the rows of a pose that read the same targets: (groups, k) for every number k > 1 of rows."""
-    read = np.column_stack([series.pose, series.seen, series.turned])
+    read = np.column_stack([series.pose, series.seen, series.oriented])
     code = np.unique(read, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(code, kind="stable")
     _, first, count = np.unique(code[order], return_index=True, return_counts=True)
@@ -144,8 +144,8 @@ def inverse_noise_roots(
     return W / noise.factor[kinds][..., None, None], kinds
 
 
-def weights(
-    series: Series, noise: Noise, rotation: Array, left: Array, loss: Loss = READINGS
+def robust_whitening(
+    series: Series, noise: Noise, rotation: Array, residual: Array, loss: Loss = READINGS
 ) -> tuple[Array, Array]:
     """Compute whitening matrices of single readings, and the robust weight of each from its own residual.
 
@@ -153,14 +153,14 @@ def weights(
         series: The readings, s per row.
         noise: Their noise.
         rotation: Tracker from base, (3, 3).
-        left: Residuals in base axes, (s, 3, runs) [m, rad].
+        residual: Residuals in base axes, (s, 3, runs) [m, rad].
         loss: The robust loss.
 
     Returns:
         W as from `inverse_noise_roots`, (s, runs, 3, 3) [1/m, 1/rad], and the weights, (s, runs) [1].
     """
     W, _ = inverse_noise_roots(series, noise, rotation)
-    return W, loss.influence(np.linalg.norm(np.einsum("srxy,syr->sxr", W, left), axis=1))
+    return W, loss.influence(np.linalg.norm(np.einsum("srxy,syr->sxr", W, residual), axis=1))
 
 
 def residuals(state: ArmState, series: Series) -> Array:
@@ -180,7 +180,7 @@ def residuals(state: ArmState, series: Series) -> Array:
     )
 
 
-def pulls_of(state: ArmState, series: Series, noise: Noise) -> Array:
+def robust_weights(state: ArmState, series: Series, noise: Noise) -> Array:
     """Compute the robust weight of every reading from its own residual.
 
     Args:
@@ -191,7 +191,7 @@ def pulls_of(state: ArmState, series: Series, noise: Noise) -> Array:
     Returns:
         Weights, (s, rows) [1].
     """
-    return weights(series, noise, state.frame(series).rotation, residuals(state, series))[1]
+    return robust_whitening(series, noise, state.frame(series).rotation, residuals(state, series))[1]
 
 
 def scatter(state: ArmState, series: Sequence[Series], share: float) -> Noise:
@@ -215,7 +215,7 @@ def scatter(state: ArmState, series: Sequence[Series], share: float) -> Noise:
             variance = np.trace(np.linalg.inv(precision), axis1=2, axis2=3) / 3
         position.append((left[:, :m][seen], variance[seen]))
         if one.sigma_rotation is not None:
-            rotation.append((left[one.turned, m], np.full(one.turned.sum(), one.sigma_rotation**2)))
+            rotation.append((left[one.oriented, m], np.full(one.oriented.sum(), one.sigma_rotation**2)))
     found = []
     for kind in (position, rotation):
         length, own = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
@@ -231,7 +231,7 @@ def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
 
     Args:
         noise: Noise of the combined readings.
-        expected: Mean variances sigma^2 and number k of readings behind a mean, from `expected_of`.
+        expected: Mean variances sigma^2 and number k of readings behind a mean, from `mean_variances`.
 
     Returns:
         The noise of single readings.
@@ -245,7 +245,7 @@ def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
     return Noise(opened[0], opened[1], factor)
 
 
-def expected_of(series: Sequence[Series]) -> tuple[Array, float]:
+def mean_variances(series: Sequence[Series]) -> tuple[Array, float]:
     """Average the stated variances of positions and orientations, and the number of combined readings.
 
     Returns:
@@ -262,7 +262,7 @@ def whitening_units(expected: tuple[Array, float], noise: Noise) -> Array:
     """Compute the standard deviations of whitened equations, sqrt(sigma^2 + k s^2) or sigma, of every kind.
 
     Args:
-        expected: Mean variances sigma^2 and number k of readings behind a mean, from `expected_of`.
+        expected: Mean variances sigma^2 and number k of readings behind a mean, from `mean_variances`.
         noise: The model error s.
 
     Returns:
@@ -301,7 +301,7 @@ class Outliers:
     """Summarise positions whose robust weight is below `OUTLIER_WEIGHT`, and the worst of them."""
 
     count: int  #: Number of outliers.
-    of: int  #: Number of positions that were read.
+    readings: int  #: Number of positions that were read.
     series: str  #: Series of the worst outlier.
     row: int  #: Its row's identifier.
     distance: float  #: Its distance from the model [m].
@@ -337,7 +337,7 @@ MAX_ROWS = 300
 """Rows that an alignment uses, evenly spaced."""
 MIN_HALF_ROWS = 12
 """Fewest rows of half a series for a meaningful fit."""
-TURNING, WITH_ORIENTATIONS = 3, 2
+MIN_TURNING_JOINTS, MIN_TURNING_ORIENTED = 3, 2
 """Fewest joints that turn in a series, without and with orientations, so that their axes are not parallel."""
 MAX_FRAME_DEVIATION = np.radians(0.2)
 """Largest standard deviation of a frame's rotation from few poses and a known mount [rad]; beyond it the
@@ -373,7 +373,7 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
     frames, mounts = dict(state.frames), dict(state.mounts)
     # Start with series that determine their own frame and mount, and among these with those that have
     # orientations: they give the mount to the others.
-    waiting = sorted(series, key=lambda one: (_tells_little(state.vjm, one), not one.turned.any()))
+    waiting = sorted(series, key=lambda one: (_is_underdetermined(state.vjm, one), not one.oriented.any()))
     late: list[Series] = []
     while waiting:
         one = waiting.pop(0)
@@ -381,7 +381,7 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
         if one.frame in frames and known is not None and set(one.markers) <= set(known.markers):
             continue
         try:
-            frame, mount = align(replace(state, frames=frames, mounts=mounts), read_only(one))
+            frame, mount = align(replace(state, frames=frames, mounts=mounts), without_unread_targets(one))
         except BenchError:
             shared = any(one.frame == other.frame or one.target == other.target for other in waiting)
             if one in late or not shared:
@@ -390,15 +390,15 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
             late, waiting = [*late, one], [*waiting, one]
             continue
         frames.setdefault(one.frame, frame)
-        mounts[one.target] = mount if known is None else _joined(known, mount)
+        mounts[one.target] = mount if known is None else _merge_mounts(known, mount)
     found = replace(state, frames=frames, mounts=mounts)
     _check_shared(found, series)
     return replace(found, mounts={**mounts, **{one.target: found.mount(one) for one in series}})
 
 
-def _tells_little(vjm: Vjm, series: Series) -> bool:
+def _is_underdetermined(vjm: Vjm, series: Series) -> bool:
     """Tell whether a series alone leaves its frame or mount undetermined."""
-    return bool(too_few(vjm, series)) or bool(undetermined_frames(vjm, (series,)))
+    return bool(underdetermined_reason(vjm, series)) or bool(undetermined_frames(vjm, (series,)))
 
 
 def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
@@ -419,35 +419,35 @@ def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
         BenchError: If a target was never read, or the poses determine neither frame nor targets.
         Misfit: If the readings do not fit this arm.
     """
-    if lost := [name for name in series.markers if name not in _read(series)]:
+    if lost := [name for name in series.markers if name not in _read_targets(series)]:
         raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
     # By the series alone; else with the frame or mount that the state has.
-    few = too_few(state.vjm, series)
-    found = None if _tells_little(state.vjm, series) else _placed(state, series)
-    if found is None or not found.fits:
-        shared = _placed(state, series, shared=True)
-        found = shared if shared is not None and shared.fits else found
+    few = underdetermined_reason(state.vjm, series)
+    aligned_series = None if _is_underdetermined(state.vjm, series) else _register_subset(state, series)
+    if aligned_series is None or not aligned_series.fits:
+        shared = _register_subset(state, series, shared=True)
+        aligned_series = shared if shared is not None and shared.fits else aligned_series
     # Else with the targets of the arm's folder, if enough joints turn.
     turns = len(moving_joints(state.vjm, (series,)))
-    if found is None and not few and turns >= TURNING:
-        drawn = _placed(state, series, as_drawn=True)
-        found = drawn if drawn is not None and drawn.fits else _placed(state, series)
-    if found is None and (few or turns < TURNING):
+    if aligned_series is None and not few and turns >= MIN_TURNING_JOINTS:
+        drawn = _register_subset(state, series, as_drawn=True)
+        aligned_series = drawn if drawn is not None and drawn.fits else _register_subset(state, series)
+    if aligned_series is None and (few or turns < MIN_TURNING_JOINTS):
         open_ = "its poses leave frame or target open; expected turning joints whose axes are not parallel"
         raise BenchError(f"{series.name}: {few or open_}")
-    if found is None or not found.fits:
+    if aligned_series is None or not aligned_series.fits:
         # Something may have moved in mid-series: the frame and mount of its first half.
         halves = np.array_split(np.argsort(series.row, kind="stable"), 2)
         parts = [select_rows(series, half) for half in halves if len(half) >= MIN_HALF_ROWS]
-        placed = [part for half in parts if (part := _placed(state, half)) and part.fits]
+        placed = [part for half in parts if (part := _register_subset(state, half)) and part.fits]
         if len(placed) < 2:
-            raise _misfit(state, series, found)
-        found = placed[0]
-    return found.frame, found.mount
+            raise _misfit(state, series, aligned_series)
+        aligned_series = placed[0]
+    return aligned_series.frame, aligned_series.mount
 
 
 @dataclass(frozen=True)
-class _Placed:
+class _AlignedSeries:
     """Hold the frame and mount of a series, and how well they fit."""
 
     frame: Frame
@@ -462,9 +462,9 @@ class _Placed:
         return self.near and self.turn < MAX_TURNED
 
 
-def _placed(
+def _register_subset(
     state: ArmState, series: Series, *, shared: bool = False, as_drawn: bool = False
-) -> _Placed | None:
+) -> _AlignedSeries | None:
     """Register a series by MAX_ROWS of its rows.
 
     A shared frame or mount is that of the state; with `as_drawn` the targets are nominal. None if
@@ -472,14 +472,14 @@ def _placed(
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
     some = select_rows(series, seen[evenly_spaced(len(seen), MAX_ROWS)])
-    layout = _upright(state, some) if as_drawn else _registered(state, some, shared=shared)
+    layout = _level_layout(state, some) if as_drawn else _registered(state, some, shared=shared)
     if layout is None:
         return None
     typical = float(np.median(np.linalg.norm(left_by(mean_readings(state.vjm, (some,)), layout), axis=1)))
-    turns = _turns(state, some, layout.rotation[0])
+    turns = _target_orientations(state, some, layout.rotation[0])
     mount = nearest_rotation(turns.sum(axis=0)) if len(turns) else np.eye(3)
     angles = np.arccos(np.clip((np.trace(mount.T @ turns, axis1=1, axis2=2) - 1) / 2, -1, 1))
-    return _Placed(
+    return _AlignedSeries(
         frame=Frame(layout.rotation[0], layout.translation[0]),
         mount=Mount(layout.targets, mount, series.markers),
         typical=typical,
@@ -507,7 +507,7 @@ def _registered(state: ArmState, series: Series, *, shared: bool) -> FrameLayout
     )
 
 
-def _upright(state: ArmState, series: Series) -> FrameLayout:
+def _level_layout(state: ArmState, series: Series) -> FrameLayout:
     """Fit a frame to nominal targets: those of the state, else of the arm's folder, else the tool's origin.
 
     The frame is upright as far as the readings leave its rotation undetermined.
@@ -522,15 +522,15 @@ def _upright(state: ArmState, series: Series) -> FrameLayout:
     return FrameLayout(frame.rotation[None], frame.translation[None], targets)
 
 
-def _turns(state: ArmState, series: Series, rotation: Array) -> Array:
+def _target_orientations(state: ArmState, series: Series, rotation: Array) -> Array:
     """Compute the tool from the target for every orientation, (read, 3, 3), for a rotation of the frame."""
     if series.rotation is None:
         return np.zeros((0, 3, 3))
-    tool = tool_pose(state.vjm, series.q[series.turned])[1]
-    return np.asarray(tool.swapaxes(1, 2) @ rotation.T @ series.rotation[series.turned])
+    tool = tool_pose(state.vjm, series.q[series.oriented])[1]
+    return np.asarray(tool.swapaxes(1, 2) @ rotation.T @ series.rotation[series.oriented])
 
 
-def too_few(vjm: Vjm, series: Series) -> str:
+def underdetermined_reason(vjm: Vjm, series: Series) -> str:
     """Explain why a series alone cannot determine its frame and mount.
 
     Args:
@@ -541,8 +541,8 @@ def too_few(vjm: Vjm, series: Series) -> str:
         The reason; "" if the series may suffice.
     """
     poses, joints = len(np.unique(series.q[series.seen.any(axis=1)], axis=0)), moving_joints(vjm, (series,))
-    turn = WITH_ORIENTATIONS if series.turned.any() else TURNING
-    count = 6 + 3 * len(series.markers) + 3 * bool(series.turned.any())
+    turn = MIN_TURNING_ORIENTED if series.oriented.any() else MIN_TURNING_JOINTS
+    count = 6 + 3 * len(series.markers) + 3 * bool(series.oriented.any())
     numbers = f"the {count} numbers of its frame and mount"
     if poses < MIN_POSES:
         few = f"{poses} poses with a reading are too few for {numbers}"
@@ -553,7 +553,7 @@ def too_few(vjm: Vjm, series: Series) -> str:
     return ""
 
 
-def _misfit(state: ArmState, series: Series, placed: _Placed | None) -> Misfit:
+def _misfit(state: ArmState, series: Series, placed: _AlignedSeries | None) -> Misfit:
     """Make the error about a series that does not fit, with its distance from the arm."""
     if placed is not None and placed.near:
         turn = f"{np.degrees(placed.turn):.3g} degrees (median) from any mount"
@@ -618,11 +618,11 @@ def typical_distance(state: ArmState, series: Series) -> float:
     return off if off > 2 * MAX_NOMINAL_DISTANCE * arm_reach(state.vjm, series.q) else 0.0
 
 
-def _joined(known: Mount, more: Mount) -> Mount:
+def _merge_mounts(mount: Mount, other: Mount) -> Mount:
     """Add the targets of another series to a mount."""
-    new = [k for k, name in enumerate(more.markers) if name not in known.markers]
-    markers = (*known.markers, *(more.markers[k] for k in new))
-    return replace(known, points=np.concatenate([known.points, more.points[new]]), markers=markers)
+    new = [k for k, name in enumerate(other.markers) if name not in mount.markers]
+    markers = (*mount.markers, *(other.markers[k] for k in new))
+    return replace(mount, points=np.concatenate([mount.points, other.points[new]]), markers=markers)
 
 
 def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Issue]]:
@@ -635,7 +635,7 @@ def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[I
     for one in series:
         mount = [other for other in series if other.target == one.target]
         every = dict.fromkeys(name for other in mount for name in other.markers)
-        read = {name for other in mount for name in _read(other)} or set(every)
+        read = {name for other in mount for name in _read_targets(other)} or set(every)
         lost = [name for name in one.markers if name not in read]
         if lost:
             notes.append(Issue("never_read", (one.name, *lost)))
@@ -643,12 +643,12 @@ def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[I
     return tuple(found), notes
 
 
-def read_only(series: Series) -> Series:
+def without_unread_targets(series: Series) -> Series:
     """Drop the targets that a series never read; a series that read none at all stays as it is."""
-    return with_targets(series, _read(series) or series.markers)
+    return with_targets(series, _read_targets(series) or series.markers)
 
 
-def _read(series: Series) -> tuple[str, ...]:
+def _read_targets(series: Series) -> tuple[str, ...]:
     """List the targets that were read at least once."""
     return tuple(name for name, seen in zip(series.markers, series.seen.T, strict=True) if seen.any())
 

@@ -45,7 +45,7 @@ OWN_WAVE_SHARE = 0.2
 """Share of the variance of waves that is individual to a joint while a pattern is sought [1]."""
 MIN_EQUATIONS_SHARE = 0.2
 """Least share of all equations that must remain to predict a held-out series [1]."""
-LOAD = 2.0
+LOAD_DISTANCE = 2.0
 """Distance of the largest load from none, in the space of sine and cosine of the joints: loads that differ
 much are in different blocks."""
 
@@ -73,7 +73,7 @@ class SelectedModel:
     reduced: ReducedReadings  #: The reduced equations, in the basis of its unknowns.
     kinds: frozenset[str]  #: Kinds of errors that are selected.
     steps: tuple[SelectionStep, ...]  #: Trials, in order.
-    plain: str = ""  #: Simpler model for comparison: geometry, with joint springs if more was kept.
+    simpler_model: str = ""  #: Simpler model for comparison: geometry, with joint springs if more was kept.
     #: RMS error of held-out positions along an axis, for every block, by the simpler and by the selected
     #: model [m].
     held_out: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
@@ -111,7 +111,7 @@ def blocks_of(series: Sequence[Series]) -> list[Ids]:
         _, first, pose = np.unique(one.pose, return_index=True, return_inverse=True)
         k = max(1, min(max(2, share), len(first) // MIN_BLOCK_POSES))
         load = np.linalg.norm(one.wrench[:, :3], axis=1)
-        place = np.column_stack([np.sin(one.q), np.cos(one.q), LOAD * load / (load.max() or 1.0)])
+        place = np.column_stack([np.sin(one.q), np.cos(one.q), LOAD_DISTANCE * load / (load.max() or 1.0)])
         label = np.zeros(one.rows, dtype=int)
         if k > 1:
             label = kmeans2(place, k, minit="++", seed=0)[1].astype(int)
@@ -147,7 +147,7 @@ def select_errors(
         The selected unknowns, the sizes of their errors, and the steps of the selection.
     """
     kinds, elastic = GEOMETRY, None
-    tried = _tried(
+    tried = _evaluate(
         activate(unknowns, kinds, elastic), reduced, default_scales(unknowns, len(reduced.kinds)), rules
     )
     # Forward selection: add each candidate to the kept ones, and keep it if held-out readings improve.
@@ -155,12 +155,12 @@ def select_errors(
     beside = {"geometry": tried}
     for candidate in stepwise(candidates, "trying errors"):
         more = kinds | candidate.kinds, candidate.elastic or elastic
-        found = with_shared_pattern(tried.own, kinds, tried.learnt, reduced) if candidate.pattern else None
+        found = with_shared_pattern(tried.active, kinds, tried.scales, reduced) if candidate.pattern else None
         if candidate.pattern and found is None:
             continue
         active, equations = found or (activate(unknowns, *more), reduced)
-        other = _tried(active, equations, tried.learnt, rules)
-        steps[candidate.name] = _step(candidate, tried, other)
+        other = _evaluate(active, equations, tried.scales, rules)
+        steps[candidate.name] = _selection_step(candidate, tried, other)
         if steps[candidate.name].kept:
             tried, (kinds, elastic), unknowns, reduced = other, more, active.unknowns, equations
         if candidate.always_kept:
@@ -174,14 +174,16 @@ def select_errors(
             and not ("pattern" in kinds and candidate.kinds & {"harmonics", "pattern"})
         ):
             fewer = activate(unknowns, kinds - candidate.kinds, elastic)
-            other = _tried(fewer, reduced, tried.learnt, rules)
-            again = _step(candidate, other, tried)
+            other = _evaluate(fewer, reduced, tried.scales, rules)
+            again = _selection_step(candidate, other, tried)
             if not again.kept:
                 tried, kinds, steps[candidate.name] = other, kinds - candidate.kinds, again
     # Held-out errors of the simpler model, for comparison.
-    plain, other = [(name, one) for name, one in beside.items() if one is not tried or len(beside) == 1][-1]
+    plain, other = [
+        (name, trial) for name, trial in beside.items() if trial is not tried or len(beside) == 1
+    ][-1]
     held = _by_block(other.blocks), _by_block(tried.blocks)
-    return SelectedModel(tried.own, tried.learnt, reduced, kinds, tuple(steps.values()), plain, held)
+    return SelectedModel(tried.active, tried.scales, reduced, kinds, tuple(steps.values()), plain, held)
 
 
 def with_shared_pattern(
@@ -221,25 +223,25 @@ def with_shared_pattern(
 
 
 @dataclass(frozen=True)
-class _Tried:
-    own: ActiveUnknowns
-    learnt: ErrorScales
+class _Trial:
+    active: ActiveUnknowns
+    scales: ErrorScales
     #: Number, whitened sum of squares and sum of squares [m^2] of the positions in every held-out block,
     #: (blocks, 3).
     blocks: Array
     series: Array  #: The three numbers for every held-out series, (series, 3).
 
 
-def _tried(
+def _evaluate(
     active: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales, rules: SelectionRules
-) -> _Tried:
+) -> _Trial:
     S = gram_of_active(active, reduced.gram)
     learnt = learn_scales(active, S, reduced.counts, start, rules.constraint)
     every = _by_series(reduced)
     most = (1 - MIN_EQUATIONS_SHARE) * reduced.counts.sum()
     fair = [one for one in every if len(every) > 1 and sum(part.counts.sum() for part in one) <= most]
-    blocks = _left(active, reduced, learnt, rules, _blocks(reduced))
-    return _Tried(active, learnt, blocks, _left(active, reduced, learnt, rules, fair))
+    blocks = _held_out_sums(active, reduced, learnt, rules, _blocks_to_hold_out(reduced))
+    return _Trial(active, learnt, blocks, _held_out_sums(active, reduced, learnt, rules, fair))
 
 
 def _by_series(reduced: ReducedReadings) -> list[list[SeriesBlock]]:
@@ -248,12 +250,12 @@ def _by_series(reduced: ReducedReadings) -> list[list[SeriesBlock]]:
     return [[part for part in reduced.parts if part.series == place] for place in places]
 
 
-def _blocks(reduced: ReducedReadings) -> list[list[SeriesBlock]]:
+def _blocks_to_hold_out(reduced: ReducedReadings) -> list[list[SeriesBlock]]:
     """List the blocks that can be held out: the only block of a series has no others to fix its frame."""
     return [[part] for blocks in _by_series(reduced) if len(blocks) > 1 for part in blocks]
 
 
-def _left(
+def _held_out_sums(
     active: ActiveUnknowns,
     reduced: ReducedReadings,
     learnt: ErrorScales,
@@ -288,7 +290,7 @@ def with_weighted_prior(
     if belief is None or not len(every):
         return chosen
     active, rules = replace(chosen.active, elastic=belief.scaling), replace(rules, strength=belief.strength)
-    blocks = _left(active, chosen.reduced, chosen.scales, rules, _blocks(chosen.reduced))
+    blocks = _held_out_sums(active, chosen.reduced, chosen.scales, rules, _blocks_to_hold_out(chosen.reduced))
     return replace(chosen, held_out=(plain, _by_block(blocks)))
 
 
@@ -296,8 +298,8 @@ def _held_out(
     active: ActiveUnknowns,
     S: Array,
     parts: Sequence[SeriesBlock],
-    how: tuple[ErrorScales, SelectionRules],
-    whole: Array,
+    scales_and_rules: tuple[ErrorScales, SelectionRules],
+    variances: Array,
 ) -> Array:
     """Compute the sums of squares of held-out parts, predicted by the other readings.
 
@@ -307,10 +309,10 @@ def _held_out(
         active: The unknowns.
         S: Gram matrices of all readings.
         parts: Held-out parts: a block, or all blocks of a series.
-        how: Sizes of errors with noise factors, and criteria of the selection.
-        whole: Variances of frames and mounts by all readings, (k,).
+        scales_and_rules: Sizes of errors with noise factors, and criteria of the selection.
+        variances: Variances of frames and mounts by all readings, (k,).
     """
-    (learnt, rules), k = how, len(whole)
+    (learnt, rules), k = scales_and_rules, len(variances)
     # Gram matrices of the other readings: the difference of two sums.
     T, every = gram_of_active(active, sum_gram(parts)), np.arange(len(active.columns))
     others = S - T
@@ -328,7 +330,7 @@ def _held_out(
     )
     # Fit these, and those with a much larger variance, to the held-out parts, all else fixed.
     told = rest[rest < k]
-    opened = told[normal.variances(np.arange(len(told))) > FREED_DEVIATION * whole[told]]
+    opened = told[normal.variances(np.arange(len(told))) > FREED_DEVIATION * variances[told]]
     v, open_ = np.zeros(len(every) + 1), np.r_[alone, opened]
     v[at] = np.r_[normal.x, -1.0]
     if len(open_):
@@ -337,7 +339,7 @@ def _held_out(
     return np.asarray(T @ v @ v)
 
 
-def _step(tried: ErrorCandidate, before: _Tried, after: _Tried) -> SelectionStep:
+def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> SelectionStep:
     count = max(before.blocks[:, 0].sum(), 1.0)
     saved = (before.blocks[:, 1] - after.blocks[:, 1]) / count
     old, new = (max(x.blocks[:, 1].sum(), 1e-300) / count for x in (before, after))

@@ -18,7 +18,7 @@ from scipy.linalg import solve_triangular
 
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify import hierarchy
-from testbench.identify.absolute.state import LEVEL, ArmState, Mount, Unknowns
+from testbench.identify.absolute.state import LEVEL_DEVIATION, ArmState, Mount, Unknowns
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.hierarchy import (
     STUDENT_SCALE,
@@ -61,7 +61,7 @@ MAX_SCALE_FACTOR = 10.0
 MAX_FACTOR_UNDETERMINED = 2.0
 """Largest size over the usual one if readings leave a frame or mount undetermined [1]: larger errors of
 geometry would leave the linear range."""
-IMAGINED_UNKNOWNS = 2.0
+PSEUDO_UNKNOWNS = 2.0
 """Pseudo-observations of usual size in every small group."""
 LARGE_GROUP, LARGE_GROUP_SHARE = 40, 1 / 6
 """Number of unknowns above which a group is large, and the size of its one pseudo-observation over the usual
@@ -137,11 +137,11 @@ def default_scales(unknowns: Unknowns, kinds: int) -> ErrorScales:
         Prior deviations from `DEFAULT_SCALES`, and noise factors of 1.
     """
     deviation = np.full(unknowns.size, np.inf)
-    for name in unknowns.held:
+    for name in unknowns.undetermined:
         kind, _, of = name.partition(" ")
         first = unknowns.starts[name]
         if kind == "frame":
-            deviation[first + 3 : first + 6] = LEVEL
+            deviation[first + 3 : first + 6] = LEVEL_DEVIATION
         else:
             deviation[first : first + 3 * unknowns.mounts[of][0]] = NOMINAL_DEVIATION
     for kind, columns in unknowns.groups:
@@ -216,25 +216,25 @@ def solve_active(
     return replace(found, x=_in_cone(found, active.rigid, active.elastic))
 
 
-def _in_cone(found: Normal, rigid: int, elastic: PriorScaling) -> Array:
+def _in_cone(optimum: Normal, rigid: int, elastic: PriorScaling) -> Array:
     """Constrain the most probable unknowns to positive semi-definite blocks, (c,).
 
     With the root U of the precision and the unconstrained optimum x_0 the cost is |U (x - x_0)|^2. The other
     unknowns follow the compliances e: their rows vanish, and |U_e (e - e_0)|^2 remains. Returns x_0 itself if
     it is in the cone.
     """
-    if all(np.linalg.eigvalsh(X)[0] >= 0 for X in elastic.matrices(found.x[rigid:])):
-        return found.x
+    if all(np.linalg.eigvalsh(X)[0] >= 0 for X in elastic.matrices(optimum.x[rigid:])):
+        return optimum.x
     # Cost of the compliances alone.
-    U = np.triu(found.root[0]) * found.size
+    U = np.triu(optimum.root[0]) * optimum.size
     M = U[rigid:, rigid:]
-    r = M @ found.x[rigid:]
+    r = M @ optimum.x[rigid:]
     e = certified_solution(M, r, elastic.sizes)
     if e is None:
         e = elastic.project(solve_by_clarabel(M, r, elastic.sizes).x[1:])
     # The other unknowns follow.
-    step = U[:rigid, rigid:] @ (e - found.x[rigid:])
-    others: Array = found.x[:rigid] - solve_triangular(U[:rigid, :rigid], step)
+    step = U[:rigid, rigid:] @ (e - optimum.x[rigid:])
+    others: Array = optimum.x[:rigid] - solve_triangular(U[:rigid, :rigid], step)
     return np.concatenate([others, e])
 
 
@@ -261,7 +261,7 @@ def learn_scales(
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
     """
-    scales = _greatest(active, S, counts, start)
+    scales = _maximise_scales(active, S, counts, start)
     if active.elastic is None or constraint == "none":
         return scales
     for _ in range(MAX_ROUNDS):
@@ -282,7 +282,7 @@ def learn_scales(
     return scales
 
 
-def _greatest(active: ActiveUnknowns, S: Array, counts: Array, start: ErrorScales) -> ErrorScales:
+def _maximise_scales(active: ActiveUnknowns, S: Array, counts: Array, start: ErrorScales) -> ErrorScales:
     """Find the sizes and noise factors of greatest evidence without the cone."""
     place = np.full(active.unknowns.size, -1)
     place[active.columns] = np.arange(len(active.columns))
@@ -298,12 +298,12 @@ def _greatest(active: ActiveUnknowns, S: Array, counts: Array, start: ErrorScale
         known[active.rigid :, active.rigid :] = B.T @ B
     first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
     known[np.arange(first), np.arange(first)] = start.deviation[:first] ** -2.0  # of frames and mounts
-    times = MAX_FACTOR_UNDETERMINED if active.unknowns.held else MAX_SCALE_FACTOR
+    times = MAX_FACTOR_UNDETERMINED if active.unknowns.undetermined else MAX_SCALE_FACTOR
     most = [times * DEFAULT_SCALES[kind] for kind, _ in groups] + [np.inf] * len(counts)
     problem = EvidenceModel(
         gram=S,
         counts=counts,
-        known=known,
+        exact_gram=known,
         drawn=drawn,
         expected=np.zeros(c),
         scale=np.zeros((c, m)),
@@ -321,7 +321,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
     """Make the hyperpriors of group sizes and of noise factors."""
     large = np.array([len(of) > LARGE_GROUP for _, of in groups], dtype=bool)
     count, usual_ = np.full(m, SPARE_EQUATIONS), np.ones(m)
-    count[: len(groups)] = np.where(large, 1.0, IMAGINED_UNKNOWNS)
+    count[: len(groups)] = np.where(large, 1.0, PSEUDO_UNKNOWNS)
     usual_[: len(groups)] = np.where(large, LARGE_GROUP_SHARE, 1.0) * [
         DEFAULT_SCALES[kind] for kind, _ in groups
     ]
@@ -352,7 +352,7 @@ class StepSolution:
     x: Array  #: Values of the selected unknowns in SI units, (c,).
     root: Array  #: Root of the posterior's precision, compliances in the metric, (c, c).
     estimate: Estimate | None  #: Compliances; None for a rigid arm.
-    spent: float  #: Degrees of freedom that the unknowns use.
+    degrees_of_freedom: float  #: Degrees of freedom that the unknowns use.
     cone_pressure: float  #: Increase of chi squared by the cone [1]; 0 for a rigid arm.
     belief: WeightedPrior | None  #: Prior of the compliances; None for a rigid arm.
 
@@ -398,7 +398,7 @@ def solve_step(
             WeightedPrior(active.elastic, strength) if strength else _scaled_prior(regression, active.elastic)
         )
         estimate = solve(regression, constraint, belief)
-        pressed = _pressed(regression, belief, estimate)
+        pressed = _cone_pressure(regression, belief, estimate)
         # The other unknowns by back substitution.
         x = back_substitute(T, estimate.pi)
         # Posterior precision: likelihood and prior of the compliances, in the metric.
@@ -406,7 +406,7 @@ def solve_step(
         B = B @ np.linalg.solve(belief.scaling.L, L)
         below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
         if belief.hyperparameter_effect is not None:
-            below = _widened(below, np.asarray(np.linalg.solve(L, belief.hyperparameter_effect.T)))
+            below = _add_covariance(below, np.asarray(np.linalg.solve(L, belief.hyperparameter_effect.T)))
         root = np.block([[R, T[:r, r:c] @ L], [np.zeros((c - r, r)), below]])
     # Degrees of freedom: the share of each prior variance that the readings remove.
     inverse, deviation = solve_triangular(root[:r, :r], np.eye(r)), learnt.deviation[active.columns[:r]]
@@ -420,7 +420,7 @@ def solve_step(
     return StepSolution(x, root, estimate, spent, pressed, belief)
 
 
-def _pressed(regression: Regression, belief: WeightedPrior, estimate: Estimate) -> float:
+def _cone_pressure(regression: Regression, belief: WeightedPrior, estimate: Estimate) -> float:
     """Compute how far the cone raises chi squared with penalty above that of least squares with a prior."""
     if estimate.constraint == "none":
         return 0.0
@@ -461,7 +461,7 @@ def back_substitute(T: Array, pi: Array) -> Array:
     return np.concatenate([others, pi])
 
 
-def _widened(root: Array, moves: Array) -> Array:
+def _add_covariance(root: Array, moves: Array) -> Array:
     """Update the triangular root of a precision, (e, e), for further covariance, the columns of moves."""
     deviations = np.hstack([solve_triangular(root, np.eye(len(root))), moves])
     R = np.linalg.qr(deviations.T, mode="r")
@@ -523,7 +523,7 @@ def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
     every[active.columns] = x
     # Geometry, frames and mounts move; compliances and joint errors are replaced.
     theta_0 = state.theta_0.copy()
-    theta_0[unknowns.inner] = every[unknowns.columns("geometry")]
+    theta_0[unknowns.geometry_slice] = every[unknowns.columns("geometry")]
     frames = {**state.frames}
     for name in unknowns.frames:
         frames[name] = moved_frame(frames[name], every[unknowns.columns(f"frame {name}")])

@@ -20,8 +20,8 @@ from testbench.identify.absolute.align import (
     check_fits,
     common_targets,
     distance,
-    expected_of,
-    pulls_of,
+    mean_variances,
+    robust_weights,
     scatter,
     single_reading_noise,
     whitening_units,
@@ -48,7 +48,7 @@ from testbench.identify.absolute.evidence import (
 )
 from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, torque_scale, unknowns_of
 from testbench.identify.diagnosis.hypothesis import Issue
-from testbench.identify.diagnosis.moves import settled
+from testbench.identify.diagnosis.moves import divide_at_moves
 from testbench.identify.diagnosis.screens import check_last_joint, check_order
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.metric import Prior, PriorScaling, Strength, scale_by_prior
@@ -60,9 +60,9 @@ from testbench.model.vjm import Vjm
 
 MAX_ORDER = 80
 """Highest order of periodic joint errors that is tried, per turn."""
-ON_THE_WAY, LEAST_OF_ONE = 4000, 100
+INTERMEDIATE_ROWS, MIN_SERIES_ROWS = 4000, 100
 """Rows over all series, and fewest rows of each series, for an intermediate step."""
-SUBSAMPLE_FACTOR = 3.0
+UNKNOWNS_PER_READING = 3.0
 """Most unknowns of periodic errors per reading [1]. It is above one: their learnt sizes regularise them, and
 missing orders harm. 50 poses of a UR10 give 0.17 mm in all other poses, with a limit of 0.6 only 0.38 mm."""
 
@@ -92,7 +92,7 @@ class CalibrationOptions:
             )
 
     @property
-    def may(self) -> frozenset[str]:
+    def selectable(self) -> frozenset[str]:
         """Return the names of errors that may be used."""
         return frozenset(SELECTABLE_ERRORS if self.only is None else self.only) - self.without
 
@@ -209,19 +209,21 @@ def linearise_readings(
 
     # Find moves in mid-series, and fit geometry and joint springs to each part.
     check_last_joint(vjm, series, fitted)
-    moves, series, (first, noise) = settled(series, fitted, scale_by_prior(prior, vjm, all153(vjm.arm)))
+    moves, series, (first, noise) = divide_at_moves(
+        series, fitted, scale_by_prior(prior, vjm, all153(vjm.arm))
+    )
     check_fits(first, series)
     # All errors that the readings can support, as unknowns.
-    readings = sum(3 * int(one.seen.sum() + one.turned.sum()) for one in series)
-    told = max(1, min(options.orders, int(SUBSAMPLE_FACTOR * readings / (2 * vjm.arm.n_joints))))
-    orders = tuple(range(1, told + 1)) if "joint errors" in options.may else ()
-    errors = JointErrors(orders, **{name: name in options.may for name in ERROR_KINDS[1:]})
-    most = all153 if "links" in options.may else joints_only
+    readings = sum(3 * int(one.seen.sum() + one.oriented.sum()) for one in series)
+    told = max(1, min(options.orders, int(UNKNOWNS_PER_READING * readings / (2 * vjm.arm.n_joints))))
+    orders = tuple(range(1, told + 1)) if "joint errors" in options.selectable else ()
+    errors = JointErrors(orders, **{name: name in options.selectable for name in ERROR_KINDS[1:]})
+    most = all153 if "links" in options.selectable else joints_only
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
     state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
     # One step with periodic errors, for the noise and the point of linearisation.
     active, few = activate(unknowns, GEOMETRY | {"harmonics"}, joints), subsample(series)
-    state, share = _stepped(active, few, (state, noise), options.constraint)
+    state, share = _gauss_newton_step(active, few, (state, noise), options.constraint)
     noise = scatter(state, series, share)
     # Reduce all equations once, by blocks of joint space if errors are selected.
     blocks = blocks_of(series) if options.only is None else None
@@ -244,12 +246,12 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
             links.
     """
     series, reduced = linearised_readings.series, linearised_readings.reduced
-    expected = expected_of(series)
+    expected = mean_variances(series)
     rules = SelectionRules(
         whitening_units(expected, linearised_readings.noise)[list(reduced.kinds)], options.constraint
     )
     # Select the errors, then solve for the selected unknowns.
-    chosen = _choose(linearised_readings, options, rules)
+    chosen = _select_errors(linearised_readings, options, rules)
     solved = solve_step(chosen.active, chosen.reduced, chosen.scales, options.constraint, options.strength)
     chosen = with_weighted_prior(chosen, rules, solved.belief)
     after = apply_step(linearised_readings.state, chosen.active, solved.x)
@@ -258,7 +260,7 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
     factor[list(reduced.kinds)] = chosen.scales.factor
     noise = single_reading_noise(replace(linearised_readings.noise, factor=factor), expected)
     step = distance(linearised_readings.state, after, series)
-    pulls = tuple(pulls_of(after, one, noise) for one in series)
+    pulls = tuple(robust_weights(after, one, noise) for one in series)
     return Calibration(
         state=after,
         active=chosen.active,
@@ -292,12 +294,12 @@ def first_fit(
     first = unknowns_of(state.vjm, series, JointErrors(), joints.structure)
     active, noise = activate(first, GEOMETRY, joints), scatter(state, series, 1.0)
     for _ in range(2):
-        state, share = _stepped(active, series, (state, noise), constraint)
+        state, share = _gauss_newton_step(active, series, (state, noise), constraint)
         noise = scatter(state, series, share)
     return state, noise
 
 
-def _choose(
+def _select_errors(
     linearised_readings: LinearisedReadings, options: CalibrationOptions, rules: SelectionRules
 ) -> SelectedModel:
     """Select the errors by trial, or take those of the options; links include joint springs of their own."""
@@ -316,7 +318,7 @@ def _choose(
         PATTERN: ErrorCandidate(PATTERN, frozenset({"pattern"}), pattern=True),
         "links": ErrorCandidate("links", elastic=links),
     } | {name: ErrorCandidate(name, frozenset({name})) for name in ERROR_KINDS[1:]}
-    on = [every[name] for name in SELECTABLE_ERRORS if name in options.may]
+    on = [every[name] for name in SELECTABLE_ERRORS if name in options.selectable]
     if options.only is None:
         return select_errors(unknowns, reduced, on, rules)
     # Chosen by hand: all of them at once, and then the pattern if joints share one.
@@ -329,29 +331,32 @@ def _choose(
         return learn_scales(own, gram_of_active(own, reduced.gram), reduced.counts, start, options.constraint)
 
     sizes = learnt(active, reduced, default_scales(unknowns, len(reduced.kinds)))
-    if PATTERN in options.may and (shared := with_shared_pattern(active, kinds, sizes, reduced)):
+    if PATTERN in options.selectable and (shared := with_shared_pattern(active, kinds, sizes, reduced)):
         active, reduced = shared
         sizes = learnt(active, reduced, sizes)
     return SelectedModel(active, sizes, reduced, kinds, ())
 
 
 def subsample(series: Sequence[Series]) -> tuple[Series, ...]:
-    """Thin series to about `ON_THE_WAY` rows in all; a pose keeps all of its rows or none."""
+    """Thin series to about `INTERMEDIATE_ROWS` rows in all; a pose keeps all of its rows or none."""
     every, found = sum(one.rows for one in series), []
     for one in series:
-        stride = min(-(-every // ON_THE_WAY), max(1, one.rows // LEAST_OF_ONE))
+        stride = min(-(-every // INTERMEDIATE_ROWS), max(1, one.rows // MIN_SERIES_ROWS))
         _, pose = np.unique(one.pose, return_inverse=True)
         found.append(select_rows(one, pose % stride == 0) if stride > 1 else one)
     return tuple(found)
 
 
-def _stepped(
-    active: ActiveUnknowns, series: tuple[Series, ...], now: tuple[ArmState, Noise], constraint: Constraint
+def _gauss_newton_step(
+    active: ActiveUnknowns,
+    series: tuple[Series, ...],
+    state_and_noise: tuple[ArmState, Noise],
+    constraint: Constraint,
 ) -> tuple[ArmState, float]:
     """Take one Gauss-Newton step; return the state, and degrees of freedom over number of equations."""
-    state, noise = now
+    state, noise = state_and_noise
     reduced = reduce_series(Linearisation(active.unknowns, state, noise), series)
     S, counts = gram_of_active(active, reduced.gram), reduced.counts
     learnt = learn_scales(active, S, counts, default_scales(active.unknowns, len(counts)), constraint)
     solved = solve_step(active, reduced, learnt, constraint)
-    return apply_step(state, active, solved.x), max(0.1, 1 - solved.spent / counts.sum())
+    return apply_step(state, active, solved.x), max(0.1, 1 - solved.degrees_of_freedom / counts.sum())

@@ -23,8 +23,8 @@ from testbench.identify.absolute.align import (
     align_all,
     inverse_noise_roots,
     residuals,
-    too_few,
-    weights,
+    robust_whitening,
+    underdetermined_reason,
 )
 from testbench.identify.absolute.evidence import default_scales, moved_frame, moved_mount
 from testbench.identify.absolute.state import ROWS_AT_ONCE, ArmState, Unknowns, unknowns_of
@@ -37,7 +37,7 @@ if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does
     from testbench.identify.absolute.fit import Calibration
 
 CHI_SQUARED_95 = 7.8147  #: 95 % quantile of chi squared with 3 degrees of freedom.
-STEP, MAX_STEPS = 1e-9, 20
+FRAME_STEP, MAX_STEPS = 1e-9, 20
 """Step of a frame below which the fit has converged [m, rad], and most steps."""
 
 
@@ -118,7 +118,7 @@ def locate_series(model: ArmModel, series: Series, rows: Ids) -> RegisteredSerie
             frames={**state.frames, some.frame: moved_frame(state.frame(some), step[:6])},
             mounts={**state.mounts, some.target: moved_mount(state.mount(some), step[6:])},
         )
-        if np.abs(step).max() < STEP:
+        if np.abs(step).max() < FRAME_STEP:
             break
     return RegisteredSeries(state, rows, _joint(model, root, F.T @ M))
 
@@ -183,18 +183,18 @@ def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[
     return residuals(placed.state, series)[:m].transpose(2, 0, 1), covariance
 
 
-def inside_ellipsoid(left: Array, covariance: Array) -> Array:
+def inside_ellipsoid(residual: Array, covariance: Array) -> Array:
     """Tell which positions lie in their 95 % confidence ellipsoid: r^T C^-1 r is at most `CHI_SQUARED_95`.
 
     Args:
-        left: Residuals r, (rows, m, 3) [m].
+        residual: Residuals r, (rows, m, 3) [m].
         covariance: Their covariances C, (rows, m, 3, 3) [m^2].
 
     Returns:
         (rows, m).
     """
-    solved = np.linalg.solve(covariance, left[..., None])[..., 0]
-    return np.asarray((left * solved).sum(axis=-1) <= CHI_SQUARED_95)
+    solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
+    return np.asarray((residual * solved).sum(axis=-1) <= CHI_SQUARED_95)
 
 
 def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
@@ -222,7 +222,7 @@ def _columns(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, A
 def _whitened(model: ArmModel, state: ArmState, series: Series) -> tuple[Array, Array, Array]:
     """Whiten the equations: columns of frame and mount, (e, f), of the arm, (e, a), and residuals, (e,)."""
     A, left = _columns(model, state, series)
-    W, pull = weights(series, _noise(model), state.frame(series).rotation, left)
+    W, pull = robust_whitening(series, _noise(model), state.frame(series).rotation, left)
     W *= np.sqrt(pull)[..., None, None]
     rows = np.concatenate([A, left[:, :, None]], axis=2)
     lines = np.einsum("srxy,sycr->srxc", W, rows, optimize=True).reshape(-1, rows.shape[2])
@@ -234,7 +234,7 @@ def _root(model: ArmModel, F: Array, series: Series) -> Array:
     """Factorise the columns of frame and mount, with the prior of what these rows leave undetermined."""
     unknowns = unknowns_of(model.vjm, (series,), model.state.errors, model.structure)
     B = np.diag(1 / default_scales(unknowns, len(EQUATION_KINDS)).deviation[: unknowns.starts["geometry"]])
-    B = B[B.any(axis=1) & (not too_few(model.vjm, series))]
+    B = B[B.any(axis=1) & (not underdetermined_reason(model.vjm, series))]
     R = np.asarray(np.linalg.qr(np.vstack([F, B]), mode="r"))
     full = len(R) == F.shape[1] and (np.abs(np.diag(R)) > 1e-9 * np.linalg.norm(F, axis=0)).all()
     if not full:
@@ -250,13 +250,13 @@ def _noise(model: ArmModel) -> Noise:
 
 FURTHER_ROWS = 40
 """Further rows in which a joint is turned."""
-AMPLE = 2
+EQUATIONS_PER_UNKNOWN = 2
 """Equations of poses in the whole joint space, over the number of unknowns [1]."""
-NEVER = 1e-3
+STRUCTURAL_INFORMATION = 1e-3
 """Information of these poses over the prior's below which a direction is structural [1]."""
 ZERO_INFORMATION = 1e-10
 """Eigenvalue of information with unit diagonal below which it counts as zero [1]."""
-OFF = 1.0
+UNUSED_INFORMATION = 1.0
 """Information of unknowns that are fixed at zero: they are not structural."""
 COMMON_DIRECTION = 0.1
 """Singular value below which two sets of directions share one [1]."""
@@ -271,11 +271,11 @@ class AddedInformation:
     rigid: Array  #: These poses of the rigid nominal arm, for what is structural in geometry, (size, size).
 
 
-def pull_of(
+def further_information(
     unknowns: Unknowns,
     state: ArmState,
     series: tuple[Series, ...],
-    tells: Callable[[Series], Array] | None = None,
+    information_of: Callable[[Series], Array] | None = None,
 ) -> AddedInformation:
     """Compute the information that further readings would add, under the loads of some series.
 
@@ -283,8 +283,8 @@ def pull_of(
         unknowns: The unknowns.
         state: Where the equations are linearised.
         series: Series that were read, or are planned.
-        tells: Function that computes the information of a series, without a prior, (size, size); None for
-            `information` at the state.
+        information_of: Function that computes the information of a series, without a prior, (size, size);
+            None for `information` at the state.
 
     Returns:
         The information, by the joint that is turned and for poses in the whole joint space.
@@ -292,7 +292,7 @@ def pull_of(
     arm = unknowns.vjm.arm
     lower, upper = arm.limits
     rng = np.random.Generator(np.random.Philox(0))
-    told = tells or (lambda one: information(unknowns, state, one))
+    told = information_of or (lambda one: information(unknowns, state, one))
 
     def turned(j: int) -> Array:
         total = np.zeros((unknowns.size,) * 2)
@@ -302,15 +302,15 @@ def pull_of(
             q = one.q[rows].copy()
             stratified = (rng.permutation(count) + rng.random(count)) / count
             q[:, j] = stratified * (upper[j] - lower[j]) + lower[j]
-            total += told(_moved(one, rows, arm.followed(q)))
+            total += told(_series_in_poses(one, rows, arm.with_dependent_joints(q)))
         return total
 
     # Readings all over joint space: with the elastic arm, and with the rigid one.
     everywhere = []
     for one in series:
-        count = -(-AMPLE * unknowns.size // (3 * len(one.markers) * len(series)))
-        q = arm.drawn(rng, count)
-        everywhere.append(_moved(one, np.arange(count) % one.rows, q))
+        count = -(-EQUATIONS_PER_UNKNOWN * unknowns.size // (3 * len(one.markers) * len(series)))
+        q = arm.draw_poses(rng, count)
+        everywhere.append(_series_in_poses(one, np.arange(count) % one.rows, q))
     none = {name: np.zeros_like(getattr(state, name)) for name in ("theta_0", "C_theta", "n")}
     rigid = [information(unknowns, replace(state, **none), one) for one in everywhere]
     every = np.stack([turned(j) for j in range(len(lower))])
@@ -337,7 +337,7 @@ def information(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
     return np.asarray(flat @ flat.T)
 
 
-def _moved(series: Series, rows: Ids, q: Array) -> Series:
+def _series_in_poses(series: Series, rows: Ids, q: Array) -> Series:
     """Put rows of a series into other poses, (count, n) [rad, m], with every target read."""
     rotation = None if series.rotation is None else np.tile(np.eye(3), (series.rows, 1, 1))
     return replace(select_rows(replace(series, precision=None, rotation=rotation), rows), q=q)
@@ -367,16 +367,16 @@ def structural(unknowns: Unknowns, L: Array, pull: AddedInformation) -> Structur
     """
     # Directions with hardly any information, in units of the prior.
     M, drawn = L.T @ pull.everywhere @ L, L.T @ pull.rigid @ L
-    M, drawn = (part + np.diag(np.where(np.diag(L) > 0, 0.0, OFF)) for part in (M, drawn))
+    M, drawn = (part + np.diag(np.where(np.diag(L) > 0, 0.0, UNUSED_INFORMATION)) for part in (M, drawn))
     values, V = np.linalg.eigh(M)
     geometry = np.arange(unknowns.starts["errors"])
     # Structural directions of geometry, exactly, by the rigid nominal arm.
     never = np.zeros((len(M), _dimension(drawn, geometry)))
     never[geometry] = np.linalg.eigh(drawn[np.ix_(geometry, geometry)])[1][:, : never.shape[1]]
-    U, s, _ = np.linalg.svd(np.hstack([V[:, values < NEVER], never]), full_matrices=False)
+    U, s, _ = np.linalg.svd(np.hstack([V[:, values < STRUCTURAL_INFORMATION], never]), full_matrices=False)
     # How these directions divide over joints.
     joints, first = range(unknowns.vjm.arm.n_joints), unknowns.starts["elastic"]
-    around = [_around(unknowns, k) for k in range(len(joints) + 1)]
+    around = [_link_columns(unknowns, k) for k in range(len(joints) + 1)]
     own = [_dimension(drawn, columns) for columns in around]
     size = unknowns.errors.size
     of_joint = [unknowns.starts["errors"] + j * size + np.arange(size) for j in joints]
@@ -387,7 +387,7 @@ def structural(unknowns: Unknowns, L: Array, pull: AddedInformation) -> Structur
             _dimension(drawn, np.concatenate(around[j : j + 2])) - sum(own[j : j + 2]) for j in joints
         ),
         idle=tuple(j for j in joints if size and _dimension(M, of_joint[j]) == size),
-        elastic=int((np.linalg.eigvalsh(M[first:, first:]) < NEVER).sum()),
+        elastic=int((np.linalg.eigvalsh(M[first:, first:]) < STRUCTURAL_INFORMATION).sum()),
     )
 
 
@@ -400,7 +400,7 @@ def _dimension(M: Array, columns: Ids) -> int:
     return int((~told).sum() + (np.linalg.eigvalsh(unit) < ZERO_INFORMATION).sum())
 
 
-def _around(unknowns: Unknowns, k: int) -> Ids:
+def _link_columns(unknowns: Unknowns, k: int) -> Ids:
     """List the columns of a link; the first link includes the frames, the last the mounts."""
     mounts = unknowns.columns(f"frame {unknowns.frames[-1]}").stop
     first = unknowns.starts["geometry"]

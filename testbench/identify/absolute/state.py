@@ -41,7 +41,7 @@ from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium
 from testbench.identify.closed_form import kabsch
 from testbench.identify.registration import ASSUMED_NOISE, NOMINAL_DEVIATION, Frame, largest_deviation
-from testbench.model.kinematics import BANDS, JointErrors, basis
+from testbench.model.kinematics import BANDS, JointErrors, joint_error_basis
 from testbench.model.load import Load, Weights, on_joints, own_weight
 from testbench.model.structure import Structure
 from testbench.model.vjm import Chain, Vjm, chain, tool_pose
@@ -156,7 +156,7 @@ def joint_equilibrium(
     Raises:
         NoEquilibrium: If the steps do not converge; names the pose.
     """
-    start, u, phi = _start(state, q, loads)
+    start, u, phi = _unsprung(state, q, loads)
     theta, step = start + (state.C_theta @ u).T, np.zeros(len(q))
     # theta <- theta_0 + Phi(q) n + C_theta u(q, theta), until the step is at rounding.
     for _ in range(MAX_STEPS if steps is None else steps):
@@ -168,32 +168,32 @@ def joint_equilibrium(
         if (step <= TOLERANCE).all():  # not of NaN
             return JointEquilibrium(theta, where, u, phi)
     if steps is None:
-        words = state.vjm.arm.words(q[np.argmin(step <= TOLERANCE)])
+        words = state.vjm.arm.pose_text(q[np.argmin(step <= TOLERANCE)])
         raise NoEquilibrium(f"no static equilibrium at q = {words}: too soft for its load, or buckled")
     return JointEquilibrium(theta, chain(state.vjm, q, theta), u, phi)
 
 
-def _start(state: ArmState, q: Array, loads: Sequence[Load]) -> tuple[Array, Array, Array]:
+def _unsprung(state: ArmState, q: Array, loads: Sequence[Load]) -> tuple[Array, Array, Array]:
     """Compute virtual joints without springs, (runs, n_theta), the load of the undeflected arm, and phi."""
     arm, theta = state.vjm.arm, np.tile(state.theta_0, (len(q), 1))
     u, joints = loads_at(state, chain(state.vjm, q, theta), loads), slice(6 * len(arm.links), arm.n_theta)
-    phi = basis(state.errors, arm, q, u[joints], state.torque_scale)
+    phi = joint_error_basis(state.errors, arm, q, u[joints], state.torque_scale)
     theta[:, joints] += np.einsum("jkr,jk->rj", phi, state.n)
     return theta, u, phi
 
 
-def loads_at(state: ArmState, where: Chain, loads: Sequence[Load]) -> Array:
+def loads_at(state: ArmState, chain: Chain, loads: Sequence[Load]) -> Array:
     """Compute the generalised load u of every virtual joint, from own weight and all loads.
 
     Args:
         state: The model.
-        where: The poses.
+        chain: The poses.
         loads: Loads that act at once.
 
     Returns:
         u, (n_theta, runs) [N, N m].
     """
-    return own_weight(where, state.weights) + on_joints(where, loads)
+    return own_weight(chain, state.weights) + on_joints(chain, loads)
 
 
 def unsprung_theta(state: ArmState, q: Array, loads: Sequence[Load]) -> Array:
@@ -209,7 +209,7 @@ def unsprung_theta(state: ArmState, q: Array, loads: Sequence[Load]) -> Array:
     """
     if not state.errors.size:
         return np.tile(state.theta_0, (len(q), 1))
-    return _start(state, q, loads)[0]
+    return _unsprung(state, q, loads)[0]
 
 
 def series_equilibrium(state: ArmState, series: Series) -> JointEquilibrium:
@@ -256,7 +256,7 @@ MAX_ROWS = 300
 """Rows of a series that are evaluated, evenly spaced."""
 PRIOR_DEVIATIONS = 10.0, 1.0, 100.0
 """Prior standard deviations of a target, of rotations, and of a frame's origin [m, rad, m]."""
-LEVEL = 0.05
+LEVEL_DEVIATION = 0.05
 """Standard deviation of a tracker from upright, and the largest one of a frame's rotation that counts as
 determined [rad]."""
 
@@ -265,7 +265,7 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     """Find the frames and mounts that the readings leave undetermined, for the nominal geometry.
 
     A mount is undetermined if a target's standard deviation exceeds `NOMINAL_DEVIATION`, a frame if that of
-    its rotation exceeds `LEVEL`.
+    its rotation exceeds `LEVEL_DEVIATION`.
 
     Mathematics: `abs-7`.
 
@@ -300,7 +300,9 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     covariance = np.linalg.inv(M + np.diag(before**-2.0))
     turns = [covariance[6 * k :, 6 * k :][:3, :3] for k in range(len(frames))]
     found = {
-        f"frame {name}" for name, own in zip(frames, turns, strict=True) if largest_deviation(own) > LEVEL
+        f"frame {name}"
+        for name, own in zip(frames, turns, strict=True)
+        if largest_deviation(own) > LEVEL_DEVIATION
     }
     for name, some in read.items():
         ends = [first[name] + 3 * k for k in some]
@@ -321,7 +323,7 @@ def _rows(vjm: Vjm, series: Series) -> Array:
         J[:, k, :, 3:6] = np.eye(3)
         J[:, k, :, 6 + 3 * k : 9 + 3 * k] = rotation
     J[:, m, :, :3], J[:, m, :, 6 + 3 * m :] = np.eye(3), rotation
-    there = np.column_stack([series.seen[some], series.turned[some]])
+    there = np.column_stack([series.seen[some], series.oriented[some]])
     return np.asarray(J[there].reshape(-1, J.shape[3]))
 
 
@@ -329,7 +331,7 @@ def level_frame(points: Array, read: Array) -> Frame:
     """Fit the frame that takes points to readings; the frame is upright as far as the points leave that open.
 
     Least squares (Kabsch) with two further points along the vertical: they count as much as a direction known
-    to `LEVEL` in comparison with readings known to `ASSUMED_NOISE`.
+    to `LEVEL_DEVIATION` in comparison with readings known to `ASSUMED_NOISE`.
 
     Args:
         points: Points in base axes, (n, 3) [m].
@@ -338,23 +340,23 @@ def level_frame(points: Array, read: Array) -> Frame:
     Returns:
         The frame: tracker from base.
     """
-    up = (ASSUMED_NOISE / LEVEL) * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) / np.sqrt(2)
+    up = (ASSUMED_NOISE / LEVEL_DEVIATION) * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) / np.sqrt(2)
     R, _ = kabsch(np.vstack([points - points.mean(axis=0), up]), np.vstack([read - read.mean(axis=0), up]))
     return Frame(R, read.mean(axis=0) - R @ points.mean(axis=0))
 
 
 # --- Error pattern of several joints: gears or encoders of one make share an error, shifted or mirrored -----
 
-FIRST = 3
+MIN_PATTERN_ORDER = 3
 """Lowest order of a pattern: errors of an axis' position look like orders 1 and 2."""
 MIN_LOG_ODDS = 10.0
 """Least log odds of a joint's shift against any other shift, and against no pattern."""
-RIVALS = 8
+MAX_SHIFTS = 8
 """Shifts that are compared, each a local maximum."""
-SENSES = (1, -1)
-TURNS: Array = np.radians(np.arange(0, 360, 1.0))
+SIGNS = (1, -1)
+TRIED_SHIFTS: Array = np.radians(np.arange(0, 360, 1.0))
 """Shifts that are tried [rad]."""
-FINER: Array = np.radians(np.linspace(-1, 1, 41))
+FINE_SHIFTS: Array = np.radians(np.linspace(-1, 1, 41))
 """Finer shifts around the best one [rad]."""
 
 
@@ -364,13 +366,13 @@ class Pattern:
 
     #: Indices of the joints, two or more; the pattern is a function of the first joint's angle.
     joints: tuple[int, ...]
-    turns: tuple[float, ...]  #: Shift phi of each joint [rad].
-    senses: tuple[int, ...]  #: Sign s of each joint.
+    shifts: tuple[float, ...]  #: Shift phi of each joint [rad].
+    signs: tuple[int, ...]  #: Sign s of each joint.
 
 
 def wave_columns(errors: JointErrors) -> Ids:
     """List the Fourier coefficients of a joint that a pattern may have: sines, then cosines, (2 k,)."""
-    return np.flatnonzero(np.tile(errors.orders, 2) >= FIRST)
+    return np.flatnonzero(np.tile(errors.orders, 2) >= MIN_PATTERN_ORDER)
 
 
 def shift_waves(f: Array, turn: Array | float, sense: int, orders: Ids) -> Array:
@@ -415,7 +417,7 @@ def pattern_basis(pattern: Pattern, errors: JointErrors, first: int, size: int) 
     orders = np.array(errors.orders)[own[:k]]
     # Waves of joint i: each column, shifted and mirrored to its angle.
     for i in range(n):
-        R = shift_waves(np.eye(2 * k), pattern.turns[i], pattern.senses[i], orders).T
+        R = shift_waves(np.eye(2 * k), pattern.shifts[i], pattern.signs[i], orders).T
         row, column = np.nonzero(R)
         for j in np.flatnonzero(mix[i]):
             entries.append(mix[i, j] * R[row, column])
@@ -429,11 +431,11 @@ class _PatternInformation:
 
     W: Array  #: Precision of the pattern's waves, (2 k, 2 k).
     g: Array  #: Its product with the most probable waves, (2 k,).
-    alone: float  #: Log odds of individual waves of full size against those of individual size.
+    individual_log_odds: float  #: Log odds of individual waves of full size against those of individual size.
 
 
 def find_pattern(
-    told: Sequence[tuple[Array, Array]], own: Array, shared: Array, orders: Ids
+    wave_information: Sequence[tuple[Array, Array]], individual: Array, shared: Array, orders: Ids
 ) -> Pattern | None:
     """Find the pattern that some joints share.
 
@@ -443,16 +445,16 @@ def find_pattern(
     Mathematics: `abs-11`.
 
     Args:
-        told: For every joint the precision of its waves from the readings, (2 k, 2 k), and its product with
-            the most probable waves, (2 k,); zero for a joint without readings.
-        own: Variance of waves that are individual to a joint, (2 k,).
+        wave_information: For every joint the precision of its waves from the readings, (2 k, 2 k), and its
+            product with the most probable waves, (2 k,); zero for a joint without readings.
+        individual: Variance of waves that are individual to a joint, (2 k,).
         shared: Variance of the waves of the pattern, (2 k,).
         orders: Orders of the waves, (k,).
 
     Returns:
         The pattern; None if no two joints share one.
     """
-    every = [_pattern_information(*one, own, own + shared) for one in told]
+    every = [_pattern_information(*one, individual, individual + shared) for one in wave_information]
 
     def best(j: int, others: dict[int, tuple[float, int]]) -> tuple[float, int, float, int]:
         """Find the best shift and sign of a joint's pattern, given those of others."""
@@ -460,7 +462,7 @@ def find_pattern(
         for i, (turn, sense) in others.items():
             R = shift_waves(np.eye(len(b)), turn, sense, orders)
             P, b = P + R @ every[i].W @ R.T, b + R @ every[i].g
-        return (*_best(every[j], P, b, orders), j)
+        return (*_best_shift(every[j], P, b, orders), j)
 
     # Start with the joint whose odds with the others are best.
     joints = range(len(every))
@@ -477,20 +479,24 @@ def find_pattern(
         again = [best(j, {i: at for i, at in found.items() if i != j}) for j in found]
         worst = min(again, key=lambda one: one[2])
         if worst[2] >= MIN_LOG_ODDS:
-            return _of_first({j: (turn, sense) for turn, sense, _, j in again})
+            return _relative_to_first({j: (turn, sense) for turn, sense, _, j in again})
         del found[worst[3]]
     return None
 
 
-def _pattern_information(precision: Array, pull: Array, own: Array, whole: Array) -> _PatternInformation:
-    solved = np.linalg.solve(precision + np.diag(1 / own), np.column_stack([precision, pull]))
-    alone, none = (_log_sum(precision + np.diag(1 / d), pull) - np.log(d).sum() / 2 for d in (whole, own))
+def _pattern_information(
+    precision: Array, pull: Array, individual: Array, whole: Array
+) -> _PatternInformation:
+    solved = np.linalg.solve(precision + np.diag(1 / individual), np.column_stack([precision, pull]))
+    alone, none = (
+        _log_integral(precision + np.diag(1 / d), pull) - np.log(d).sum() / 2 for d in (whole, individual)
+    )
     return _PatternInformation(
         precision - precision @ solved[:, :-1], pull - precision @ solved[:, -1], alone - none
     )
 
 
-def _best(
+def _best_shift(
     pattern_information: _PatternInformation, P: Array, b: Array, orders: Ids
 ) -> tuple[float, int, float]:
     """Find the shift and sign in which a joint has a pattern, and the log odds against all alternatives.
@@ -502,38 +508,40 @@ def _best(
         orders: Orders of the waves, (k,).
     """
     f = np.asarray(np.linalg.solve(P, b), dtype=float)
-    before = _log_sum(P, b)
+    before = _log_integral(P, b)
 
     def likely(turns: Array, sense: int) -> Array:
         """Compute the log-likelihood of the most probable pattern at many shifts."""
         x = shift_waves(f, turns, sense, orders)
         return np.asarray(x @ pattern_information.g - ((x @ pattern_information.W) * x).sum(axis=1) / 2)
 
-    every = np.stack([likely(TURNS, sense) for sense in SENSES])
+    every = np.stack([likely(TRIED_SHIFTS, sense) for sense in SIGNS])
     # Local maxima of the likelihood over the shift.
     peaks = (every > np.roll(every, 1, axis=1)) & (every >= np.roll(every, -1, axis=1))
     rivals, odds = (
-        np.argwhere(peaks)[np.argsort(-every[peaks], kind="stable")[:RIVALS]],
-        [pattern_information.alone],
+        np.argwhere(peaks)[np.argsort(-every[peaks], kind="stable")[:MAX_SHIFTS]],
+        [pattern_information.individual_log_odds],
     )
     # Evidence of each, the pattern integrated out.
     for way, k in rivals:
-        R = shift_waves(np.eye(len(f)), TURNS[k], SENSES[way], orders)
-        odds.append(_log_sum(P + R @ pattern_information.W @ R.T, b + R @ pattern_information.g) - before)
+        R = shift_waves(np.eye(len(f)), TRIED_SHIFTS[k], SIGNS[way], orders)
+        odds.append(
+            _log_integral(P + R @ pattern_information.W @ R.T, b + R @ pattern_information.g) - before
+        )
     first, *others = np.argsort(odds)[::-1]
     if not first:
-        return 0.0, 1, odds[others[0]] - pattern_information.alone if others else 0.0
+        return 0.0, 1, odds[others[0]] - pattern_information.individual_log_odds if others else 0.0
     way, k = rivals[first - 1]
-    finer = TURNS[k] + FINER
-    return float(finer[likely(finer, SENSES[way]).argmax()]), SENSES[way], odds[first] - odds[others[0]]
+    finer = TRIED_SHIFTS[k] + FINE_SHIFTS
+    return float(finer[likely(finer, SIGNS[way]).argmax()]), SIGNS[way], odds[first] - odds[others[0]]
 
 
-def _log_sum(P: Array, b: Array) -> float:
+def _log_integral(P: Array, b: Array) -> float:
     """Compute the logarithm of the integral of exp(b x - x P x / 2), up to a constant."""
     return float(b @ np.linalg.solve(P, b) - np.linalg.slogdet(P)[1]) / 2
 
 
-def _of_first(found: dict[int, tuple[float, int]]) -> Pattern:
+def _relative_to_first(found: dict[int, tuple[float, int]]) -> Pattern:
     """Express the pattern in the angle of the first joint that has it."""
     joints = tuple(sorted(found))
     start, way = found[joints[0]]
@@ -556,12 +564,12 @@ class Unknowns:
     structure: Structure  #: Structure of the compliances.
     geometry: bool = True  #: Whether geometry is unknown; it cancels in deflections.
     #: Frames and mounts that the readings leave undetermined: they have a prior.
-    held: frozenset[str] = frozenset()
-    #: Error pattern that joints share; their waves are then expressed in its `basis`.
+    undetermined: frozenset[str] = frozenset()
+    #: Error pattern that joints share; their waves are then expressed in its `joint_error_basis`.
     pattern: Pattern | None = None
 
     @cached_property
-    def inner(self) -> slice:
+    def geometry_slice(self) -> slice:
         """Return the virtual joints whose constants are errors of geometry: all links but first and last."""
         return slice(6, 6 * max(1, self.vjm.arm.n_joints) if self.geometry else 6)
 
@@ -570,7 +578,7 @@ class Unknowns:
         """Return the first column of every frame, every mount, geometry, errors, compliances, and the end."""
         sizes = {f"frame {name}": 6 for name in self.frames}
         sizes |= {f"mount {name}": 3 * m + 3 * turned for name, (m, turned) in self.mounts.items()}
-        sizes |= {"geometry": self.inner.stop - self.inner.start}
+        sizes |= {"geometry": self.geometry_slice.stop - self.geometry_slice.start}
         sizes |= {"errors": self.vjm.arm.n_joints * self.errors.size, "elastic": self.structure.n, "end": 0}
         ends = np.cumsum(list(sizes.values()))
         return {key: int(end - size) for (key, size), end in zip(sizes.items(), ends, strict=True)}
@@ -603,7 +611,7 @@ class Unknowns:
         alike[list(self.pattern.joints[1:]) if self.pattern else []] = False
         for kind, some in (("harmonics", ~alike), ("pattern", alike)):
             for band in np.unique(bands[bands >= 0]):
-                these = some if BANDS[band] >= FIRST else np.full(len(of), kind == "harmonics")
+                these = some if BANDS[band] >= MIN_PATTERN_ORDER else np.full(len(of), kind == "harmonics")
                 if these.any():
                     found.append((kind, of[these][:, bands == band].ravel()))
         found += [(kind, of[:, kinds == kind].ravel()) for kind in dict.fromkeys(kinds[bands < 0])]
@@ -619,7 +627,7 @@ class Unknowns:
     def current(self, state: ArmState) -> Array:
         """Return the values of all unknowns in a state, (size,); frames and mounts are steps, thus zero."""
         x = np.zeros(self.size)
-        x[self.columns("geometry")] = state.theta_0[self.inner]
+        x[self.columns("geometry")] = state.theta_0[self.geometry_slice]
         x[self.columns("errors")] = state.n.ravel()
         x[self.columns("elastic")] = self.structure.entries(state.C_theta)
         return x
@@ -642,7 +650,7 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
         turned = one.rotation is not None or mounts.get(one.target, (0, False))[1]
         mounts[one.target] = len(one.markers), turned
     frames = tuple(dict.fromkeys(one.frame for one in series))
-    return Unknowns(vjm, frames, mounts, errors, structure, held=undetermined_frames(vjm, series))
+    return Unknowns(vjm, frames, mounts, errors, structure, undetermined=undetermined_frames(vjm, series))
 
 
 def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:

@@ -17,15 +17,15 @@ from testbench.errors import Array
 from testbench.model.load import Weights, weight_columns
 from testbench.model.vjm import Vjm, chain, generalised_load
 
-MASS = 0.3  #: Prior standard deviation of a mass, relative to rigid.xml's [1].
-CENTRE = 0.1  #: Of a first moment, over the mass: how far a centre may be off [m].
-LIMIT = 3.0
+MASS_DEVIATION = 0.3  #: Prior standard deviation of a mass, relative to rigid.xml's [1].
+CENTRE_DEVIATION = 0.1  #: Of a first moment, over the mass: how far a centre may be off [m].
+MAX_DEVIATIONS = 3.0
 """Bound on each parameter in prior standard deviations: no mass falls below a tenth."""
-EXPLAINED = 0.3
+MAX_UNEXPLAINED = 0.3
 """Largest share of the torques' standard deviation that gravity may leave unexplained [1]."""
-HUBER = 1.345
+HUBER_THRESHOLD = 1.345
 """Bend of Huber's loss in standard deviations: 95 % efficiency for normal errors."""
-EXACT = 1e-4
+MIN_NOISE_SHARE = 1e-4
 """Least noise of a joint's torques, relative to their standard deviation [1]."""
 REWEIGHTINGS = 10
 POSES_AT_ONCE = 1000  #: Poses whose columns of all virtual joints are in memory at a time.
@@ -37,8 +37,8 @@ class MassFit:
 
     weights: Weights  #: Fitted masses; the given ones if gravity does not explain the torques.
     poses: int  #: Poses with measured torques.
-    before: float  #: RMS residual of the given masses over all joints [N m, N].
-    rest: float  #: RMS residual of the fitted masses [N m, N].
+    nominal_residual: float  #: RMS residual of the given masses over all joints [N m, N].
+    residual: float  #: RMS residual of the fitted masses [N m, N].
     spread: float  #: RMS deviation of the torques without those of the wrenches [N m, N].
     limited: tuple[str, ...]  #: Links and tool with a parameter at its bound.
     #: Whether torques are the motors' against the weight, or the weight's on the joints.
@@ -47,7 +47,7 @@ class MassFit:
     @property
     def explained(self) -> bool:
         """Tell whether gravity explains the torques."""
-        return self.rest <= EXPLAINED * self.spread
+        return self.residual <= MAX_UNEXPLAINED * self.spread
 
 
 def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassFit | None:
@@ -69,7 +69,7 @@ def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassF
     A, known, torque = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
     names = [*(link.name for link in vjm.arm.links[1:]), vjm.arm.tool]
     carries, carried = (_fit(weights, names, A, sign * torque - known) for sign in (1, -1))
-    best = min(carries, replace(carried, motors=True), key=lambda fit: fit.rest)
+    best = min(carries, replace(carried, motors=True), key=lambda fit: fit.residual)
     return best if best.explained else replace(best, weights=weights, limited=())
 
 
@@ -95,24 +95,27 @@ def _fit(weights: Weights, names: Sequence[str], A: Array, y: Array) -> MassFit:
         y: Load of every joint by gravity, with an offset, (n, runs) [N m, N].
     """
     prior = weights.parameters[1:].ravel()
-    sd = (weights.mass[1:, None] * np.array([MASS, CENTRE, CENTRE, CENTRE])).ravel()
+    sd = (
+        weights.mass[1:, None]
+        * np.array([MASS_DEVIATION, CENTRE_DEVIATION, CENTRE_DEVIATION, CENTRE_DEVIATION])
+    ).ravel()
     y_0, A = y - A @ prior, A * sd  # from here on steps from the prior, in its standard deviations
     ones = np.ones_like(y)
     spread, left = _scatter(_off_mean(y, ones)), _off_mean(y_0, ones)
     before, x = _scatter(left), np.zeros_like(sd)
     for _ in range(REWEIGHTINGS):
-        sigma = np.maximum(_scatter(left), EXACT * spread)[:, None]
+        sigma = np.maximum(_scatter(left), MIN_NOISE_SHARE * spread)[:, None]
         sigma = np.where(sigma > 0, sigma, 1.0)  # a joint without torques
-        w = np.minimum(1, HUBER * sigma / np.maximum(np.abs(left), 1e-300)) / sigma**2
+        w = np.minimum(1, HUBER_THRESHOLD * sigma / np.maximum(np.abs(left), 1e-300)) / sigma**2
         x = _step(_off_mean(A, w), _off_mean(y_0, w), w)
         left = _off_mean(y_0 - A @ x, w)
-    limited = (np.abs(x) > LIMIT * (1 - 1e-9)).reshape(-1, 4).any(axis=1)
+    limited = (np.abs(x) > MAX_DEVIATIONS * (1 - 1e-9)).reshape(-1, 4).any(axis=1)
     p = np.vstack([weights.parameters[:1], (prior + sd * x).reshape(-1, 4)])
     return MassFit(
         weights=Weights(p[:, 0], p[:, 1:] / np.where(p[:, :1] > 0, p[:, :1], 1)),
         poses=y.shape[1],
-        before=_rms(before),
-        rest=_rms(_scatter(left)),
+        nominal_residual=_rms(before),
+        residual=_rms(_scatter(left)),
         spread=_rms(spread),
         limited=tuple(name for name, on in zip(names, limited, strict=True) if on),
     )
@@ -125,7 +128,7 @@ def _step(A: Array, y: Array, w: Array) -> Array:
     size = A.shape[2]
     rows = np.column_stack([A.reshape(-1, size), y.ravel()]) * np.sqrt(w).reshape(-1, 1)
     R: Array = np.asarray(np.linalg.qr(np.vstack([rows, np.eye(size, size + 1)]), mode="r"))
-    return np.asarray(lsq_linear(R[:, :-1], R[:, -1], (-LIMIT, LIMIT), method="bvls").x)
+    return np.asarray(lsq_linear(R[:, :-1], R[:, -1], (-MAX_DEVIATIONS, MAX_DEVIATIONS), method="bvls").x)
 
 
 def _off_mean(x: Array, w: Array) -> Array:

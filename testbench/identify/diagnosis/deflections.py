@@ -18,11 +18,11 @@ from testbench.errors import Array, BenchError, Mask
 from testbench.identify.absolute.state import compliance_unknowns
 from testbench.identify.diagnosis.gravity import (
     DOWN,
-    TILTED,
-    Pull,
+    MIN_TILT,
+    GravityDirection,
     angle,
     mounting,
-    suspected_pull,
+    suspected_gravity,
     weights_only,
 )
 from testbench.identify.diagnosis.hypothesis import (
@@ -48,32 +48,32 @@ from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, marker_points
 
-PLAY, STIFFER = 6e-5, 200.0
+SOUND_BACKLASH, SOUND_STIFFENING = 6e-5, 200.0
 """Half width of a joint's backlash or friction [rad, m], and its relative stiffening per radian [1/rad].
 
 Both are a little larger than in `plant.disturbance.TYPICAL`."""
-LEAST, ONE_OF_MANY = 7.0, 12.0
+MIN_NATS, MIN_NATS_OF_RUN = 7.0, 12.0
 """Log-likelihood that a mistake has to gain to be an issue, and that of a single run or level [nats]."""
-CLEAR = 20.0  #: The same for mistakes that change all loads, such as other axes or levels [nats].
-QUIET = 1.3, 2.5
+MIN_NATS_OF_AXES = 20.0  #: The same for mistakes that change all loads, such as other axes or levels [nats].
+QUIET_LIMITS = 1.3, 2.5
 """Limits of misfit, and of the factor between prior and readings [1].
 
 Above one of them, mistakes without a size are tried."""
-NOISE, SHARE_OF_MOVE = 8.0, 0.005
+NOISE_MISFIT, NOISE_SHARE = 8.0, 0.005
 """Misfit, and share of the typical deflection, above which the stated noise raises a warning [1].
 
 Model errors explain smaller ones."""
-FALL, FEWEST = 0.5, 5
+MAX_MISFIT_RATIO, MIN_RUNS = 0.5, 5
 """Misfit without a run over that with it, below which that run alone is wrong [1]; fewest runs to tell."""
-WORTH = 3.0  #: Evidence from which a run is left out on trial [nats]: strong (Kass and Raftery 1995).
-RIVAL = 0.8  #: Share of another mistake's nats above which a mounting is preferred to it [1].
-SHARE = 0.5  #: Weight of the evidence for a mistake of one run, beside a mistake of all runs [1].
-SCALES, STIFF, LIGHT = 5.0, 4.5, 0.35
+TRIAL_NATS = 3.0  #: Evidence from which a run is left out on trial [nats]: strong (Kass and Raftery 1995).
+RIVAL_SHARE = 0.8  #: Share of another mistake's nats above which a mounting is preferred to it [1].
+RUN_WEIGHT = 0.5  #: Weight of the evidence for a mistake of one run, beside a mistake of all runs [1].
+MAX_SCALE, LIGHT_LOAD_SCALE, LIGHT_LOAD_SHARE = 5.0, 4.5, 0.35
 """Factors between readings and prior that raise a warning [1].
 
 The first holds for any load. The second holds where the largest load is light as newtons, but not if its
-number were kilograms: light is below LIGHT of the stated payload."""
-LEVEL_RUNS, SAME = 3, 0.02
+number were kilograms: light is below LIGHT_LOAD_SHARE of the stated payload."""
+LEVEL_RUNS, SAME_FORCE = 3, 0.02
 """Fewest runs of a load level, and how far its forces may differ, over the largest force [1]."""
 
 
@@ -117,14 +117,14 @@ class ResidualModel:
         Raises:
             BenchError: When there are too many readings to weigh them one by one.
         """
-        left = [self._left(data) for data in (self.data, *undone)]
+        left = [self._residuals(data) for data in (self.data, *undone)]
         return np.column_stack([left[0] - one for one in left[1:]])
 
-    def _left(self, data: Dataset) -> Array:
+    def _residuals(self, data: Dataset) -> Array:
         read = single_readings(self.vjm, self.metric.structure, data)
         return np.asarray((read.y - read.A @ self.pi).ravel())
 
-    def tested(self, name: str, change: "Change[Loads]") -> Issue:
+    def score_issue(self, name: str, change: "Change[Loads]") -> Issue:
         """Weigh a mistake that enters linearly, by the score test of `score_test`.
 
         Its arguments are g = Z^T W e and M = Z^T W Z, with W the inverse covariance of the readings and e
@@ -153,15 +153,16 @@ class Loads:
     data: Dataset
     #: Gravity in the folder's world by a level tracker, a unit vector, (3,) [1]; None if unknown.
     level: Array | None = None
-    pull: Pull | None = None  #: Gravity from another side than in the folder; None where nothing suggests it.
+    #: Gravity from another side than in the folder; None where nothing suggests it.
+    gravity: GravityDirection | None = None
     model: ResidualModel | None = None  #: The fitted model; None before the fit, or where no compliance fits.
 
     @property
-    def largest(self) -> float:
+    def largest_force(self) -> float:
         """Compute the largest force of all runs [N]."""
         return float(np.linalg.norm(self.data.wrench[:, :3], axis=1).max())
 
-    def learnt(self, data: Dataset | None = None, h: Array | None = None) -> ResidualModel:
+    def fit(self, data: Dataset | None = None, h: Array | None = None) -> ResidualModel:
         """Fit the model to these runs, or to changed ones.
 
         Args:
@@ -222,7 +223,7 @@ def residual_model(vjm: Vjm, metric: PriorScaling, data: Dataset, h: Array | Non
         BenchError: When no compliance moves as the readings do.
     """
     structure = metric.structure
-    model = evidence_model(reduce(vjm, structure, data), metric, alike=True)
+    model = evidence_model(reduce(vjm, structure, data), metric, shared_width=True)
     h = maximise_evidence(model.problem, model.start) if h is None else h
     read = single_readings(vjm, structure, data)
     G = read.A.reshape(-1, structure.n) @ model.scaling.L
@@ -247,8 +248,8 @@ def residual_model(vjm: Vjm, metric: PriorScaling, data: Dataset, h: Array | Non
 def sound_joint_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array) -> Array:
     """Compute how backlash and stiffening, as sound joints have them, move the readings.
 
-    A joint with compliance c turns by t = c u under its torque u. Its backlash adds PLAY sign(t), its
-    stiffening STIFFER t |t|.
+    A joint with compliance c turns by t = c u under its torque u. Its backlash adds SOUND_BACKLASH sign(t),
+    its stiffening SOUND_STIFFENING t |t|.
 
     Args:
         vjm: The arm's virtual joint model.
@@ -261,7 +262,9 @@ def sound_joint_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array
     """
     state, first = nominal_chain(vjm, data.q, [Load(data.wrench, data.point)]), 6 * len(vjm.arm.links)
     turn = np.diag(structure.matrix(pi))[first:, None] * state.u[first:]
-    state = replace(state, phi=np.stack([PLAY * np.sign(turn), STIFFER * turn * np.abs(turn)], axis=1))
+    state = replace(
+        state, phi=np.stack([SOUND_BACKLASH * np.sign(turn), SOUND_STIFFENING * turn * np.abs(turn)], axis=1)
+    )
     unknowns = replace(compliance_unknowns(vjm, structure), errors=JointErrors(play=True, stiffening=True))
     points, read = marker_points(vjm, data.markers), data.sigma_rotation is not None
     A = jacobian(unknowns, state, points, rotations=read)[:, :, unknowns.columns("errors")]
@@ -277,7 +280,7 @@ def levels(data: Dataset) -> list[Mask]:
     found: list[Mask] = []
     left = np.ones(len(force), dtype=bool)
     while left.any():
-        own = left & (np.abs(force - force[left].max()) <= SAME * force.max())
+        own = left & (np.abs(force - force[left].max()) <= SAME_FORCE * force.max())
         found.append(own)
         left &= ~own
     often = all(own.sum() >= LEVEL_RUNS for own in found)
@@ -303,33 +306,33 @@ def load_issues(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
         Issues, the likeliest first; none for sound runs.
     """
     factor = deflection_scale(loads.vjm, loads.metric, loads.data)
-    pull = suspected_pull(loads.vjm, loads.metric, loads.data, loads.level)
-    loads = replace(loads, pull=pull)
+    pull = suspected_gravity(loads.vjm, loads.metric, loads.data, loads.level)
+    loads = replace(loads, gravity=pull)
     refitted, kinds = partial(_refitted, every), {row.name for row in runs}
-    if pull is not None and pull.plain:
+    if pull is not None and pull.sure_alone:
         return [mounting(loads.vjm, pull)]
     try:
-        start = loads.learnt()
+        start = loads.fit()
     except BenchError:  # no compliance moves so: only other loads can
-        return refitted(loads, hung=True) or refitted(loads) or [_wild(loads.data, factor)]
+        return refitted(loads, hung=True) or refitted(loads) or [_wild_reading(loads.data, factor)]
     undo = partial(_without_worst, loads, runs)
     issues, kept, model = undo_one_by_one(loads.data, start, undo)
     loads = replace(loads, data=kept, model=model)
-    best = _best(loads, every, runs)
-    loads = replace(loads, pull=pull or _missing(loads, best))
+    best = _likeliest(loads, every, runs)
+    loads = replace(loads, gravity=pull or _missing_weight(loads, best))
     hung = refitted(loads, hung=True)
     # no weight has one
     rival = max((_nats(issue) for issue in best if issue.name != "force_offset"), default=0.0)
-    if hung and (hung[0].numbers["level"] or _nats(hung[0]) > RIVAL * rival):
+    if hung and (hung[0].numbers["level"] or _nats(hung[0]) > RIVAL_SHARE * rival):
         return [*hung, *(issue for issue in (*issues, *best) if issue.name in kinds)]
     issues += best
-    if model.misfit > QUIET[0] or not 1 / QUIET[1] < factor < QUIET[1]:
+    if model.misfit > QUIET_LIMITS[0] or not 1 / QUIET_LIMITS[1] < factor < QUIET_LIMITS[1]:
         issues += refitted(loads)
-    issues.sort(key=lambda issue: -_nats(issue) * (SHARE if issue.name in kinds else 1))
-    issues += _scale(loads, factor)
+    issues.sort(key=lambda issue: -_nats(issue) * (RUN_WEIGHT if issue.name in kinds else 1))
+    issues += _scale_issue(loads, factor)
     data = loads.data
     typical = float(np.median(np.linalg.norm(data.deflection, axis=2)[data.seen]))
-    if not issues and model.misfit > NOISE and model.misfit * data.sigma > SHARE_OF_MOVE * typical:
+    if not issues and model.misfit > NOISE_MISFIT and model.misfit * data.sigma > NOISE_SHARE * typical:
         issues.append(Issue("noise", numbers={"factor": model.misfit, "sigma": data.sigma}))
     return issues
 
@@ -338,13 +341,13 @@ def _nats(issue: Issue) -> float:
     return issue.nats or 0.0
 
 
-def _linear(loads: Loads, hypotheses: Rows) -> Iterator[tuple[Issue, bool]]:
+def _sized_issues(loads: Loads, hypotheses: Rows) -> Iterator[tuple[Issue, bool]]:
     """Every mistake whose size enters linearly, and whether it is likely and large."""
     assert loads.model is not None
     for hypothesis in hypotheses:
         for change in hypothesis.changes(loads):
             if change.columns is not None:
-                issue = loads.model.tested(hypothesis.name, change)
+                issue = loads.model.score_issue(hypothesis.name, change)
                 yield issue, _nats(issue) > hypothesis.nats and change.large(issue.size)
 
 
@@ -355,30 +358,30 @@ def _without_worst(
 
     It is weighed by what the others say of noise and prior: its own mistake would hide in theirs.
     """
-    if own.misfit <= QUIET[0] or data.runs < FEWEST:
+    if own.misfit <= QUIET_LIMITS[0] or data.runs < MIN_RUNS:
         return None
     now = replace(loads, data=data, model=own)
-    likeliest = max((issue for issue, _ in _linear(now, runs)), key=_nats)
-    if _nats(likeliest) < WORTH:
+    likeliest = max((issue for issue, _ in _sized_issues(now, runs)), key=_nats)
+    if _nats(likeliest) < TRIAL_NATS:
         return None
     worst = likeliest.where[0]
     others = data.run.astype(str) != worst
     try:
-        rest = loads.learnt(select(data, others))
+        rest = loads.fit(select(data, others))
     except BenchError:  # no compliance moves as the other runs do: it is not this run that is wrong
         return None
-    if rest.misfit > FALL * own.misfit:
+    if rest.misfit > MAX_MISFIT_RATIO * own.misfit:
         return None
-    now = replace(now, model=loads.learnt(data, rest.h))
-    issues = [issue for issue, large in _linear(now, runs) if large and issue.where[0] == worst]
+    now = replace(now, model=loads.fit(data, rest.h))
+    issues = [issue for issue, large in _sized_issues(now, runs) if large and issue.where[0] == worst]
     return ([max(issues, key=_nats)], rest.data, rest) if issues else None
 
 
-def _best(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
+def _likeliest(loads: Loads, every: Rows, runs: Rows) -> list[Issue]:
     """The likeliest mistake; and where it is of a single run, what else is of another single run."""
     issues: list[Issue] = []
     kinds = {row.name for row in runs}
-    large = [issue for issue, large in _linear(loads, (*every, *runs)) if large]
+    large = [issue for issue, large in _sized_issues(loads, (*every, *runs)) if large]
     for one in sorted(large, key=_nats, reverse=True):
         wrong = {other.where[0] for other in issues if other.name in kinds}
         if not issues or (wrong and one.name in kinds and one.where[0] not in wrong):
@@ -395,29 +398,29 @@ def _refitted(hypotheses: Rows, loads: Loads, *, hung: bool = False) -> list[Iss
             if change.undone is None:
                 continue
             try:
-                own = change.undone.learnt()
+                own = change.undone.fit()
             except BenchError:  # moves against the force
                 continue
             nats = None if before is None else before.loss - own.loss
             issue = Issue(hypothesis.name, change.where, change.size, change.numbers, nats)
-            tried.append((own, issue, LEAST if change.numbers.get("level") else hypothesis.nats))
+            tried.append((own, issue, MIN_NATS if change.numbers.get("level") else hypothesis.nats))
     if not tried:
         return []
     own, issue, needed = min(tried, key=lambda one: one[0].loss)
-    return [issue] if (own.misfit <= NOISE if issue.nats is None else issue.nats >= needed) else []
+    return [issue] if (own.misfit <= NOISE_MISFIT if issue.nats is None else issue.nats >= needed) else []
 
 
-def _missing(loads: Loads, best: Sequence[Issue]) -> Pull | None:
+def _missing_weight(loads: Loads, best: Sequence[Issue]) -> GravityDirection | None:
     """Where weights pull to, if a constant force beside them explains the readings best; else None."""
     constant = bool(best) and best[0].name == "force_offset"
     if loads.level is not None or not constant or not weights_only(loads.data):
         return None
     total = loads.data.wrench[:, :3].mean(axis=0) + best[0].size
-    pull = Pull(total / np.linalg.norm(total))
-    return pull if angle(pull.g, DOWN) > TILTED else None
+    pull = GravityDirection(total / np.linalg.norm(total))
+    return pull if angle(pull.g, DOWN) > MIN_TILT else None
 
 
-def _wild(data: Dataset, factor: float) -> Issue:
+def _wild_reading(data: Dataset, factor: float) -> Issue:
     """Deflections that are no arm's: a wild one may outweigh all others."""
     size = np.where(data.seen, np.linalg.norm(data.deflection, axis=-1), 0)
     (i, k), median = np.unravel_index(np.argmax(size), size.shape), float(np.median(size[data.seen]))
@@ -425,11 +428,11 @@ def _wild(data: Dataset, factor: float) -> Issue:
     return Issue("scale", (data.markers[k], str(data.run[i])), numbers=numbers)
 
 
-def _scale(loads: Loads, factor: float) -> list[Issue]:
+def _scale_issue(loads: Loads, factor: float) -> list[Issue]:
     """List an issue if the factor between prior and readings is absurd."""
     size = abs(math.log(max(abs(factor), 1e-12)))
-    payload, force = loads.vjm.arm.payload, loads.largest
-    light = payload is not None and LIGHT * payload < force < LIGHT * payload * GRAVITY
-    if size <= math.log(SCALES) and not (light and factor > STIFF):
+    payload, force = loads.vjm.arm.payload, loads.largest_force
+    light = payload is not None and LIGHT_LOAD_SHARE * payload < force < LIGHT_LOAD_SHARE * payload * GRAVITY
+    if size <= math.log(MAX_SCALE) and not (light and factor > LIGHT_LOAD_SCALE):
         return []
     return [Issue("scale", numbers={"factor": factor, "force": force}, nats=size**2 / 2)]

@@ -13,17 +13,17 @@ from testbench.errors import Array
 from testbench.identify.diagnosis.deflections import Loads, deflection_scale, load_issues
 from testbench.identify.diagnosis.gravity import (
     DOWN,
-    REVERSED,
+    REVERSED_ANGLE,
     angle,
-    hangs,
+    hangs_by_sag,
     mounting,
-    suspected_pull,
+    suspected_gravity,
     tracker_level,
 )
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, Hypotheses
-from testbench.identify.diagnosis.hypothesis import Issue, Submission, issues
+from testbench.identify.diagnosis.hypothesis import Issue, Submission, listed_issues
 from testbench.identify.diagnosis.kinematics import (
-    PRECISE,
+    SOUND_DISTANCE,
     FreeParameters,
     Observations,
     Placed,
@@ -39,20 +39,21 @@ from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, marker_points
 from testbench.progress import stepwise
 
-NOTHING = FreeParameters()
-HUGE = 20.0  #: Deflection over a sound distance from which loaded readings are of something else.
-AT_A_TIME, PARTS = 90, 12  #: Runs that are weighed together, and how often at most.
-MENDED = ("frame", "targets")  #: Mistakes that a registration mends: the loads can be looked at all the same.
+NO_PARAMETERS = FreeParameters()
+HUGE_DEFLECTION = 20.0  #: Deflection over a sound distance from which loaded readings are of something else.
+RUNS_AT_A_TIME, MAX_PARTS = 90, 12  #: Runs that are weighed together, and how often at most.
+#: Mistakes that a registration mends: the loads can be looked at all the same.
+CORRECTED_BY_REGISTRATION = ("frame", "targets")
 
 
-def diagnose(given: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESES) -> list[Issue]:
+def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESES) -> list[Issue]:
     """Find what may be wrong with runs.
 
     The checks come in this order: plain mistakes, frame and kinematics, the sign of the work, then loads,
     deflections and their order in time.
 
     Args:
-        given: The arm and the runs.
+        submission: The arm and the runs.
         prior: Prior of the compliances, from the arm's folder.
         hypotheses: The table of mistakes.
 
@@ -63,35 +64,35 @@ def diagnose(given: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESE
     Raises:
         BenchError: When the runs are of another arm, have no reading or hold absurd numbers.
     """
-    registered = given.found
+    registered = submission.registered
     check_runs(registered.vjm, registered.data)
-    plain = issues(given, hypotheses.plain)
+    plain = listed_issues(submission, hypotheses.plain)
     if registered.data.lines.any():
         return plain or _along_lines(registered, prior, hypotheses)
-    said, placed = _placed(given, hypotheses)
-    if plain or any(issue.name not in MENDED for issue in said):
+    said, placed = _placed(submission, hypotheses)
+    if plain or any(issue.name not in CORRECTED_BY_REGISTRATION for issue in said):
         return [*said, *plain]
     data, vjm = registered.data, registered.vjm
     size = np.median(np.linalg.norm(data.deflection, axis=2)[data.seen])
-    if vjm.arm.joints and size > HUGE * placed.seen.scale:
-        one = given.data if registered.frame == "base" else _of_one_station(given.data)
+    if vjm.arm.joints and size > HUGE_DEFLECTION * placed.observations.scale:
+        one = submission.data if registered.frame == "base" else _of_one_station(submission.data)
         loaded, _ = best_hypothesis(
-            _seen(vjm, one, one.after, _free(registered)), hypotheses.places, "loaded"
+            _observations(vjm, one, one.after, _free_parameters(registered)), hypotheses.places, "loaded"
         )
         if loaded is not None:
             return [loaded, *said]
     loads = Loads(vjm, scale_by_prior(prior, vjm, all153(vjm.arm)), data, tracker_level(registered))
-    if against := issues(data, hypotheses.work):
-        hung = _hung(loads, placed.seen)
+    if against := listed_issues(data, hypotheses.work):
+        hung = _mounting_issue(loads, placed.observations)
         return [*hung, *said, *([] if hung else against)]
-    off = issues(placed, hypotheses.poses)
+    off = listed_issues(placed, hypotheses.poses)
     said += off
     wrong = [issue.numbers["pose"] for issue in off]
     loads = replace(loads, data=select(data, ~np.isin(data.pose, wrong)) if off else data)
     if not loads.data.seen.any():
         return said
-    moved = issues(Timeline(vjm, loads.data, prior), hypotheses.steps)
-    pushed = _loaded(loads, hypotheses)
+    moved = listed_issues(Timeline(vjm, loads.data, prior), hypotheses.steps)
+    pushed = _load_issues(loads, hypotheses)
     if any(issue.name == "mounting" for issue in pushed):
         return [*pushed, *said]
     runs = {row.name for row in hypotheses.runs}
@@ -103,29 +104,33 @@ def diagnose(given: Submission, prior: Prior, hypotheses: Hypotheses = HYPOTHESE
 def _along_lines(registered: RegisteredDataset, prior: Prior, hypotheses: Hypotheses) -> list[Issue]:
     """Find mistakes of loads and readings along lines; these do not show where targets or trackers are."""
     data, vjm = registered.data, registered.vjm
-    if against := issues(data, hypotheses.work):
+    if against := listed_issues(data, hypotheses.work):
         return against
     loads = Loads(vjm, scale_by_prior(prior, vjm, all153(vjm.arm)), data, None)
     every = tuple(row for row in hypotheses.loads if row.name != "tracker_moved")
-    return _loaded(loads, replace(hypotheses, loads=every))
+    return _load_issues(loads, replace(hypotheses, loads=every))
 
 
-def _placed(given: Submission, hypotheses: Hypotheses) -> tuple[list[Issue], Placed]:
+def _placed(submission: Submission, hypotheses: Hypotheses) -> tuple[list[Issue], Placed]:
     """Issues about where the arm, its targets and the tracker are; and the readings as they were placed."""
-    registered = given.found
-    if registered.frame == "base" or not given.declared:
-        observations = _seen(given.filed, given.data, given.data.before)
+    registered = submission.registered
+    if registered.frame == "base" or not submission.declared:
+        observations = _observations(submission.folder_model, submission.data, submission.data.before)
         raw, own = best_hypothesis(observations, hypotheses.places)
         if registered.registration is None and raw is not None and raw.name in ("frame", "kinematics"):
             # a tracker's frame is no mistake, but what kept it from being found
-            raw = unplaced_runs(given.filed, given.data, hypotheses) or (raw if raw.name == "frame" else None)
+            raw = unplaced_runs(submission.folder_model, submission.data, hypotheses) or (
+                raw if raw.name == "frame" else None
+            )
         mistaken = raw is not None and raw.name not in ("frame", "kinematics")
         if registered.frame == "base" or mistaken:
             return ([] if raw is None else [raw]), Placed(observations, own)
-    data = _of_one_station(given.data)
-    issue, _ = best_hypothesis(_seen(registered.vjm, data, data.before, _free(registered)), hypotheses.places)
-    observations = _seen(registered.vjm, registered.data, registered.data.before)
-    return ([issue] if issue else issues(given, hypotheses.registered)), Placed(
+    data = _of_one_station(submission.data)
+    issue, _ = best_hypothesis(
+        _observations(registered.vjm, data, data.before, _free_parameters(registered)), hypotheses.places
+    )
+    observations = _observations(registered.vjm, registered.data, registered.data.before)
+    return ([issue] if issue else listed_issues(submission, hypotheses.registered)), Placed(
         observations, fit(observations)
     )
 
@@ -145,7 +150,9 @@ def unplaced_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = HYPOTHESES) 
     names = np.zeros(data.runs) if data.station is None else data.station
     every = [select(data, names == name) for name in np.unique(names)]
     free = FreeParameters(frame=True, targets=True)
-    found = [best_hypothesis(_seen(vjm, one, one.before, free), hypotheses.places)[0] for one in every]
+    found = [
+        best_hypothesis(_observations(vjm, one, one.before, free), hypotheses.places)[0] for one in every
+    ]
     return min(filter(None, found), key=lambda issue: issue.name == "kinematics", default=None)
 
 
@@ -163,26 +170,26 @@ def unplaced_series(vjm: Vjm, series: Series) -> Issue | None:
     return best_hypothesis(of_series(vjm, series), HYPOTHESES.places, "all")[0]
 
 
-def _hung(loads: Loads, observations: Observations) -> list[Issue]:
+def _mounting_issue(loads: Loads, observations: Observations) -> list[Issue]:
     """Name the mounting of the base if it makes targets move against stated weights."""
     vjm, data = loads.vjm, loads.data
-    pull = suspected_pull(vjm, loads.metric, data, loads.level)
+    pull = suspected_gravity(vjm, loads.metric, data, loads.level)
     if pull is None:
         return []
-    if angle(pull.g, DOWN) > REVERSED and not pull.told:
+    if angle(pull.g, DOWN) > REVERSED_ANGLE and not pull.confirmed_by_level:
         model = loads.metric
         pi = abs(deflection_scale(vjm, model, data)) * (model.L @ model.expected)
-        if not hangs(observations, _seen(vjm, data, data.after), model.structure.matrix(pi)):
+        if not hangs_by_sag(observations, _observations(vjm, data, data.after), model.structure.matrix(pi)):
             return []
     return [mounting(vjm, pull)]
 
 
-def _loaded(loads: Loads, hypotheses: Hypotheses) -> list[Issue]:
+def _load_issues(loads: Loads, hypotheses: Hypotheses) -> list[Issue]:
     """Issues of loads and deflections: of all of them by some runs, of single ones by all."""
     data = loads.data
     each = len(data.markers) + (data.sigma_rotation is not None)
-    parts = max(1, -(-data.runs // max(1, min(AT_A_TIME, MAX_READINGS // each))))
-    some = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, PARTS))]
+    parts = max(1, -(-data.runs // max(1, min(RUNS_AT_A_TIME, MAX_READINGS // each))))
+    some = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, MAX_PARTS))]
     found = load_issues(replace(loads, data=some[0]), hypotheses.loads, hypotheses.runs)
     runs = {row.name for row in hypotheses.runs}
     if any(issue.name not in runs for issue in found):
@@ -201,11 +208,11 @@ def _of_one_station(data: Dataset) -> Dataset:
     return select(data, data.station == names[count.argmax()])
 
 
-def _free(registered: RegisteredDataset) -> FreeParameters:
+def _free_parameters(registered: RegisteredDataset) -> FreeParameters:
     return FreeParameters(frame=registered.frame == "tracker", targets=registered.frame == "tracker")
 
 
-def _seen(vjm: Vjm, data: Dataset, read: Array, free: FreeParameters = NOTHING) -> Observations:
+def _observations(vjm: Vjm, data: Dataset, read: Array, free: FreeParameters = NO_PARAMETERS) -> Observations:
     """Readings, unloaded or loaded, of the runs with unloaded readings of their own."""
     every = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.runs, -1))], axis=1)
     runs = np.sort(np.unique(every, axis=0, return_index=True)[1])  # several loads of a pose may share them
@@ -214,8 +221,8 @@ def _seen(vjm: Vjm, data: Dataset, read: Array, free: FreeParameters = NOTHING) 
         q=data.q[runs],
         markers=marker_points(vjm, data.markers),
         read=read[runs],
-        there=data.seen[runs],
-        scale=PRECISE * vjm.reach,
+        was_read=data.seen[runs],
+        scale=SOUND_DISTANCE * vjm.reach,
         names=data.markers,
         runs=data.run[runs],
         poses=data.pose[runs],

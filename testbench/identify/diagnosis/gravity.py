@@ -41,19 +41,20 @@ from testbench.model.structure import joints_only
 from testbench.model.vjm import Vjm, chain, rotation
 
 DOWN = np.array([0.0, 0.0, -1.0])
-STRAIGHT = np.deg2rad(1.0)  #: Angle of a force against the vertical up to which it is a weight [rad].
-LEVEL = np.deg2rad(3.0)  #: How far a tracker that is levelled by its feet may be off, and a floor [rad].
-TILTED = np.deg2rad(5.0)  #: Angle of g by deflections from which a mounting is looked at [rad].
-SNAP = np.deg2rad(22.0)  #: Angle up to which g is that of a ceiling, a wall or a level tracker [rad].
-REVERSED = np.deg2rad(120.0)  #: Angle from which weights seem to pull upwards [rad].
-FAR, EXPLAINED = np.deg2rad(45.0), 0.7
+VERTICAL_ANGLE = np.deg2rad(1.0)  #: Angle of a force against the vertical up to which it is a weight [rad].
+#: How far a tracker that is levelled by its feet may be off, and a floor [rad].
+LEVEL_ANGLE = np.deg2rad(3.0)
+MIN_TILT = np.deg2rad(5.0)  #: Angle of g by deflections from which a mounting is looked at [rad].
+SNAP_ANGLE = np.deg2rad(22.0)  #: Angle up to which g is that of a ceiling, a wall or a level tracker [rad].
+REVERSED_ANGLE = np.deg2rad(120.0)  #: Angle from which weights seem to pull upwards [rad].
+FAR_ANGLE, MIN_EXPLAINED = np.deg2rad(45.0), 0.7
 """Angle of g [rad], and share of the typical deflection that it explains, from which it is sure alone."""
-FEWEST = 6  #: Readings from which the three numbers of a direction are told from scatter.
+MIN_READINGS = 6  #: Readings from which the three numbers of a direction are told from scatter.
 ROUNDS = 5  #: Weightings of the least squares.
 ROUNDING = 1e-9  #: Of a rotation [1].
 
 
-def pulled_along(data: Dataset, g: Array) -> Dataset:
+def with_gravity_along(data: Dataset, g: Array) -> Dataset:
     """Rotate all wrenches from gravity along -z to gravity along g.
 
     Args:
@@ -63,10 +64,10 @@ def pulled_along(data: Dataset, g: Array) -> Dataset:
     Returns:
         The runs with rotated wrenches.
     """
-    return replace(data, wrench=(data.wrench.reshape(-1, 2, 3) @ towards(g).T).reshape(-1, 6))
+    return replace(data, wrench=(data.wrench.reshape(-1, 2, 3) @ rotation_of_down(g).T).reshape(-1, 6))
 
 
-def mounted(vjm: Vjm, g: Array) -> Vjm:
+def mounted_under(vjm: Vjm, g: Array) -> Vjm:
     """Rotate the arm's base so that gravity along g becomes gravity along -z.
 
     Args:
@@ -77,11 +78,11 @@ def mounted(vjm: Vjm, g: Array) -> Vjm:
         The arm as it is mounted.
     """
     turn = np.eye(4)
-    turn[:3, :3] = towards(g).T
+    turn[:3, :3] = rotation_of_down(g).T
     return replace(vjm, base=turn @ vjm.base)
 
 
-def towards(g: Array) -> Array:
+def rotation_of_down(g: Array) -> Array:
     """Compute the smallest rotation from -z to the unit vector g, (3, 3); half a turn about x for +z."""
     axis = np.cross(DOWN, g)
     size = float(np.linalg.norm(axis))
@@ -116,15 +117,15 @@ def mean_level(frames: Iterable[Frame]) -> Array | None:
     """Average the direction of gravity, (3,) [1], over frames of trackers that stand level.
 
     Gravity along -z of a frame with rotation R is R^T (0, 0, -1) in the base's world. The result is None when
-    one frame differs from the mean by LEVEL or more.
+    one frame differs from the mean by LEVEL_ANGLE or more.
     """
     own = np.array([DOWN @ frame.rotation for frame in frames])
     mean = own.mean(axis=0) / np.linalg.norm(own.mean(axis=0))
-    return mean if max(angle(one, mean) for one in own) < LEVEL else None
+    return mean if max(angle(one, mean) for one in own) < LEVEL_ANGLE else None
 
 
 @dataclass(frozen=True)
-class Pull:
+class GravityDirection:
     """Hold the direction of gravity, as found from the loads and from a level tracker."""
 
     g: Array  #: Gravity in the folder's world, a unit vector, (3,) [1].
@@ -132,27 +133,29 @@ class Pull:
     explained: float = 0.0  #: Share of the typical deflection that the prior explains with this gravity [1].
 
     @property
-    def told(self) -> bool:
-        """Tell whether a level tracker has gravity within SNAP of this direction."""
-        return self.level is not None and bool(angle(self.level, self.g) < SNAP)
+    def confirmed_by_level(self) -> bool:
+        """Tell whether a level tracker has gravity within SNAP_ANGLE of this direction."""
+        return self.level is not None and bool(angle(self.level, self.g) < SNAP_ANGLE)
 
     @property
-    def plain(self) -> bool:
-        """Tell whether gravity is more than FAR from -z and explains more than EXPLAINED of the deflections.
+    def sure_alone(self) -> bool:
+        """Tell whether gravity is beyond FAR_ANGLE from -z and explains over MIN_EXPLAINED of the sag.
 
         No other mistake does both.
         """
-        return angle(self.g, DOWN) > FAR and self.explained > EXPLAINED
+        return angle(self.g, DOWN) > FAR_ANGLE and self.explained > MIN_EXPLAINED
 
 
 def weights_only(data: Dataset) -> bool:
-    """Tell whether there are loads and all are weights: forces within STRAIGHT of -z."""
+    """Tell whether there are loads and all are weights: forces within VERTICAL_ANGLE of -z."""
     force = data.wrench[:, :3]
     pushed = force.any(axis=1)
-    return bool(pushed.any()) and all(angle(one, DOWN) <= STRAIGHT for one in force[pushed])
+    return bool(pushed.any()) and all(angle(one, DOWN) <= VERTICAL_ANGLE for one in force[pushed])
 
 
-def suspected_pull(vjm: Vjm, metric: PriorScaling, data: Dataset, level: Array | None) -> Pull | None:
+def suspected_gravity(
+    vjm: Vjm, metric: PriorScaling, data: Dataset, level: Array | None
+) -> GravityDirection | None:
     """Find gravity that comes from another side than the folder has it.
 
     The direction is the least-squares x / |x| of d = x_1 d_1 + x_2 d_2 + x_3 d_3, with d_k the deflections
@@ -167,36 +170,40 @@ def suspected_pull(vjm: Vjm, metric: PriorScaling, data: Dataset, level: Array |
 
     Returns:
         The direction of gravity. None when it is as in the folder, when a load is no weight, or when there
-        are fewer than FEWEST readings.
+        are fewer than MIN_READINGS readings.
     """
-    if not weights_only(data) or np.count_nonzero(data.seen) < FEWEST:
+    if not weights_only(data) or np.count_nonzero(data.seen) < MIN_READINGS:
         return None
     g, explained = _by_deflections(vjm, metric, data)
-    if level is not None and angle(level, DOWN) < LEVEL:
+    if level is not None and angle(level, DOWN) < LEVEL_ANGLE:
         return None  # it stands upright, whatever else is wrong
-    if level is not None and angle(level, g) < min(SNAP, angle(g, DOWN)):
-        return Pull(snapped(level, LEVEL), level, explained)
-    return None if angle(g, DOWN) < TILTED else Pull(snapped(g, SNAP), level, explained)
+    if level is not None and angle(level, g) < min(SNAP_ANGLE, angle(g, DOWN)):
+        return GravityDirection(snap_direction(level, LEVEL_ANGLE), level, explained)
+    return (
+        None
+        if angle(g, DOWN) < MIN_TILT
+        else GravityDirection(snap_direction(g, SNAP_ANGLE), level, explained)
+    )
 
 
-def snapped(g: Array, least: float) -> Array:
+def snap_direction(g: Array, angle_limit: float) -> Array:
     """Replace a direction by the nearest one of a ceiling or a wall, if that is near.
 
     Args:
         g: Direction of gravity, a unit vector, (3,) [1].
-        least: Angle from which the direction is kept as it is [rad].
+        angle_limit: Angle from which the direction is kept as it is [rad].
 
     Returns:
         The nearest of +z, +-x and +-y, or g, (3,) [1].
     """
     nearest = min((*np.eye(3), *-np.eye(3)[:2]), key=lambda side: angle(g, side))
-    return nearest if angle(g, nearest) < least else g
+    return nearest if angle(g, nearest) < angle_limit else g
 
 
 def _by_deflections(vjm: Vjm, metric: PriorScaling, data: Dataset) -> tuple[Array, float]:
     """The direction in which weights pull, (3,), by robust least squares, and what it explains [1]."""
     pi = metric.L @ metric.expected
-    read = [single_readings(vjm, metric.structure, pulled_along(data, e)) for e in np.eye(3)]
+    read = [single_readings(vjm, metric.structure, with_gravity_along(data, e)) for e in np.eye(3)]
     A, y = np.stack([(readings.A @ pi).ravel() for readings in read], axis=1), read[0].y.ravel()
     weight = np.ones(len(y))
     for _ in range(ROUNDS):
@@ -208,7 +215,7 @@ def _by_deflections(vjm: Vjm, metric: PriorScaling, data: Dataset) -> tuple[Arra
     return np.asarray(x / max(float(np.linalg.norm(x)), 1e-300)), explained
 
 
-def mounting(vjm: Vjm, pull: Pull, nats: float | None = None) -> Issue:
+def mounting(vjm: Vjm, pull: GravityDirection, nats: float | None = None) -> Issue:
     """Report a base that is mounted so that gravity has the direction of the pull.
 
     Args:
@@ -227,25 +234,26 @@ def mounting(vjm: Vjm, pull: Pull, nats: float | None = None) -> Issue:
 
     arm, root = vjm.arm, read_mjcf(vjm.arm.rigid)
     own = body_pose(arm, find_body(arm.rigid, root, arm.links[0].name), angle_unit(root))
-    stands = own @ np.linalg.inv(vjm.base) @ mounted(vjm, pull.g).base
+    stands = own @ np.linalg.inv(vjm.base) @ mounted_under(vjm, pull.g).base
     turn = Rotation.from_matrix(stands[:3, :3]).as_quat(scalar_first=True)
     turn = turn * np.sign(turn[np.abs(turn) > ROUNDING][0])
     size = np.concatenate([pull.g @ vjm.base[:3, :3], turn])
-    return Issue("mounting", (arm.links[0].name,), size, {"level": pull.told}, nats)
+    return Issue("mounting", (arm.links[0].name,), size, {"level": pull.confirmed_by_level}, nats)
 
 
-ROWS = 150  #: Rows of a series, evenly out of more, that are fitted.
-STUCK = (
+MAX_ROWS = 150  #: Rows of a series, evenly out of more, that are fitted.
+STUCK_SHARE = (
     0.05  #: Compliance over the folder's below which a joint that carries weight would rather be negative.
 )
-CARRIES = 0.05  #: Typical torque of a joint over the largest from which it carries weight.
-SCATTERED = 5e-3  #: Scatter, over the reach, above which more than the mounting is wrong [1].
-SURE, FITTING_SHARE = 8.0, 0.8
+CARRYING_SHARE = 0.05  #: Typical torque of a joint over the largest from which it carries weight.
+MAX_SCATTER = 5e-3  #: Scatter, over the reach, above which more than the mounting is wrong [1].
+HANGING_NATS, FITTING_SHARE = 8.0, 0.8
 """Log-likelihood from which an arm hangs [nats]; share of the readings, the nearest, that count [1]."""
-PROBE = np.deg2rad(15.0)  #: Tilt at which the scatter is probed for where it is least [rad].
-CLEAR, LEVELLED = 20.0, 7.0
+PROBE_TILT = np.deg2rad(15.0)  #: Tilt at which the scatter is probed for where it is least [rad].
+MOUNTING_NATS, LEVELLED_NATS = 20.0, 7.0
 """Log-likelihood that a mounting has to gain, and the same where a level tracker agrees [nats]."""
-LESS = 0.9  #: Ratio of scatter to that with the folder's mounting, above which no mounting is reported [1].
+#: Ratio of scatter to that with the folder's mounting, above which no mounting is reported [1].
+MAX_SCATTER_RATIO = 0.9
 
 
 def by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
@@ -263,38 +271,42 @@ def by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
     """
     state = calibration.state
     level = mean_level(state.frames.values())
-    turned = level is not None and angle(level, DOWN) > LEVEL
-    if not turned and not _stuck(state):
+    turned = level is not None and angle(level, DOWN) > LEVEL_ANGLE
+    if not turned and not _springs_at_zero(state):
         return None
     # How well gravity along -z explains the readings.
-    series = [select_rows(one, evenly_spaced(one.rows, ROWS)) for one in calibration.series]
+    series = [select_rows(one, evenly_spaced(one.rows, MAX_ROWS)) for one in calibration.series]
     poses = sum(len(np.unique(one.pose)) for one in series)
     own = _scatter(state, series, prior, DOWN)
-    if own > SCATTERED * state.vjm.reach:
+    if own > MAX_SCATTER * state.vjm.reach:
         return None
     # Other directions: first the one in which trackers stand level, then walls, ceiling and tilts.
-    first = [snapped(level, LEVEL)] if level is not None and turned else []
-    others = joined((*np.eye(3), *-np.eye(3)[:2]), _tilts(state, series, prior, own)) if _stuck(state) else ()
-    for directions, least in ((first, LEVELLED), (others, CLEAR)):
+    first = [snap_direction(level, LEVEL_ANGLE)] if level is not None and turned else []
+    others = (
+        joined((*np.eye(3), *-np.eye(3)[:2]), _tilts(state, series, prior, own))
+        if _springs_at_zero(state)
+        else ()
+    )
+    for directions, least in ((first, LEVELLED_NATS), (others, MOUNTING_NATS)):
         tried = [(_scatter(state, series, prior, g), g) for g in directions]
         scatter, g = min(tried, key=lambda one: one[0], default=(np.inf, DOWN))
         nats = 3 * poses * float(np.log(own / scatter)) if np.isfinite(scatter) else 0.0
-        if scatter < LESS * own and nats > least:
-            return mounting(state.vjm, Pull(g, level), nats)
+        if scatter < MAX_SCATTER_RATIO * own and nats > least:
+            return mounting(state.vjm, GravityDirection(g, level), nats)
     return None
 
 
-def _stuck(state: ArmState) -> bool:
+def _springs_at_zero(state: ArmState) -> bool:
     """Tell whether springs of joints that carry weight are held at zero."""
     own, joints = np.diag(state.C_theta)[state.vjm.joint_slice], state.vjm.arm.joints
     folder = np.array([joint.compliance for joint in joints])
-    carries = state.torque_scale > CARRIES * state.torque_scale.max(initial=0)
-    return bool((carries & (own < STUCK * folder)).any())
+    carries = state.torque_scale > CARRYING_SHARE * state.torque_scale.max(initial=0)
+    return bool((carries & (own < STUCK_SHARE * folder)).any())
 
 
 def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) -> float:
     """Measure the scatter of readings about the arm with gravity along g, (3,) [m]; infinite if none fits."""
-    vjm, every = mounted(state.vjm, g), tuple(series)
+    vjm, every = mounted_under(state.vjm, g), tuple(series)
     bare = nominal_state(vjm, state.weights, torque_scale(vjm, state.weights, every))
     try:
         noise = first_fit(align_all(bare, every), every, scale_by_prior(prior, vjm, joints_only(vjm.arm)))[1]
@@ -307,19 +319,21 @@ def _tilts(state: ArmState, series: Sequence[Series], prior: Prior, own: float) 
     """The tilt at which the variance would be least, by a parabola through probes about both level axes."""
     slope, bend = np.zeros(2), np.zeros(2)
     for k in range(2):
-        low, high = (_scatter(state, series, prior, _tilted(s * PROBE * np.eye(2)[k])) for s in (-1, 1))
+        low, high = (
+            _scatter(state, series, prior, _tilted_gravity(s * PROBE_TILT * np.eye(2)[k])) for s in (-1, 1)
+        )
         slope[k], bend[k] = (high**2 - low**2) / 2, (high**2 + low**2) / 2 - own**2
     if np.isfinite(slope).all() and (bend > 0).all():
-        yield _tilted(-PROBE * slope / (2 * bend))
+        yield _tilted_gravity(-PROBE_TILT * slope / (2 * bend))
 
 
-def _tilted(by: Array) -> Array:
+def _tilted_gravity(by: Array) -> Array:
     """Gravity of a base tilted by angles along its x and y, (2,) [rad]."""
     size = float(np.linalg.norm(by))
     return np.array([*(np.sin(size) * by / max(size, 1e-12)), -np.cos(size)])
 
 
-def hangs(before: Observations, after: Observations, C_theta: Array) -> bool:
+def hangs_by_sag(before: Observations, after: Observations, C_theta: Array) -> bool:
     """Tell whether the unloaded readings sag as those of a hanging arm, not as those of an upright one.
 
     Call it when targets move against stated weights. Three mistakes do that: the arm hangs, readings before
@@ -333,7 +347,7 @@ def hangs(before: Observations, after: Observations, C_theta: Array) -> bool:
         C_theta: Expected compliances, scaled to the readings, (n_theta, n_theta) [m/N, rad/(N m)].
 
     Returns:
-        Whether hanging gains more than SURE nats; False when the folder has no masses.
+        Whether hanging gains more than HANGING_NATS nats; False when the folder has no masses.
     """
     vjm = before.vjm
     try:
@@ -342,15 +356,15 @@ def hangs(before: Observations, after: Observations, C_theta: Array) -> bool:
         return False
     left = []
     for observations, g in ((before, -DOWN), (after, DOWN), (before, DOWN)):
-        turned = mounted(vjm, g)
+        turned = mounted_under(vjm, g)
         where = chain(turned, observations.q)
         theta = (C_theta @ own_weight(where, weights)).T
-        sag = displacement(where, theta, observations.markers) @ towards(g).T
+        sag = displacement(where, theta, observations.markers) @ rotation_of_down(g).T
         bare = replace(
             observations, read=observations.read - sag, free=FreeParameters(frame=True, targets=True)
         )
-        off = np.sort(fit(bare).away(observations))
+        off = np.sort(fit(bare).distances(observations))
         left.append(float(np.sqrt(np.square(off[: int(np.ceil(FITTING_SHARE * len(off)))]).mean())))
     hung, *upright = left
     poses = len(np.unique(before.q, axis=0))  # all that is read in one shares its errors of geometry
-    return 3 * poses * float(np.log(min(upright) / max(hung, 1e-12))) > SURE
+    return 3 * poses * float(np.log(min(upright) / max(hung, 1e-12))) > HANGING_NATS

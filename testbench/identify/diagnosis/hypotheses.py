@@ -15,10 +15,16 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.dataset import Dataset, read_by
+from testbench.data.dataset import Dataset, runs_of_station
 from testbench.errors import Array, Doubt
-from testbench.identify.diagnosis.deflections import CLEAR, LEAST, ONE_OF_MANY, Loads, levels
-from testbench.identify.diagnosis.gravity import mounting, pulled_along
+from testbench.identify.diagnosis.deflections import (
+    MIN_NATS,
+    MIN_NATS_OF_AXES,
+    MIN_NATS_OF_RUN,
+    Loads,
+    levels,
+)
+from testbench.identify.diagnosis.gravity import mounting, with_gravity_along
 from testbench.identify.diagnosis.hypothesis import (
     Change,
     Hypothesis,
@@ -34,7 +40,7 @@ from testbench.identify.diagnosis.kinematics import (
     cauchy,
     fit,
 )
-from testbench.identify.diagnosis.screens import likely_orders, slip
+from testbench.identify.diagnosis.screens import find_slip, likely_orders
 from testbench.identify.diagnosis.timeline import Timeline
 from testbench.identify.registered import station_number, unloaded_series
 from testbench.model.vjm import tool_points, tool_pose
@@ -51,23 +57,26 @@ UNITS = {
     1e3: "1000 times too small: metres read as millimetres?",
 }
 """What positions may have to be multiplied with, and what that means."""
-CHOICE = 2  #: Free parameters that a choice among many counts as.
-TURN, SHIFT, TARGET = np.deg2rad(0.3), 15e-3, 25e-3
+CHOICE_PARAMETERS = 2  #: Free parameters that a choice among many counts as.
+MIN_FRAME_TURN, MIN_SHIFT, MIN_TARGET_SHIFT = np.deg2rad(0.3), 15e-3, 25e-3
 """Least turn of a frame [rad], least shift of it or of a link, and least way of a target [m], of an issue."""
-TURNS = (np.pi / 2, -np.pi / 2, np.pi)  #: Zeros of a hinge that another convention of its angle has [rad].
-ZERO, LAST = (np.deg2rad(0.5), 5e-3), 4.0
+#: Zeros of a hinge that another convention of its angle has [rad].
+QUARTER_TURNS = (np.pi / 2, -np.pi / 2, np.pi)
+MIN_JOINT_ZERO, LAST_JOINT_FACTOR = (np.deg2rad(0.5), 5e-3), 4.0
 """Least error of a joint's zero that is one [rad, m], and of the last joint's over it: targets may be off."""
-FEW = 4  #: Targets up to which every order of their names is tried; of more, one exchange of two.
-NEAR, ROUGH = 0.5, 0.1
+#: Targets up to which every order of their names is tried; of more, one exchange of two.
+MAX_PERMUTED_TARGETS = 4
+NEAR_BASE, ROUGH_TARGET = 0.5, 0.1
 """Distance of a frame from the base where no tracker stands, and of a target from its rough place [m]."""
-OUTLYING = 8.0  #: Distance of a reading over a sound one from which it is wrong by itself.
-FAR = 1.0  #: Distance of a load point from the tool, over the arm's reach, beyond which a unit is wrong [1].
-STILL = 0.5  #: Share of the readings that must not move for it to be a mistake of all of them.
-AGAINST = 0.8  #: Share of the runs whose targets have to move against the force.
-FORCE, POINT, SHIFTED, FACTOR, BUMP = 0.1, 0.1, 1e-3, 0.3, 3e-3
+OUTLYING_DISTANCE = 8.0  #: Distance of a reading over a sound one from which it is wrong by itself.
+#: Distance of a load point from the tool, over the arm's reach, beyond which a unit is wrong [1].
+FAR_LOAD_POINT = 1.0
+STILL_SHARE = 0.5  #: Share of the readings that must not move for it to be a mistake of all of them.
+AGAINST_SHARE = 0.8  #: Share of the runs whose targets have to move against the force.
+FORCE_SHARE, POINT_ERROR, TRACKER_SHIFT, LOAD_FACTOR, BUMP_SIZE = 0.1, 0.1, 1e-3, 0.3, 3e-3
 """Sizes that are expected of a constant force over the largest, of a load point's error [m], of a tracker's
 move [m, rad], of a wrong load [1], and of a target that was touched or read elsewhere [m]."""
-MIN_BUMP, SIGMAS = 4e-4, 8.0
+MIN_BUMP, BUMP_SIGMAS = 4e-4, 8.0
 """Least size of a reading that is wrong [m], and the same in standard deviations."""
 Axes = Literal["XYZ", "xyz", "ZYX", "zyx", "ZYZ", "zyz", "ZXZ", "zxz", ""]
 NOTATIONS: Mapping[str, Axes] = {
@@ -89,26 +98,26 @@ Load = Iterator[Change[Loads]]
 # --- What needs no fit: copied readings, absurd load points, moves against the force ------------------------
 
 
-def _equal(given: Submission) -> Iterator[Change[Submission]]:
-    data = given.data
+def _equal(submission: Submission) -> Iterator[Change[Submission]]:
+    data = submission.data
     loaded = np.asarray(data.wrench.any(axis=1))[:, None] & data.seen
     still = np.asarray(loaded & (data.deflection == 0).all(axis=2))
     if still.any():
-        runs = [] if still.sum() > STILL * loaded.sum() else data.run[still.any(axis=1)].tolist()
+        runs = [] if still.sum() > STILL_SHARE * loaded.sum() else data.run[still.any(axis=1)].tolist()
         yield Change(tuple(map(str, runs)), numbers={"count": int(still.sum()), "of": int(loaded.sum())})
 
 
 def _equal_words(issue: Issue, _: Arm) -> str:
     where = f"run {', '.join(issue.where[:5])}{' ...' * (len(issue.where) > 5)}"
-    return f"after equals before in {where if issue.where else _count(issue) + ' readings'}"
+    return f"after equals before in {where if issue.where else _count_text(issue) + ' readings'}"
 
 
-def _count(issue: Issue) -> str:
+def _count_text(issue: Issue) -> str:
     return "{count} of {of}".format(**issue.numbers)
 
 
-def _repeated(given: Submission) -> Iterator[Change[Submission]]:
-    data = given.data
+def _repeated(submission: Submission) -> Iterator[Change[Submission]]:
+    data = submission.data
     read = np.where(data.seen[..., None], data.after, np.nan).reshape(data.runs, -1)
     _, first, own = np.unique(read, axis=0, return_index=True, return_inverse=True)
     again = np.flatnonzero((data.q != data.q[first[own]]).any(axis=1) & data.seen.any(axis=1))
@@ -116,9 +125,9 @@ def _repeated(given: Submission) -> Iterator[Change[Submission]]:
         yield Change((str(data.run[again[0]]), str(data.run[first[own[again[0]]]])))
 
 
-def _far_load(given: Submission) -> Iterator[Change[Submission]]:
-    away, reach = float(np.linalg.norm(given.data.point, axis=1).max()), given.vjm.reach
-    if away > FAR * reach:
+def _far_load(submission: Submission) -> Iterator[Change[Submission]]:
+    away, reach = float(np.linalg.norm(submission.data.point, axis=1).max()), submission.vjm.reach
+    if away > FAR_LOAD_POINT * reach:
         yield Change(numbers={"away": away, "reach": reach})
 
 
@@ -127,7 +136,7 @@ def _against(data: Dataset) -> Iterator[Change[Dataset]]:
     force = data.wrench[:, :3]
     work = np.einsum("rx,rmx->r", force, np.where(data.seen[..., None], data.deflection, 0))
     against, pushed = int((work < 0).sum()), int(force.any(axis=1).sum())  # others turn by a moment alone
-    if against and against >= AGAINST * pushed:
+    if against and against >= AGAINST_SHARE * pushed:
         along = np.abs(force[:, :2]).max() < np.abs(force[:, 2]).max() / 10
         upwards = bool((force[:, 2] > 0).mean() > 1 / 2 and along)
         yield Change(numbers={"count": against, "of": pushed, "upwards": upwards})
@@ -136,34 +145,34 @@ def _against(data: Dataset) -> Iterator[Change[Dataset]]:
 def _against_words(issue: Issue, _: Arm) -> str:
     hint = "before and after exchanged, or the force's sign?"
     hint = "the force points up: its sign?" if issue.numbers["upwards"] else hint
-    return f"in {_count(issue)} runs the targets move against the force: {hint}"
+    return f"in {_count_text(issue)} runs the targets move against the force: {hint}"
 
 
 # --- What a registration shows: a frame too near for a tracker, targets far from the folder's ---------------
 
 
-def _near_frame(given: Submission) -> Iterator[Change[Submission]]:
-    registration = given.found.registration
-    if registration is None or given.found.frame != "tracker" or given.declared:
+def _near_frame(submission: Submission) -> Iterator[Change[Submission]]:
+    registration = submission.registered.registration
+    if registration is None or submission.registered.frame != "tracker" or submission.declared:
         return
-    near = [f for f in registration.frames.values() if np.linalg.norm(f.translation) < NEAR]
+    near = [f for f in registration.frames.values() if np.linalg.norm(f.translation) < NEAR_BASE]
     for frame in near[:1]:
         yield Change(size=np.concatenate([frame.rotation_vector, frame.translation]))
 
 
-def _far_targets(given: Submission, *, exchanged: bool) -> Iterator[Change[Submission]]:
+def _far_targets(submission: Submission, *, exchanged: bool) -> Iterator[Change[Submission]]:
     """Targets far from where the arm's folder has them, or where it has others."""
-    registration = given.found.registration
+    registration = submission.registered.registration
     off = (
         np.zeros(0)
         if registration is None
         else np.linalg.norm(registration.targets - registration.nominal, axis=1)
     )
-    far = np.flatnonzero(off > ROUGH)
+    far = np.flatnonzero(off > ROUGH_TARGET)
     if registration is None or not len(far):
         return
     between = np.linalg.norm(registration.targets[far, None] - registration.nominal[None, far], axis=2)
-    if (len(far) > 1 and bool((between.min(axis=1) < ROUGH).all())) != exchanged:
+    if (len(far) > 1 and bool((between.min(axis=1) < ROUGH_TARGET).all())) != exchanged:
         return
     if exchanged:
         yield Change(("targets", *(registration.markers[k] for k in far)))
@@ -181,14 +190,14 @@ def _far_targets(given: Submission, *, exchanged: bool) -> Iterator[Change[Submi
 def _frame(observations: Observations) -> Place:
     if not observations.free.frame:
         free = replace(observations.free, frame=True)
-        yield Change(undone=replace(observations, free=free), large=longer_than(TURN, SHIFT))
+        yield Change(undone=replace(observations, free=free), large=longer_than(MIN_FRAME_TURN, MIN_SHIFT))
 
 
 def _frame_words(issue: Issue, _: Arm) -> str:
-    turn, at = issue.size[:3], _three(issue.size[3:], MM, 0)
+    turn, at = issue.size[:3], _vector_text(issue.size[3:], MM, 0)
     angle = float(np.linalg.norm(turn))
     words = f"are in a frame turned by {np.rad2deg(angle):.3g} deg about "
-    words += f"({_three(turn / max(angle, 1e-12), 1, 2)}) and moved by ({at}) mm against the arm's base"
+    words += f"({_vector_text(turn / max(angle, 1e-12), 1, 2)}) and moved by ({at}) mm against the arm's base"
     if issue.where:
         return words
     how = "too near for a tracker; they are taken as they fit the arm: --frame says what they are in"
@@ -199,7 +208,7 @@ def _targets(observations: Observations) -> Place:
     if not observations.free.targets:
         yield Change(
             undone=replace(observations, free=replace(observations.free, targets=True)),
-            large=longer_than(TARGET),
+            large=longer_than(MIN_TARGET_SHIFT),
         )
 
 
@@ -216,7 +225,7 @@ def _mirrored(observations: Observations) -> Place:
 def _link(observations: Observations) -> Place:
     for k, link in enumerate(observations.vjm.arm.links[1:-1], start=1):
         free = replace(observations.free, theta=(6 * k, 6 * k + 1, 6 * k + 2))
-        yield Change((link.name,), undone=replace(observations, free=free), large=longer_than(SHIFT))
+        yield Change((link.name,), undone=replace(observations, free=free), large=longer_than(MIN_SHIFT))
 
 
 def _joint_zero(observations: Observations) -> Place:
@@ -226,20 +235,22 @@ def _joint_zero(observations: Observations) -> Place:
     """
     joints, links = observations.vjm.arm.joints, 6 * len(observations.vjm.arm.links)
     for k, joint in enumerate(joints):
-        large = any_above((LAST if k == len(joints) - 1 else 1.0) * ZERO[joint.prismatic])
+        large = any_above(
+            (LAST_JOINT_FACTOR if k == len(joints) - 1 else 1.0) * MIN_JOINT_ZERO[joint.prismatic]
+        )
         free = replace(observations.free, theta=(links + k,))
         yield Change(
             (joint.name,), np.zeros(1), undone=replace(observations, free=free), parameters=1, large=large
         )
-        for turn in () if joint.prismatic else TURNS:
+        for turn in () if joint.prismatic else QUARTER_TURNS:
             undone = replace(observations, q=observations.q + turn * np.eye(len(joints))[k])
-            yield Change((joint.name,), np.array([turn]), undone=undone, parameters=CHOICE + 1)
+            yield Change((joint.name,), np.array([turn]), undone=undone, parameters=CHOICE_PARAMETERS + 1)
 
 
 def _joint_zero_words(issue: Issue, arm: Arm) -> str:
     name = issue.where[-1]
     ends = {arm.joints[-1].name: ", or the tool is", arm.joints[0].name: ", or the frame is turned about it"}
-    return f"fit if the zero of {name} is off by {_angle(arm, name, issue.size[0])}{ends.get(name, '')}"
+    return f"fit if the zero of {name} is off by {_angle_text(arm, name, issue.size[0])}{ends.get(name, '')}"
 
 
 def _markers(observations: Observations) -> Place:
@@ -247,11 +258,13 @@ def _markers(observations: Observations) -> Place:
     m = len(observations.markers)
     if observations.free.lost:  # nothing says where any of them is
         return
-    orders = list(permutations(range(m)))[1:] if m <= FEW else [_best_exchange(observations)]
+    orders = list(permutations(range(m)))[1:] if m <= MAX_PERMUTED_TARGETS else [_best_exchange(observations)]
     for order in orders:
         wrong = tuple(observations.names[k] for k, other in enumerate(order) if k != other)
-        undone = replace(observations, read=observations.read[:, order], there=observations.there[:, order])
-        yield Change(wrong, undone=undone, parameters=CHOICE)
+        undone = replace(
+            observations, read=observations.read[:, order], was_read=observations.was_read[:, order]
+        )
+        yield Change(wrong, undone=undone, parameters=CHOICE_PARAMETERS)
 
 
 def _best_exchange(observations: Observations) -> tuple[int, ...]:
@@ -263,7 +276,7 @@ def _best_exchange(observations: Observations) -> tuple[int, ...]:
     pairs = np.empty((m, m))  # of a place and the target that was read there
     for k in range(m):
         pairs[k] = cauchy(
-            np.where(observations.there[..., None], x[:, [k]] - observations.read, 0), observations.scale
+            np.where(observations.was_read[..., None], x[:, [k]] - observations.read, 0), observations.scale
         ).sum(axis=0)
     own = np.diag(pairs)
     change = pairs + pairs.T - own - own[:, None]
@@ -282,14 +295,14 @@ def _markers_words(issue: Issue, _: Arm) -> str:
 def _unit(observations: Observations) -> Place:
     for factor in UNITS:
         undone = replace(observations, read=factor * observations.read)
-        yield Change(size=np.array([factor]), undone=undone, parameters=CHOICE)
+        yield Change(size=np.array([factor]), undone=undone, parameters=CHOICE_PARAMETERS)
 
 
 def _angle_unit(observations: Observations) -> Place:
     hinge = np.array([not joint.prismatic for joint in observations.vjm.arm.joints], dtype=bool)
     for factor in (np.rad2deg(1), np.deg2rad(1)):
         undone = replace(observations, q=np.where(hinge, factor * observations.q, observations.q))
-        yield Change(size=np.array([factor]), undone=undone, parameters=CHOICE)
+        yield Change(size=np.array([factor]), undone=undone, parameters=CHOICE_PARAMETERS)
 
 
 def _angle_unit_words(issue: Issue, _: Arm) -> str:
@@ -302,10 +315,10 @@ def _order(observations: Observations) -> Place:
     """Readings of another pose, from the first row on or from a later one."""
     for shift in (1, -1):
         undone = replace(observations, q=np.roll(observations.q, shift, axis=0))
-        yield Change(size=np.array([shift]), undone=undone, parameters=CHOICE)
-    if found := slip(observations):
+        yield Change(size=np.array([shift]), undone=undone, parameters=CHOICE_PARAMETERS)
+    if found := find_slip(observations):
         first, undone = str(observations.runs[found.first]), replace(observations, q=found.q)
-        yield Change((first,), np.array([found.shift]), undone=undone, parameters=CHOICE + 1)
+        yield Change((first,), np.array([found.shift]), undone=undone, parameters=CHOICE_PARAMETERS + 1)
 
 
 def _order_words(issue: Issue, _: Arm) -> str:
@@ -317,7 +330,9 @@ def _order_words(issue: Issue, _: Arm) -> str:
 def _joint_sign(observations: Observations) -> Place:
     for k, joint in enumerate(observations.vjm.arm.joints):
         sign = np.where(np.arange(observations.q.shape[1]) == k, -1, 1)
-        yield Change((joint.name,), undone=replace(observations, q=observations.q * sign), parameters=CHOICE)
+        yield Change(
+            (joint.name,), undone=replace(observations, q=observations.q * sign), parameters=CHOICE_PARAMETERS
+        )
 
 
 def _joint_coupling(observations: Observations) -> Place:
@@ -340,7 +355,7 @@ def _joint_coupling(observations: Observations) -> Place:
             for (j, i), sign in zip(pairs, signs, strict=True):
                 q[:, j] += sign * observations.q[:, i]
                 where += [joints[j].name, "+" if sign > 0 else "-", joints[i].name]
-            yield Change(tuple(where), undone=replace(observations, q=q), parameters=CHOICE)
+            yield Change(tuple(where), undone=replace(observations, q=q), parameters=CHOICE_PARAMETERS)
 
 
 def _joint_coupling_words(issue: Issue, _: Arm) -> str:
@@ -353,7 +368,9 @@ def _joint_order(observations: Observations) -> Place:
     names = [joint.name for joint in observations.vjm.arm.joints]
     for order in likely_orders(observations):
         where = tuple(names[k] for k in np.argsort(order))
-        yield Change(where, undone=replace(observations, q=observations.q[:, order]), parameters=CHOICE)
+        yield Change(
+            where, undone=replace(observations, q=observations.q[:, order]), parameters=CHOICE_PARAMETERS
+        )
 
 
 def _joint_order_words(issue: Issue, arm: Arm) -> str:
@@ -375,12 +392,12 @@ def _axes(observations: Observations) -> Place:
         flipped = observations.oriented(
             position * np.where(np.arange(3) == k, -1.0, 1.0), observations.rotation
         )
-        yield Change((name,), undone=flipped, parameters=CHOICE)
+        yield Change((name,), undone=flipped, parameters=CHOICE_PARAMETERS)
     for i, j in combinations(range(3), 2):
         order = np.arange(3)
         order[[i, j]] = j, i
         exchanged = observations.oriented(position[..., order], observations.rotation)
-        yield Change(("xyz"[i], "xyz"[j]), undone=exchanged, parameters=CHOICE)
+        yield Change(("xyz"[i], "xyz"[j]), undone=exchanged, parameters=CHOICE_PARAMETERS)
 
 
 def _axes_words(issue: Issue, _: Arm) -> str:
@@ -409,7 +426,7 @@ def _notation(observations: Observations) -> Place:
         names, _ = found.get(same, ((), matrix))
         found[same] = (*names, meant, read), matrix
     for names, rotation in (((), some.swapaxes(1, 2)), *found.values()):
-        yield Change(names, undone=observations.oriented(position, rotation), parameters=CHOICE)
+        yield Change(names, undone=observations.oriented(position, rotation), parameters=CHOICE_PARAMETERS)
 
 
 def _notation_words(issue: Issue, _: Arm) -> str:
@@ -422,26 +439,26 @@ def _notation_words(issue: Issue, _: Arm) -> str:
 # --- Single poses and readings that lie off while most do not -----------------------------------------------
 
 
-def _off_poses(placed: Placed, *, whole: bool) -> Iterator[Change[Placed]]:
+def _off_poses(placed: Placed, *, whole_poses: bool) -> Iterator[Change[Placed]]:
     """Poses most of whose readings lie off, with why; or single readings that do."""
-    observations, far = placed.seen, OUTLYING * placed.seen.scale
+    observations, far = placed.observations, OUTLYING_DISTANCE * placed.observations.scale
     off = np.linalg.norm(placed.fit.residual, axis=2)
     for row in np.flatnonzero((off > far).any(axis=1)).tolist():
-        run, typical = str(observations.runs[row]), float(np.median(off[row][observations.there[row]]))
+        run, typical = str(observations.runs[row]), float(np.median(off[row][observations.was_read[row]]))
         numbers = {"pose": int(observations.poses[row])}
-        if (typical > far / 2) != whole:
+        if (typical > far / 2) != whole_poses:
             continue
-        if whole:
-            where, size = _why(placed, row, far)
+        if whole_poses:
+            where, size = _explain_pose(placed, row, far)
             yield Change((run, *where), size, {"off": typical, **numbers})
         else:
             k = int(np.argmax(off[row]))
             yield Change((run, observations.names[k]), numbers={"off": float(off[row, k]), **numbers})
 
 
-def _why(placed: Placed, row: int, far: float) -> tuple[tuple[str, ...], Array]:
+def _explain_pose(placed: Placed, row: int, far: float) -> tuple[tuple[str, ...], Array]:
     """Targets of a pose that may have each other's names, or a joint that may stand farther, and how far."""
-    frame, observations = placed.fit.frame, placed.seen.rows(np.array([row]))
+    frame, observations = placed.fit.frame, placed.observations.select(np.array([row]))
     observations = replace(
         observations,
         read=(observations.read - frame.translation) @ frame.rotation,
@@ -451,7 +468,7 @@ def _why(placed: Placed, row: int, far: float) -> tuple[tuple[str, ...], Array]:
     for name, changes in (("markers", _markers(observations)), ("joint_zero", _joint_zero(observations))):
         tried = [(change, fit(change.undone)) for change in changes if change.undone is not None]
         tried = [(change, own) for change, own in tried if own.theta.any() or name == "markers"]
-        good = [(change, own) for change, own in tried if own.typical(observations) < far]
+        good = [(change, own) for change, own in tried if own.distance_quantile(observations) < far]
         if good:
             change, own = min(good, key=lambda x: x[1].loss)
             return (name, *change.where), np.array([own.theta.sum()])
@@ -464,7 +481,7 @@ def _pose_words(issue: Issue, arm: Arm) -> str:
     if why and why[0] == "markers":
         words = f"they fit if {', '.join(why[1:])} have each other's names"
     elif why:
-        words = f"they fit if {why[1]} stood {_angle(arm, why[1], issue.size[0])} farther"
+        words = f"they fit if {why[1]} stood {_angle_text(arm, why[1], issue.size[0])} farther"
     return f"run {run}: its unloaded readings lie {length_text(issue.numbers['off'])} off: {words}"
 
 
@@ -472,8 +489,8 @@ def _pose_words(issue: Issue, arm: Arm) -> str:
 
 
 def _mounting(loads: Loads) -> Load:
-    if loads.pull is not None:
-        issue, data = mounting(loads.vjm, loads.pull), pulled_along(loads.data, loads.pull.g)
+    if loads.gravity is not None:
+        issue, data = mounting(loads.vjm, loads.gravity), with_gravity_along(loads.data, loads.gravity.g)
         yield Change(issue.where, issue.size, issue.numbers, undone=replace(loads, data=data))
 
 
@@ -485,7 +502,7 @@ def _mounting_words(issue: Issue, _: Arm) -> str:
     how = "the arm hangs" if axis == 2 else "the arm stands on a wall"
     if abs(down[axis]) < np.cos(np.deg2rad(3)):
         how = f"the base is tilted by {tilt:.0f} deg"
-        along = f"gravity along ({_three(down, 1, 2)}) of its axes"
+        along = f"gravity along ({_vector_text(down, 1, 2)}) of its axes"
     known = "its unloaded readings show that own weight bends it so" * (tilt > 120)  # weights pull upwards
     known = "as it stands against a level tracker" if issue.numbers["level"] else known
     quat = " ".join(f"{round(float(x), 4) + 0.0:g}" for x in turn)
@@ -493,31 +510,31 @@ def _mounting_words(issue: Issue, _: Arm) -> str:
     return f"the readings fit if {how}: {along}{f' ({known})' * bool(known)}; {state}"
 
 
-def _changed(loads: Loads, unit: float, undone: Sequence[Dataset]) -> Change[Loads]:
+def _sized_change(loads: Loads, unit: float, undone: Sequence[Dataset]) -> Change[Loads]:
     """A mistake of a size for each of some data sets, in which one unit of it is undone."""
     assert loads.model is not None
     return Change(columns=loads.model.columns(undone), unit=unit)
 
 
 def _force_offset(loads: Loads) -> Load:
-    if loads.model is not None and loads.largest > 0:
-        data, size = loads.data, FORCE * loads.largest
+    if loads.model is not None and loads.largest_force > 0:
+        data, size = loads.data, FORCE_SHARE * loads.largest_force
         undone = [replace(data, wrench=data.wrench + size * e) for e in np.eye(6)[:3]]
-        yield replace(_changed(loads, size, undone), large=any_above(0.045 * loads.largest))
+        yield replace(_sized_change(loads, size, undone), large=any_above(0.045 * loads.largest_force))
 
 
 def _load_point(loads: Loads) -> Load:
     if loads.model is not None:
         data = loads.data
-        undone = [replace(data, point=data.point + POINT * e) for e in np.eye(3)]
-        yield replace(_changed(loads, POINT, undone), large=any_above(0.05))
+        undone = [replace(data, point=data.point + POINT_ERROR * e) for e in np.eye(3)]
+        yield replace(_sized_change(loads, POINT_ERROR, undone), large=any_above(0.05))
 
 
 def _load_point_words(issue: Issue, _: Arm) -> str:
     if "reach" in issue.numbers:
         words = "the load acts {away:.3g} m from the tool, the arm reaches {reach:.3g} m: millimetres?"
         return words.format(**issue.numbers)
-    return f"the load acts ({_three(issue.size, MM, 0)}) mm from the stated point, in the tool's axes"
+    return f"the load acts ({_vector_text(issue.size, MM, 0)}) mm from the stated point, in the tool's axes"
 
 
 def _touched_tracker(loads: Loads) -> Load:
@@ -527,8 +544,8 @@ def _touched_tracker(loads: Loads) -> Load:
     for name in (
         (station_number(series.frame) for series in unloaded_series(data)) if loads.model is not None else ()
     ):
-        here = SHIFTED * read_by(data, name)[:, None, None]
-        change = _changed(loads, SHIFTED, [replace(data, after=y - here * move) for move in moves])
+        here = TRACKER_SHIFT * runs_of_station(data, name)[:, None, None]
+        change = _sized_change(loads, TRACKER_SHIFT, [replace(data, after=y - here * move) for move in moves])
         yield replace(change, where=() if data.station is None else (str(name),), large=any_above(4e-4))
 
 
@@ -536,7 +553,9 @@ def _level(loads: Loads) -> Load:
     data, groups = loads.data, levels(loads.data)
     for mask in groups if len(groups) > 1 and loads.model is not None else ():
         force = float(np.linalg.norm(data.wrench[mask, :3], axis=1).mean())
-        change = _changed(loads, FACTOR, [replace(data, wrench=data.wrench * (1 + FACTOR * mask)[:, None])])
+        change = _sized_change(
+            loads, LOAD_FACTOR, [replace(data, wrench=data.wrench * (1 + LOAD_FACTOR * mask)[:, None])]
+        )
         yield replace(change, numbers={"force": force}, large=any_above(0.08))
 
 
@@ -586,25 +605,25 @@ def _run_load(loads: Loads) -> Load:
     if (residual_model := loads.model) is not None:
         expected = (residual_model.read.A @ residual_model.pi).ravel()
         for name, rows in _rows_of_runs(loads):
-            columns = FACTOR * expected[slice(*rows), None]
-            yield Change((name,), columns=columns, rows=rows, unit=FACTOR, large=any_above(0.4))
+            columns = LOAD_FACTOR * expected[slice(*rows), None]
+            yield Change((name,), columns=columns, rows=rows, unit=LOAD_FACTOR, large=any_above(0.4))
 
 
-def _bumps(loads: Loads, *, whole: bool) -> Load:
+def _bumps(loads: Loads, *, all_targets: bool) -> Load:
     """Targets of a run that moved, each by itself: all of them, or one."""
     if (residual_model := loads.model) is not None:
-        size = BUMP / np.repeat(residual_model.read.unit, 3)
-        least = float(np.max([MIN_BUMP, SIGMAS * loads.data.sigma * residual_model.misfit]))
+        size = BUMP_SIZE / np.repeat(residual_model.read.unit, 3)
+        least = float(np.max([MIN_BUMP, BUMP_SIGMAS * loads.data.sigma * residual_model.misfit]))
 
         def large(b: Array) -> bool:
             return bool(np.linalg.norm(b) > least)
 
         for name, every in _rows_of_runs(loads):
-            for rows in [every] if whole else [(k, k + 3) for k in range(*every, 3)]:
+            for rows in [every] if all_targets else [(k, k + 3) for k in range(*every, 3)]:
                 target = residual_model.read.marker[rows[0] // 3]
-                label = () if whole or target < 0 else (loads.data.markers[target],)
+                label = () if all_targets or target < 0 else (loads.data.markers[target],)
                 columns = np.diag(size[slice(*rows)])
-                yield Change((name, *label), columns=columns, rows=rows, unit=BUMP, large=large)
+                yield Change((name, *label), columns=columns, rows=rows, unit=BUMP_SIZE, large=large)
 
 
 def _reading_words(issue: Issue, _: Arm) -> str:
@@ -640,8 +659,10 @@ def _moved_words(issue: Issue, _: Arm) -> str:
     size, b = issue.numbers, issue.size
     if not size:
         which = f"the loaded readings of station {issue.where[0]}" if issue.where else "all loaded readings"
-        turn = f"({_three(b[3:], MM, 2)}) mrad"
-        return f"{which} are moved by ({_three(b, MM, 2)}) mm and turned by {turn}: did the tracker move?"
+        turn = f"({_vector_text(b[3:], MM, 2)}) mrad"
+        return (
+            f"{which} are moved by ({_vector_text(b, MM, 2)}) mm and turned by {turn}: did the tracker move?"
+        )
     what = issue.name.removesuffix("_moved")
     other = {"target": "tracker", "tracker": "target"}[what]
     angle = float(np.linalg.norm(b[3:]))
@@ -710,7 +731,7 @@ HYPOTHESES = Hypotheses(
             "link",
             _link,
             lambda f, _: (
-                f"fit if the end of {f.where[1]} is ({_three(f.size, MM, 0)}) mm farther, in its axes"
+                f"fit if the end of {f.where[1]} is ({_vector_text(f.size, MM, 0)}) mm farther, in its axes"
             ),
             "is this the arm?",
             loose=True,
@@ -732,16 +753,16 @@ HYPOTHESES = Hypotheses(
     ),
     work=(Hypothesis("sign", _against, _against_words),),
     loads=(
-        Hypothesis("mounting", _mounting, _mounting_words, nats=CLEAR),
+        Hypothesis("mounting", _mounting, _mounting_words, nats=MIN_NATS_OF_AXES),
         Hypothesis(
             "force_offset",
             _force_offset,
-            lambda f, _: f"a constant force of ({_three(f.size, 1, 0)}) N is missing in every load",
+            lambda f, _: f"a constant force of ({_vector_text(f.size, 1, 0)}) N is missing in every load",
             "the sensor's zero?",
-            nats=LEAST,
+            nats=MIN_NATS,
         ),
-        Hypothesis("load_point", _load_point, _load_point_words, nats=LEAST),
-        Hypothesis("tracker_moved", _touched_tracker, _moved_words, nats=LEAST),
+        Hypothesis("load_point", _load_point, _load_point_words, nats=MIN_NATS),
+        Hypothesis("tracker_moved", _touched_tracker, _moved_words, nats=MIN_NATS),
         Hypothesis(
             "level",
             _level,
@@ -750,27 +771,27 @@ HYPOTHESES = Hypotheses(
                 "beside the others"
             ),
             "its mass?",
-            nats=ONE_OF_MANY,
+            nats=MIN_NATS_OF_RUN,
         ),
-        Hypothesis("force_axes", _force_axes, _force_axes_words, nats=CLEAR),
+        Hypothesis("force_axes", _force_axes, _force_axes_words, nats=MIN_NATS_OF_AXES),
         Hypothesis(
             "levels",
             _levels,
             lambda *_: "the readings fit if the loads are in reversed order",
-            nats=CLEAR,
+            nats=MIN_NATS_OF_AXES,
         ),
     ),
     runs=(
-        Hypothesis("run_load", _run_load, _run_load_words, nats=ONE_OF_MANY),
+        Hypothesis("run_load", _run_load, _run_load_words, nats=MIN_NATS_OF_RUN),
         Hypothesis(
             "run",
             partial(_bumps, whole=True),
             lambda f, _: (
                 f"run {f.where[0]}: its targets moved otherwise than the load says, by {_distance(f):.2g} mm"
             ),
-            nats=ONE_OF_MANY,
+            nats=MIN_NATS_OF_RUN,
         ),
-        Hypothesis("reading", partial(_bumps, whole=False), _reading_words, nats=ONE_OF_MANY),
+        Hypothesis("reading", partial(_bumps, whole=False), _reading_words, nats=MIN_NATS_OF_RUN),
     ),
     steps=tuple(
         Hypothesis(name, partial(_steps, name=name), _moved_words)
@@ -802,10 +823,10 @@ def _scale_words(issue: Issue, arm: Arm) -> str:
     return f"{words}{issue.numbers['force']:,.5g} N{stated}: {hint}"
 
 
-WHICH = {"unloaded": "unloaded readings", "loaded": "loaded readings", "all": "readings"}
-OTHERS: Mapping[str, Callable[[Issue, Arm], str]] = {
+READING_WORDS = {"unloaded": "unloaded readings", "loaded": "loaded readings", "all": "readings"}
+OTHER_WORDS: Mapping[str, Callable[[Issue, Arm], str]] = {
     "kinematics": lambda f, _: (
-        f"the {WHICH[f.where[0]]} lie {length_text(f.numbers['now'])} (median) from the arm's "
+        f"the {READING_WORDS[f.where[0]]} lie {length_text(f.numbers['now'])} (median) from the arm's "
         f"kinematics, and no "
         "single mistake explains it: is this the arm?"
     ),
@@ -841,10 +862,10 @@ def describe(
         Name, sentence and nats.
 
     Raises:
-        KeyError: When neither the table nor OTHERS has words for the issue.
+        KeyError: When neither the table nor OTHER_WORDS has words for the issue.
     """
-    if issue.name in OTHERS:
-        return Doubt(issue.name, OTHERS[issue.name](issue, arm), issue.nats)
+    if issue.name in OTHER_WORDS:
+        return Doubt(issue.name, OTHER_WORDS[issue.name](issue, arm), issue.nats)
     find, remedy = hypotheses.words[issue.name]
     words = find(issue, arm) + (f": {remedy}" if remedy else "")
     if "was" in issue.numbers:
@@ -853,7 +874,7 @@ def describe(
         if (share := issue.numbers["share"]) > HALF:
             most = f"{100 * share:.0f} % of them"
             far = f"{most} lie within {ends[0]} of the arm's kinematics; with that {ends[1]}"
-        words = f"the {WHICH[issue.where[0]]} {words} ({far})"
+        words = f"the {READING_WORDS[issue.where[0]]} {words} ({far})"
     if issue.name == "joint_order" and len(columns) == len(arm.joints):
         own = zip(issue.where[1:], columns, arm.joints, strict=True)
         lines = [f'{name}_{unit} = "{column}"' for name, (column, unit), joint in own if name != joint.name]
@@ -866,10 +887,10 @@ def length_text(metres: float) -> str:
     return f"{MM * metres:.3g} mm" if metres < 1 else f"{metres:,.4g} m"
 
 
-def _three(vector: Array, factor: float, digits: int) -> str:
+def _vector_text(vector: Array, factor: float, digits: int) -> str:
     return ", ".join(f"{round(factor * float(x), digits) + 0.0:.{digits}f}" for x in vector[:3])
 
 
-def _angle(arm: Arm, name: str, size: float) -> str:
+def _angle_text(arm: Arm, name: str, size: float) -> str:
     joint = next(joint for joint in arm.joints if joint.name == name)
     return f"{joint.shown * size:.3g} {joint.shown_unit}"

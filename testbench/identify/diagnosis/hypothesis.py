@@ -85,20 +85,21 @@ class Submission:
 
     vjm: Vjm  #: The arm as its folder has it.
     data: Dataset  #: The runs as they were read.
-    found: RegisteredDataset  #: The runs in the base's frame, with targets found from the unloaded readings.
+    #: The runs in the base's frame, with targets found from the unloaded readings.
+    registered: RegisteredDataset
     declared: bool  #: Whether the frame of the readings was stated, not guessed.
 
     @property
-    def filed(self) -> Vjm:
+    def folder_model(self) -> Vjm:
         """Build the model with targets where the arm's folder has them.
 
         Targets that the folder lacks are where the registration found them.
         """
         own = dict(zip(self.vjm.arm.markers, self.vjm.markers, strict=True))
-        return with_markers(self.found.vjm, own)
+        return with_markers(self.registered.vjm, own)
 
 
-def issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
+def listed_issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Issue]:
     """List the mistakes that need no fit, or that were weighed already.
 
     Args:

@@ -18,19 +18,19 @@ from testbench.identify.diagnosis.hypothesis import Change, Hypothesis, Issue
 from testbench.identify.registration import Frame
 from testbench.model.vjm import Chain, Vjm, chain, rotation_matrices, skew, translation_rows
 
-PRECISE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
+SOUND_DISTANCE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
 ORIGIN = Frame(np.eye(3), np.zeros(3))
-PENALTY = 4.0  #: Log-likelihood that a free number has to gain [nats].
+PARAMETER_NATS = 4.0  #: Log-likelihood that a free number has to gain [nats].
 ROUNDS = 8  #: Most rounds of reweighting and fitting.
-SETTLED = 1e-6  #: Change of the loss below which the rounds end [nats].
-ROWS = 300  #: Most rows that are compared, selected evenly.
+LOSS_TOLERANCE = 1e-6  #: Change of the loss below which the rounds end [nats].
+MAX_ROWS = 300  #: Most rows that are compared, selected evenly.
 HALF, NEARLY_ALL = 0.5, 0.95
 """Quantiles of the reported distance [1]: NEARLY_ALL where half of the readings fit in spite of a mistake."""
-BETTER, LEAST = 0.3, 20.0
+MIN_NATS_PER_READING, MIN_NATS = 0.3, 20.0
 """Log-likelihood that a mistake has to gain to be an issue, per reading and in total [nats]."""
-SHARE = 0.9  #: Share of the largest gain that a mistake has to reach to be an issue [1].
-LOST = 8.0  #: Median distance, over `scale`, above which readings do not fit the arm [1].
-ARM = 0.3  #: Distance of the three targets that hold an orientation from the first target [m].
+MIN_GAIN_SHARE = 0.9  #: Share of the largest gain that a mistake has to reach to be an issue [1].
+UNFIT_DISTANCE = 8.0  #: Median distance, over `scale`, above which readings do not fit the arm [1].
+ORIENTATION_ARM = 0.3  #: Distance of the three targets that hold an orientation from the first target [m].
 Which = Literal["unloaded", "loaded", "all"]
 """Selects the readings that are compared."""
 
@@ -54,7 +54,7 @@ class Observations:
     q: Array  #: Actuated joints, (poses, n) [rad, m].
     markers: Array  #: Nominal targets in the tool's frame, (m, 3) [m].
     read: Array  #: Readings of the targets, (poses, m, 3) [m].
-    there: Mask  #: Which were read, (poses, m).
+    was_read: Mask  #: Which were read, (poses, m).
     names: tuple[str, ...]  #: Names of the targets.
     runs: Ids  #: Run of each row, (poses,).
     poses: Ids  #: Pose of each row, (poses,).
@@ -63,23 +63,24 @@ class Observations:
     #: Orientations, tracker from target, (poses, 3, 3) [1], held as the last three targets; None if not read.
     rotation: Array | None = None
 
-    def rows(self, some: Ids) -> "Observations":
+    def select(self, rows: Ids) -> "Observations":
         """Select some rows, by their indices, (r,)."""
-        rotation = None if self.rotation is None else self.rotation[some]
+        rotation = None if self.rotation is None else self.rotation[rows]
         return replace(
             self,
-            q=self.q[some],
-            read=self.read[some],
-            there=self.there[some],
-            runs=self.runs[some],
-            poses=self.poses[some],
+            q=self.q[rows],
+            read=self.read[rows],
+            was_read=self.was_read[rows],
+            runs=self.runs[rows],
+            poses=self.poses[rows],
             rotation=rotation,
         )
 
     def oriented(self, position: Array, rotation: Array) -> "Observations":
         """Replace positions and orientations of the readings.
 
-        An orientation R is held as three more targets, ARM from the first one along the columns of R.
+        An orientation R is held as three more targets, ORIENTATION_ARM from the first one along the columns
+        of R.
 
         Args:
             position: Positions of the m targets, (poses, m, 3) [m].
@@ -88,7 +89,9 @@ class Observations:
         Returns:
             The readings, (poses, m + 3, 3) [m], with these positions and orientations.
         """
-        more = position[:, :1] + ARM * np.where(self.there[:, -3:, None], rotation.swapaxes(1, 2), 0)
+        more = position[:, :1] + ORIENTATION_ARM * np.where(
+            self.was_read[:, -3:, None], rotation.swapaxes(1, 2), 0
+        )
         return replace(self, read=np.concatenate([position, more], axis=1), rotation=rotation)
 
 
@@ -104,17 +107,17 @@ def of_series(vjm: Vjm, series: Series) -> Observations:
     """
     there, m = series.seen, len(series.markers)
     if series.rotation is not None:
-        there = np.hstack([there, np.repeat(series.turned[:, None] & there[:, :1], 3, axis=1)])
+        there = np.hstack([there, np.repeat(series.oriented[:, None] & there[:, :1], 3, axis=1)])
     observations = Observations(
         vjm=vjm,
         q=series.q,
         markers=np.zeros((there.shape[1], 3)),
         read=series.position[:, :m],
-        there=there,
+        was_read=there,
         names=series.markers,
         runs=series.row,
         poses=series.pose,
-        scale=PRECISE * vjm.reach,
+        scale=SOUND_DISTANCE * vjm.reach,
         free=FreeParameters(frame=True, targets=True, lost=True),
     )
     return (
@@ -131,18 +134,18 @@ class Fit:
     theta: Array  #: Constants of the virtual joints, (n_theta,) [m, rad].
     residual: Array  #: Fit minus readings, (poses, m, 3) [m]; zero where nothing was read.
     loss: float  #: Cauchy's loss [nats].
-    numbers: int  #: Number of free parameters.
+    free_numbers: int  #: Number of free parameters.
 
     @property
     def cost(self) -> float:
-        """Compute the loss plus PENALTY for every free number [nats]."""
-        return self.loss + PENALTY * self.numbers
+        """Compute the loss plus PARAMETER_NATS for every free number [nats]."""
+        return self.loss + PARAMETER_NATS * self.free_numbers
 
-    def away(self, observations: Observations) -> Array:
+    def distances(self, observations: Observations) -> Array:
         """Compute the distance of every reading from where the fit has its target, (readings,) [m]."""
-        return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.there])
+        return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.was_read])
 
-    def typical(self, observations: Observations, share: float = HALF) -> float:
+    def distance_quantile(self, observations: Observations, share: float = HALF) -> float:
         """Compute a quantile of the distances between readings and fit.
 
         Args:
@@ -152,14 +155,14 @@ class Fit:
         Returns:
             The distance below which that share of the readings lies [m].
         """
-        return float(np.quantile(self.away(observations), share))
+        return float(np.quantile(self.distances(observations), share))
 
 
 @dataclass(frozen=True)
 class Placed:
     """Hold readings with their fit, after a mistake of all of them is undone."""
 
-    seen: Observations
+    observations: Observations
     fit: Fit
 
 
@@ -184,7 +187,7 @@ def best_hypothesis(
     """Find the mistake that explains readings best: each is undone, fitted again and compared.
 
     The gain of a mistake is the cost of the fit as read, minus the cost with the mistake undone, minus
-    PENALTY times its parameters. It has to exceed LEAST, and BETTER per reading.
+    PARAMETER_NATS times its parameters. It has to exceed MIN_NATS, and MIN_NATS_PER_READING per reading.
 
     Args:
         observations: The readings, with the parameters that are free in any case, such as an unknown frame.
@@ -198,13 +201,13 @@ def best_hypothesis(
     """
     few = _thinned(observations)
     start = fit(few)
-    typical = start.typical(few)
+    typical = start.distance_quantile(few)
     unfit = (
         Issue("kinematics", (which,), numbers={"now": typical})
-        if typical > LOST * observations.scale
+        if typical > UNFIT_DISTANCE * observations.scale
         else None
     )
-    needed = max(LEAST, BETTER * few.there.sum())
+    needed = max(MIN_NATS, MIN_NATS_PER_READING * few.was_read.sum())
     as_read = start if few is observations else fit(observations)
     if start.loss <= needed:  # no mistake saves more than the loss
         return unfit, as_read
@@ -213,19 +216,25 @@ def best_hypothesis(
         for change in hypothesis.changes(observations):
             assert change.undone is not None
             found = fit(_thinned(change.undone))
-            tried.append((start.cost - found.cost - PENALTY * change.parameters, hypothesis, change, found))
-    needed = max(needed, SHARE * max((float(gain) for gain, *_ in tried), default=0.0))
+            tried.append(
+                (start.cost - found.cost - PARAMETER_NATS * change.parameters, hypothesis, change, found)
+            )
+    needed = max(needed, MIN_GAIN_SHARE * max((float(gain) for gain, *_ in tried), default=0.0))
     good = [one for one in tried if one[0] > needed and one[2].large(_size(observations, one[2], one[3]))]
     if not good:
         return unfit, as_read
     gain, hypothesis, change, found = max(good, key=lambda one: (not one[1].loose, one[0]))
     assert change.undone is not None
     undone = _thinned(change.undone)
-    now = found.typical(undone)
-    if now > LOST * observations.scale:
+    now = found.distance_quantile(undone)
+    if now > UNFIT_DISTANCE * observations.scale:
         return unfit, as_read
     share = HALF if now < HALF * typical else NEARLY_ALL
-    numbers = {"was": start.typical(few, share), "now": found.typical(undone, share), "share": share}
+    numbers = {
+        "was": start.distance_quantile(few, share),
+        "now": found.distance_quantile(undone, share),
+        "share": share,
+    }
     where = change.where
     if change.undone.free.targets and not observations.free.targets:
         where = (observations.names[_farthest(observations, found)],)
@@ -236,7 +245,7 @@ def best_hypothesis(
 def _thinned(observations: Observations) -> Observations:
     """As many rows as tell what is wrong."""
     n = len(observations.q)
-    return observations if n <= ROWS else observations.rows(evenly_spaced(n, ROWS))
+    return observations if n <= MAX_ROWS else observations.select(evenly_spaced(n, MAX_ROWS))
 
 
 def _farthest(observations: Observations, found: Fit) -> int:
@@ -281,17 +290,19 @@ def fit(observations: Observations) -> Fit:
     if free.frame:
         base = where.points(now.markers)
         frame = Frame(
-            *kabsch(base[observations.there], observations.read[observations.there], mirrored=free.mirrored)
+            *kabsch(
+                base[observations.was_read], observations.read[observations.was_read], mirrored=free.mirrored
+            )
         )
         now = replace(now, frame=frame)
-    now = _judged(observations, where, now)
+    now = _with_loss(observations, where, now)
     # Gauss-Newton steps with the weights of the last residuals.
     for _ in range(ROUNDS if count else 0):
-        before, now = now.loss, _refined(observations, where, now)
+        before, now = now.loss, _gauss_newton_step(observations, where, now)
         if free.theta:
             where = _chain(observations, now)
-        now = _judged(observations, where, now)
-        if abs(now.loss - before) < SETTLED:
+        now = _with_loss(observations, where, now)
+        if abs(now.loss - before) < LOSS_TOLERANCE:
             break
     return now
 
@@ -304,27 +315,27 @@ def _chain(observations: Observations, now: Fit) -> Chain:
     )
 
 
-def _judged(observations: Observations, where: Chain, now: Fit) -> Fit:
-    off = residuals(observations, where, now)
+def _with_loss(observations: Observations, chain: Chain, now: Fit) -> Fit:
+    off = fit_residuals(observations, chain, now)
     return replace(now, residual=off, loss=float(cauchy(off, observations.scale).sum()))
 
 
-def residuals(observations: Observations, where: Chain, now: Fit) -> Array:
+def fit_residuals(observations: Observations, chain: Chain, now: Fit) -> Array:
     """Compute the residuals R x(q) + t - y: targets by the fit minus readings.
 
     Args:
         observations: The readings y.
-        where: The extended chain in their poses.
+        chain: The extended chain in their poses.
         now: The fit, with frame R, t and targets.
 
     Returns:
         Residuals, (poses, m, 3) [m]; 0 where nothing was read.
     """
-    x = where.points(now.markers) @ now.frame.rotation.T + now.frame.translation
-    return np.where(observations.there[..., None], x - observations.read, 0.0)
+    x = chain.points(now.markers) @ now.frame.rotation.T + now.frame.translation
+    return np.where(observations.was_read[..., None], x - observations.read, 0.0)
 
 
-def _refined(observations: Observations, where: Chain, now: Fit) -> Fit:
+def _gauss_newton_step(observations: Observations, chain: Chain, now: Fit) -> Fit:
     """One weighted Gauss-Newton step of all that is free."""
     free = observations.free
     about = now.residual - now.frame.translation + observations.read  # the targets about the frame's origin
@@ -333,17 +344,17 @@ def _refined(observations: Observations, where: Chain, now: Fit) -> Fit:
         columns += [*np.broadcast_to(np.eye(3)[:, None, None], (3, *about.shape))]
         columns += [*skew(about).transpose(2, 0, 1, 3)]
     if free.theta:
-        J = translation_rows(where, now.markers)[:, free.theta].reshape(
+        J = translation_rows(chain, now.markers)[:, free.theta].reshape(
             *observations.markers.shape, -1, len(observations.q)
         )
         columns += list(np.einsum("mxcp,yx->cpmy", J, now.frame.rotation))
-    scale = max(observations.scale, now.typical(observations)) if free.lost else observations.scale
-    weight = observations.there / (1 + np.square(now.residual / scale).sum(axis=-1) / 3)
+    scale = max(observations.scale, now.distance_quantile(observations)) if free.lost else observations.scale
+    weight = observations.was_read / (1 + np.square(now.residual / scale).sum(axis=-1) / 3)
     root = np.sqrt(weight)[..., None]
     left, held = root * np.stack([-now.residual, *columns]), np.zeros_like(now.markers)
     size = np.maximum([np.linalg.norm(column) for column in left[1:]], 1e-12)
     if free.targets:  # a target moves its own readings alone: they are left out of all others' columns first
-        R = root[..., None] * (now.frame.rotation @ where.rotation)[:, None]
+        R = root[..., None] * (now.frame.rotation @ chain.rotation)[:, None]
         own = np.einsum("pmxa,cpmx->cma", R, left) / np.maximum((root**2).sum(axis=0), 1e-12)
         left = left - np.einsum("pmxa,cma->cpmx", R, own)
     off, *common = left.reshape(len(left), -1)

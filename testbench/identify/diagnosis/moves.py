@@ -19,7 +19,7 @@ from scipy.special import fdtrc
 
 from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.align import Noise, read_only, weights
+from testbench.identify.absolute.align import Noise, robust_whitening, without_unread_targets
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import (
     LOOSE_STRENGTH,
@@ -35,27 +35,28 @@ from testbench.identify.metric import PriorScaling
 from testbench.identify.rows import series_rows
 from testbench.model.kinematics import JointErrors
 
-ORDERS = 8  #: Highest order of periodic errors that the poses of a part of a series may share.
-LACKING = 3.0  #: Prior size of errors beside a step, over their usual size [1]: how much is left is unknown.
-BATCH = 3_000_000  #: Most numbers of the equations in memory at a time.
-FREE = 6
+MAX_ORDER = 8  #: Highest order of periodic errors that the poses of a part of a series may share.
+#: Prior size of errors beside a step, over their usual size [1]: how much is left is unknown.
+NUISANCE_FACTOR = 3.0
+MAX_NUMBERS = 3_000_000  #: Most numbers of the equations in memory at a time.
+EQUATIONS_PER_POSE = 6
 """Independent equations of a pose at most: its targets and loads share what the model leaves open there."""
-ALIKE = 10.0  #: Difference of gains, over the variance, below which two steps explain readings alike.
+ALIKE_GAIN = 10.0  #: Difference of gains, over the variance, below which two steps explain readings alike.
 
 
 @dataclass(frozen=True)
-class Linear:
+class NuisanceModel:
     """Hold the linearised model beside a step: all that it may lack, with its prior."""
 
-    own: ActiveUnknowns  #: Unknowns that the model may lack, c of them.
+    active: ActiveUnknowns  #: Unknowns that the model may lack, c of them.
     prior: Array  #: Prior precision of the unknowns, compliances in the metric, (c, c).
     state: ArmState  #: The arm that the equations are linearised about.
     noise: Noise  #: Noise of the readings about the arm.
 
 
 def nuisance_model(
-    state: ArmState, series: tuple[Series, ...], noise: Noise, elastic: PriorScaling, orders: int = ORDERS
-) -> Linear:
+    state: ArmState, series: tuple[Series, ...], noise: Noise, elastic: PriorScaling, orders: int = MAX_ORDER
+) -> NuisanceModel:
     """Build the linear model of everything but a step that may explain the residuals of series.
 
     It has geometry, periodic joint errors and compliances as unknowns, each with a loose prior.
@@ -77,12 +78,12 @@ def nuisance_model(
         activate(unknowns, GEOMETRY | {"harmonics"}, elastic),
         default_scales(unknowns, len(noise.factor)),
     )
-    P, _ = active_prior(active, ErrorScales(LACKING * size.deviation, size.factor), LOOSE_STRENGTH)
-    return Linear(active, P, state, noise)
+    P, _ = active_prior(active, ErrorScales(NUISANCE_FACTOR * size.deviation, size.factor), LOOSE_STRENGTH)
+    return NuisanceModel(active, P, state, noise)
 
 
 def chance(step: Issue) -> float:
-    """Compute the probability of a step as clear as this one, which `best` found, in readings without any.
+    """Compute the probability of a step as clear as this one of `best_step` in readings without any.
 
     With z numbers of the step and f independent equations, it is P(F(z, f) > 2 nats / z), Fisher's F test.
     """
@@ -90,7 +91,7 @@ def chance(step: Issue) -> float:
     return float(fdtrc(z, step.numbers["free"], 2 * (step.nats or 0.0) / z))
 
 
-def best(linear: Linear, series: Series, steps: Ids) -> Issue:
+def best_step(linear: NuisanceModel, series: Series, steps: Ids) -> Issue:
     """Find the step of a series that explains most of the residuals.
 
     Args:
@@ -110,11 +111,11 @@ def best(linear: Linear, series: Series, steps: Ids) -> Issue:
         - `free`: independent equations left after the fit.
     """
     sums = _sums(linear, series, steps)
-    return _greatest(_rest(linear, (series,), [sums]), series, sums, steps, turns=True)
+    return _greatest_step(_unexplained(linear, (series,), [sums]), series, sums, steps, turns=True)
 
 
 def most_significant_step(
-    linear: Linear, series: Sequence[Series], places: Sequence[Ids]
+    linear: NuisanceModel, series: Sequence[Series], places: Sequence[Ids]
 ) -> Iterator[tuple[Series, Issue]]:
     """Find in every series the step that is least likely by chance, with or without a rotation.
 
@@ -126,14 +127,14 @@ def most_significant_step(
         places: First row after each step that is tried, per series, ascending, (steps,).
 
     Yields:
-        A series and its step, with numbers as in `best`.
+        A series and its step, with numbers as in `best_step`.
     """
     sums = [_sums(linear, one, np.arange(1, one.rows)) for one in series]
-    rest = _rest(linear, series, sums)
+    rest = _unexplained(linear, series, sums)
     for one, own, steps in zip(series, sums, places, strict=True):
         if not len(steps):
             continue
-        step = min((_greatest(rest, one, own, steps, turns=t) for t in (False, True)), key=chance)
+        step = min((_greatest_step(rest, one, own, steps, turns=t) for t in (False, True)), key=chance)
         poses = np.unique(one.pose, return_inverse=True)[1]
         together = np.zeros((poses.max() + 1, *own.Z.shape[1:]))
         np.add.at(together, poses, own.Z)
@@ -153,7 +154,7 @@ class _Sums:
 
 
 @dataclass(frozen=True)
-class _Rest:
+class _Unexplained:
     """Project on what nothing else explains, 1 - P."""
 
     L: Array  #: Root of the precision of what may be lacking, of unit diagonal, (c, c).
@@ -185,19 +186,19 @@ class _Rest:
         )
 
 
-def _rest(linear: Linear, series: Sequence[Series], sums: Sequence[_Sums]) -> _Rest:
-    AA, c = np.sum([one.AA for one in sums], axis=0), len(linear.own.columns)
+def _unexplained(linear: NuisanceModel, series: Sequence[Series], sums: Sequence[_Sums]) -> _Unexplained:
+    AA, c = np.sum([one.AA for one in sums], axis=0), len(linear.active.columns)
     H = AA[:c, :c] + linear.prior
     size = np.sqrt(np.diag(H))
     L = cholesky(H / size / size[:, None], lower=True)
     spent = c - float(np.trace(cho_solve((L, True), linear.prior / size / size[:, None])))
     e, count = solve_triangular(L, AA[:c, c] / size, lower=True), sum(one.count for one in sums)
     poses = sum(len(np.unique(one.pose)) for one in series)
-    shared = max(1.0, count / (FREE * poses))
-    return _Rest(L, size, e, float(AA[c, c] - e @ e), max(count - spent, 1.0), shared)
+    shared = max(1.0, count / (EQUATIONS_PER_POSE * poses))
+    return _Unexplained(L, size, e, float(AA[c, c] - e @ e), max(count - spent, 1.0), shared)
 
 
-def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Issue:
+def _greatest_step(rest: _Unexplained, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Issue:
     behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
     # Score of a step at every place, of targets and of the tracker; the greatest is taken.
     target, tracker = rest.tested(behind, turns=turns)
@@ -207,7 +208,7 @@ def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bo
     gain, place = float(score.gain[k]), int(steps[k])
     s2 = max(rest.before - gain, 1e-300) / rest.count
     numbers = {
-        "alike": bool(gain - other.gain[max(0, k - 2) : k + 3].max() < ALIKE * s2),
+        "alike": bool(gain - other.gain[max(0, k - 2) : k + 3].max() < ALIKE_GAIN * s2),
         "share": gain / rest.before,
         "free": rest.count / rest.shared,
         "place": place,
@@ -219,11 +220,11 @@ def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bo
     return Issue(kind, (series.name, series.frame), score.b[k], numbers, gain / s2 / rest.shared / 2)
 
 
-def _sums(linear: Linear, series: Series, steps: Ids) -> _Sums:
+def _sums(linear: NuisanceModel, series: Series, steps: Ids) -> _Sums:
     edges = np.r_[0, steps, series.rows]
     cells, AA = [], 0.0
-    numbers = 3 * series.rows * (len(series.markers) + 1) * linear.own.unknowns.size
-    batches = min(len(edges) - 1, 1 + numbers // BATCH)  # of cells that are in memory together
+    numbers = 3 * series.rows * (len(series.markers) + 1) * linear.active.unknowns.size
+    batches = min(len(edges) - 1, 1 + numbers // MAX_NUMBERS)  # of cells that are in memory together
     for part in np.array_split(np.arange(len(edges) - 1), batches):
         A, Z = _equations(linear, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
         AA = AA + np.einsum("ar,br->ab", A, A, optimize=True)
@@ -231,16 +232,16 @@ def _sums(linear: Linear, series: Series, steps: Ids) -> _Sums:
         for a, b in zip(edges[part] - edges[part[0]], edges[part + 1] - edges[part[0]], strict=True):
             own = slice(each * a, each * b)
             cells.append(Z[:, own] @ np.vstack([A[:, own], Z[:, own]]).T)
-    return _Sums(np.asarray(AA), np.array(cells), steps, 3 * int(series.seen.sum() + series.turned.sum()))
+    return _Sums(np.asarray(AA), np.array(cells), steps, 3 * int(series.seen.sum() + series.oriented.sum()))
 
 
-def _equations(linear: Linear, series: Series) -> tuple[Array, Array]:
+def _equations(linear: NuisanceModel, series: Series) -> tuple[Array, Array]:
     """Whitened [A e], (c + 1, equations), and Z, (z, equations); those of a row follow one another."""
-    active, rows = linear.own, series_rows(linear.own.unknowns, linear.state, series)
-    W, pull = weights(series, linear.noise, linear.state.frame(series).rotation, rows[:, :, -1])
+    active, rows = linear.active, series_rows(linear.active.unknowns, linear.state, series)
+    W, pull = robust_whitening(series, linear.noise, linear.state.frame(series).rotation, rows[:, :, -1])
     W = W * np.sqrt(pull)[..., None, None]
     A = rows[:, :, np.r_[active.columns, -1]]
-    Z = np.concatenate([steps_of(linear, series, rows, what) for what in ("target", "tracker")], axis=2)
+    Z = np.concatenate([move_columns(linear, series, rows, what) for what in ("target", "tracker")], axis=2)
     both = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
     if active.elastic is not None:
         e = slice(active.rigid, len(active.columns))
@@ -249,7 +250,7 @@ def _equations(linear: Linear, series: Series) -> tuple[Array, Array]:
     return lines[: A.shape[2]], lines[A.shape[2] :]
 
 
-def steps_of(linear: Linear, series: Series, A: Array, what: str) -> Array:
+def move_columns(linear: NuisanceModel, series: Series, A: Array, what: str) -> Array:
     """Compute the columns of a rigid move of the tracker or of the targets.
 
     Args:
@@ -263,8 +264,8 @@ def steps_of(linear: Linear, series: Series, A: Array, what: str) -> Array:
         mount of one target without orientation.
     """
     if what == "tracker":
-        return A[:, :, linear.own.unknowns.columns(f"frame {series.frame}")]
-    mount = A[:, :, linear.own.unknowns.columns(f"mount {series.target}")]
+        return A[:, :, linear.active.unknowns.columns(f"frame {series.frame}")]
+    mount = A[:, :, linear.active.unknowns.columns(f"mount {series.target}")]
     points = linear.state.mount(series).points
     T = np.zeros((mount.shape[2], 6))
     for k, point in enumerate(points):
@@ -273,7 +274,7 @@ def steps_of(linear: Linear, series: Series, A: Array, what: str) -> Array:
     return np.asarray(np.einsum("sxcr,cz->sxzr", mount, T[:, : 3 if len(T) == 3 else 6]))
 
 
-def with_shift(linear: Linear, series: Series, step: Issue) -> Issue:
+def with_shift(linear: NuisanceModel, series: Series, step: Issue) -> Issue:
     """Add to a step the RMS distance by which it moves the targets.
 
     Args:
@@ -285,35 +286,35 @@ def with_shift(linear: Linear, series: Series, step: Issue) -> Issue:
         The step with that distance over all readings, RMS [m], as its number `shift`.
     """
     what = step.name.removesuffix("_moved")
-    Z = steps_of(linear, series, series_rows(linear.own.unknowns, linear.state, series), what)
+    Z = move_columns(linear, series, series_rows(linear.active.unknowns, linear.state, series), what)
     d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
     shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
     return replace(step, numbers={**step.numbers, "shift": shift})
 
 
-CELLS = 400  #: Steps that are tried at first.
-THIN = 1500  #: Rows that are looked at first.
-LEAST = 6  #: Poses before and behind a step that parts a series: fewer do not tell a frame or a mount.
-GAIN = 80.0
+MAX_TRIED_STEPS = 400  #: Steps that are tried at first.
+MAX_THIN_ROWS = 1500  #: Rows that are looked at first.
+MIN_POSES = 6  #: Poses before and behind a step that parts a series: fewer do not tell a frame or a mount.
+MIN_GAIN = 80.0
 """Sum of squares that such a step takes away at least, over the variance: sound simulated series reach 50,
 series of a robot whose frame drifts by 10 um 80."""
-SHARE = 0.05  #: Share of the sum of squares that it takes away at least: a robot's drift takes 1 %.
-BEHIND = " from row "  #: Ends the name of a series, before the first row of its part.
+MIN_SHARE = 0.05  #: Share of the sum of squares that it takes away at least: a robot's drift takes 1 %.
+PART_SUFFIX = " from row "  #: Ends the name of a series, before the first row of its part.
 
 
-def places(series: Series, least: int) -> Ids:
+def step_places(series: Series, min_poses: int) -> Ids:
     """List the rows at which a step is tried.
 
     Args:
         series: Readings in order of time.
-        least: Fewest different poses before, and after, each step.
+        min_poses: Fewest different poses before, and after, each step.
 
     Returns:
         Index of the first row after each step, (steps,), ascending.
     """
     before, behind = _poses_so_far(series.pose), _poses_so_far(series.pose[::-1])[::-1]
     steps = np.flatnonzero(np.diff(series.row)) + 1  # rows of one identifier are of one moment
-    return steps[(before[steps - 1] >= least) & (behind[steps] >= least)]
+    return steps[(before[steps - 1] >= min_poses) & (behind[steps] >= min_poses)]
 
 
 def _poses_so_far(pose: Ids) -> Ids:
@@ -323,7 +324,7 @@ def _poses_so_far(pose: Ids) -> Ids:
     return np.cumsum(first)
 
 
-def _clear(state: ArmState, series: Series, noise: Noise, elastic: PriorScaling) -> Issue | None:
+def _clear_step(state: ArmState, series: Series, noise: Noise, elastic: PriorScaling) -> Issue | None:
     """The greatest step in a series, None where there is none that is worth parting it.
 
     Args:
@@ -332,39 +333,39 @@ def _clear(state: ArmState, series: Series, noise: Noise, elastic: PriorScaling)
         noise: How they scatter about it.
         elastic: Prior of all compliances that there may be.
     """
-    one = read_only(in_time(series))
-    steps = places(one, LEAST)
+    one = without_unread_targets(in_order_of_time(series))
+    steps = step_places(one, MIN_POSES)
     linear = nuisance_model(state, (one,), noise, elastic)
-    thin = evenly_spaced(one.rows, THIN)
-    tried = steps[evenly_spaced(len(steps), CELLS)]
+    thin = evenly_spaced(one.rows, MAX_THIN_ROWS)
+    tried = steps[evenly_spaced(len(steps), MAX_TRIED_STEPS)]
     place = np.unique(np.searchsorted(thin, tried))
     place = place[(place > 0) & (place < len(thin))]
-    if not len(place) or not _sure(issue := best(linear, select_rows(one, thin), place)):
+    if not len(place) or not _is_sure(issue := best_step(linear, select_rows(one, thin), place)):
         return None
     if len(tried) < len(steps) or len(thin) < one.rows:
         middle = np.searchsorted(tried, thin[int(issue.numbers["place"])])
         low, high = tried[max(middle - 2, 0)], tried[min(middle + 2, len(tried) - 1)]
-        issue = best(linear, one, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
-    return with_shift(linear, one, issue) if _sure(issue) else None
+        issue = best_step(linear, one, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
+    return with_shift(linear, one, issue) if _is_sure(issue) else None
 
 
-def _sure(step: Issue) -> bool:
-    return 2 * (step.nats or 0.0) > GAIN and step.numbers["share"] > SHARE
+def _is_sure(step: Issue) -> bool:
+    return 2 * (step.nats or 0.0) > MIN_GAIN and step.numbers["share"] > MIN_SHARE
 
 
-def in_time(series: Series) -> Series:
+def in_order_of_time(series: Series) -> Series:
     """Sort the rows of a series by their identifiers, which are in order of time."""
     return select_rows(series, np.argsort(series.row, kind="stable"))
 
 
-Parts = tuple[Series, ...]
+SeriesParts = tuple[Series, ...]
 """Series, in parts where something moved."""
-Fitted = tuple[ArmState, Noise]
+FittedState = tuple[ArmState, Noise]
 
 
-def settled(
-    series: Parts, fitted: Callable[[Parts], Fitted], elastic: PriorScaling
-) -> tuple[list[Issue], Parts, Fitted]:
+def divide_at_moves(
+    series: SeriesParts, fitted: Callable[[SeriesParts], FittedState], elastic: PriorScaling
+) -> tuple[list[Issue], SeriesParts, FittedState]:
     """Fit series, divide them where targets or tracker moved, and fit again until nothing moves.
 
     Args:
@@ -380,13 +381,13 @@ def settled(
         BenchError: When the first fit fails.
     """
 
-    def undo(parts: Parts, now: Fitted) -> tuple[list[Issue], Parts, Fitted] | None:
+    def undo(parts: SeriesParts, now: FittedState) -> tuple[list[Issue], SeriesParts, FittedState] | None:
         """Fit the parts again, each with its tracker or targets as they moved."""
-        steps = [_clear(now[0], one, now[1], elastic) for one in parts]
+        steps = [_clear_step(now[0], one, now[1], elastic) for one in parts]
         issues = [step for step in steps if step]
         if not issues:
             return None
-        apart, shared = _parted(parts, steps)
+        apart, shared = _divide(parts, steps)
         try:
             return issues + shared, apart, fitted(apart)
         except BenchError:
@@ -395,7 +396,7 @@ def settled(
     return undo_one_by_one(series, fitted(series), undo)
 
 
-def _parted(parts: Parts, steps: Sequence[Issue | None]) -> tuple[Parts, list[Issue]]:
+def _divide(parts: SeriesParts, steps: Sequence[Issue | None]) -> tuple[SeriesParts, list[Issue]]:
     """Series in two where something moved, which has a name of its own behind the step.
 
     A mount or frame that moved in one series is shared with no other any more: which part that would share it
@@ -406,37 +407,37 @@ def _parted(parts: Parts, steps: Sequence[Issue | None]) -> tuple[Parts, list[Is
     for series, step in zip(parts, steps, strict=True):
         if step is None:
             continue
-        name, whole = _shared(series, step), _whole(series)
+        name, whole = _moved_name(series, step), _undivided_name(series)
         for k, one in enumerate(found):
-            if _shared(one, step) == name and _whole(one) != whole:
-                found[k] = _named(one, step, f"{name} of {_whole(one)}")
-                where = _whole(one), "mount" if step.name == "target_moved" else "frame"
+            if _moved_name(one, step) == name and _undivided_name(one) != whole:
+                found[k] = _rename_moved(one, step, f"{name} of {_undivided_name(one)}")
+                where = _undivided_name(one), "mount" if step.name == "target_moved" else "frame"
                 own[where] = Issue("unshared", where)
     return tuple(found), list(own.values())
 
 
-def _whole(part: Series) -> str:
+def _undivided_name(part: Series) -> str:
     """Name of the series that a part is of."""
-    return part.name.partition(BEHIND)[0]
+    return part.name.partition(PART_SUFFIX)[0]
 
 
-def _shared(series: Series, step: Issue) -> str:
+def _moved_name(series: Series, step: Issue) -> str:
     """Name of what moved in a step, for a series."""
     return series.target if step.name == "target_moved" else series.frame
 
 
-def _named(series: Series, step: Issue, name: str) -> Series:
+def _rename_moved(series: Series, step: Issue, name: str) -> Series:
     """A series with another name for what moved in a step."""
     if step.name == "target_moved":
         return replace(series, target=name)
     return replace(series, frame=name)
 
 
-def _halves(series: Series, step: Issue | None) -> Parts:
+def _halves(series: Series, step: Issue | None) -> SeriesParts:
     """A series before and behind a step, whole where there is none."""
     if step is None:
         return (series,)
-    one, words = in_time(series), f"{BEHIND}{step.numbers['after']}"
+    one, words = in_order_of_time(series), f"{PART_SUFFIX}{step.numbers['after']}"
     behind = np.arange(series.rows) >= step.numbers["place"]
-    second = _named(select_rows(one, behind), step, _shared(series, step) + words)
+    second = _rename_moved(select_rows(one, behind), step, _moved_name(series, step) + words)
     return select_rows(one, ~behind), replace(second, name=series.name + words)

@@ -26,43 +26,44 @@ from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import Misfit, Noise
 from testbench.identify.absolute.state import ArmState
 from testbench.identify.diagnosis.kinematics import (
-    BETTER,
-    LOST,
-    ROWS,
+    MAX_ROWS,
+    MIN_NATS_PER_READING,
+    UNFIT_DISTANCE,
     Fit,
     Observations,
     cauchy,
     fit,
+    fit_residuals,
     of_series,
-    residuals,
 )
 from testbench.model.vjm import Vjm, chain, tool_pose
 
 MAX_JOINTS = 7  #: Up to which every order is tried; of more joints, every exchange of two and the reverse.
 SCREENED_ROWS, SCREENED_TARGETS = 30, 2  #: Poses, evenly out of more, and first targets that screen orders.
-FITTED = 6  #: Orders that are fitted, the best of all.
-ROUNDS = 3  #: Weightings of the linear form: a wild reading must not choose the order.
-TOGETHER = 720  #: Orders whose equations are in memory at a time.
+FITTED_ORDERS = 6  #: Orders that are fitted, the best of all.
+REWEIGHTINGS = 3  #: Weightings of the linear form: a wild reading must not choose the order.
+ORDERS_AT_ONCE = 720  #: Orders whose equations are in memory at a time.
 RIDGE = 1e-9  #: Of the normal equations, over their mean diagonal: a direction may be open.
-LEAST = 3  #: Rows of half a file, and of what slipped.
+MIN_ROWS = 3  #: Rows of half a file, and of what slipped.
 
 
 def likely_orders(observations: Observations) -> Iterator[Ids]:
     """Find the likeliest orders of the joints in the file, by a linear form (see the module).
 
     Yields:
-        At most FITTED orders, (n,) each, the likeliest first: joint k has the angles of column order[k].
+        At most FITTED_ORDERS orders, (n,) each, the likeliest first: joint k has the angles of column
+        order[k].
     """
     n = len(observations.vjm.arm.joints)
     if n <= MAX_JOINTS:
         every = np.array(list(permutations(range(n)))[1:], dtype=int).reshape(-1, n)
     else:
         every = np.array([np.arange(n)[::-1], *(_exchange(n, *pair) for pair in combinations(range(n), 2))])
-    rows = np.flatnonzero(observations.there.any(axis=1))
+    rows = np.flatnonzero(observations.was_read.any(axis=1))
     rows = rows[evenly_spaced(len(rows), SCREENED_ROWS)]
-    parts = np.array_split(every, -(-len(every) // TOGETHER)) if len(every) else []
+    parts = np.array_split(every, -(-len(every) // ORDERS_AT_ONCE)) if len(every) else []
     cost = [loss for part in parts for loss in _screened(observations, rows, part)]
-    yield from every[np.argsort(cost, kind="stable")[:FITTED]]
+    yield from every[np.argsort(cost, kind="stable")[:FITTED_ORDERS]]
 
 
 def _exchange(n: int, i: int, j: int) -> Ids:
@@ -77,7 +78,7 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
     p, R = tool_pose(
         observations.vjm, observations.q[rows][:, orders].swapaxes(0, 1).reshape(-1, orders.shape[1])
     )
-    row, target = np.nonzero(observations.there[rows, :SCREENED_TARGETS])
+    row, target = np.nonzero(observations.was_read[rows, :SCREENED_TARGETS])
     p, R = p.reshape(count, -1, 3)[:, row], R.reshape(count, -1, 3, 3)[:, row]
     y = observations.read[rows][row, target]
     right, columns = p + np.matvec(R, observations.markers[target]), np.zeros((count, len(row), 3, 0))
@@ -90,11 +91,11 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
             fixed[:, axis, 9 + axis] = 1
         columns = np.broadcast_to(fixed, (count, *fixed.shape))
     if observations.free.targets:
-        of = np.equal(target[:, None], np.arange(observations.there[:, :SCREENED_TARGETS].shape[1]))
+        of = np.equal(target[:, None], np.arange(observations.was_read[:, :SCREENED_TARGETS].shape[1]))
         own = -R[:, :, :, None, :] * of[None, :, None, :, None]
         columns = np.concatenate([columns, own.reshape(*own.shape[:3], -1)], axis=3)
     weight, left = np.ones(right.shape[:2]), right
-    for _ in range(ROUNDS if columns.shape[3] else 0):
+    for _ in range(REWEIGHTINGS if columns.shape[3] else 0):
         held = columns * weight[..., None, None]
         H = np.einsum("orxa,orxb->oab", held, columns, optimize=True)
         g = np.einsum("orxa,orx->oa", held, right)
@@ -115,69 +116,70 @@ class Slip:
     q: Array  #: The joint angles that the readings belong to, (poses, n) [rad, m].
 
 
-def slip(observations: Observations) -> Slip | None:
+def find_slip(observations: Observations) -> Slip | None:
     """Find the row from which readings are those of the pose before or after, with all rows before it sound.
 
     It is None when no slip explains the readings clearly better.
     """
-    n, far = len(observations.q), LOST * observations.scale
-    head = _half(observations, slice(n // 2))
-    if head is None or _misfits(observations, head, np.arange(n)[-ROWS:]) < LEAST:
+    n, far = len(observations.q), UNFIT_DISTANCE * observations.scale
+    head = _fit_half(observations, slice(n // 2))
+    if head is None or _misfits(observations, head, np.arange(n)[-MAX_ROWS:]) < MIN_ROWS:
         return None
-    _, gain, first, shift, found = min(_tried(observations, head), key=lambda one: one[0])
+    _, gain, first, shift, found = min(_slip_costs(observations, head), key=lambda one: one[0])
     while first > 1 and _misfits(observations, found, np.array([first - 1])):
         first -= 1  # the row that was deleted has no pose at all
     q = np.roll(observations.q, shift, axis=0)
     q[:first] = observations.q[:first]
     before, behind = (
-        _typical(replace(observations, q=q), found, part) for part in (slice(first), slice(first, None))
+        _median_distance(replace(observations, q=q), found, part)
+        for part in (slice(first), slice(first, None))
     )
-    sound = gain > BETTER * observations.there[first:].sum() and max(before, behind) < far
+    sound = gain > MIN_NATS_PER_READING * observations.was_read[first:].sum() and max(before, behind) < far
     return Slip(first, shift, q) if sound else None
 
 
-def _tried(observations: Observations, head: Fit) -> Iterator[tuple[float, float, int, int, Fit]]:
+def _slip_costs(observations: Observations, head: Fit) -> Iterator[tuple[float, float, int, int, Fit]]:
     """Yield the cost of all readings if they slipped one way from the best row, and the gain [nats].
 
     With them the row, the way and the fit: of the first half, all sound, or of the second, all slipped.
     """
     for shift in (1, -1):
         moved = replace(observations, q=np.roll(observations.q, shift, axis=0))
-        for found in (head, _half(moved, slice(len(observations.q) // 2, None)) or head):
+        for found in (head, _fit_half(moved, slice(len(observations.q) // 2, None)) or head):
             own, other = (
-                cauchy(residuals(one, chain(one.vjm, one.q), found), one.scale).sum(axis=1)
+                cauchy(fit_residuals(one, chain(one.vjm, one.q), found), one.scale).sum(axis=1)
                 for one in (observations, moved)
             )
-            cost = np.cumsum(own - other)[:-LEAST] + other.sum()
+            cost = np.cumsum(own - other)[:-MIN_ROWS] + other.sum()
             # an inserted row fits either way
-            alike = cost < cost.min() + BETTER * observations.there.shape[1]
+            alike = cost < cost.min() + MIN_NATS_PER_READING * observations.was_read.shape[1]
             first = 1 + int(np.flatnonzero(alike)[-1])
             yield float(cost.min()), float(own.sum() - cost.min()), first, shift, found
 
 
-def _half(observations: Observations, half: slice) -> Fit | None:
+def _fit_half(observations: Observations, half: slice) -> Fit | None:
     """Frame and targets by half of the rows; None where there are too few."""
     rows = np.arange(len(observations.q))[half]
-    one = observations.rows(rows[evenly_spaced(len(rows), ROWS)])
-    return fit(one) if len(rows) >= LEAST and one.there.any() else None
+    one = observations.select(rows[evenly_spaced(len(rows), MAX_ROWS)])
+    return fit(one) if len(rows) >= MIN_ROWS and one.was_read.any() else None
 
 
-def _misfits(observations: Observations, found: Fit, rows: Ids) -> int:
+def _misfits(observations: Observations, fitted: Fit, rows: Ids) -> int:
     """Count the rows, of some, that do not fit."""
-    one = observations.rows(rows)
-    off = np.linalg.norm(residuals(one, chain(one.vjm, one.q), found), axis=2)
-    return int((off > LOST * observations.scale).any(axis=1).sum())
+    one = observations.select(rows)
+    off = np.linalg.norm(fit_residuals(one, chain(one.vjm, one.q), fitted), axis=2)
+    return int((off > UNFIT_DISTANCE * observations.scale).any(axis=1).sum())
 
 
-def _typical(observations: Observations, found: Fit, part: slice) -> float:
+def _median_distance(observations: Observations, fitted: Fit, part: slice) -> float:
     """Median distance of readings in some rows [m]; 0 without any."""
-    off = np.linalg.norm(residuals(observations, chain(observations.vjm, observations.q), found), axis=2)[
-        part
-    ][observations.there[part]]
+    off = np.linalg.norm(
+        fit_residuals(observations, chain(observations.vjm, observations.q), fitted), axis=2
+    )[part][observations.was_read[part]]
     return float(np.median(off)) if len(off) else 0.0
 
 
-MISREAD = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
+MAX_SCATTER_RATIO = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
 
 
 def check_last_joint(
@@ -194,18 +196,19 @@ def check_last_joint(
         fitted: Function that fits geometry and springs to series, and returns state and noise.
 
     Raises:
-        BenchError: When the scatter with the sign reversed is below MISREAD times the scatter as read.
+        BenchError: When the scatter with the sign reversed is below MAX_SCATTER_RATIO times the scatter as
+            read.
     """
     if any(one.rotation is not None for one in series):
         return
-    thin = [select_rows(one, evenly_spaced(one.rows, ROWS)) for one in series]
+    thin = [select_rows(one, evenly_spaced(one.rows, MAX_ROWS)) for one in series]
     sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
     try:
         other = fitted(tuple(replace(one, q=sign * one.q) for one in thin))[1].open_position
     except BenchError:
         return
     own = fitted(tuple(thin))[1].open_position
-    if other < MISREAD * own:
+    if other < MAX_SCATTER_RATIO * own:
         raise BenchError(
             f"{series[0].name}: the readings fit this arm to {1e3 * own:.2g} mm along an axis; they would to "
             f"{1e3 * other:.2g} mm if {vjm.arm.joints[-1].name} counted the other way"
@@ -223,6 +226,6 @@ def check_order(vjm: Vjm, series: Sequence[Series]) -> None:
         Misfit: When the rows of one series belong to other poses from some row on.
     """
     for one in series:
-        if found := slip(of_series(vjm, one)):
+        if found := find_slip(of_series(vjm, one)):
             first = one.row[found.first]
             raise Misfit(f"{one.name}: its rows from {first} on do not fit those before", one)

@@ -21,21 +21,21 @@ from testbench.identify.diagnosis.moves import (
     chance,
     most_significant_step,
     nuisance_model,
-    places,
+    step_places,
     with_shift,
 )
 from testbench.identify.metric import Prior, scale_by_prior
-from testbench.model.load import weights_known
+from testbench.model.load import weights_with_note
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_points
 
-CHANCE = 0.05
+MAX_CHANCE = 0.05
 """Chance of a step as clear anywhere in readings without one, from which it is no doubt."""
-FEWEST = 3  #: Poses before and behind a step that is doubted.
-ORDERS = 2  #: Periodic errors that may explain it: few poses tell no more.
-TARGETS = 30
+MIN_POSES = 3  #: Poses before and behind a step that is doubted.
+MAX_ORDER = 2  #: Periodic errors that may explain it: few poses tell no more.
+MAX_TARGETS = 30
 """Targets that are looked at, evenly out of more: all of them move together, each has a place to be found."""
-NAME = "targets"  #: Of the mount.
+MOUNT_NAME = "targets"  #: Of the mount.
 
 
 @dataclass(frozen=True)
@@ -51,25 +51,25 @@ class Timeline:
         """Find what moved between two readings, at most one step per station.
 
         In the numbers `before` and `after`, 2 k is the unloaded reading of run k and 2 k + 1 the loaded one.
-        Only steps count whose chance is below CHANCE divided by twice the number of places. The list is empty
-        when there are too few readings.
+        Only steps count whose chance is below MAX_CHANCE divided by twice the number of places. The list is
+        empty when there are too few readings.
         """
-        series = tuple(_in_time(select_rows(self.data, evenly(np.arange(self.data.runs)))))
-        steps = [places(one, FEWEST) for one in series]
+        series = tuple(_series_in_time(select_rows(self.data, evenly(np.arange(self.data.runs)))))
+        steps = [step_places(one, MIN_POSES) for one in series]
         if not self.vjm.arm.joints or not any(map(len, steps)):
             return []
         try:
             state, noise = first_fit(
-                _start(self.vjm, series),
+                _folder_state(self.vjm, series),
                 series,
                 scale_by_prior(self.prior, self.vjm, joints_only(self.vjm.arm)),
             )
         except BenchError:  # too few readings for where arm and targets are: no step can be told
             return []
         linear = nuisance_model(
-            state, series, noise, scale_by_prior(self.prior, self.vjm, all153(self.vjm.arm)), ORDERS
+            state, series, noise, scale_by_prior(self.prior, self.vjm, all153(self.vjm.arm)), MAX_ORDER
         )
-        clear = CHANCE / (2 * sum(map(len, steps)))
+        clear = MAX_CHANCE / (2 * sum(map(len, steps)))
         issues = [
             with_shift(linear, *one)
             for one in most_significant_step(linear, series, steps)
@@ -78,15 +78,15 @@ class Timeline:
         return [replace(step, numbers={**step.numbers, "pairs": True}) for step in issues]
 
 
-def _in_time(data: Dataset) -> Iterator[Series]:
+def _series_in_time(data: Dataset) -> Iterator[Series]:
     """Readings of every station in order of time, numbered 2 run unloaded and 2 run + 1 loaded.
 
     An unloaded reading that several loads share is one.
     """
     pose = dict(zip(data.run.tolist(), data.pose.tolist(), strict=True))
     stations = 1 if data.station is None else len(np.unique(data.station))
-    for every in series_of(data, "station", NAME):
-        series = with_targets(every, every.markers[:: -(-len(every.markers) // TARGETS)])
+    for every in series_of(data, "station", MOUNT_NAME):
+        series = with_targets(every, every.markers[:: -(-len(every.markers) // MAX_TARGETS)])
         loaded = np.arange(series.rows) >= series.rows // 2
         poses = np.array([pose[run] for run in series.row.tolist()])
         read = np.column_stack(
@@ -98,11 +98,11 @@ def _in_time(data: Dataset) -> Iterator[Series]:
         yield select_rows(replace(series, name=name, row=2 * series.row + loaded, pose=poses), first)
 
 
-def _start(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
+def _folder_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
     """The arm as its folder has it, in the base's frame."""
-    weights, markers = weights_known(vjm.arm)[0], series[0].markers
+    weights, markers = weights_with_note(vjm.arm)[0], series[0].markers
     return replace(
         nominal_state(vjm, weights, torque_scale(vjm, weights, series)),
         frames={one.frame: ORIGIN for one in series},
-        mounts={NAME: Mount(marker_points(vjm, markers), np.eye(3), markers)},
+        mounts={MOUNT_NAME: Mount(marker_points(vjm, markers), np.eye(3), markers)},
     )

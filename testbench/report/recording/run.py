@@ -20,7 +20,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.transforms import Transform
 
 from testbench.errors import Array, Ids
-from testbench.plant.shapes import BodyFrames, of_rows
+from testbench.plant.shapes import BodyFrames, select_frames
 from testbench.report.colours import (
     GCO,
     GREY,
@@ -344,7 +344,8 @@ def _scene_tabs(page: PageContent, groups: Sequence[_Group], models: list[rrb.Vi
     front = _columns(
         [
             _world(page.scene, first, aspect=STACKED if insets else ASPECT),
-            *[rrb.Horizontal(*(_world(page.scene, own, aspect=STACKED) for own in insets))] * bool(insets),
+            *[rrb.Horizontal(*(_world(page.scene, group, aspect=STACKED) for group in insets))]
+            * bool(insets),
         ],
         [text_view("summary", "Summary"), *models, *_charts(first)],
         first.poses.name,
@@ -352,13 +353,13 @@ def _scene_tabs(page: PageContent, groups: Sequence[_Group], models: list[rrb.Vi
     )
     more = [
         _columns(
-            [_world(page.scene, own)],
-            _charts(own),
-            own.poses.name,
-            text_view(f"here/{own.name}", "What is shown"),
+            [_world(page.scene, group)],
+            _charts(group),
+            group.poses.name,
+            text_view(f"here/{group.name}", "What is shown"),
         )
-        for own in others
-        if own is not on_map
+        for group in others
+        if group is not on_map
     ]
     return [front, *more]
 
@@ -447,7 +448,7 @@ def _groups(page: PageContent) -> list[_Group]:
                 f"arm_{k}" if k else "arm",
                 shown,
                 bool(leads),
-                of_rows(poses.rigid, shown),
+                select_frames(poses.rigid, shown),
             )
         arm, shown, by_size, rigid = found[id(poses.rigid)]
         lines = [replace(chart, lines=[_of_rows(line, shown) for line in chart.lines]) for chart in charts]
@@ -470,7 +471,7 @@ def _shown(poses: PoseGroup, rows: Ids, rigid: BodyFrames) -> PoseGroup:
         names=[poses.names[k] for k in rows],
         words=[poses.words[k] for k in rows],
         rigid=rigid,
-        bent=None if poses.bent is None else of_rows(poses.bent, rows),
+        bent=None if poses.bent is None else select_frames(poses.bent, rows),
         layers=layers,
         first=0,
     )
@@ -612,7 +613,11 @@ def _eye(group: _Group, aspect: float) -> tuple[Array, Array]:
     points = poses.near
     if points is None:
         moved = [layer.at[min(k, len(layer.at) - 1)] for layer in poses.layers if layer.kind != "specks"]
-        hung = [(own.to, own.radius) for own in poses.layers if own.kind == "weights" and own.to is not None]
+        hung = [
+            (layer.to, layer.radius)
+            for layer in poses.layers
+            if layer.kind == "weights" and layer.to is not None
+        ]
         moved += [to[min(k, len(to) - 1)] - np.array([0, 0, 2 * radius]) for to, radius in hung]
         bent = [] if poses.bent is None else [poses.bent.positions[k, 1:]]
         points = np.vstack([poses.rigid.positions[k, 1:], *bent, *moved])

@@ -26,9 +26,9 @@ from testbench.identify.absolute.fit import (
     select_and_solve,
 )
 from testbench.identify.absolute.posterior import model_of
-from testbench.identify.absolute.state import FIRST, ArmState, series_equilibrium
+from testbench.identify.absolute.state import MIN_PATTERN_ORDER, ArmState, series_equilibrium
 from testbench.identify.arm_model import ArmModel
-from testbench.identify.diagnosis.moves import in_time
+from testbench.identify.diagnosis.moves import in_order_of_time
 from testbench.identify.metric import Strength, cad_prior
 from testbench.model.vjm import translation_rows
 from testbench.plant.tracker import trial_rng
@@ -124,9 +124,9 @@ def effect_rows(joints: Sequence[ArmJoint], series: Sequence[str], own: Trials) 
 
 
 def _curve(waves: Array) -> Array:
-    """The error over `ANGLES` by sines and cosines, (2, orders), those below FIRST left out [urad]."""
-    angle = np.radians(np.outer(ANGLES, np.arange(1, waves.shape[1] + 1)))[:, FIRST - 1 :]
-    sines, cosines = waves[:, FIRST - 1 :]
+    """The error over `ANGLES` by sines and cosines, (2, orders), none below MIN_PATTERN_ORDER [urad]."""
+    angle = np.radians(np.outer(ANGLES, np.arange(1, waves.shape[1] + 1)))[:, MIN_PATTERN_ORDER - 1 :]
+    sines, cosines = waves[:, MIN_PATTERN_ORDER - 1 :]
     return np.asarray(np.sin(angle) @ sines + np.cos(angle) @ cosines)
 
 
@@ -151,7 +151,7 @@ def approach(state: ArmState, series: Series) -> Array:
     Returns:
         Difference and half its interval, (n, 2) [rad, m].
     """
-    one = in_time(series)
+    one = in_order_of_time(series)
     came = np.flatnonzero(np.diff(one.row) == 1)
     sign = np.sign(np.diff(one.q, axis=0)[came]).T
     J = translation_rows(series_equilibrium(state, one).chain, state.mount(one).points)
@@ -173,7 +173,7 @@ def drift(state: ArmState, series: Series) -> Array:
     Returns:
         RMS and half its interval, (2,) [m].
     """
-    z = residuals(state, in_time(series))[0, 2]
+    z = residuals(state, in_order_of_time(series))[0, 2]
     z = (z - z.mean())[: len(z) // TOGETHER * TOGETHER].reshape(-1, TOGETHER)
     squares = z.mean(axis=1) ** 2 - z.var(axis=1, ddof=1) / TOGETHER
     parts = [part.mean() for part in np.array_split(squares, min(PARTS, len(squares)))]
@@ -392,7 +392,11 @@ def _ladder(asked: RealSettings, cell: Cell, series: Sequence[Series]) -> Iterat
     fifty = {EVENLY: evenly_spaced_rows(series[0], FURTHER)}
     for name in (BOTH, BLOCKS, TO_A, TO_C, EVENLY, PLANNED):
         (train, judged), tried = split(name, series, fifty.get(name)), models_of(asked, name)
-        only = None if CHOSEN in tried else frozenset({SPRINGS}).union(*(LADDER[one].may for one in tried))
+        only = (
+            None
+            if CHOSEN in tried
+            else frozenset({SPRINGS}).union(*(LADDER[one].selectable for one in tried))
+        )
         options = CalibrationOptions(only=only, orders=asked.orders)
         linearised_readings = linearise_readings(cell.vjm, train, cad_prior(cell.arm), options)
         poses = sum(one.rows for one in train)

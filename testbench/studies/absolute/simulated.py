@@ -548,7 +548,7 @@ def _known(fit: Calibration) -> Array:
 
 def _geometry_off(fit: Calibration, truth: Truth, known: Array) -> float:
     """RMS error along some combinations of errors of geometry [mm, mrad]; 0 without any."""
-    off = (fit.state.theta_0 - true_state(fit.state, truth).theta_0)[fit.active.unknowns.inner]
+    off = (fit.state.theta_0 - true_state(fit.state, truth).theta_0)[fit.active.unknowns.geometry_slice]
     return MM * float(np.sqrt(np.mean((known @ off) ** 2))) if len(known) else 0.0
 
 

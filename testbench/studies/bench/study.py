@@ -210,8 +210,8 @@ def problem(task: Task, cell: Cell, seed: int) -> BenchProblem:
         campaign = simulate_full_pose(true, SECTION_5_2, seed)
         data, truth = campaign.identification, campaign.truth
     if task.trackers:
-        found = register_dataset(cell.vjm, data, "tracker")
-        true, data = replace(true, vjm=found.vjm), found.data
+        registered = register_dataset(cell.vjm, data, "tracker")
+        true, data = replace(true, vjm=registered.vjm), registered.data
     rows = observation_of(true, truth)
     return BenchProblem(
         true, data, prior_of(cell, prior, seed), own, truth.deflection, lambda pi: rows @ pi, truth

@@ -347,7 +347,9 @@ def _of_first_marker(cell: Cell, estimate: Estimate, data: Dataset, confidence: 
 def _covered_at(name: str, kind: Kind, truth: Array, at: Callable[[float], Intervals]) -> Covered:
     """Count intervals of 95 %, and of all other levels, that hold the truth."""
     seen = {level: _covered(name, kind, truth, at(level)) for level in LEVELS}
-    return replace(seen[CONFIDENCE], at_levels=tuple(float(np.mean(own.inside)) for own in seen.values()))
+    return replace(
+        seen[CONFIDENCE], at_levels=tuple(float(np.mean(covered.inside)) for covered in seen.values())
+    )
 
 
 def _covered(name: str, kind: Kind, truth: Array, seen: Intervals | Bounds) -> Covered:

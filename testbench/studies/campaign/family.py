@@ -230,7 +230,7 @@ def _doubted(cell: Cell, link: int | None, estimate: Estimate, prior: Prior) -> 
     heard = tuple(scale.name for scale in contradicted_scales(estimate.weighted_prior))
     if link is None:
         return Doubted(heard, None)
-    regression = estimate.of_compliances
+    regression = estimate.compliance_regression
     left = undetermined_parts(regression, scale_by_prior(prior, cell.vjm, regression.structure))
     traces = [
         np.trace(prior.C_theta[k : k + 6, k : k + 6]) / np.trace(cell.arm.C_theta[k : k + 6, k : k + 6])

@@ -19,7 +19,14 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask, check_least
-from testbench.plant.tracker import MAX_DEVIATION, TYPICAL, LaserTracker, precision, read_positions, trial_rng
+from testbench.plant.tracker import (
+    MAX_DEVIATION,
+    TYPICAL_SHARE,
+    LaserTracker,
+    precision,
+    read_positions,
+    trial_rng,
+)
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
@@ -140,7 +147,7 @@ def readings(
         yield WEIGHTED, distance, plain
         yield UNWEIGHTED, distance, unweighted(plain)
         yield "weighted, maximum errors", distance, by_laser(clean, replace(tracker, share=1.0), seed)
-        averaged = by_laser(clean, replace(tracker, share=TYPICAL / np.sqrt(3)), seed)
+        averaged = by_laser(clean, replace(tracker, share=TYPICAL_SHARE / np.sqrt(3)), seed)
         yield "weighted, 3 readings averaged", distance, averaged
         yield "weighted, frame drifts", distance, by_laser(clean, tracker, seed, DRIFT)
         yield f"weighted, {100 * LOST:.0f} % of targets lost", distance, _lose(plain, seed)

@@ -8,7 +8,7 @@ from testbench.arm.folder import find_arm
 from testbench.errors import Array
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.shapes import elastic_frames, rigid_frames
-from testbench.plant.true_arms import FAMILY, TRUTH_WORDS, TRUTHS, true_arm_of_seed
+from testbench.plant.true_arms import FAMILY, TRUTH_DESCRIPTIONS, TRUTHS, true_arm_of_seed
 from testbench.report.badge import of_rivals
 from testbench.report.colours import CHOICE, MEASURED, TASK, Look, look
 from testbench.report.figure import Figure, ranges
@@ -102,7 +102,7 @@ def report(asked: CompensationSettings, seeds: range, trials: Trials) -> Report:
         points={job.name: len(job.position) for job in jobs()},
         featured=ADVISED.poses,
         numbers=asked.numbers,
-        truths={name: TRUTH_WORDS[name] for name in met},
+        truths={name: TRUTH_DESCRIPTIONS[name] for name in met},
         groups=_groups(asked, trials),
         by_truth=[
             Row(g, true_arm=name) for name in met for g in _groups(asked, advised.where(true_arm=name))

@@ -16,7 +16,7 @@ from testbench.design.rows import task_rows
 from testbench.model.vjm import chain
 from testbench.plant.site import Payload
 from testbench.plant.tracker import Station, trial_rng
-from testbench.plant.true_arms import CALLED
+from testbench.plant.true_arms import TRUE_ARM_LABELS
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GREY, SERIES, Look
 from testbench.report.figure import Figure, forest, sweeps
@@ -146,7 +146,7 @@ GROUNDS = "ground fit judged planned_mm random_mm over_random planned_better bet
 KEPT_BY: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "poses": ("plan", {"test": "planned"}),
     "tasks": ("ground", {}),
-    "truth": ("truth", CALLED),
+    "truth": ("truth", TRUE_ARM_LABELS),
     "prior": ("prior", {}),
 }
 """What promises are told by: column, and what its words are called."""
@@ -349,8 +349,8 @@ def write(run: Run[PlanningSettings]) -> PageContent:
     at = [chain(cell.vjm, np.array(own)).position for own in (q, scene.tasks, scene.candidates, places)]
     world = World(cell, settings.scope.ground.station, *at[:3])
     force = np.tile([0.0, 0.0, -GRAVITY * settings.scope.payload], (n, 1))
-    named = {f"Run {k}": f"{cell.arm.words(own)}." for k, own in enumerate(q, start=1)}
-    rest = [f"Error {mm:.3f} mm. {cell.arm.words(own)}." for own, mm in zip(places, left, strict=True)]
+    named = {f"Run {k}": f"{cell.arm.pose_text(own)}." for k, own in enumerate(q, start=1)}
+    rest = [f"Error {mm:.3f} mm. {cell.arm.pose_text(own)}." for own, mm in zip(places, left, strict=True)]
     plan = world.poses(f"{ORDER}: test", named, q, world.measured(q, force), ordered=True)
     over = "Error of the predicted deflection, median over the trials (mm)"
     return PageContent(

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from testbench.arm.folder import find_arm
-from testbench.plant.true_arms import called, true_arm_of_seed
+from testbench.plant.true_arms import true_arm_label, true_arm_of_seed
 from testbench.report.badge import drawn, ratios_of
 from testbench.report.colours import look_of
 from testbench.report.figure import Figure, forest, ranked
@@ -67,33 +67,33 @@ def _models(paper: Mapping[str, Mapping[str, float]]) -> Callable[[Trials], Sequ
 
 def _report(asked: CalibrationSettings, seeds: range, trials: Trials) -> Report:
     """Report as every campaign does; beside it what was measured, and where models are worst."""
-    found, scenario = PRESET.report(asked, seeds, trials), asked.scenario
-    models = distinct(found.numbers["models"])
+    report, scenario = PRESET.report(asked, seeds, trials), asked.scenario
+    models = distinct(report.numbers["models"])
     best = campaigns.best(models, "none", prior=False)
-    compared = drawn(found.badge, trials["name"], *campaigns.user_estimators(models), best)
+    compared = drawn(report.badge, trials["name"], *campaigns.user_estimators(models), best)
     errors = campaigns.error_map(trials.where(name={m.name for m in models}), compared)
     measured = {"payload_kg": scenario.mass, "truth": scenario.truth, "noise": scenario.noise}
     numbers = Row(
-        found.numbers,
+        report.numbers,
         seed=campaigns.seeds_of(seeds),
         arm=scenario.arm,
         **measured,
         dataset=campaigns.dataset(trials),
         map=errors,
-        over=ratios_of(trials, found.numbers["ours"], TRUE),
+        over=ratios_of(trials, report.numbers["ours"], TRUE),
         details=campaigns.details(trials, (*FIGURE_5, *METHODS_BESIDE), DEFAULT),
     )
-    body = [*(name for name in found.body if name != "short"), "worst"]
+    body = [*(name for name in report.body if name != "short"), "worst"]
     title = say(
         "{arm} under {payload_kg:g} kg: markers move {dataset.deflection_min_mm:~.2f} to "
         "{dataset.deflection_max_mm:~.2f} mm; tracker noise {dataset.sigma_um:~g} um. "
         "True arm: {true}. {how}",
         numbers,
-        true=called(asked.true_arm),
-        how=found.title,
+        true=true_arm_label(asked.true_arm),
+        how=report.title,
     )
-    shown = {**found.tables, "worst": campaigns.worst_places(errors)}
-    return replace(found, title=title, numbers=numbers, tables=shown, body=body)
+    shown = {**report.tables, "worst": campaigns.worst_places(errors)}
+    return replace(report, title=title, numbers=numbers, tables=shown, body=body)
 
 
 def figures(found: Report) -> Mapping[str, Figure]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from testbench.plant.true_arms import called
+from testbench.plant.true_arms import true_arm_label
 from testbench.report.figure import Figure, ranges
 from testbench.report.report import Report
 from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged, number
@@ -89,9 +89,9 @@ def kinds(noisy: Trials) -> list[Row]:
     family = noisy.where(part=IN_FAMILY, case=ALL)
     beside, own = noisy.where(part=disturbed.BESIDE_IT), family.values("true_arm")
     parts = {"the family": family}
-    parts |= {called(arm): beside.where(true_arm=arm, size=1.0) for arm in disturbed.kinds_held_out()}
+    parts |= {true_arm_label(arm): beside.where(true_arm=arm, size=1.0) for arm in disturbed.kinds_held_out()}
     parts |= {f"disturbances times {x:g}": beside.where(size=x) for x in beside.values("size") if x != 1}
-    parts |= {called(arm): family.where(true_arm=arm) for arm in own if len(own) > 1}
+    parts |= {true_arm_label(arm): family.where(true_arm=arm) for arm in own if len(own) > 1}
     parts["undisturbed family"] = noisy.where(part=IN_FAMILY, case=NONE)
     parts[f"{STIFF} alone"] = noisy.where(part=IN_FAMILY, case=STIFF)
     return [_of_kind(kind, part) for kind, part in parts.items() if len(part)]
@@ -137,8 +137,8 @@ PRESET = Preset(
     trials=disturbed.trials,
     tables=tables,
     printed="noisy",
-    cells=lambda asked, _: {
-        case: {"part": IN_FAMILY, "case": case, "sigma_um": UM * asked.sigma} for case in (ALL, NONE)
+    cells=lambda settings, _: {
+        case: {"part": IN_FAMILY, "case": case, "sigma_um": UM * settings.sigma} for case in (ALL, NONE)
     },
     derived=_derived,
     figures=figures,

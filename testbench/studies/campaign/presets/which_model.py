@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.plant.true_arms import CALLED, TRUTHS
+from testbench.plant.true_arms import TRUE_ARM_LABELS, TRUTHS
 from testbench.report.colours import CHOICE
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
@@ -70,10 +70,12 @@ def promises(default: Trials) -> Iterator[Row]:
     parts, called = {"all": judged}, KNOWN["prior_error"].called
     parts |= {f"{n} poses": own for (n,), own in judged.groups("poses")}
     parts |= {f"prior {called[name]}": judged.where(prior_error=name) for name in PRIORS}
-    parts[f"prior right, {CALLED['tubes']}"] = judged.where(prior_error=UNPERTURBED, true_arm="tubes")
+    parts[f"prior right, {TRUE_ARM_LABELS['tubes']}"] = judged.where(
+        prior_error=UNPERTURBED, true_arm="tubes"
+    )
     parts[f"a link off, less than {percent}"] = judged.pick(share <= MOVES)
     parts[f"a link off, more than {percent}"] = judged.pick(share > MOVES)
-    parts |= {CALLED[name]: judged.where(true_arm=name) for name in TRUTHS}
+    parts |= {TRUE_ARM_LABELS[name]: judged.where(true_arm=name) for name in TRUTHS}
     for where, trials in parts.items():
         if not len(trials):
             continue
