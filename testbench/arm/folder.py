@@ -53,9 +53,6 @@ def find_arm(name: str | Path) -> Path:
     Args:
         name: Path of the folder, or name of an arm that comes with testbench.
 
-    Returns:
-        The folder.
-
     Raises:
         InputError: When there is neither.
         BenchError: When it is neither text nor a path.

@@ -210,9 +210,6 @@ def find_body(path: Path, root: ET.Element, name: str) -> ET.Element:
         root: Its root element.
         name: Name of the body.
 
-    Returns:
-        Its element.
-
     Raises:
         InputError: When there is none, or more than one.
     """

@@ -289,9 +289,6 @@ def select(data: Dataset, runs: Mask) -> Dataset:
         data: The runs.
         runs: Mask, (runs,).
 
-    Returns:
-        The selected runs.
-
     Raises:
         BenchError: When the mask has another length than the dataset.
     """
@@ -322,9 +319,6 @@ def select_rows(data: Rows, rows: Ids | Mask | slice) -> Rows:
     Args:
         data: The rows.
         rows: Mask, (rows,), or indices in any order.
-
-    Returns:
-        The rows.
     """
     return replace(data, **{name: own[rows] for name, own in row_arrays(data).items()})
 
@@ -466,9 +460,6 @@ def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
         data: The pairs; their orientations are carried over.
         name: First part of every frame's name; the number of the station follows.
         target: Name of the mount.
-
-    Returns:
-        The series.
     """
     stations = [1] if data.station is None else np.unique(data.station).tolist()
     every = [(station, select_rows(data, runs_of_station(data, station))) for station in stations]

@@ -216,11 +216,7 @@ def criterion_of(
 
 
 def criterion_e() -> LargestCriterion:
-    """Build the E-criterion: the least eigenvalue of M, whose costs are the eigenvalues of M^-1.
-
-    Returns:
-        The criterion.
-    """
+    """Build the E-criterion: the least eigenvalue of M, whose costs are the eigenvalues of M^-1."""
 
     def costs(M: Array) -> Array:
         return np.asarray(1 / np.linalg.eigvalsh(M))
@@ -252,7 +248,7 @@ def criterion_g(rows: Array) -> LargestCriterion:
 
 
 def mean_square(rows: Array) -> Array:
-    """Compute W of predictions, (poses, 3 m, r) [m]: tr(W M^-1) is a target's mean square error [m^2].
+    """Compute W, (r, r), of predictions, (poses, 3 m, r) [m]: tr(W M^-1) is a target's mean square error.
 
     Mathematics: `pose-5`.
     """
@@ -320,9 +316,6 @@ def gains_of(M: Array, rows: Array, W: Array) -> Gains:
         M: Information matrix, (r, r).
         rows: Whitened rows F, (candidates, k, r).
         W: Weight of the linear criterion, (r, r).
-
-    Returns:
-        The gains.
     """
     (count, k, r), I = rows.shape, np.asarray(np.linalg.inv(M))  # noqa: E741
     P = row_products(rows, np.hstack([I, I @ W @ I])).reshape(count, 2 * k, r)

@@ -373,7 +373,7 @@ class Search:
     #: Function that moves dependent joints of poses, (..., n) [rad, m], to where the others bring them.
     with_dependent_joints: Callable[[Array], Array] = lambda q: q
 
-    def around(self, q: Array, step: Array) -> Array:
+    def draw_around(self, q: Array, step: Array) -> Array:
         """Draw poses around others within the joint limits, with normal steps.
 
         Args:
@@ -406,7 +406,7 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
         before, after = prior, suffix_information(own)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // POSES_AT_ONCE)):
             # neighbours of some poses at once, (places, NEIGHBOURS, n), and what they would tell
-            trials = search.around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
+            trials = search.draw_around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
             seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, NEIGHBOURS))
             for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
                 rest = before + after[k + 1]
@@ -461,7 +461,7 @@ def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: Search)
     """
     q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
     for _ in range(ASCEND_ROUNDS):
-        trial = search.around(q, np.tile(step[:, None], (ASCEND_NEIGHBOURS, 1, 1)))
+        trial = search.draw_around(q, np.tile(step[:, None], (ASCEND_NEIGHBOURS, 1, 1)))
         # every pose is replaced by its most useful neighbour if that is better and feasible; else its step
         # shrinks
         reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(ASCEND_NEIGHBOURS, -1)

@@ -152,9 +152,6 @@ def weigh_for_scatter(r: Regression, pi: Array, rho: float) -> Regression:
         r: The reduced dataset, with its rows pose by pose.
         pi: Parameters of a fit, (n,) or the first of them [m/N, rad/(N m), rad/N].
         rho: Relative standard deviation of a link's compliance over poses [1].
-
-    Returns:
-        The weighted regression.
     """
     links, [term] = _parameters_by_link(r, pi), r.terms
     poses, points = [_pose_variances(rows, links) for rows in r.poses], term.equations / 3
@@ -246,9 +243,6 @@ def average_two_priors(
         constraint: Least squares or GCO.
         prior: Metric of the prior.
         softened: Metric of the softened prior.
-
-    Returns:
-        The averaged estimate.
 
     Raises:
         BenchError: When the best common scale of a prior is not above 0.
@@ -427,9 +421,6 @@ def average_with_joints(
         prior: Metric of the prior.
         estimate: An average by evidence.
         weight: Weight of joints alone, by `links_or_joints` [1].
-
-    Returns:
-        The averaged estimate.
     """
     known = estimate.average or ModelAverage(0.0, estimate)
     if weight < 1:
@@ -514,9 +505,6 @@ def average_models(r: Regression, constraint: Constraint, prior: PriorScaling, *
         constraint: Least squares or GCO.
         prior: Prior, in the metric of the structure.
         widths: Whether the uncertainty of the learnt prior is computed, which intervals need.
-
-    Returns:
-        The averaged estimate.
 
     Raises:
         BenchError: If the dataset requires a common scale of the prior that is not above 0.

@@ -117,9 +117,6 @@ def free_block(first: int, count: int) -> Block:
     Args:
         first: Place of the first unknown.
         count: Number of unknowns.
-
-    Returns:
-        The block.
     """
     return Block(np.arange(first, first + count))
 
@@ -131,9 +128,6 @@ def norm_below(column: int, R: Array, z: Array) -> Rows:
         column: Place of the bound among the unknowns.
         R: Rows, zero in that column, (rows, n).
         z: Right-hand side, (rows,).
-
-    Returns:
-        The constraint.
     """
     head = np.zeros((1, R.shape[1]))
     head[0, column] = -1

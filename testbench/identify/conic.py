@@ -337,9 +337,6 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
         penalty: The trace term; None for `tie_break`, so light that it only chooses among models that fit
             alike: the paper's GCO.
 
-    Returns:
-        The estimate with its certificate.
-
     Raises:
         BenchError: When the structure is not symmetric.
     """

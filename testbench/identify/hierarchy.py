@@ -356,9 +356,6 @@ def evidence_model(
         shared_width: Whether all links share one uncertainty w. Otherwise the shape of one link may absorb an
             error in few readings.
 
-    Returns:
-        The evidence.
-
     Raises:
         BenchError: If the data require a common scale of the prior that is not above 0, or no load deflects
             the prior.

@@ -178,9 +178,6 @@ def is_semidefinite(x: Array, sizes: tuple[int, ...], share: float) -> bool:
         x: svec of all blocks, (n,).
         sizes: Orders of the blocks.
         share: Share of its trace by which an eigenvalue may be negative [1].
-
-    Returns:
-        True if they are.
     """
     if not np.isfinite(x).all():
         return False
@@ -292,9 +289,6 @@ class Scaling:
             at: Places of the blocks among the coordinates, (blocks, entries).
             x: svec of all blocks, (..., n).
             s: svec of their multipliers, (..., n).
-
-        Returns:
-            The scaling.
 
         Raises:
             LinAlgError: If a block is not positive definite.
@@ -525,9 +519,6 @@ class _Newton:
             x: Points in the cone, (problems, n).
             s: Points in the dual cone, (problems, n).
             groups: Places of the blocks of each order, (blocks, entries) per order.
-
-        Returns:
-            The matrices.
         """
         scalings = [Scaling.of(at, x, s) for at in groups]
         K, S = [cone.congruence(scaling.G) for scaling in scalings], np.empty_like(R)

@@ -85,9 +85,6 @@ class Posterior(Displayed):
         Args:
             x: Centre, (n,).
             root: Root of the covariance root^T root, (r, n).
-
-        Returns:
-            The posterior.
         """
         return cls(x, root, np.zeros((0, len(x))), np.ones(len(x)))
 

@@ -70,9 +70,6 @@ class Frame:
 
         Args:
             pose: Pose of the new frame's origin in base axes, (4, 4) [m].
-
-        Returns:
-            The frame.
         """
         turn, place = pose[:3, :3], pose[:3, 3]
         J = np.eye(6)

@@ -121,9 +121,6 @@ def term_from_triangle(T: Array, unexplained: float, equations: int) -> Term:
         T: Triangular factor of the rows [A | y] over sqrt(N), (n + 1, n + 1) [1].
         unexplained: Squared norm that T does not hold and no parameter explains [1].
         equations: Scalar equations behind it.
-
-    Returns:
-        The term.
     """
     return Term(
         R=T[:-1, :-1], z=T[:-1, -1], unexplained=float(T[-1, -1] ** 2) + unexplained, equations=equations
@@ -589,9 +586,6 @@ def reduce_series(
         series: The readings.
         blocks: Block of joint space of every row of a series, (rows,) each, equal for all rows of a pose;
             None for one block per series.
-
-    Returns:
-        The reduced equations.
     """
     blocks = [np.zeros(one.rows, dtype=int) for one in series] if blocks is None else blocks
     kinds, parts, whole = kinds_of(series), [], TriangularFactors(linearisation.unknowns.size + 1)

@@ -98,9 +98,6 @@ def folds(parts: PartitionedRegression) -> list[Fold]:
     Args:
         parts: The reduced equations, in the parts of `divide_poses`.
 
-    Returns:
-        The folds.
-
     Raises:
         BenchError: When all runs are of one pose.
     """

@@ -52,9 +52,6 @@ def virtual_joint(link: str, axis: str) -> str:
     Args:
         link: Name of the link.
         axis: Name of the axis.
-
-    Returns:
-        The name.
     """
     return f"{link}_theta_{axis}"
 
@@ -255,9 +252,6 @@ def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
         path: The rigid MJCF that the text comes from; for messages and meshes.
         text: MJCF.
 
-    Returns:
-        The model.
-
     Raises:
         InputError: If MuJoCo refuses the text.
     """
@@ -318,9 +312,6 @@ def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
     Args:
         arm: The arm.
         model: Its elastic MuJoCo model.
-
-    Returns:
-        The plant.
     """
     theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
     # Compliances in the order of MuJoCo's degrees of freedom.
@@ -353,9 +344,6 @@ def with_model(plant: Plant, model: mujoco.MjModel) -> Plant:
     Args:
         plant: The plant.
         model: The altered copy.
-
-    Returns:
-        The new plant.
     """
     abreast = copy.copy(plant.copies)
     abreast.opt.gravity[:] = model.opt.gravity

@@ -277,9 +277,6 @@ def cast_link(link: Link, rng: np.random.Generator) -> Link:
     Args:
         link: The tube.
         rng: Source of the dimensions.
-
-    Returns:
-        The cast link.
     """
     C = link.compliance
     bending = float(C[4, 4] + C[5, 5]) / 2
@@ -293,9 +290,6 @@ def scale_walls(casting: Casting, bending: float) -> Casting:
     Args:
         casting: The casting.
         bending: Mean of c55 and c66 [rad/(N m)].
-
-    Returns:
-        The scaled casting.
     """
     for _ in range(ITERATIONS):
         C = casting.compliance()
@@ -310,9 +304,6 @@ def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Cas
         length: Length of the tube [m].
         bending: Mean of its c55 and c66 [rad/(N m)].
         rng: Source of the dimensions.
-
-    Returns:
-        The casting.
     """
     # I = pi D^3 t / 8, t = D / 20
     wide = (8 * DIAMETER_OVER_WALL * length / (np.pi * CAST_IRON.E * bending)) ** 0.25

@@ -415,9 +415,6 @@ def solve_unloaded_and_loaded(
         q: Joint angles, (runs, n) [rad, m].
         wrench: Force and moment in world axes, (runs, 6) [N, N m].
         point: Point where the force acts in the tool's frame, (runs, 3) [m].
-
-    Returns:
-        Both equilibria.
     """
     rest = solve_equilibrium(plant, q)
     return rest, solve_equilibrium(plant, q, wrench, point, before=rest)
@@ -432,9 +429,6 @@ def solve_in_batches(
         plant: The plant.
         runs: Number of runs.
         solve: Finds the equilibria of one part.
-
-    Returns:
-        The equilibria of all runs.
     """
     row = open_copies(plant)
     starts = stepwise(range(0, max(runs, 1), POSES_AT_ONCE), "settling the arm")

@@ -65,9 +65,6 @@ def select_frames(frames: BodyFrames, rows: Ids) -> BodyFrames:
     Args:
         frames: Places of all bodies.
         rows: Numbers of the poses, (rows,), in the order wanted; one may occur more than once.
-
-    Returns:
-        The places in these poses.
     """
     return BodyFrames(frames.positions[rows], frames.rotations[rows])
 
@@ -222,9 +219,6 @@ def rigid_frames(site: Site, q: Array) -> BodyFrames:
     Args:
         site: The site.
         q: Joint angles, (rows, n) [rad, m].
-
-    Returns:
-        The places of all bodies.
     """
     q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
     return _frames(site.model, site.joints, q, np.arange(site.model.nbody))
@@ -237,9 +231,6 @@ def elastic_frames(plant: Plant, q: Array, theta: Array) -> BodyFrames:
         plant: The plant.
         q: Joint angles, (rows, n) [rad, m].
         theta: Deflection of the virtual joints, (rows, n_theta) [m, rad]; it may be magnified.
-
-    Returns:
-        The places of all bodies.
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     theta = check_array(theta, (len(q), plant.arm.n_theta), "theta [m, rad]")

@@ -196,9 +196,6 @@ def build_site(
         station: Origin of the tracker's beam [m]; None for no tracker.
         floor: Height of a floor that the arm's MJCF does not have [m]; None for none.
 
-    Returns:
-        The rigid cell.
-
     Raises:
         InputError: If MuJoCo refuses the arm's MJCF.
         BenchError: If the station is invalid, or inside something that does not move.

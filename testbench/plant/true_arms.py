@@ -139,7 +139,7 @@ def deform_tube(C: Array, S: Array, distance: float) -> Array:
     return at(high)
 
 
-def _off_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
+def _deformed_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
     """Deform every link by a distance from tubes, and rotate its axes by as many radians."""
 
     def off(link: Link) -> Link:
@@ -172,9 +172,9 @@ def _unequal_joints(arm: Arm, rng: np.random.Generator) -> Arm:
 
 TRUTHS: Mapping[str, TrueArm] = {
     "tubes": TrueArm(lambda arm, _: arm),
-    "off_10": TrueArm(partial(_off_tubes, 0.1)),
-    "off_20": TrueArm(partial(_off_tubes, 0.2)),
-    "off_40": TrueArm(partial(_off_tubes, 0.4)),
+    "off_10": TrueArm(partial(_deformed_tubes, 0.1)),
+    "off_20": TrueArm(partial(_deformed_tubes, 0.2)),
+    "off_40": TrueArm(partial(_deformed_tubes, 0.4)),
     "cast": TrueArm(_cast),
     "joints": TrueArm(_unequal_joints),
 }
@@ -187,9 +187,6 @@ def member_of_family(arm: Arm, rng: np.random.Generator) -> Arm:
     Args:
         arm: The arm as its folder describes it.
         rng: Source of randomness.
-
-    Returns:
-        The drawn arm.
     """
     return TRUTHS[str(rng.choice(list(TRUTHS)))].draw(arm, rng)
 
@@ -413,9 +410,6 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
             from `plant.arm`, and gravity is kept.
         disturbances: Kinds of disturbances, with their sizes.
         rng: Source of offsets and errors.
-
-    Returns:
-        The disturbed plant.
 
     Raises:
         BenchError: If a compensator is requested and the arm has no link 2.

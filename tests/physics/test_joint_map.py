@@ -399,7 +399,7 @@ def test_candidates_and_ways_of_a_palletiser_are_poses_that_it_has(level):
     tries = Search(
         lambda q, _: q, 4, arm.limits, Feasibility(lambda q: q), trial_rng(7), arm.with_dependent_joints
     )
-    for some in (q, tries.around(q, np.full((30, 1), 0.5)), workspace(level, SETTINGS)):
+    for some in (q, tries.draw_around(q, np.full((30, 1), 0.5)), workspace(level, SETTINGS)):
         possible(arm, some)
     way = arm.to_model(np.linspace([0.1, 0.2, -0.2, 0.4], [0.5, 0.5, 0.1, 0.1], 9))
     position, rotation = tool_pose(level.vjm, way)

@@ -232,9 +232,6 @@ def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
     Args:
         noise: Noise of the combined readings.
         expected: Mean variances sigma^2 and number k of readings behind a mean, from `mean_variances`.
-
-    Returns:
-        The noise of single readings.
     """
     own, k = expected
     factor, opened = noise.factor.copy(), [noise.open_position, noise.open_rotation]
@@ -364,9 +361,6 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
         state: The arm's state.
         series: The readings.
 
-    Returns:
-        The completed state.
-
     Raises:
         BenchError: When a series has too few rows, or does not fit the arm.
     """
@@ -411,9 +405,6 @@ def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
     Args:
         state: The arm's state.
         series: The readings.
-
-    Returns:
-        Frame and mount.
 
     Raises:
         BenchError: If a target was never read, or the poses determine neither frame nor targets.
@@ -659,9 +650,6 @@ def with_targets(series: Series, markers: tuple[str, ...]) -> Series:
     Args:
         series: The readings.
         markers: Names of the targets; readings of a name that the series lacks are lost.
-
-    Returns:
-        The series.
     """
     if markers == series.markers:
         return series

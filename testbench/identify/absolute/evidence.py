@@ -100,9 +100,6 @@ def activate(unknowns: Unknowns, kinds: frozenset[str], elastic: PriorScaling | 
         kinds: Names of the errors.
         elastic: Metric of the compliances; None for none.
 
-    Returns:
-        The choice.
-
     Raises:
         BenchError: When the structure has compliances that the unknowns lack.
     """
@@ -254,9 +251,6 @@ def learn_scales(
         counts: Number of equations of every kind, (kinds,).
         start: Start of the search.
         constraint: "psd" keeps every block of compliances positive semi-definite.
-
-    Returns:
-        The sizes and the factors.
 
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
@@ -437,9 +431,6 @@ def compliance_rows(T: Array, elastic: PriorScaling, equations: int) -> Regressi
         T: Triangular factor of all unknowns, compliances last, (c + 1, c + 1).
         elastic: Metric of the compliances.
         equations: Number of equations.
-
-    Returns:
-        The regression of the compliances.
     """
     r = len(T) - 1 - len(elastic.expected)
     term = term_from_triangle(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
@@ -514,9 +505,6 @@ def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
         state: The state.
         active: The choice, c columns.
         x: Values, (c,).
-
-    Returns:
-        The new state.
     """
     unknowns = active.unknowns
     every = np.zeros(unknowns.size)
@@ -547,9 +535,6 @@ def moved_frame(frame: Frame, step: Array) -> Frame:
     Args:
         frame: The frame.
         step: Move, then turn, (6,) [m, rad].
-
-    Returns:
-        The new frame.
     """
     [turn] = rotation_matrices(step[None, 3:])
     return Frame(frame.rotation @ turn, frame.translation + frame.rotation @ step[:3])
@@ -561,9 +546,6 @@ def moved_mount(mount: Mount, step: Array) -> Mount:
     Args:
         mount: The mount, m targets.
         step: Moves of the targets [m], then a rotation vector [rad], (3 m,) or (3 m + 3,).
-
-    Returns:
-        The new mount.
     """
     m = len(mount.points)
     points = mount.points + step[: 3 * m].reshape(m, 3)

@@ -238,9 +238,6 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
         linearised_readings: The reduced equations.
         options: Errors that are on or may be tried.
 
-    Returns:
-        The calibrated arm.
-
     Raises:
         BenchError: When the readings leave a frame or target undetermined, or were gathered without the
             links.

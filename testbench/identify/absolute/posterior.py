@@ -147,9 +147,6 @@ def without_series(state: ArmState, series: Series) -> ArmState:
     Args:
         state: The state.
         series: The series.
-
-    Returns:
-        The state.
     """
     frames = {key: frame for key, frame in state.frames.items() if key != series.frame}
     mounts = {key: mount for key, mount in state.mounts.items() if key != series.target}
@@ -354,7 +351,7 @@ class Structural:
     elastic: int  #: Number of compliance directions that the given loads do not show.
 
 
-def structural(unknowns: Unknowns, L: Array, pull: AddedInformation) -> Structural:
+def structural_directions(unknowns: Unknowns, L: Array, pull: AddedInformation) -> Structural:
     """Find the structural directions: changes of the unknowns that move no target in any pose.
 
     Args:

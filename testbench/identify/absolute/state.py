@@ -115,9 +115,6 @@ def nominal_state(vjm: Vjm, weights: Weights, torque_scale: Array) -> ArmState:
         vjm: The arm's virtual joint model.
         weights: Weights of the links.
         torque_scale: Typical torque of every joint, (n,) [N m, N].
-
-    Returns:
-        The state.
     """
     n = vjm.n_theta
     empty = np.zeros((vjm.arm.n_joints, 0))
@@ -641,9 +638,6 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
         series: The readings.
         errors: Joint errors.
         structure: The compliances.
-
-    Returns:
-        The unknowns.
     """
     mounts: dict[str, tuple[int, bool]] = {}
     for one in series:
@@ -659,8 +653,5 @@ def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:
     Args:
         vjm: The arm's virtual joint model.
         structure: The compliances.
-
-    Returns:
-        The unknowns.
     """
     return Unknowns(vjm, (), {}, JointErrors(), structure, geometry=False)

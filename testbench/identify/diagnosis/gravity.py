@@ -60,9 +60,6 @@ def with_gravity_along(data: Dataset, g: Array) -> Dataset:
     Args:
         data: The runs, with loads stated for gravity along -z.
         g: Direction of gravity in the folder's world, a unit vector, (3,) [1].
-
-    Returns:
-        The runs with rotated wrenches.
     """
     return replace(data, wrench=(data.wrench.reshape(-1, 2, 3) @ rotation_of_down(g).T).reshape(-1, 6))
 

@@ -252,20 +252,18 @@ def _farthest(observations: Observations, found: Fit) -> int:
     return int(np.argmax(np.linalg.norm(found.markers - observations.markers, axis=1)))
 
 
-def _size(observations: Observations, change: Change[Observations], found: Fit) -> Array:
+def _size(observations: Observations, change: Change[Observations], fit: Fit) -> Array:
     """Size a mistake, SI: turn and shift of a frame, way of a target or link, else one number."""
     assert change.undone is not None
     free = change.undone.free
     if len(free.theta) == 3:
-        return np.asarray(
-            observations.vjm.arm.links[free.theta[0] // 6].frame @ found.theta[list(free.theta)]
-        )
+        return np.asarray(observations.vjm.arm.links[free.theta[0] // 6].frame @ fit.theta[list(free.theta)])
     if free.theta:
-        return change.size + found.theta[list(free.theta)]
+        return change.size + fit.theta[list(free.theta)]
     if free.targets and not observations.free.targets:
-        return np.asarray((found.markers - observations.markers)[_farthest(observations, found)])
+        return np.asarray((fit.markers - observations.markers)[_farthest(observations, fit)])
     if free.frame and not (observations.free.frame or free.mirrored):
-        return np.concatenate([found.frame.rotation_vector, found.frame.translation])
+        return np.concatenate([fit.frame.rotation_vector, fit.frame.translation])
     return change.size
 
 
@@ -276,9 +274,6 @@ def fit(observations: Observations) -> Fit:
 
     Args:
         observations: The readings, with their free parameters.
-
-    Returns:
-        The best fit.
     """
     free = observations.free
     count = 6 * free.frame + 3 * len(observations.markers) * free.targets + len(free.theta)
