@@ -154,7 +154,7 @@ def _near_legs(cost: Array) -> Mask:
 def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, integer: bool) -> Ids:
     """Choose the cheapest legs, (legs, 2), two per place, without a subtour in any of the parts.
 
-    Where whole is False, legs may be used in part: the linear relaxation.
+    Unless they are integer, legs may be used in part: the linear relaxation.
     """
     ends = np.zeros((n, len(legs)))
     ends[legs.T, np.arange(len(legs))] = 1
@@ -314,7 +314,8 @@ def place_gauges(plan: Plan, gauges: Gauges, reach: Feasibility, rng: np.random.
     every = gauge_rows(spec, examined.q, examined.load, gauges, problem.lift)
     # poses with their gauges by exchange, then better joint angles with these gauges
     start, pose = _exchange_places(plan, gauges, every)
-    q, load = _refine_places(plan, gauges, start, examined.q[pose], examined.load[pose], search)
+    load = examined.load[pose]
+    q = _refine_places(plan, gauges, start, examined.q[pose], load, search)
     # the order of measuring, and other gauges where these are better now
     order = _measuring_order(q, load, reach)
     q, load = q[order], load[order]
@@ -345,15 +346,15 @@ def _exchange_places(plan: Plan, gauges: Gauges, every: Array) -> tuple[GaugePla
 
 def _refine_places(
     plan: Plan, gauges: Gauges, placed: GaugePlan, q: Array, load: Ids, search: Search
-) -> tuple[Array, Ids]:
-    """Improve the joint angles of poses whose gauges stay, (poses, n) [rad, m]; the loads stay too."""
+) -> Array:
+    """Improve the joint angles of poses whose gauges and loads stay, (poses, n) [rad, m]."""
     problem = plan.examined.problem
 
     def rows(trial: Array, places: Ids) -> Array:
         touched = np.arange(len(trial))[:, None], placed.marker[places], placed.axis[places]
         return gauge_rows(plan.specification, trial, load[places], gauges, problem.lift)[touched]
 
-    return refine_plan(q, problem.prior, plan.criterion, rows, search), load
+    return refine_plan(q, problem.prior, plan.criterion, rows, search)
 
 
 def _better_gauges(
