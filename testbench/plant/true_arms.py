@@ -187,6 +187,9 @@ def member_of_family(arm: Arm, rng: np.random.Generator) -> Arm:
     Args:
         arm: The arm as its folder describes it.
         rng: Source of randomness.
+
+    Returns:
+        The drawn arm.
     """
     return TRUTHS[str(rng.choice(list(TRUTHS)))].draw(arm, rng)
 
