@@ -303,14 +303,8 @@ def _held_out(
 ) -> Array:
     """Compute the sums of squares of held-out parts, predicted by the other readings.
 
-    Frames and mounts that the others hardly determine are fitted to the held-out parts.
-
-    Args:
-        active: The unknowns.
-        S: Gram matrices of all readings.
-        parts: Held-out parts: a block, or all blocks of a series.
-        scales_and_rules: Sizes of errors with noise factors, and criteria of the selection.
-        variances: Variances of frames and mounts by all readings, (k,).
+    S are the Gram matrices of all readings; a part is a block, or all blocks of a series. Frames and mounts
+    that the others hardly determine are fitted to the held-out parts; variances are theirs by all readings.
     """
     (learnt, rules), k = scales_and_rules, len(variances)
     # Gram matrices of the other readings: the difference of two sums.

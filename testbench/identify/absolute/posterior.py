@@ -197,10 +197,7 @@ def inside_ellipsoid(residual: Array, covariance: Array) -> Array:
 def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
     """Combine the posterior of frame and mount, of precision root^T root, with that of the arm.
 
-    Args:
-        model: The calibrated arm, a unknowns.
-        root: Triangular factor of the columns of frame and mount, (f, f).
-        with_arm: Products of these columns with those of the arm, (f, a).
+    `root` is (f, f), and `with_arm` holds the products of these columns with those of the arm, (f, a).
     """
     f, posterior = len(root), model.posterior
     inverse: Array = solve_triangular(root, np.eye(f))

@@ -327,11 +327,7 @@ def _poses_so_far(pose: Ids) -> Ids:
 def _clear_step(state: ArmState, series: Series, noise: Noise, elastic: PriorScaling) -> Issue | None:
     """The greatest step in a series, None where there is none that is worth parting it.
 
-    Args:
-        state: The arm without joint errors, with frame and mount of the series.
-        series: Its readings; identifiers of rows are in order of time.
-        noise: How they scatter about it.
-        elastic: Prior of all compliances that there may be.
+    The arm is without joint errors, and rows of the series, by their identifiers, are in order of time.
     """
     one = without_unread_targets(in_order_of_time(series))
     steps = step_places(one, MIN_POSES)
