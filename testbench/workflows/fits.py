@@ -174,7 +174,7 @@ def fit_models(
 
 
 def _shown_runs(runs: MeasuredRuns) -> tuple[MeasuredRuns, Dataset]:
-    """Select the runs for intervals, to check with or else those used, at most `MAX_SHOWN`: a note says so."""
+    """Select the runs for intervals, to check with or else those used; more than `MAX_SHOWN` are thinned."""
     shown = runs.check or runs.used
     if shown.runs <= MAX_SHOWN:
         return runs, shown
