@@ -12,8 +12,9 @@ from testbench.design.rows import (
     MeasurementSetup,
     Specification,
     Tasks,
+    build_problem,
     information,
-    problem_of,
+    measured_rows,
     task_rows,
 )
 from testbench.errors import Array, Ids
@@ -69,7 +70,8 @@ def planning_of_many_poses() -> list[Row]:
         lambda: plan(FEW, 2 * CANDIDATES),
     )
     spec = specification(q, MANY)
-    problem = problem_of(spec, q[:CANDIDATES], np.zeros(CANDIDATES, dtype=int))
+    rows = measured_rows(spec, q[:CANDIDATES], np.zeros(CANDIDATES, dtype=int))
+    problem = build_problem(spec.experiment, rows, spec.uncertainty)
     criterion = LinearCriterion(mean_square(task_rows(spec) @ problem.lift))
     start = np.random.default_rng(2).integers(0, CANDIDATES, MANY)
     fast, slow = interleave(

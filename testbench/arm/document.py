@@ -22,37 +22,17 @@ MAX_CHARACTERS = 400  #: Most characters of a number: 17 digits hold all that a 
 
 
 def is_decimal(text: str) -> bool:
-    """Tell whether a text is a decimal number in ASCII digits, at most `MAX_CHARACTERS` characters long.
-
-    Args:
-        text: The text.
-
-    Returns:
-        Whether it is one.
-    """
+    """Tell whether a text is a decimal number in ASCII digits, at most `MAX_CHARACTERS` characters long."""
     return len(text) <= MAX_CHARACTERS and DECIMAL.fullmatch(text) is not None
 
 
 def is_integer(text: str) -> bool:
-    """Tell whether a text is an integer of 64 bits in ASCII digits.
-
-    Args:
-        text: The text.
-
-    Returns:
-        Whether it is one.
-    """
+    """Tell whether a text is an integer of 64 bits in ASCII digits."""
     return WHOLE.fullmatch(text) is not None and -(2**63) <= int(text) < 2**63
 
 
 def read_decimals(words: Iterable[str]) -> list[float]:
-    """Convert texts to numbers; a number beyond what a double holds becomes infinite.
-
-    Args:
-        words: Texts, one number each.
-
-    Returns:
-        The numbers, in order.
+    """Convert texts to numbers, in order; a number beyond what a double holds becomes infinite.
 
     Raises:
         ValueError: At the first text that is no number.
@@ -142,7 +122,7 @@ FORBIDDEN_FIRST = "=+-@'"
 
 
 def _check_name(name: str) -> str:
-    """Refuse a name that does not print, has blanks at an end, or begins with a character of `FORBIDDEN_FIRST`."""
+    """Refuse a name that does not print, has blanks at an end, or begins with one of `FORBIDDEN_FIRST`."""
     if not name.isprintable() or name != name.strip() or name[0] in FORBIDDEN_FIRST:
         problem = "expected characters that print, no blank at either end, the first none of {unfit}"
         raise PydanticCustomError("name", problem, {"unfit": " ".join(FORBIDDEN_FIRST)})
@@ -233,13 +213,6 @@ def parse_xml(path: Path, text: str) -> ET.Element:
 
 
 def place_of(e: ET.Element) -> str:
-    """Name an XML element for a message, by its tag and name attribute.
-
-    Args:
-        e: The element.
-
-    Returns:
-        Text such as "<body name='link_2'>".
-    """
+    """Name an XML element for a message by its tag and name attribute, such as "<body name='link_2'>"."""
     name = e.get("name", "")[:MAX_SHOWN]
     return f"<{e.tag} name={name!r}>" if name else f"<{e.tag}>"

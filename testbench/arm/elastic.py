@@ -268,9 +268,6 @@ def read_elastic(path: Path) -> Elastic:
     Args:
         path: The file.
 
-    Returns:
-        Its content.
-
     Raises:
         InputError: When the file cannot be read, is not TOML, or a value is wrong; the message names the
             place.

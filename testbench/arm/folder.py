@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from testbench.arm.elastic import (
     read_elastic,
     tube_compliance,
 )
-from testbench.arm.joint_map import JointMap, build_map, file_limits, narrow_limits
+from testbench.arm.joint_map import ArmJoint, JointMap, build_map, file_limits, narrow_limits
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.display import Displayed
 from testbench.errors import (
@@ -54,9 +53,6 @@ def find_arm(name: str | Path) -> Path:
     Args:
         name: Path of the folder, or name of an arm that comes with testbench.
 
-    Returns:
-        The folder.
-
     Raises:
         InputError: When there is neither.
         BenchError: When it is neither text nor a path.
@@ -79,42 +75,6 @@ class Link:
     frame: Array  #: Beam axes x, y, z as columns, in the body's axes, (3, 3) [1].
     #: True compliance in the beam frame at the link's end, (6, 6) [m/N, rad/N, rad/(N m)].
     compliance: Array
-
-
-@dataclass(frozen=True)
-class ArmJoint:
-    """Describe an actuated joint, a hinge or a slide, with its spring in series."""
-
-    name: str  #: Name of the hinge or slide in rigid.xml.
-    lower: float  #: Lower limit [rad, m].
-    upper: float  #: Upper limit [rad, m].
-    compliance: float  #: True compliance [rad/(N m), m/N].
-    prismatic: bool = False  #: Whether it is a slide.
-
-    @property
-    def unit(self) -> Literal["rad", "m"]:
-        """Return the unit of its coordinate, rad or m."""
-        return "m" if self.prismatic else "rad"
-
-    @property
-    def column(self) -> str:
-        """Name its column in a file, such as joint_2_rad."""
-        return f"{self.name}_{self.unit}"
-
-    @property
-    def shown_unit(self) -> Literal["deg", "mm"]:
-        """Return the unit in which people read its coordinate, deg or mm."""
-        return "mm" if self.prismatic else "deg"
-
-    @property
-    def shown_column(self) -> str:
-        """Name a column in the unit that people read, such as joint_2_deg."""
-        return f"{self.name}_{self.shown_unit}"
-
-    @property
-    def shown(self) -> float:
-        """Return the factor from its SI unit to the unit that people read, deg per rad or mm per m."""
-        return 1e3 if self.prismatic else 180 / math.pi
 
 
 @dataclass(frozen=True)
@@ -196,36 +156,15 @@ class Arm(Displayed):
         return tuple(ArmJoint(name, low, high, math.nan, slides) for name, (low, high), slides in rows)
 
     def to_model(self, q: Array) -> Array:
-        """Convert file joints to chain joints, q = L q_file + q_0.
-
-        Args:
-            q: File joints, (..., m) [rad, m].
-
-        Returns:
-            Chain joints, (..., n) [rad, m].
-        """
+        """Convert file joints, (..., m) [rad, m], to chain joints, q = L q_file + q_0, (..., n) [rad, m]."""
         return q if self.joint_map is None else self.joint_map.to_model(q)
 
     def to_file(self, q: Array) -> Array:
-        """Convert chain joints to file joints.
-
-        Args:
-            q: Chain joints, (..., n) [rad, m].
-
-        Returns:
-            File joints, (..., m) [rad, m].
-        """
+        """Convert chain joints, (..., n) [rad, m], to file joints, (..., m) [rad, m]."""
         return q if self.joint_map is None else self.joint_map.to_file(q)
 
     def change_to_file(self, change: Array) -> Array:
-        """Convert a change of chain joints to a change of file joints, without offsets.
-
-        Args:
-            change: Change of chain joints, (..., n) [rad, m].
-
-        Returns:
-            Change of file joints, (..., m) [rad, m].
-        """
+        """Convert a change of chain joints, (..., n) [rad, m], to one of file joints, (..., m)."""
         return change if self.joint_map is None else self.joint_map.change_to_file(change)
 
     @property
@@ -234,25 +173,11 @@ class Arm(Displayed):
         return np.array([joint.shown for joint in self.file_joints])
 
     def shown(self, q: Array) -> Array:
-        """Convert chain joints to file joints in the units that people read.
-
-        Args:
-            q: Chain joints, (..., n) [rad, m].
-
-        Returns:
-            File joints, (..., m) [deg, mm].
-        """
+        """Convert chain joints, (..., n) [rad, m], to file joints as people read them, (..., m) [deg, mm]."""
         return self.scale * self.to_file(q)
 
     def from_shown(self, values: Array) -> Array:
-        """Convert file joints in the units that people write to chain joints.
-
-        Args:
-            values: File joints, (..., m) [deg, mm].
-
-        Returns:
-            Chain joints, (..., n) [rad, m].
-        """
+        """Convert file joints as people write them, (..., m) [deg, mm], to chain joints, (..., n)."""
         return self.to_model(values / self.scale)
 
     def limit_distance(self, q: Array) -> Array:
@@ -274,14 +199,7 @@ class Arm(Displayed):
         return np.asarray(self.scale * slack)
 
     def pose_text(self, q: Array) -> str:
-        """Write a pose for people: file joints in degrees, and in millimetres where they slide.
-
-        Args:
-            q: Chain joints of one pose, (n,) [rad, m].
-
-        Returns:
-            The text, rounded to two decimals.
-        """
+        """Write a pose, (n,) [rad, m], for people: file joints in degrees, slides in millimetres."""
         values, joints = self.shown(q).round(2).tolist(), self.file_joints
         if not any(joint.prismatic for joint in joints):
             return f"{values} deg"
@@ -310,25 +228,11 @@ class Arm(Displayed):
         )
 
     def with_dependent_joints(self, q: Array) -> Array:
-        """Move dependent joints to where the joints that they follow bring them.
-
-        Args:
-            q: Chain joints, (..., n) [rad, m].
-
-        Returns:
-            Chain joints, (..., n) [rad, m]; unchanged without dependent joints.
-        """
+        """Move the dependent joints of poses, (..., n) [rad, m], to where the others bring them."""
         return q if self.joint_map is None else self.joint_map.with_dependent_joints(q)
 
     def clip_to_limits(self, q: Array) -> Array:
-        """Clip joints to their limits, then move dependent joints to where the others bring them.
-
-        Args:
-            q: Chain joints, (..., n) [rad, m].
-
-        Returns:
-            Chain joints, (..., n) [rad, m].
-        """
+        """Clip joints, (..., n) [rad, m], to their limits; dependent joints then follow the others."""
         return self.with_dependent_joints(np.clip(q, *self.limits))
 
     def draw_poses(self, rng: np.random.Generator, count: int) -> Array:

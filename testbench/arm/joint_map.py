@@ -5,9 +5,10 @@ level by dependent joints. Both are this one linear map. Files, programs, plans 
 people read are in file joints; all mathematics is in the joints of the chain.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -19,24 +20,40 @@ MAX_COEFFICIENT = 1000.0  #: Largest coefficient of a file joint [1].
 MAX_LISTED = 100  #: Most characters of joint names in a message.
 
 
-class Coordinate(Protocol):
-    """Define what a map asks of a chain joint: name, limits and kind."""
+@dataclass(frozen=True)
+class ArmJoint:
+    """Describe an actuated joint, a hinge or a slide, with its spring in series."""
+
+    name: str  #: Name of the hinge or slide in rigid.xml.
+    lower: float  #: Lower limit [rad, m].
+    upper: float  #: Upper limit [rad, m].
+    compliance: float  #: True compliance [rad/(N m), m/N].
+    prismatic: bool = False  #: Whether it is a slide.
 
     @property
-    def name(self) -> str:
-        """Return its name."""
+    def unit(self) -> Literal["rad", "m"]:
+        """Return the unit of its coordinate, rad or m."""
+        return "m" if self.prismatic else "rad"
 
     @property
-    def lower(self) -> float:
-        """Return its lower limit [rad, m]."""
+    def column(self) -> str:
+        """Name its column in a file, such as joint_2_rad."""
+        return f"{self.name}_{self.unit}"
 
     @property
-    def upper(self) -> float:
-        """Return its upper limit [rad, m]."""
+    def shown_unit(self) -> Literal["deg", "mm"]:
+        """Return the unit in which people read its coordinate, deg or mm."""
+        return "mm" if self.prismatic else "deg"
 
     @property
-    def prismatic(self) -> bool:
-        """Tell whether it is a slide."""
+    def shown_column(self) -> str:
+        """Name a column in the unit that people read, such as joint_2_deg."""
+        return f"{self.name}_{self.shown_unit}"
+
+    @property
+    def shown(self) -> float:
+        """Return the factor from its SI unit to the unit that people read, deg per rad or mm per m."""
+        return 1e3 if self.prismatic else 180 / math.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,48 +81,21 @@ class JointMap:
         return len(self.names) == len(self.q_0)
 
     def to_model(self, q: Array) -> Array:
-        """Convert file joints to chain joints, L q + q_0.
-
-        Args:
-            q: File joints, (..., m) [rad, m].
-
-        Returns:
-            Chain joints, (..., n) [rad, m].
-        """
+        """Convert file joints, (..., m) [rad, m], to chain joints, L q + q_0, (..., n) [rad, m]."""
         return np.asarray(q @ self.L.T + self.q_0)
 
     def to_file(self, q: Array) -> Array:
-        """Convert chain joints to file joints, by the free joints alone.
-
-        Args:
-            q: Chain joints, (..., n) [rad, m]; values of joints that follow others do not matter.
-
-        Returns:
-            File joints, (..., m) [rad, m].
-        """
+        """Convert chain joints, (..., n) [rad, m], to file joints, (..., m), by the free joints alone."""
         return self.change_to_file(q - self.q_0)
 
     def change_to_file(self, change: Array) -> Array:
-        """Convert a change of chain joints to a change of file joints, without offsets.
-
-        Args:
-            change: Change of chain joints, (..., n) [rad, m].
-
-        Returns:
-            Change of file joints, (..., m) [rad, m].
-        """
+        """Convert a change of chain joints, (..., n) [rad, m], to one of file joints, (..., m)."""
         return np.asarray(change[..., self.free] @ self.inverse.T) + 0.0
 
     def torque_to_model(self, torque: Array) -> Array:
-        """Convert torques of file joints to torques of chain joints.
+        """Convert torques of file joints, (..., m) [N m, N], to torques of chain joints, (..., n) [N m, N].
 
         Both do the same work, so torque_file = L^T torque_model.
-
-        Args:
-            torque: Torques of file joints, (..., m) [N m, N].
-
-        Returns:
-            Torques of chain joints, (..., n) [N m, N].
 
         Raises:
             BenchError: When joints follow others: their torques cannot be separated.
@@ -115,25 +105,11 @@ class JointMap:
         return np.asarray(torque @ self.inverse)
 
     def torque_to_file(self, torque: Array) -> Array:
-        """Convert torques of chain joints to torques of file joints, L^T torque.
-
-        Args:
-            torque: Torques of chain joints, (..., n) [N m, N].
-
-        Returns:
-            Torques of file joints, (..., m) [N m, N].
-        """
+        """Convert torques of chain joints, (..., n) [N m, N], to file joints, L^T torque, (..., m)."""
         return np.asarray(torque @ self.L)
 
     def with_dependent_joints(self, q: Array) -> Array:
-        """Move dependent joints to where the free ones bring them.
-
-        Args:
-            q: Chain joints, (..., n) [rad, m].
-
-        Returns:
-            Chain joints, (..., n) [rad, m]; the free ones unchanged.
-        """
+        """Move the dependent joints of poses, (..., n) [rad, m], to where the free ones bring them."""
         if self.square:
             return q
         found = q.copy()
@@ -143,14 +119,10 @@ class JointMap:
         return found
 
     def followed_joint(self, k: int) -> tuple[int, float, float] | None:
-        """Find the one free joint that a chain joint follows, q_k = c q_j + offset.
-
-        Args:
-            k: Index of the chain joint.
+        """Find the one free joint that chain joint k follows, q_k = c q_j + offset.
 
         Returns:
-            Index j, multiplier c [1] and offset [rad, m]; None where k is free, or follows no joint or
-            several.
+            Index j, multiplier c [1] and offset [rad, m]; None where k is free, or follows none or several.
         """
         drivers = np.flatnonzero(self.dependence[k])
         if k in self.free or len(drivers) != 1:
@@ -159,14 +131,7 @@ class JointMap:
         return j, c, float(self.q_0[k] - c * self.q_0[j])
 
     def sum_text(self, k: int) -> str:
-        """Write a chain joint as a sum of file joints, such as "joint_3 - joint_2".
-
-        Args:
-            k: Index of the chain joint.
-
-        Returns:
-            The text; an offset is in deg or mm.
-        """
+        """Write chain joint k as a sum of file joints, such as "joint_3 - joint_2"; offsets in deg or mm."""
         terms = [
             f"{'-' if c < 0 else '+'} {'' if abs(c) == 1 else f'{abs(c):.6g} '}{name}"
             for name, c in zip(self.names, self.L[k].tolist(), strict=True)
@@ -180,7 +145,7 @@ class JointMap:
 
 
 def build_map(
-    joints: Sequence[Coordinate], rows: Mapping[str, Mapping[str, float]], q_0: Mapping[str, float]
+    joints: Sequence[ArmJoint], rows: Mapping[str, Mapping[str, float]], q_0: Mapping[str, float]
 ) -> JointMap | None:
     """Build the joint map of a chain.
 
@@ -246,7 +211,7 @@ def _independent_rows(L: Array, order: Sequence[int]) -> Ids:
     return np.array(sorted(found), dtype=int)
 
 
-def file_limits(joint_map: JointMap, joints: Sequence[Coordinate]) -> Array:
+def file_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
     """Compute the least and the largest value of every file joint within the limits of the free chain joints.
 
     Args:
@@ -264,7 +229,7 @@ def file_limits(joint_map: JointMap, joints: Sequence[Coordinate]) -> Array:
     return np.array([parts.min(axis=2).sum(axis=1), parts.max(axis=2).sum(axis=1)])
 
 
-def narrow_limits(joint_map: JointMap, joints: Sequence[Coordinate]) -> Array:
+def narrow_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
     """Narrow the limits of free joints so that joints that follow one of them stay within theirs.
 
     Args:

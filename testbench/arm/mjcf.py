@@ -49,13 +49,7 @@ GRAVITY = 9.81  #: Gravitational acceleration along -z of every cell [m/s^2]; Mu
 
 
 def read_mjcf(path: Path) -> ET.Element:
-    """Read an arm's MJCF and check it against the lists of elements and attributes.
-
-    Args:
-        path: The file.
-
-    Returns:
-        Its root element.
+    """Read an arm's MJCF, check it against the lists of elements and attributes, and return its root element.
 
     Raises:
         InputError: When it is missing, too large, not well-formed, or contains what an arm may not.
@@ -201,14 +195,7 @@ def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = MA
 
 
 def angle_unit(root: ET.Element) -> float:
-    """Find the unit of a file's angles; MJCF's default is the degree.
-
-    Args:
-        root: Root element of the MJCF.
-
-    Returns:
-        Size of one unit [rad].
-    """
+    """Find the size of the unit of a file's angles [rad]; MJCF's default is the degree."""
     angle = "degree"
     for compiler in root.iter("compiler"):
         angle = compiler.get("angle", angle)
@@ -222,9 +209,6 @@ def find_body(path: Path, root: ET.Element, name: str) -> ET.Element:
         path: Path of the MJCF, for messages.
         root: Its root element.
         name: Name of the body.
-
-    Returns:
-        Its element.
 
     Raises:
         InputError: When there is none, or more than one.
@@ -245,13 +229,7 @@ MAX_TOTAL = 256_000_000  #: Largest size of all mesh files of an arm together [b
 
 
 def read_meshes(files: Mapping[str, Path]) -> dict[str, bytes]:
-    """Read the mesh files of an arm.
-
-    Args:
-        files: Paths by the names that the MJCF has for them.
-
-    Returns:
-        Contents by the same names.
+    """Read the mesh files of an arm; paths and contents are by the names that the MJCF has for them.
 
     Raises:
         InputError: When a file is no plain file, of a kind that MuJoCo does not read, or too large; or when

@@ -35,7 +35,7 @@ from testbench.correct.newton import (
     with_rows,
 )
 from testbench.correct.uncertainty import LoadedPoses, half_widths
-from testbench.data.dataset import in_order, join_rows
+from testbench.data.dataset import join_rows, select_rows
 from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_items, check_type
 from testbench.identify.arm_model import ArmModel
@@ -97,7 +97,7 @@ def solve_poses(vjm: Vjm, target: Target, start: Array) -> Reached:
         # Levenberg's damping, in proportion to the squared error
         weight = damping[some] * cost[some] + MIN_DAMPING * lever**2
         trial = vjm.arm.clip_to_limits(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits))
-        e_trial, J_trial = _error(vjm, lever, trial, in_order(target, some))
+        e_trial, J_trial = _error(vjm, lever, trial, select_rows(target, some))
         gain = 1 - _square(e_trial) / cost[some]
         # accept what comes nearer: less damping after a gain, more after none (Levenberg-Marquardt)
         better = gain > 0
@@ -192,7 +192,7 @@ def joints_along(
         return solve_poses(vjm, target, near)
     if not len(position):
         raise BenchError("position [m]: expected at least one point")
-    tries = _start_configurations(vjm, in_order(target, slice(1)), start)
+    tries = _start_configurations(vjm, select_rows(target, slice(1)), start)
     return _follow_path(vjm, target, _best_start(vjm, target, tries))
 
 
@@ -203,7 +203,7 @@ def _best_start(vjm: Vjm, target: Target, tries: Array) -> Array:
     some = np.arange(0, len(target.position), math.ceil(len(target.position) / MAX_SAMPLE))
     counts: list[int] = []
     for q in tries:
-        counts.append(int(_follow_once(vjm, in_order(target, some), q)[0].converged.sum()))
+        counts.append(int(_follow_once(vjm, select_rows(target, some), q)[0].converged.sum()))
         if counts[-1] == len(some):
             break
     return np.asarray(tries[int(np.argmax(counts))])
@@ -220,7 +220,7 @@ def _start_configurations(vjm: Vjm, target: Target, start: Array | None) -> Arra
     # Else from many random configurations, nearest to the start or to zero.
     near = arm.clip_to_limits(np.zeros(arm.n_joints) if start is None else start)
     seeds = arm.draw_poses(np.random.default_rng(0), START_CONFIGURATIONS)
-    many = solve_poses(vjm, in_order(target, np.zeros(START_CONFIGURATIONS, dtype=int)), seeds)
+    many = solve_poses(vjm, select_rows(target, np.zeros(START_CONFIGURATIONS, dtype=int)), seeds)
     if not many.converged.any():
         return many.q[[np.argmin(many.distance + vjm.reach * many.angle)]]
     # Away from the limits first, then the nearest.
@@ -283,13 +283,13 @@ def _follow_path(vjm: Vjm, target: Target, first: Array) -> Reached:
             break
         tried, after = i, np.arange(i, len(target.position))
         # forwards: the rest of the path from the joints before the jump
-        rest, more = _follow_once(vjm, in_order(target, after), reached.q[i])
+        rest, more = _follow_once(vjm, select_rows(target, after), reached.q[i])
         if rest.converged.sum() >= reached.converged[after].sum() and 0 not in more:
             reached, rough = with_rows(reached, after, rest), i + more
             continue
         # backwards: from the joints behind the jump to where both branches meet
         before = np.arange(i + 1, -1, -1)
-        back, _ = _follow_once(vjm, in_order(target, before), reached.q[i + 1])
+        back, _ = _follow_once(vjm, select_rows(target, before), reached.q[i + 1])
         gap = np.abs(back.q[::-1][1:] - reached.q[: i + 1]).max(axis=1)
         meet = int(np.argmin(gap)) + 1
         own = np.arange(meet, i + 2)
@@ -297,7 +297,7 @@ def _follow_path(vjm: Vjm, target: Target, first: Array) -> Reached:
             gap[meet - 1] < MAX_STEADY_MOTION
             and back.converged[: len(own)].sum() >= reached.converged[own].sum()
         ):
-            reached = with_rows(reached, own, in_order(back, i + 1 - own))
+            reached = with_rows(reached, own, select_rows(back, i + 1 - own))
     return reached
 
 
@@ -334,8 +334,8 @@ def _retry_unreached(vjm: Vjm, target: Target, reached: Reached) -> Reached:
     right = np.minimum(np.searchsorted(there, lost), len(there) - 1)
     left = np.maximum(right - 1, 0)
     nearer = np.where(np.abs(there[left] - lost) < np.abs(there[right] - lost), left, right)
-    other = solve_poses(vjm, in_order(target, lost), reached.q[there[nearer]])
-    return with_rows(reached, lost[other.converged], in_order(other, np.flatnonzero(other.converged)))
+    other = solve_poses(vjm, select_rows(target, lost), reached.q[there[nearer]])
+    return with_rows(reached, lost[other.converged], select_rows(other, np.flatnonzero(other.converged)))
 
 
 def solve_path(vjm: Vjm, target: Target, guess: Reached, unsolved: Ids) -> Reached:
@@ -353,15 +353,15 @@ def solve_path(vjm: Vjm, target: Target, guess: Reached, unsolved: Ids) -> Reach
     while len(unsolved):
         # solve from the left neighbour; where that changes a pose, the pose behind it is open again
         reached, old = (
-            solve_poses(vjm, in_order(target, unsolved), guess.q[unsolved - 1]),
-            in_order(guess, unsolved),
+            solve_poses(vjm, select_rows(target, unsolved), guess.q[unsolved - 1]),
+            select_rows(guess, unsolved),
         )
         moved = np.abs(reached.q - old.q).max(axis=1) > SAME_CONFIGURATION
         nearer = reached.distance + reached.angle * vjm.reach < MIN_IMPROVEMENT * (
             old.distance + old.angle * vjm.reach
         )
         change = np.where(reached.converged, moved | ~old.converged, nearer & ~old.converged)
-        guess = with_rows(guess, unsolved[change], in_order(reached, np.flatnonzero(change)))
+        guess = with_rows(guess, unsolved[change], select_rows(reached, np.flatnonzero(change)))
         unsolved = unsolved[change] + 1
         unsolved = unsolved[unsolved < len(guess.q)]
     return guess
@@ -379,21 +379,21 @@ def path_supports(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[
     Returns:
         Indices of all supports, (supports,), and their joints, (supports, n) [rad, m].
     """
-    found = solve_poses(vjm, in_order(target, places), np.tile(first, (len(places), 1)))
+    found = solve_poses(vjm, select_rows(target, places), np.tile(first, (len(places), 1)))
     open_ = np.arange(1, len(places))
     for _ in range(HALVINGS):
         # the supports so far, each from the one before
-        found = solve_path(vjm, in_order(target, places), found, open_)
+        found = solve_path(vjm, select_rows(target, places), found, open_)
         far = np.abs(np.diff(found.q, axis=0)).max(axis=1, initial=0) > MAX_SUPPORT_MOTION
         wide = np.flatnonzero(far & found.converged[1:] & found.converged[:-1] & (np.diff(places) > 1))
         if not len(wide):
             break
         # halfway between supports whose joints are far apart a new one is added
         between = (places[wide] + places[wide + 1]) // 2
-        reached = solve_poses(vjm, in_order(target, between), found.q[wide])
+        reached = solve_poses(vjm, select_rows(target, between), found.q[wide])
         order = np.argsort(np.concatenate([places, between]))
         places = np.concatenate([places, between])[order]
-        found = in_order(join_rows([found, reached]), order)
+        found = select_rows(join_rows([found, reached]), order)
         open_ = np.flatnonzero(np.isin(places, between)) + 1
     return places, found.q
 

@@ -30,7 +30,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from testbench.data.dataset import Rows, in_order, join_rows, row_arrays
+from testbench.data.dataset import Rows, join_rows, row_arrays, select_rows
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.identify.absolute.state import ArmState, joint_equilibrium, loads_at, unsprung_theta
 from testbench.model.load import Load
@@ -41,14 +41,7 @@ POSES_AT_ONCE = 512  #: Poses computed side by side: enough for numpy, few for i
 
 
 def batches(poses: int) -> Iterator[slice]:
-    """Split poses into slices of at most `POSES_AT_ONCE`, and report progress; one empty slice for no poses.
-
-    Args:
-        poses: Number of poses.
-
-    Returns:
-        The slices, in order.
-    """
+    """Split poses into slices of at most `POSES_AT_ONCE`, with progress; one empty slice for none."""
     return stepwise(
         [slice(k, k + POSES_AT_ONCE) for k in range(0, max(poses, 1), POSES_AT_ONCE)], "solving poses"
     )
@@ -91,25 +84,11 @@ class RestPoses:
     rotation: Array  #: Orientation, world from tool, (poses, 3, 3) [1].
 
     def at(self, point: Array) -> Array:
-        """Compute world positions of one point of the tool.
-
-        Args:
-            point: Point in the tool's frame, (3,), or one per pose, (poses, 3) [m].
-
-        Returns:
-            Positions in the world, (poses, 3) [m].
-        """
+        """Compute world positions, (poses, 3) [m], of a point of the tool, (3,), or of one per pose."""
         return np.asarray(self.position + np.matvec(self.rotation, point))
 
     def points(self, points: Array) -> Array:
-        """Compute world positions of several points of the tool.
-
-        Args:
-            points: Points in the tool's frame, (k, 3) [m].
-
-        Returns:
-            Positions in the world, (poses, k, 3) [m].
-        """
+        """Compute world positions, (poses, k, 3) [m], of several points of the tool, (k, 3) [m]."""
         return points_on_tool((self.position, self.rotation), points)
 
 
@@ -296,15 +275,8 @@ class Points:
     may_move: Array  #: 1 for a joint that may move, 0 for one that is held, (points, n).
 
     def select(self, points: slice | Ids) -> "Points":
-        """Take some of the points.
-
-        Args:
-            points: Indices of points, (k,), or a slice.
-
-        Returns:
-            k points.
-        """
-        loads, target = [load.select(points) for load in self.loads], in_order(self.target, points)
+        """Take some of the points, by indices or a slice."""
+        loads, target = [load.select(points) for load in self.loads], select_rows(self.target, points)
         return replace(
             self, start=self.start[points], loads=loads, target=target, may_move=self.may_move[points]
         )
@@ -367,7 +339,7 @@ def solve_inverse_statics(points: Points) -> Corrected:
         if len(bad):
             again = _in_batches(replace(points.select(bad), aim=aim), MAX_STEPS, renewed=renewed)
             better = np.flatnonzero(again.solved)
-            assign_rows(corrected, bad[better], in_order(again, better))
+            assign_rows(corrected, bad[better], select_rows(again, better))
     return corrected
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.correct.newton import RestPoses, batches, equilibrium
-from testbench.data.dataset import in_order
+from testbench.data.dataset import evenly, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import ArmState
 from testbench.identify.arm_model import ArmModel
@@ -44,38 +44,18 @@ class LoadedPoses:
         object.__setattr__(self, "loads", [load.over(len(self.q)) for load in self.loads])
 
     def select(self, poses: slice | Ids) -> "LoadedPoses":
-        """Take some of the poses.
-
-        Args:
-            poses: Indices of poses, (k,), or a slice.
-
-        Returns:
-            k poses with their loads.
-        """
-        known = None if self.equilibrium is None else in_order(self.equilibrium, poses)
+        """Take some of the poses with their loads, by indices or a slice."""
+        known = None if self.equilibrium is None else select_rows(self.equilibrium, poses)
         return LoadedPoses(
             self.q[poses], [load.select(poses) for load in self.loads], self.with_own_weight, known
         )
 
     def releases(self, other: "LoadedPoses") -> bool:
-        """Tell whether these poses are those of others, without loads.
-
-        Args:
-            other: The loaded poses.
-
-        Returns:
-            True where joints are equal and no load counts here.
-        """
+        """Tell whether these poses are those of others without loads: equal joints, and no load here."""
         return not (self.loads or self.with_own_weight) and np.array_equal(self.q, other.q)
 
     def at_rest(self, state: ArmState) -> RestPoses:
         """Return the equilibrium under these loads, solved if it is not known.
-
-        Args:
-            state: The identified arm.
-
-        Returns:
-            Virtual joints and the tool's pose.
 
         Raises:
             NoEquilibrium: When the arm cannot carry the loads; the message names the pose.
@@ -267,7 +247,7 @@ def largest_uncertainty(
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
     """
-    some = np.unique(np.linspace(0, len(q) - 1, min(MAX_POSES, len(q))).round().astype(int))
+    some = evenly(np.arange(len(q)), MAX_POSES)
     end = LoadedPoses(q, loads, with_own_weight=absolute).select(some)
     rows = rows_between(model, end, None if absolute else LoadedPoses(q[some]), point[None])
     rows = rows.reshape(-1, rows.shape[-1])

@@ -146,13 +146,9 @@ class Dataset(Displayed):
         return np.where(self.lines[..., None, None], P / trace**2, found)
 
     def as_read(self, vectors: Array) -> Array:
-        """Project motions of the markers on what was read of them.
+        """Project motions of the markers, (..., runs, m, 3) [m], on what was read of them.
 
-        Args:
-            vectors: Such as predicted deflections, (..., runs, m, 3) [m].
-
-        Returns:
-            Positions unchanged, readings along a line as the part along it, (..., runs, m, 3) [m].
+        Positions stay unchanged; of a reading along a line the part along it is left.
         """
         if self.direction is None:
             return vectors
@@ -293,56 +289,36 @@ def select(data: Dataset, runs: Mask) -> Dataset:
         data: The runs.
         runs: Mask, (runs,).
 
-    Returns:
-        The selected runs.
-
     Raises:
         BenchError: When the mask has another length than the dataset.
     """
     if np.shape(runs) != (data.runs,):
         raise BenchError(f"select: expected a mask of {data.runs} runs, got shape {np.shape(runs)}")
-    return in_order(data, np.flatnonzero(runs))
+    return select_rows(data, np.flatnonzero(runs))
 
 
 Rows = TypeVar("Rows", bound="DataclassInstance")
 
 
 def join_rows(parts: Sequence[Rows]) -> Rows:
-    """Concatenate the rows of several parts.
-
-    Args:
-        parts: The parts; all else is taken from the first.
-
-    Returns:
-        One part with all rows.
-    """
+    """Concatenate the rows of several parts; all else is taken from the first."""
     every = [row_arrays(part) for part in parts]
     whole = {name: np.concatenate([own[name] for own in every]) for name in every[0]}
     return replace(parts[0], **whole)
 
 
 def row_arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:
-    """Return the fields that are arrays with one row per run, reading or pose.
-
-    Args:
-        data: A dataclass of such arrays.
-
-    Returns:
-        The arrays by the names of their fields.
-    """
+    """Return the fields of a dataclass that are arrays with one row per run, reading or pose, by name."""
     every = {field.name: getattr(data, field.name) for field in fields(data)}
     return {name: own for name, own in every.items() if isinstance(own, np.ndarray)}
 
 
-def in_order(data: Rows, rows: Ids | Mask | slice) -> Rows:
+def select_rows(data: Rows, rows: Ids | Mask | slice) -> Rows:
     """Select rows of data with one entry per run, reading or pose.
 
     Args:
         data: The rows.
         rows: Mask, (rows,), or indices in any order.
-
-    Returns:
-        The rows.
     """
     return replace(data, **{name: own[rows] for name, own in row_arrays(data).items()})
 
@@ -358,6 +334,19 @@ def evenly(runs: Ids, count: int = MAX_SHOWN) -> Ids:
         The selected runs, (min(n, most),).
     """
     return np.asarray(runs[np.linspace(0, len(runs) - 1, min(count, len(runs))).round().astype(int)])
+
+
+def evenly_spaced(count: int, most: int) -> Ids:
+    """List at most `most` indices below a count, evenly spaced and rounded down, both ends among them.
+
+    Args:
+        count: Number of rows.
+        most: Number of indices to keep.
+
+    Returns:
+        Indices, ascending, (min(count, most),).
+    """
+    return np.linspace(0, count - 1, min(most, count)).astype(int)
 
 
 def split(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:
@@ -509,9 +498,6 @@ def numbers_per_target(series: Sequence[Series]) -> float:
     return sum((3 if position else 1) * n for position, n in read) / sum(n for _, n in read)
 
 
-select_rows = in_order  #: The rows of a mask, or of their places, (rows,).
-
-
 def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
     """Convert deflection pairs to absolute readings: two rows per run, one pose; one series per station.
 
@@ -519,18 +505,15 @@ def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
         data: The pairs; their orientations are carried over.
         name: First part of every frame's name; the number of the station follows.
         target: Name of the mount.
-
-    Returns:
-        The series.
     """
     stations = [1] if data.station is None else np.unique(data.station).tolist()
-    every = [(station, in_order(data, runs_of_station(data, station))) for station in stations]
+    every = [(station, select_rows(data, runs_of_station(data, station))) for station in stations]
     return tuple(_unloaded_and_loaded(own, name, f"{name} {station}", target) for station, own in every)
 
 
 def _unloaded_and_loaded(data: Dataset, name: str, frame: str, target: str) -> Series:
     """Combine the unloaded and then the loaded readings of some runs."""
-    rotation, both = None, in_order(data, np.tile(np.arange(data.runs), 2))
+    rotation, both = None, select_rows(data, np.tile(np.arange(data.runs), 2))
     placed = (data.seen & ~data.lines)[..., None]  # a reading along a line is no position
     P = both.precision
     if P is not None and both.direction is not None:

@@ -34,7 +34,7 @@ class Observability:
     o4: float  #: s_min^2 / s_max: noise amplification index.
     o5: float  #: 1 / sum(1 / s): harmonic mean over r.
     seen: int  #: Directions that the plan sees.
-    showable: int  #: Directions that the candidates can show.
+    of: int  #: Directions that the candidates can show.
 
 
 def observability(problem: DesignProblem, chosen: Ids) -> Observability:
@@ -60,7 +60,7 @@ def observability(problem: DesignProblem, chosen: Ids) -> Observability:
         o4=float(s[-1] ** 2 / s[0]),
         o5=float(1 / (1 / s).sum()),
         seen=seen,
-        showable=problem.r,
+        of=problem.r,
     )
 
 

@@ -44,15 +44,9 @@ class DeterminantCriterion:
     """Implement the D-criterion det(M)^(1/r), which measures the volume of the confidence ellipsoid."""
 
     def information(self, M: Array) -> float:
-        """Compute Phi(M) = det(M)^(1/r).
+        """Compute Phi(M) = det(M)^(1/r), 0 where M, (r, r), is not positive definite.
 
         Mathematics: `pose-4`.
-
-        Args:
-            M: Information matrix, (r, r).
-
-        Returns:
-            Phi; 0 where M is not positive definite.
         """
         sign, size = np.linalg.slogdet(M)
         return float(np.exp(size / len(M))) if sign > 0 else 0.0
@@ -77,12 +71,6 @@ class DeterminantCriterion:
         """Compute the plane Z = Phi(M) M^-1 / r, from the inequality of arithmetic and geometric means.
 
         Mathematics: `pose-9`.
-
-        Args:
-            M: Information matrix, (r, r).
-
-        Returns:
-            The supporting plane at M.
         """
         value = self.information(M)
         return Tangent(value * np.linalg.inv(M) / len(M), value, bend=1.0)
@@ -98,15 +86,9 @@ class LinearCriterion:
     W: Array  #: Weight, symmetric, positive semi-definite, (r, r).
 
     def information(self, M: Array) -> float:
-        """Compute Phi(M) = 1 / tr(W M^-1).
+        """Compute Phi(M) = 1 / tr(W M^-1), in the inverse unit of W.
 
         Mathematics: `pose-5`.
-
-        Args:
-            M: Information matrix, (r, r).
-
-        Returns:
-            Phi, in the inverse unit of W.
         """
         return float(1 / np.trace(np.linalg.solve(M, self.W)))
 
@@ -130,12 +112,6 @@ class LinearCriterion:
         A concave and homogeneous function lies below <gradient, M'>.
 
         Mathematics: `pose-9`.
-
-        Args:
-            M: Information matrix, (r, r).
-
-        Returns:
-            The supporting plane at M.
         """
         return _tangent(M, self.W)
 
@@ -157,12 +133,6 @@ class LargestCriterion:
         """Compute Phi(M) = 1 / largest cost.
 
         Mathematics: `pose-6`.
-
-        Args:
-            M: Information matrix, (r, r).
-
-        Returns:
-            Phi, in the inverse unit of the costs.
         """
         return float(1 / self.costs(M).max())
 
@@ -189,11 +159,7 @@ class LargestCriterion:
     def tangent(self, M: Array) -> Tangent:
         """Compute a plane above Phi: that of 1 / the power mean of the costs, which is at most their maximum.
 
-        Args:
-            M: Information matrix, (r, r).
-
-        Returns:
-            The plane. Its height at M is 1 / the power mean, so it need not touch Phi there.
+        Its height at M is 1 / the power mean, so it need not touch Phi there.
         """
         costs = self.costs(M)
         most = costs.max()
@@ -250,25 +216,13 @@ def criterion_of(
 
 
 def criterion_e() -> LargestCriterion:
-    """Build the E-criterion: the least eigenvalue of M, whose costs are the eigenvalues of M^-1.
-
-    Returns:
-        The criterion.
-    """
+    """Build the E-criterion: the least eigenvalue of M, whose costs are the eigenvalues of M^-1."""
 
     def costs(M: Array) -> Array:
         return np.asarray(1 / np.linalg.eigvalsh(M))
 
     def mix(M: Array, share: Array) -> Array:
-        """Make the matrix with the eigenvectors of M and other eigenvalues.
-
-        Args:
-            M: Information matrix, (n, n).
-            share: The eigenvalues, (n,) [1].
-
-        Returns:
-            The matrix, (n, n).
-        """
+        """Make the matrix with the eigenvectors of M and other eigenvalues."""
         V = np.linalg.eigh(M)[1]
         return np.asarray((V * share) @ V.T)
 
@@ -276,13 +230,13 @@ def criterion_e() -> LargestCriterion:
 
 
 def criterion_g(rows: Array) -> LargestCriterion:
-    """Build the G-criterion: 1 / the worst mean square prediction error of a pose.
+    """Build the G-criterion: 1 / the worst mean square prediction error of a pose [m^2].
 
     Args:
         rows: Predictions per unit of a, (poses, 3 m, r) [m].
 
     Returns:
-        The criterion on information matrices (r, r); its costs are (poses,) [m^2].
+        The criterion on information matrices (r, r).
     """
     every = gram_matrices(rows / math.sqrt(_targets_per_pose(rows)))
 
@@ -294,15 +248,9 @@ def criterion_g(rows: Array) -> LargestCriterion:
 
 
 def mean_square(rows: Array) -> Array:
-    """Compute W of predictions: tr(W M^-1) is the mean square distance of a target from its prediction.
+    """Compute W, (r, r), of predictions, (poses, 3 m, r) [m]: tr(W M^-1) is a target's mean square error.
 
     Mathematics: `pose-5`.
-
-    Args:
-        rows: Predictions per unit of the unknowns, (poses, 3 m, r) [m].
-
-    Returns:
-        W, (r, r) [m^2].
     """
     A = rows.reshape(-1, rows.shape[-1])
     return np.asarray(A.T @ A / (len(rows) * _targets_per_pose(rows)))
@@ -314,14 +262,7 @@ def _targets_per_pose(rows: Array) -> float:
 
 
 def gram_matrices(rows: Array) -> Array:
-    """Compute F^T F of every candidate, each flattened to a row.
-
-    Args:
-        rows: Rows F, (count, k, r).
-
-    Returns:
-        F^T F, (count, r^2).
-    """
+    """Compute F^T F of every candidate's rows F, (count, k, r), each flattened to a row, (count, r^2)."""
     return np.asarray((rows.swapaxes(1, 2) @ rows).reshape(len(rows), -1))
 
 
@@ -375,9 +316,6 @@ def gains_of(M: Array, rows: Array, W: Array) -> Gains:
         M: Information matrix, (r, r).
         rows: Whitened rows F, (candidates, k, r).
         W: Weight of the linear criterion, (r, r).
-
-    Returns:
-        The gains.
     """
     (count, k, r), I = rows.shape, np.asarray(np.linalg.inv(M))  # noqa: E741
     P = row_products(rows, np.hstack([I, I @ W @ I])).reshape(count, 2 * k, r)

@@ -136,14 +136,8 @@ def _exchange_members(g: Array, S: Ids, w: Array) -> tuple[Ids, Array]:
 def _improve_weights(prior: Array, criterion: Criterion, rows: Array, w: Array) -> Array:
     """Increase Phi(prior + sum w F^T F), by one Newton step or by many multiplicative steps.
 
-    Args:
-        prior: Information before any reading, (r, r).
-        criterion: Information function.
-        rows: Whitened rows of the working set, (candidates, k, r).
-        w: Weights, (candidates,).
-
-    Returns:
-        Weights of the same sum whose Phi, or its stand-in, is no less, (candidates,).
+    F are whitened rows of the working set, (candidates, k, r); weights w, (candidates,), become others of
+    the same sum whose Phi, or its stand-in, is no less.
     """
     every = gram_matrices(rows)
     M = prior + (w @ every).reshape(prior.shape)
@@ -373,7 +367,7 @@ class Search:
     #: Function that moves dependent joints of poses, (..., n) [rad, m], to where the others bring them.
     with_dependent_joints: Callable[[Array], Array] = lambda q: q
 
-    def around(self, q: Array, step: Array) -> Array:
+    def draw_around(self, q: Array, step: Array) -> Array:
         """Draw poses around others within the joint limits, with normal steps.
 
         Args:
@@ -406,7 +400,7 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
         before, after = prior, suffix_information(own)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // POSES_AT_ONCE)):
             # neighbours of some poses at once, (places, NEIGHBOURS, n), and what they would tell
-            trials = search.around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
+            trials = search.draw_around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
             seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, NEIGHBOURS))
             for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
                 rest = before + after[k + 1]
@@ -425,17 +419,9 @@ def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search
 def _better(criterion: Criterion, M: Array, replaced: Array, rows: Array, others: Array) -> Ids:
     """Find the trials that increase Phi in the place of a pose, the best first, at most `CHECKED_NEIGHBOURS`.
 
-    Only trials are computed that a tangent leaves hope: Phi(M') is no more than <Z, M'>.
-
-    Args:
-        criterion: Information function.
-        M: Information of the plan, (r, r).
-        replaced: Rows of the pose that would be replaced, (k, r).
-        rows: Rows of the trials, (trials, k, r).
-        others: Information of the plan without that pose, (r, r).
-
-    Returns:
-        Indices of trials, (found,).
+    `rows` are those of the trials, (trials, k, r), `replaced` those of the pose, (k, r), without which the
+    plan of information M has that of the others, (r, r). Only trials are computed that a tangent leaves
+    hope: Phi(M') is no more than <Z, M'>.
     """
     floor, Z = (1 + MIN_REFINEMENT) * criterion.information(M), criterion.tangent(M).Z
     without = (Z * M).sum() - sensitivity(replaced[None], Z)
@@ -461,7 +447,7 @@ def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: Search)
     """
     q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
     for _ in range(ASCEND_ROUNDS):
-        trial = search.around(q, np.tile(step[:, None], (ASCEND_NEIGHBOURS, 1, 1)))
+        trial = search.draw_around(q, np.tile(step[:, None], (ASCEND_NEIGHBOURS, 1, 1)))
         # every pose is replaced by its most useful neighbour if that is better and feasible; else its step
         # shrinks
         reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(ASCEND_NEIGHBOURS, -1)

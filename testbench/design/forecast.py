@@ -68,13 +68,9 @@ class Forecast(Displayed):
 def inflate_intervals(forecast: Forecast) -> Forecast:
     """Widen a forecast's intervals by `INFLATION`, to hold where the arm is nonlinear and the prior wrong.
 
+    Errors and deviations stay.
+
     Mathematics: `pose-11`.
-
-    Args:
-        forecast: A forecast of the linear model.
-
-    Returns:
-        The forecast with wider intervals; errors and deviations stay.
     """
     below, above = INFLATION
     return replace(

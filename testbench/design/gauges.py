@@ -111,9 +111,6 @@ def placed_gauges(
         load: Index into the specification's loads, (poses,).
         gauges: The gauges.
         chosen: Their markers and axes.
-
-    Returns:
-        The gauges.
     """
     d = _motions(spec, q, load, gauges) @ spec.experiment.scaling.expected
     own = np.arange(len(q))[:, None], chosen.marker, chosen.axis

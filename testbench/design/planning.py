@@ -53,9 +53,9 @@ from testbench.design.gauges import (
 from testbench.design.rows import (
     DesignProblem,
     Specification,
+    build_problem,
     information,
     measured_rows,
-    problem_of,
     sum_information,
     task_rows,
     workspace_rows,
@@ -72,15 +72,9 @@ Surcharge = Callable[[int, int], float]
 
 
 def joint_travel(q: Array) -> Array:
-    """Compute the travel between all pairs of poses: that of the joint that moves farthest.
+    """Compute the travel between all pairs of poses, (poses, poses) [rad, m]: the largest of a joint.
 
     Mathematics: `pose-14`.
-
-    Args:
-        q: Actuated joints, (poses, n) [rad, m].
-
-    Returns:
-        Travel, symmetric, (poses, poses) [rad, m].
     """
     return np.asarray(np.abs(q[:, None] - q[None]).max(axis=2))
 
@@ -101,15 +95,7 @@ def shortest_path(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids
     stops = np.unique(first)
 
     def beyond(a: int, b: int) -> float:
-        """Compute what a motion between two stops costs beyond its length.
-
-        Args:
-            a: Place of the first stop, 0 for the start.
-            b: Place of the second stop.
-
-        Returns:
-            The surcharge, 0 from the start.
-        """
+        """Compute what a motion between two stops costs beyond its length."""
         return surcharge(int(stops[a - 1]), int(stops[b - 1])) if a else 0.0
 
     trip = round_trip(np.pad(cost[np.ix_(stops, stops)], (1, 0)), beyond)
@@ -168,7 +154,7 @@ def _near_legs(cost: Array) -> Mask:
 def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, integer: bool) -> Ids:
     """Choose the cheapest legs, (legs, 2), two per place, without a subtour in any of the parts.
 
-    Where whole is False, legs may be used in part: the linear relaxation.
+    Unless they are integer, legs may be used in part: the linear relaxation.
     """
     ends = np.zeros((n, len(legs)))
     ends[legs.T, np.arange(len(legs))] = 1
@@ -239,13 +225,9 @@ class Plan(ChosenPoses):
     gauges: PlacedGauges | None = None  #: Gauges that are read in the poses; None for a tracker.
 
     def read(self, spec: Specification) -> Array:
-        """Compute whitened rows of the plan's readings per unit of a specification's unknowns x.
+        """Compute whitened rows of the plan's readings, (poses, k, n), per unit of a specification's x.
 
-        Args:
-            spec: The plan's specification, or one with other unknowns, prior or loads.
-
-        Returns:
-            Rows, (poses, k, n) [1].
+        The specification is the plan's, or one with other unknowns, prior or loads.
         """
         read = measured_rows if self.gauges is None else self.gauges.rows
         return read(spec, self.q, self.load)
@@ -267,7 +249,7 @@ def candidate_set(spec: Specification, q: Array) -> CandidateSet:
     """
     load = np.repeat(np.arange(len(spec.loads)), len(q))
     every = np.tile(q, (len(spec.loads), 1))
-    problem = problem_of(spec, every, load)
+    problem = build_problem(spec.experiment, measured_rows(spec, every, load), spec.uncertainty)
     seen, r = min(problem.r, spec.poses * int(np.linalg.matrix_rank(problem.rows[0]))), problem.r
     if spec.uncertainty is None and seen < r:
         raise BenchError(
@@ -326,52 +308,86 @@ def place_gauges(plan: Plan, gauges: Gauges, reach: Feasibility, rng: np.random.
     """
     spec, examined, criterion = plan.specification, plan.examined, plan.criterion
     problem, arm = examined.problem, spec.experiment.vjm.arm
-
-    def rows_of(q: Array, load: Ids) -> Array:
-        return gauge_rows(spec, q, load, gauges, problem.lift)
-
-    # the poses that tell most by the plane at the given plan; places of them, by exchange
-    every = rows_of(examined.q, examined.load)
-    given = choose_gauges(every[plan.chosen], problem, criterion, gauges)
-    useful = most_informative_gauges(every, criterion.tangent(given.information).Z, gauges.count)[2]
-    short = np.union1d(np.argsort(-useful, kind="stable")[:MAX_PLACES], plan.chosen)
-    gauge_plan = choose_places(every[short], problem, criterion, gauges, spec.poses)
-    q, load = examined.q[short[gauge_plan.pose]], examined.load[short[gauge_plan.pose]]
-
-    # better joint angles with these gauges, in the order of measuring; other gauges where they are better now
-    def own_rows(trial: Array, places: Ids) -> Array:
-        own = np.arange(len(trial))[:, None], gauge_plan.marker[places], gauge_plan.axis[places]
-        return rows_of(trial, load[places])[own]
-
     search = Search(
         partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.with_dependent_joints
     )
-    q = refine_plan(q, problem.prior, criterion, own_rows, search)
+    every = gauge_rows(spec, examined.q, examined.load, gauges, problem.lift)
+    # poses with their gauges by exchange, then better joint angles with these gauges
+    start, pose = _exchange_places(plan, gauges, every)
+    load = examined.load[pose]
+    q = _refine_places(plan, gauges, start, examined.q[pose], load, search)
+    # the order of measuring, and other gauges where these are better now
     order = _measuring_order(q, load, reach)
-    q, load, marker, axis = q[order], load[order], gauge_plan.marker[order], gauge_plan.axis[order]
-    rows, places = rows_of(q, load), np.arange(len(q))[:, None]
-    kept = GaugePlan(order, marker, axis, sum_information(problem.prior, rows[places, marker, axis]))
-    chosen = max(
-        (kept, choose_gauges(rows, problem, criterion, gauges)),
-        key=lambda own: criterion.information(own.information),
-    )
-    # the bound: every pose with the gauges that tell most by a plane that is nearly the best one
-    Z, of_plan = criterion.tangent(chosen.information).Z, rows[places, chosen.marker, chosen.axis]
-    every = np.concatenate([every, rows])
-    for _ in range(BOUND_PLANES):
-        marker, axis, _ = most_informative_gauges(every, Z, gauges.count)
-        told = every[np.arange(len(every))[:, None], marker, axis]
-        told[-len(q) :] = of_plan
-        whole = replace(problem, rows=told)
-        relaxed = relax(whole, criterion, spec.poses)
-        Z = relaxed.dual
-    most = most_informative_gauges(every, Z, gauges.count)[2].max()
-    relaxed = replace(relaxed, bound=float((Z * problem.prior).sum() + spec.poses * most))
-    whole_set = CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], whole)
-    last = np.arange(len(whole_set.q) - len(q), len(whole_set.q))
-    made = _assemble(search, criterion, whole_set, last, relaxed)
+    q, load = q[order], load[order]
+    rows = gauge_rows(spec, q, load, gauges, problem.lift)
+    chosen = _better_gauges(rows, problem, criterion, gauges, (start.marker[order], start.axis[order]))
+    # the certificate over all gauges in all poses examined, those of the plan among them
+    whole, relaxed = _gauge_bound(plan, gauges, np.concatenate([every, rows]), chosen)
+    candidates = CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], whole)
+    last = np.arange(len(candidates.q) - len(q), len(candidates.q))
+    made = _assemble(search, criterion, candidates, last, relaxed)
     placed = placed_gauges(spec, q, load, gauges, chosen)
     return Plan(specification=spec, gauges=placed, **vars(made))
+
+
+def _exchange_places(plan: Plan, gauges: Gauges, every: Array) -> tuple[GaugePlan, Ids]:
+    """Exchange poses with gauges among the candidates that tell most by the plane at a plan.
+
+    Returns:
+        The gauges, and the candidate of every pose, (poses,).
+    """
+    problem, criterion = plan.examined.problem, plan.criterion
+    start = choose_gauges(every[plan.chosen], problem, criterion, gauges)
+    useful = most_informative_gauges(every, criterion.tangent(start.information).Z, gauges.count)[2]
+    short = np.union1d(np.argsort(-useful, kind="stable")[:MAX_PLACES], plan.chosen)
+    best = choose_places(every[short], problem, criterion, gauges, plan.specification.poses)
+    return best, short[best.pose]
+
+
+def _refine_places(
+    plan: Plan, gauges: Gauges, placed: GaugePlan, q: Array, load: Ids, search: Search
+) -> Array:
+    """Improve the joint angles of poses whose gauges and loads stay, (poses, n) [rad, m]."""
+    problem = plan.examined.problem
+
+    def rows(trial: Array, places: Ids) -> Array:
+        touched = np.arange(len(trial))[:, None], placed.marker[places], placed.axis[places]
+        return gauge_rows(plan.specification, trial, load[places], gauges, problem.lift)[touched]
+
+    return refine_plan(q, problem.prior, plan.criterion, rows, search)
+
+
+def _better_gauges(
+    rows: Array, problem: DesignProblem, criterion: Criterion, gauges: Gauges, given: tuple[Ids, Ids]
+) -> GaugePlan:
+    """Choose the gauges of poses anew, unless the given markers and axes, (poses, count) each, are better."""
+    marker, axis = given
+    pose = np.arange(len(rows))
+    kept = sum_information(problem.prior, rows[pose[:, None], marker, axis])
+    plans = GaugePlan(pose, marker, axis, kept), choose_gauges(rows, problem, criterion, gauges)
+    return max(plans, key=lambda gauge_plan: criterion.information(gauge_plan.information))
+
+
+def _gauge_bound(
+    plan: Plan, gauges: Gauges, every: Array, chosen: GaugePlan
+) -> tuple[DesignProblem, Relaxed]:
+    """Bound all plans of gauges in the poses examined, of which those of the plan are the last.
+
+    Every pose has the gauges that tell most by a plane that is nearly the best one.
+    """
+    problem, criterion, poses = plan.examined.problem, plan.criterion, plan.specification.poses
+    Z = criterion.tangent(chosen.information).Z
+    last = every[-len(chosen.marker) :]
+    of_plan = last[np.arange(len(last))[:, None], chosen.marker, chosen.axis]
+    for _ in range(BOUND_PLANES):
+        marker, axis, _ = most_informative_gauges(every, Z, gauges.count)
+        rows = every[np.arange(len(every))[:, None], marker, axis]
+        rows[-len(last) :] = of_plan
+        whole = replace(problem, rows=rows)
+        relaxed = relax(whole, criterion, poses)
+        Z = relaxed.dual
+    most = most_informative_gauges(every, Z, gauges.count)[2].max()
+    return whole, replace(relaxed, bound=float((Z * problem.prior).sum() + poses * most))
 
 
 def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -> ChosenPoses:
@@ -395,15 +411,7 @@ def choose_poses(search: Search, criterion: Criterion, examined: CandidateSet) -
     load = examined.load[chosen]
 
     def rows(trial: Array, places: Ids) -> Array:
-        """Compute the readings of poses in other places.
-
-        Args:
-            trial: The poses, (k, n) [rad, m].
-            places: Their places among the chosen poses, whose loads they have, (k,).
-
-        Returns:
-            Readings per unit of a over their standard deviation.
-        """
+        """Compute the readings of poses in other places."""
         return search.measured(trial, load[places], examined.problem.lift)
 
     q = refine_plan(examined.q[chosen], examined.problem.prior, criterion, rows, search)
@@ -478,16 +486,7 @@ def _measuring_order(q: Array, load: Ids, reach: Feasibility) -> Ids:
         own = q[load == kind]
 
         def detour(a: int, b: int, own: Array = own) -> float:
-            """Compute what a motion costs beyond its length.
-
-            Args:
-                a: Place of its first pose.
-                b: Place of its last pose.
-                own: Poses with the same load, (k, n) [rad, m].
-
-            Returns:
-                0 for a motion without collision, else `COLLISION_DETOUR`.
-            """
+            """Compute what a motion costs beyond its length."""
             return 0.0 if reach.clear(own[a], own[b]) else COLLISION_DETOUR
 
         found += np.flatnonzero(load == kind)[shortest_path(joint_travel(own), detour)].tolist()

@@ -124,26 +124,12 @@ def deflection_rows(experiment: MeasurementSetup, q: Array, load: Load) -> Array
 
 
 def task_rows(spec: Specification) -> Array:
-    """Compute deflections at the tasks.
-
-    Args:
-        spec: What is planned.
-
-    Returns:
-        Deflections per unit of x, (tasks, 3 m, n) [m].
-    """
+    """Compute deflections at the tasks per unit of x, (tasks, 3 m, n) [m]."""
     return deflection_rows(spec.experiment, spec.tasks.q, spec.tasks.load)
 
 
 def workspace_rows(spec: Specification) -> Array:
-    """Compute deflections over the workspace under the first load.
-
-    Args:
-        spec: What is planned.
-
-    Returns:
-        Deflections per unit of x, (poses, 3 m, n) [m].
-    """
+    """Compute deflections over the workspace under the first load per unit of x, (poses, 3 m, n) [m]."""
     return deflection_rows(spec.experiment, spec.workspace, spec.loads[0])
 
 
@@ -176,23 +162,6 @@ def measured_rows(spec: Specification, q: Array, load: Ids, onto: Array | None =
     return reading_rows(spec.experiment, q, loads_of(spec, load), onto)
 
 
-def problem_of(spec: Specification, q: Array, load: Ids) -> DesignProblem:
-    """Make poses candidates, each under its own load.
-
-    Args:
-        spec: Specification with its loads and prior.
-        q: Actuated joints, (poses, n_joints) [rad, m].
-        load: Index into the specification's loads, (poses,).
-
-    Returns:
-        The candidates in the coordinates that they can show.
-
-    Raises:
-        BenchError: When no candidate moves a target.
-    """
-    return build_problem(spec.experiment, measured_rows(spec, q, load), spec.uncertainty)
-
-
 def _rows(
     experiment: MeasurementSetup, q: Array, load: Load, motion: Array, onto: Array | None = None
 ) -> Array:
@@ -209,15 +178,9 @@ def _rows(
 
 
 def marker_motion(points: Array) -> Array:
-    """Compute how points of a rigid tool move per unit twist of the tool, all in the tool's frame.
+    """Compute G of points of a rigid tool, (m, 3) [m]: motion = G @ twist in its frame, (3 m, 6) [1, m].
 
     Mathematics: `vjm-4`.
-
-    Args:
-        points: Points in the tool's frame, (m, 3) [m].
-
-    Returns:
-        Matrix G with motion = G @ twist, (3 m, 6) [1, m].
     """
     turns = np.array([skew(point).T for point in points])
     return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)

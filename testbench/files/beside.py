@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
-from testbench.data.dataset import NOMINAL_FIXED
+from testbench.data.dataset import NOMINAL_FIXED, evenly
 from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.files.columns import Columns, ReadColumn
 from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
@@ -492,7 +492,7 @@ def fits_of(arm: Arm, q: Array, position: Array, tried: Mapping[str, Array]) -> 
         The fits, the best first.
     """
     vjm = build_vjm(replace(arm, markers=()))
-    some = np.unique(np.linspace(0, len(q) - 1, min(LOOKED_AT, len(q))).round().astype(int))
+    some = evenly(np.arange(len(q)), LOOKED_AT)
     x, R = tool_pose(vjm, q[some])
     fits = []
     for notation, rotation in tried.items():

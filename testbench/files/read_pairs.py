@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.dataset import Dataset, along_lines, in_order
+from testbench.data.dataset import Dataset, along_lines, select_rows
 from testbench.errors import Array, Ids, Mask, check_type
 from testbench.files.beside import FileLines, place_lines, read_lines
 from testbench.files.columns import Columns, find_columns, read_columns
@@ -289,7 +289,7 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     read = read_readings(columns, arm, conditions.loaded, lines)
     runs = pair(columns.table, conditions, read)
     _check_once(columns, conditions, runs, read)
-    own = in_order(conditions, runs.row)
+    own = select_rows(conditions, runs.row)
     # Noise: one sigma for the file, or a covariance per reading; lost targets have zero weight.
     lost = np.asarray((np.isnan(runs.before) | np.isnan(runs.after)).any(axis=-1))
     scatter, (before, after) = read_scatter(columns, sigma), _rotations(columns, runs.row)

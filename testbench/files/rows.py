@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.document import is_integer
-from testbench.arm.folder import Arm, ArmJoint
+from testbench.arm.folder import Arm
+from testbench.arm.joint_map import ArmJoint
 from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
 from testbench.errors import Array, Ids, Mask
 from testbench.files.columns import Columns, ReadColumn, axes

@@ -80,9 +80,6 @@ def model_of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights) -> ArmMode
         vjm: The arm.
         estimate: An estimate, from any estimator.
         weights: Weights of the links, such as `read_weights`.
-
-    Returns:
-        The model.
     """
     state = elastic_state(model_for(vjm, estimate.structure), estimate.C_theta, weights)
     return model_of_compliances(state, estimate.structure, linearise(estimate), ModelOrigin(estimate.method))
@@ -95,9 +92,6 @@ def elastic_state(vjm: Vjm, C_theta: Array, weights: Weights) -> ArmState:
         vjm: The arm's virtual joint model.
         C_theta: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
         weights: Weights of the links.
-
-    Returns:
-        The state.
     """
     return replace(nominal_state(vjm, weights, np.zeros(vjm.arm.n_joints)), C_theta=C_theta)
 
@@ -112,9 +106,6 @@ def model_of_compliances(
         structure: The compliances, n of them.
         posterior: Their posterior.
         about: Origin of the model.
-
-    Returns:
-        The model.
     """
     first = Unknowns(state.vjm, (), {}, state.errors, structure).starts["elastic"]
     return ArmModel(state, structure, first + np.arange(structure.n), posterior, about)

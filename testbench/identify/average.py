@@ -29,6 +29,7 @@ that change from pose to pose count unless they predict these poses worse.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -43,7 +44,6 @@ from testbench.identify.metric import PriorScaling, WeightedPrior, precision_roo
 from testbench.identify.regression import (
     Regression,
     f_m,
-    parameter_places,
     regression_of,
     restrict_to,
     scatter_to,
@@ -152,9 +152,6 @@ def weigh_for_scatter(r: Regression, pi: Array, rho: float) -> Regression:
         r: The reduced dataset, with its rows pose by pose.
         pi: Parameters of a fit, (n,) or the first of them [m/N, rad/(N m), rad/N].
         rho: Relative standard deviation of a link's compliance over poses [1].
-
-    Returns:
-        The weighted regression.
     """
     links, [term] = _parameters_by_link(r, pi), r.terms
     poses, points = [_pose_variances(rows, links) for rows in r.poses], term.equations / 3
@@ -238,9 +235,6 @@ def average_two_priors(
         constraint: Least squares or GCO.
         prior: Metric of the prior.
         softened: Metric of the softened prior.
-
-    Returns:
-        The averaged estimate.
 
     Raises:
         BenchError: When the best common scale of a prior is not above 0.
@@ -412,9 +406,6 @@ def average_with_joints(
         prior: Metric of the prior.
         estimate: An average by evidence.
         weight: Weight of joints alone, by `links_or_joints` [1].
-
-    Returns:
-        The averaged estimate.
     """
     known = estimate.average or ModelAverage(0.0, estimate)
     if weight < 1:
@@ -425,17 +416,12 @@ def average_with_joints(
     regression, bare = _joints_only(r, prior)
     rigid = solve(regression, constraint, log_evidence_alone(regression, bare)[1])
     pi = (1 - weight) * estimate.pi + weight * scatter_to(rigid.pi, rigid.structure, estimate.structure)
-    mean = replace(
-        make_estimate(estimate.regression, pi, method=estimate.method, constraint=constraint),
-        weighted_prior=estimate.weighted_prior,
-        status=estimate.status if estimate.status != "solved" else rigid.status,
-        solver_seconds=estimate.solver_seconds + rigid.solver_seconds,
-        average=replace(
-            known,
-            weight=weight + (1 - weight) * known.weight,
-            laws_weight=(weight < 1) * known.laws_weight,
-        ),
+    average = replace(
+        known,
+        weight=weight + (1 - weight) * known.weight,
+        laws_weight=(weight < 1) * known.laws_weight,
     )
+    mean = _average(estimate.regression, pi, (estimate, rigid), estimate.weighted_prior, average)
     return replace(mean, f_m=f_m(restrict_to(r, mean.structure), mean.pi))
 
 
@@ -463,25 +449,34 @@ def _average_priors(
     for weight, estimate in weighed:
         pi[: estimate.structure.n] += weight * estimate.pi
     known = [(weight, own.average or ModelAverage(0.0, own)) for weight, own in weighed]
+    average = ModelAverage(
+        weight=sum(weight * own.weight for weight, own in known),
+        all_parts=known[share > 0.5][1].all_parts,
+        laws_weight=sum(weight * own.laws_weight for weight, own in known),
+        laws_probability=sum(weight * own.laws_probability for weight, own in known),
+        with_laws=next((own.with_laws for _, own in known if own.with_laws is not None), None),
+        ties_weight=sum(weight * own.ties_weight for weight, own in known),
+        with_ties=next((own.with_ties for _, own in known if own.with_ties is not None), None),
+        parts=((1 - likely, first), (likely, second)),
+    )
+    return _average(widest.regression, pi, (first, second), likelier.weighted_prior, average)
+
+
+def _average(
+    regression: Regression,
+    pi: Array,
+    models: Sequence[Estimate],
+    prior: WeightedPrior | None,
+    average: ModelAverage,
+) -> Estimate:
+    """Make the estimate of averaged parameters; its status is that of the first model that is not solved."""
+    mean = make_estimate(regression, pi, method=models[0].method, constraint=models[0].constraint)
     return replace(
-        make_estimate(widest.regression, pi, method=likelier.method, constraint=constraint),
-        weighted_prior=likelier.weighted_prior,
-        status=first.status if first.status != "solved" else second.status,
-        solver_seconds=first.solver_seconds + second.solver_seconds,
-        average=ModelAverage(
-            weight=sum(weight * average.weight for weight, average in known),
-            all_parts=known[share > 0.5][1].all_parts,
-            laws_weight=sum(weight * average.laws_weight for weight, average in known),
-            laws_probability=sum(weight * average.laws_probability for weight, average in known),
-            with_laws=next(
-                (average.with_laws for _, average in known if average.with_laws is not None), None
-            ),
-            ties_weight=sum(weight * average.ties_weight for weight, average in known),
-            with_ties=next(
-                (average.with_ties for _, average in known if average.with_ties is not None), None
-            ),
-            parts=((1 - likely, first), (likely, second)),
-        ),
+        mean,
+        weighted_prior=prior,
+        status=next((model.status for model in models if model.status != "solved"), "solved"),
+        solver_seconds=sum(model.solver_seconds for model in models),
+        average=average,
     )
 
 
@@ -495,9 +490,6 @@ def average_models(r: Regression, constraint: Constraint, prior: PriorScaling, *
         constraint: Least squares or GCO.
         prior: Prior, in the metric of the structure.
         widths: Whether the uncertainty of the learnt prior is computed, which intervals need.
-
-    Returns:
-        The averaged estimate.
 
     Raises:
         BenchError: If the dataset requires a common scale of the prior that is not above 0.
@@ -532,16 +524,11 @@ def _average_ties(
     # The average of their compliances.
     pi = share * scatter_to(estimate.pi, estimate.structure, r.structure)
     pi[: len(mean.pi)] += (1 - share) * mean.pi
-    found = replace(
-        make_estimate(r, pi, method=estimate.method, constraint=constraint),
-        weighted_prior=belief if share > 0.5 else mean.weighted_prior,
-        status=estimate.status if mean.status == "solved" else mean.status,
-        solver_seconds=mean.solver_seconds + estimate.solver_seconds,
-        average=replace(
-            known, laws_weight=(1 - share) * known.laws_weight, ties_weight=share, with_ties=estimate
-        ),
+    average = replace(
+        known, laws_weight=(1 - share) * known.laws_weight, ties_weight=share, with_ties=estimate
     )
-    return found, together
+    likelier = belief if share > 0.5 else mean.weighted_prior
+    return _average(r, pi, (mean, estimate), likelier, average), together
 
 
 def _average_laws(
@@ -568,30 +555,17 @@ def _average_laws(
         weight = 0.0
     pi = weight * lawful.pi
     pi[r.structure.a < r.structure.n_compliance_rows] += (1 - weight) * straight.pi
-    mean = make_estimate(r, pi, method=lawful.method, constraint=constraint)
-    average = straight.average or ModelAverage(0.0, straight)
-    mean = replace(
-        mean,
-        weighted_prior=belief if weight > 0.5 else average.all_parts.weighted_prior,
-        status=lawful.status if straight.status == "solved" else straight.status,
-        solver_seconds=straight.solver_seconds + lawful.solver_seconds,
-        average=replace(average, laws_weight=weight, laws_probability=likely, with_laws=lawful),
-    )
-    return mean, together
+    known = straight.average or ModelAverage(0.0, straight)
+    average = replace(known, laws_weight=weight, laws_probability=likely, with_laws=lawful)
+    likelier = belief if weight > 0.5 else known.all_parts.weighted_prior
+    return _average(r, pi, (straight, lawful), likelier, average), together
 
 
 # --- Parts of a model ---------------------------------------------------------------------------------------
 
 
 def scaling_without_laws(metric: PriorScaling) -> PriorScaling:
-    """Return the scaling of the prior of compliances alone, without joint laws.
-
-    Args:
-        metric: The scaling of all parameters.
-
-    Returns:
-        The scaling without laws.
-    """
+    """Return the scaling of the prior of compliances alone, without joint laws."""
     return metric if not metric.law.any() else restrict_scaling(metric, linear(metric.structure))
 
 
@@ -605,7 +579,7 @@ def restrict_scaling(metric: PriorScaling, structure: Structure) -> PriorScaling
     Returns:
         The metric of these unknowns.
     """
-    own = parameter_places(structure, metric.structure)
+    own = structure.places_in(metric.structure)
     row, column = metric.structure.triangles
     wanted = set(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
     found = [pair in wanted for pair in zip(row.tolist(), column.tolist(), strict=True)]
@@ -635,22 +609,12 @@ def _average_joints(
     rigid = solve(regression, constraint, alone)
     pi = (1 - weight) * whole.pi
     pi[joints] += weight * rigid.pi
-    mean = replace(
-        make_estimate(r, pi, method=whole.method, constraint=constraint),
-        weighted_prior=belief,
-        status=whole.status if whole.status != "solved" else rigid.status,
-        solver_seconds=whole.solver_seconds + rigid.solver_seconds,
-        average=ModelAverage(
-            weight,
-            whole,
-            joints_probability=min(
-                _logistic(power * (odds - math.log(JOINTS_ONLY_ODDS)))
-                for power in (EVIDENCE_EXPONENT, JOINTS_EVIDENCE_EXPONENT)
-            ),
-            joints_only=rigid,
-        ),
+    probability = min(
+        _logistic(power * (odds - math.log(JOINTS_ONLY_ODDS)))
+        for power in (EVIDENCE_EXPONENT, JOINTS_EVIDENCE_EXPONENT)
     )
-    return mean, together
+    average = ModelAverage(weight, whole, joints_probability=probability, joints_only=rigid)
+    return _average(r, pi, (whole, rigid), belief, average), together
 
 
 def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
@@ -663,14 +627,7 @@ def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorS
 
 
 def joint_columns(metric: PriorScaling) -> Ids:
-    """Find the parameters that are compliances of joints.
-
-    Args:
-        metric: The scaling, whose structure names the parameters.
-
-    Returns:
-        Their places, (joints,).
-    """
+    """Find the places of the parameters that are compliances of joints, (joints,)."""
     s = metric.structure
     return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.n_compliance_rows))
 

@@ -75,14 +75,7 @@ def mean_readings(vjm: Vjm, series: Sequence[Series]) -> MeanReadings:
 
 
 def frame_and_target_names(series: Sequence[Series]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """List the names of all frames and of all targets, in order.
-
-    Args:
-        series: The readings.
-
-    Returns:
-        Names of the frames, and of the targets.
-    """
+    """List the names of all frames, and of all targets, of some series in order."""
     targets = (name for one in series for name in one.markers)
     return tuple(dict.fromkeys(one.frame for one in series)), tuple(dict.fromkeys(targets))
 

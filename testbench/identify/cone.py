@@ -117,9 +117,6 @@ def free_block(first: int, count: int) -> Block:
     Args:
         first: Place of the first unknown.
         count: Number of unknowns.
-
-    Returns:
-        The block.
     """
     return Block(np.arange(first, first + count))
 
@@ -131,9 +128,6 @@ def norm_below(column: int, R: Array, z: Array) -> Rows:
         column: Place of the bound among the unknowns.
         R: Rows, zero in that column, (rows, n).
         z: Right-hand side, (rows,).
-
-    Returns:
-        The constraint.
     """
     head = np.zeros((1, R.shape[1]))
     head[0, column] = -1
@@ -141,52 +135,24 @@ def norm_below(column: int, R: Array, z: Array) -> Rows:
 
 
 def triangle(size: int) -> int:
-    """Count the entries of the upper triangle of a matrix.
-
-    Args:
-        size: Order of the matrix.
-
-    Returns:
-        Number of entries.
-    """
+    """Count the entries of the upper triangle of a matrix of some order."""
     return size * (size + 1) // 2
 
 
 def order(entries: int) -> int:
-    """Compute the order of a matrix from the number of entries of its upper triangle.
-
-    Args:
-        entries: Number of entries.
-
-    Returns:
-        Order of the matrix.
-    """
+    """Compute the order of a matrix from the number of entries of its upper triangle."""
     return (math.isqrt(8 * entries + 1) - 1) // 2
 
 
 @cache
 def upper_indices(size: int) -> tuple[Ids, Ids]:
-    """List the places of the upper triangle of a matrix, by column.
-
-    Args:
-        size: Order of the matrix.
-
-    Returns:
-        Rows and columns, (size (size + 1) / 2,) each.
-    """
+    """List rows and columns of the upper triangle of a matrix of some order, by column."""
     column, row = np.tril_indices(size)
     return row, column
 
 
 def svec(X: Array) -> Array:
-    """Pack symmetric matrices as upper triangles by column, off-diagonals times sqrt 2.
-
-    Args:
-        X: Symmetric matrices, (..., n, n).
-
-    Returns:
-        Their entries, (..., n (n + 1) / 2).
-    """
+    """Pack symmetric matrices, (..., n, n), as upper triangles by column, off-diagonals times sqrt 2."""
     places, scale = _packed(X.shape[-1])
     return np.asarray(X.reshape(*X.shape[:-2], -1).take(places, axis=-1) * scale)
 
@@ -199,14 +165,7 @@ def _packed(n: int) -> tuple[Ids, Array]:
 
 
 def smat(x: Array) -> Array:
-    """Unpack symmetric matrices from their svec.
-
-    Args:
-        x: Entries, (..., n (n + 1) / 2).
-
-    Returns:
-        Symmetric matrices, (..., n, n).
-    """
+    """Unpack symmetric matrices, (..., n, n), from their svec, (..., n (n + 1) / 2)."""
     places, scale = _unpacked(order(x.shape[-1]))
     return np.asarray(x.take(places, axis=-1) * scale)
 
@@ -223,12 +182,6 @@ def _unpacked(n: int) -> tuple[Ids, Array]:
 def cholesky(X: Array) -> Array:
     """Factor matrices, (..., n, n); numbers in closed form, for which LAPACK takes ten times as long.
 
-    Args:
-        X: Symmetric and positive definite, (..., n, n).
-
-    Returns:
-        Lower triangular factors, (..., n, n).
-
     Raises:
         LinAlgError: If a matrix is not positive definite.
     """
@@ -240,14 +193,7 @@ def cholesky(X: Array) -> Array:
 
 
 def eigh(X: Array) -> tuple[Array, Array]:
-    """Compute eigenvalues and eigenvectors; of numbers in closed form.
-
-    Args:
-        X: Symmetric matrices, (..., n, n).
-
-    Returns:
-        Eigenvalues, ascending, (..., n), and eigenvectors, one per column, (..., n, n).
-    """
+    """Compute eigenvalues, ascending, and eigenvectors of matrices, (..., n, n); numbers in closed form."""
     if X.shape[-1] > 1:
         values, V = np.linalg.eigh(X)
         return values, V
@@ -255,26 +201,12 @@ def eigh(X: Array) -> tuple[Array, Array]:
 
 
 def eigvalsh(X: Array) -> Array:
-    """Compute eigenvalues; of numbers in closed form.
-
-    Args:
-        X: Symmetric matrices, (..., n, n).
-
-    Returns:
-        Eigenvalues, ascending, (..., n).
-    """
+    """Compute eigenvalues, ascending, of matrices, (..., n, n); of numbers in closed form."""
     return np.asarray(np.linalg.eigvalsh(X)) if X.shape[-1] > 1 else X[..., 0]
 
 
 def congruence(A: Array) -> Array:
-    """Compute the maps svec(Y) -> svec(A Y A^T).
-
-    Args:
-        A: Matrices, (..., n, n).
-
-    Returns:
-        The maps, (..., t, t) with t = n (n + 1) / 2.
-    """
+    """Compute the maps svec(Y) -> svec(A Y A^T), (..., t, t), t = n (n + 1) / 2, of A, (..., n, n)."""
     n = A.shape[-1]
     places, weight = _products(n)
     a, b, c, d = (A.reshape(*A.shape[:-2], n * n).take(place, axis=-1) for place in places)
@@ -292,14 +224,7 @@ def _products(n: int) -> tuple[tuple[Ids, ...], Array]:
 
 @lru_cache(maxsize=64)
 def groups_of(sizes: tuple[int, ...]) -> list[Ids]:
-    """Find the places of the blocks of each order in the svec of all blocks.
-
-    Args:
-        sizes: Orders of the blocks, in their order.
-
-    Returns:
-        Places, (blocks, entries), for every order.
-    """
+    """Find the places, (blocks, entries), of the blocks of each order in the svec of all blocks."""
     ends = np.cumsum([triangle(n) for n in sizes])
     return [
         np.array([np.arange(e - triangle(n), e) for n, e in zip(sizes, ends, strict=True) if n == size])
@@ -308,27 +233,13 @@ def groups_of(sizes: tuple[int, ...]) -> list[Ids]:
 
 
 def psd_part(X: Array) -> Array:
-    """Compute the nearest positive semi-definite matrices: negative eigenvalues become zero.
-
-    Args:
-        X: Symmetric matrices, (..., n, n).
-
-    Returns:
-        The nearest ones, (..., n, n).
-    """
+    """Compute the nearest positive semi-definite matrices, (..., n, n): negative eigenvalues become zero."""
     values, Q = np.linalg.eigh(X)
     return np.asarray((Q * np.maximum(values, 0)[..., None, :]) @ Q.swapaxes(-1, -2))
 
 
 def settings(tolerance: float) -> clarabel.DefaultSettings:
-    """Make Clarabel's settings.
-
-    Args:
-        tolerance: Tolerance of feasibility and gap [1].
-
-    Returns:
-        The settings.
-    """
+    """Make Clarabel's settings with a tolerance of feasibility and gap [1]."""
     own = clarabel.DefaultSettings()
     own.verbose = False
     own.max_threads = 1

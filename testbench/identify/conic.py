@@ -60,30 +60,21 @@ The bounds are exact up to it, and to 1e-12 of F_M at C = 0.
 
 
 def scaled_units(structure: Structure) -> Array:
-    """Return units s in which traces and eigenvalues are taken: C = s X s^T.
+    """Return units s, (n_theta,), in which traces and eigenvalues are taken: C = s X s^T.
 
     A translation counts as the rotation that causes it on an arm of `LEVER_LENGTH`, so that X and its trace
-    are in rad/(N m) whatever mixture of metres and radians C holds.
-
-    Args:
-        structure: The unknowns, which fix the order of the virtual joints.
-
-    Returns:
-        s of every virtual joint, (n_theta,): `LEVER_LENGTH` [m/rad] for translations of links, 1 for all
-        else.
+    are in rad/(N m) whatever mixture of metres and radians C holds: s is `LEVER_LENGTH` [m/rad] for
+    translations of links, 1 for all else.
     """
     index = np.arange(structure.n_theta)
     return np.where((index < 6 * structure.links) & (index % 6 < 3), LEVER_LENGTH, 1.0)
 
 
 def tie_break(regression: Regression) -> Penalty:
-    """Make the trace term of the paper's GCO, so light that it only selects among models of equal fit.
+    """Make the trace term w <W, C> of the paper's GCO.
 
-    Args:
-        regression: The reduced dataset.
-
-    Returns:
-        The term w <W, C>, w = `TIE_BREAK` times the largest sensitivity.
+    It is so light that it only selects among models of equal fit: w is `TIE_BREAK` times the largest
+    sensitivity.
     """
     s, weight = regression.structure, TIE_BREAK * (regression.weight.max() or 1.0)
     return Penalty(float(weight), scaled_units(s) ** -2.0, s, np.eye(s.n))
@@ -196,16 +187,8 @@ def lower_bound_certificate(
     cost, free = f_m(regression, pi), np.zeros(s.n)
 
     def over(cost: float, price: Array) -> float:
+        """Bound how far a cost, which includes the trace term of a price, lies above the least."""
         # A negative eigenvalue of S_i can lower the cost by at most -lambda_min t_i.
-        """Bound how far a cost lies above the least.
-
-        Args:
-            cost: The cost.
-            price: Gradient of the trace term that it includes, (n,).
-
-        Returns:
-            The bound, 0 or more.
-        """
         least = constant - float(np.maximum(0, -_smallest_eigenvalues(regression, g, price)) @ t)
         return max(0.0, cost - max(0.0, least))  # the cost is a sum of norms and traces
 
@@ -353,9 +336,6 @@ def solve_gco(regression: Regression, penalty: Penalty | None = None) -> Estimat
         regression: The reduced dataset.
         penalty: The trace term; None for `tie_break`, so light that it only chooses among models that fit
             alike: the paper's GCO.
-
-    Returns:
-        The estimate with its certificate.
 
     Raises:
         BenchError: When the structure is not symmetric.

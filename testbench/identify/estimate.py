@@ -68,14 +68,7 @@ class Penalty:
         return np.where(s.a == s.b, self.weight * self.diagonal[s.a], 0.0)
 
     def lifted(self, regression: Regression) -> Regression:
-        """Return the same equations as a function of the parameters of C'.
-
-        Args:
-            regression: The reduced dataset, n parameters.
-
-        Returns:
-            The regression in k parameters.
-        """
+        """Return the same equations, of n parameters, as a function of the k parameters of C'."""
         terms = (replace(term, R=term.R @ self.lift) for term in regression.terms)
         return regression_of(self.structure, tuple(terms))
 
@@ -402,14 +395,7 @@ def lilliefors(residuals: Array) -> float:
 
 
 def size_factor(n: int) -> float:
-    """Return the factor that makes D of n residuals comparable to that of other sizes.
-
-    Args:
-        n: Number of residuals.
-
-    Returns:
-        The factor [1].
-    """
+    """Return the factor that makes D of n residuals comparable to that of other sizes [1]."""
     return float(np.sqrt(n) - 0.01 + 0.85 / np.sqrt(n))
 
 

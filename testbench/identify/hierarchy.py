@@ -64,26 +64,12 @@ class Hyperprior:
 
 
 def normal_density(z: Array) -> tuple[Array, Array, Array]:
-    """Compute -log of the standard normal density without its constant.
-
-    Args:
-        z: Standardised values, (...) [1].
-
-    Returns:
-        It and its first two derivatives, (...) each.
-    """
+    """Compute -log of the standard normal density without its constant, and its first two derivatives."""
     return z**2 / 2, z, np.ones_like(z)
 
 
 def student_density(z: Array) -> tuple[Array, Array, Array]:
-    """Compute -log of Student's density with `STUDENT_DOF`, without its constant.
-
-    Args:
-        z: Standardised values, (...) [1].
-
-    Returns:
-        It and its first two derivatives, (...) each.
-    """
+    """Compute -log of Student's density with `STUDENT_DOF`, without its constant, and its two derivatives."""
     over = STUDENT_DOF + z**2
     return (
         (STUDENT_DOF + 1) / 2 * np.log(over / STUDENT_DOF),
@@ -127,26 +113,13 @@ class Normal:
         return np.asarray(inverse / self.size / self.size[:, None])
 
     def variances(self, columns: Ids) -> Array:
-        """Compute the variances of some unknowns.
-
-        Args:
-            columns: The unknowns, (k,).
-
-        Returns:
-            Variances, (k,).
-        """
+        """Compute the variances of some unknowns, (k,)."""
         some = np.eye(len(self.size))[:, columns]
         return np.asarray((some * cho_solve(self.root, some)).sum(axis=0) / self.size[columns] ** 2)
 
 
 def normal(H: Array) -> Normal:
-    """Solve for the most probable unknowns.
-
-    Args:
-        H: Gram matrix of the whitened [A | y], (c + 1, c + 1).
-
-    Returns:
-        The unknowns, (c,), with the factor of their precision.
+    """Solve for the most probable unknowns by the Gram matrix of the whitened [A | y], (c + 1, c + 1).
 
     Raises:
         BenchError: If an unknown is undetermined: only frames and targets have no prior.
@@ -366,14 +339,7 @@ class LearntPriorModel:
         return 3 + self.has_ties
 
     def scale(self, h: Array) -> Array:
-        """Compute the prior scale of every entry of x.
-
-        Args:
-            h: Hyperparameters, (K + kinds + W + T + 3,); the first K are log s.
-
-        Returns:
-            Scales, (n,) [1].
-        """
+        """Compute the prior scale of every entry of x, (n,) [1]; the first K hyperparameters are log s."""
         return np.asarray(np.exp(self.scale_shares @ h[: self.blocks]))
 
 
@@ -389,9 +355,6 @@ def evidence_model(
         metric: Metric of the structure and the prior.
         shared_width: Whether all links share one uncertainty w. Otherwise the shape of one link may absorb an
             error in few readings.
-
-    Returns:
-        The evidence.
 
     Raises:
         BenchError: If the data require a common scale of the prior that is not above 0, or no load deflects
@@ -599,15 +562,9 @@ LOG_TENFOLD, REFUSING_LOSS = math.log(10), 2.0
 
 
 def contradicted_scales(belief: WeightedPrior) -> tuple[LearntScale, ...]:
-    """List the scales of a learnt prior that the readings contradict.
+    """List the scales of a learnt prior that the readings contradict: far from 1 by size and by deviation.
 
     Mathematics: `prior-15`.
-
-    Args:
-        belief: The learnt prior.
-
-    Returns:
-        Those far from 1, by their size and by their deviation.
     """
 
     def wrong(scale: LearntScale) -> bool:

@@ -78,25 +78,11 @@ class BlockProgram:
         return np.asarray(self.R.swapaxes(1, 2) @ self.R)
 
     def share(self, norms: Array) -> Array:
-        """Compute the weight of every residual in the gradient.
-
-        Args:
-            norms: Norms of the residuals, (K,).
-
-        Returns:
-            1 / |r_k|, or 1 for squares, (K,).
-        """
+        """Compute the weight of every residual in the gradient from its norm: 1 / |r_k|, 1 for squares."""
         return np.ones_like(norms) if self.squares else 1 / np.maximum(norms, TINY)
 
     def fit(self, norms: Array) -> float:
-        """Compute the sum of norms, or of half their squares.
-
-        Args:
-            norms: Norms of the residuals, (K,).
-
-        Returns:
-            The sum.
-        """
+        """Compute the sum of norms, (K,), or of half their squares."""
         return float((norms**2 / 2 if self.squares else norms).sum())
 
     def cost(self, x: Array, norms: Array) -> float:
@@ -116,14 +102,7 @@ class BlockProgram:
         return cost
 
     def at(self, x: Array) -> tuple[Array, Array]:
-        """Compute the norms at x and the gradients of their contributions.
-
-        Args:
-            x: Coordinates of the blocks, (n,).
-
-        Returns:
-            Norms, (K,), and gradients, (K, n).
-        """
+        """Compute the norms at x, (K,), and the gradients of their contributions, (K, n)."""
         left = self.R @ x - self.z
         norms = np.sqrt((left**2).sum(axis=1) + self.rest**2)
         return norms, np.vecmat(left, self.R) * self.share(norms)[:, None]
@@ -142,15 +121,9 @@ class Iterate:
     steady: bool = False  #: Whether the tangent of the norms is accurate enough.
 
     def distance_from_optimum(self, program: BlockProgram) -> float:
-        """Bound the distance from the optimum: the duality gap plus |x| |gradient - s|.
+        """Bound the distance from the optimum in units of the cost: the duality gap plus |x| |gradient - s|.
 
         With a barrier, the distance of the products X S from the barrier replaces the gap.
-
-        Args:
-            program: The program that is solved.
-
-        Returns:
-            The bound, in units of the cost.
         """
         gap = float(self.x @ self.s)
         if program.barrier:
@@ -205,9 +178,6 @@ def is_semidefinite(x: Array, sizes: tuple[int, ...], share: float) -> bool:
         x: svec of all blocks, (n,).
         sizes: Orders of the blocks.
         share: Share of its trace by which an eigenvalue may be negative [1].
-
-    Returns:
-        True if they are.
     """
     if not np.isfinite(x).all():
         return False
@@ -218,13 +188,9 @@ def is_semidefinite(x: Array, sizes: tuple[int, ...], share: float) -> bool:
 def interior(program: BlockProgram) -> Iterate:
     """Minimise the program by the predictor and corrector method, as far as rounding allows.
 
+    It returns the best iterate; the caller proves how near the optimum that is.
+
     Mathematics: `est-11`.
-
-    Args:
-        program: The program.
-
-    Returns:
-        The best iterate; the caller proves how near the optimum it is.
     """
     state = _initial_iterate(program)
     iterate, best = state, program.cost(state.x, state.norms)
@@ -324,9 +290,6 @@ class Scaling:
             x: svec of all blocks, (..., n).
             s: svec of their multipliers, (..., n).
 
-        Returns:
-            The scaling.
-
         Raises:
             LinAlgError: If a block is not positive definite.
         """
@@ -345,14 +308,7 @@ class Scaling:
         return np.asarray(np.sqrt(self.d)[..., None] * (self.V.swapaxes(-1, -2) @ np.linalg.inv(self.L)))
 
     def scaled(self, x: Array) -> Array:
-        """Scale a direction of x: G^-1 X G^-T.
-
-        Args:
-            x: The direction, (..., n).
-
-        Returns:
-            Scaled blocks, (..., blocks, m, m).
-        """
+        """Scale a direction of x, (..., n): G^-1 X G^-T, (..., blocks, m, m)."""
         return np.asarray(self.inverse @ cone.smat(x[..., self.at]) @ self.inverse.swapaxes(-1, -2))
 
     def corrected(self, aim: float | Array, X: Array) -> Array:
@@ -423,14 +379,7 @@ class _State:
     step: Array  #: Length of the last step, 1 for a full one, (problems,).
 
     def select(self, some: Mask) -> "_State":
-        """Select some of the problems.
-
-        Args:
-            some: Which problems, (problems,).
-
-        Returns:
-            Their state.
-        """
+        """Select some of the problems, by a mask, (problems,)."""
         return self if some.all() else _State(*(own[some] for own in vars(self).values()))
 
 
@@ -570,9 +519,6 @@ class _Newton:
             x: Points in the cone, (problems, n).
             s: Points in the dual cone, (problems, n).
             groups: Places of the blocks of each order, (blocks, entries) per order.
-
-        Returns:
-            The matrices.
         """
         scalings = [Scaling.of(at, x, s) for at in groups]
         K, S = [cone.congruence(scaling.G) for scaling in scalings], np.empty_like(R)

@@ -117,9 +117,6 @@ class Method:
             widths: Whether intervals are wanted. Without them the prior's couplings inside links stay as they
                 are.
 
-        Returns:
-            The estimate.
-
         Raises:
             BenchError: When the prior does not fit the structure or the data.
         """
@@ -226,7 +223,7 @@ def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = N
     """
     if not isinstance(prior, Prior):
         raise BenchError(f"prior: expected one, such as cad_prior(arm), got {type(prior).__name__}")
-    return replace(_method(estimator, "prior"), prior=prior, strength=strength)
+    return replace(_as_method(estimator, "prior"), prior=prior, strength=strength)
 
 
 def robust(estimator: Estimator) -> Method:
@@ -241,10 +238,10 @@ def robust(estimator: Estimator) -> Method:
     Raises:
         BenchError: When the estimator is not a `Method`.
     """
-    return replace(_method(estimator, "robust loss"), loss="robust")
+    return replace(_as_method(estimator, "robust loss"), loss="robust")
 
 
-def _method(estimator: Estimator, what: str) -> Method:
+def _as_method(estimator: Estimator, what: str) -> Method:
     if isinstance(estimator, Method):
         return estimator
     name = getattr(estimator, "__name__", type(estimator).__name__)

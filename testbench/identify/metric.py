@@ -100,15 +100,9 @@ def cad_prior(arm: Arm) -> Prior:
 
 @lru_cache(maxsize=CACHED_PRIORS)
 def with_weaker_coupling(prior: Prior) -> Prior:
-    """Make a prior whose links are less like beams: equal on the diagonal, weaker couplings.
+    """Make a prior whose links are less like beams: C (1 - SOFTENING) + SOFTENING diag(C); cached.
 
     Mathematics: `prior-6`.
-
-    Args:
-        prior: Expected compliances.
-
-    Returns:
-        C (1 - SOFTENING) + SOFTENING diag(C); cached.
     """
     C = prior.C_theta
     return replace(prior, C_theta=(1 - SOFTENING) * C + SOFTENING * np.diag(np.diag(C)))
@@ -234,26 +228,12 @@ class PriorScaling:
         )
 
     def matrices(self, x: Array) -> list[Array]:
-        """Return the matrix X of every block.
-
-        Args:
-            x: Coordinates of all blocks, (n,).
-
-        Returns:
-            The matrices.
-        """
+        """Return the matrix X of every block from x, (n,)."""
         ends = np.cumsum([cone.triangle(n) for n in self.sizes])[:-1]
         return [cone.smat(part) for part in np.split(x, ends)]
 
     def project(self, x: Array) -> Array:
-        """Set the negative eigenvalues of every block to zero: the solver's last digits.
-
-        Args:
-            x: Coordinates of all blocks, (n,).
-
-        Returns:
-            The coordinates, (n,).
-        """
+        """Set the negative eigenvalues of every block of x, (n,), to zero: the solver's last digits."""
         found = x.copy()
         for at in cone.groups_of(self.sizes):
             found[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
@@ -427,15 +407,7 @@ def _root(P: Array, prior: Prior, structure: Structure) -> Array:
     """Symmetric square root of a prior in every block, refused if not symmetric positive definite there."""
 
     def refused(row: int, problem: str) -> BenchError:
-        """Make the error about a block of the prior.
-
-        Args:
-            row: A row of the block.
-            problem: What was expected.
-
-        Returns:
-            The error.
-        """
+        """Make the error about a block of the prior."""
         label = structure.labels[structure.blocks[structure.block_of[row]][0]]
         return BenchError(f"prior {prior.name}, {label} ...: expected a {problem}")
 

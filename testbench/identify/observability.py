@@ -76,15 +76,9 @@ class HiddenQuantity:
 
 
 def null_space(A: Array) -> Array:
-    """Compute a basis of the null space of rows whose columns differ in unit.
+    """Compute a basis of the null space, (n, n - rank), of rows whose columns differ in unit, (rows, n).
 
     Mathematics: `obs-5`.
-
-    Args:
-        A: The rows, (rows, n).
-
-    Returns:
-        Basis, (n, n - rank).
     """
     n = A.shape[1]
     seen = np.flatnonzero(~zero_columns(A))
@@ -134,14 +128,7 @@ def directions(A: Array, unit: Array, groups: Sequence[Ids], known_directions: A
 
 
 def zero_columns(A: Array) -> Mask:
-    """Tell which columns are zero up to rounding.
-
-    Args:
-        A: The rows, (rows, n).
-
-    Returns:
-        Mask, (n,).
-    """
+    """Tell which columns of rows are zero up to rounding, (n,)."""
     norm = np.linalg.norm(A, axis=0)
     return np.asarray(norm <= ZERO_COLUMN * norm.max(initial=0))
 
@@ -179,14 +166,7 @@ def circuits(N: Array, unit: Array) -> Array:
 
 
 def participants(row: Array) -> Direction:
-    """Describe a direction by the unknowns that take part in it.
-
-    Args:
-        row: The direction, (n,).
-
-    Returns:
-        The unknowns, the one that changes most first.
-    """
+    """Describe a direction, (n,), by the unknowns that take part in it, the one that changes most first."""
     size = np.abs(row) / np.abs(row).max()
     order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > ZERO_ENTRY]
     return Direction(

@@ -13,7 +13,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, in_order
+from testbench.data.dataset import Dataset, select_rows
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, check_array, check_type
 from testbench.identify.conic import sensitivity_units
@@ -85,9 +85,6 @@ class Posterior(Displayed):
         Args:
             x: Centre, (n,).
             root: Root of the covariance root^T root, (r, n).
-
-        Returns:
-            The posterior.
         """
         return cls(x, root, np.zeros((0, len(x))), np.ones(len(x)))
 
@@ -109,15 +106,11 @@ class Posterior(Displayed):
         return cls(x, back @ L.T, unseen @ L.T, np.linalg.norm(L, axis=1))
 
     def deviations(self, functionals: Array) -> Array:
-        """Compute standard deviations of linear functionals.
+        """Compute standard deviations, (k,), of linear functionals, one per row, (k, n).
+
+        They are infinite where a functional is unobservable.
 
         Mathematics: `int-2`.
-
-        Args:
-            functionals: One per row, (k, n).
-
-        Returns:
-            Deviation of each, infinite where it is unobservable, (k,).
 
         Raises:
             BenchError: When a functional has another length or is not finite.
@@ -174,14 +167,7 @@ class Posterior(Displayed):
         return Intervals(centre, centre - half, centre + half, confidence, self.on_boundary)
 
     def covariance(self, functionals: Array) -> Array:
-        """Compute covariances of groups of k observable functionals.
-
-        Args:
-            functionals: Rows of the functionals, (..., k, n).
-
-        Returns:
-            Covariances, (..., k, k).
-        """
+        """Compute covariances, (..., k, k), of groups of k observable functionals, (..., k, n)."""
         white = functionals @ self.root.T
         return np.asarray(white @ white.swapaxes(-1, -2))
 
@@ -213,7 +199,7 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     posterior, points = linearise(estimate), marker_points(vjm, data.markers)
     together, ends = max(1, INTERVAL_BATCH // len(points)), []
     for first in range(0, data.runs, together):
-        some = in_order(data, np.arange(first, min(first + together, data.runs)))
+        some = select_rows(data, np.arange(first, min(first + together, data.runs)))
         where = chain(for_load_history(vjm, some.taken_off), some.q)
         rows = observation(where, estimate.structure, some.wrench, some.point, points)
         found = posterior.intervals(rows.reshape(-1, estimate.structure.n), confidence)
@@ -420,13 +406,10 @@ def quantile(tail: float, p: float) -> float:
 
 
 def check_confidence(confidence: float) -> None:
-    """Check a confidence.
-
-    Args:
-        confidence: The confidence [1].
+    """Check that a confidence [1] is between 0 and 1.
 
     Raises:
-        BenchError: If it is not between 0 and 1.
+        BenchError: If it is not.
     """
     if not 0 < confidence < 1:
         raise BenchError(f"confidence: expected a number between 0 and 1, got {confidence}")

@@ -118,19 +118,12 @@ def _at_markers(vjm: Vjm, data: Dataset) -> Dataset:
 
 
 def unloaded_series(data: Dataset) -> tuple[Series, ...]:
-    """Return the unloaded readings of runs.
-
-    Args:
-        data: The runs.
-
-    Returns:
-        One series per station that read anything.
-    """
+    """Return the unloaded readings of runs, one series per station that read anything."""
     every = (select_rows(series, np.arange(series.rows // 2)) for series in series_of(data, STATION, "tool"))
     return tuple(series for series in every if series.seen.any())
 
 
-def _is_base(series: Series, frame: Frame, far: float) -> bool:
+def _is_base(series: Series, frame: Frame, reach: float) -> bool:
     """Tell whether a frame is the base's up to the arm's errors, or cannot be distinguished from it."""
     y = series.position[series.seen]
     x = (y - frame.translation) @ frame.rotation
@@ -139,7 +132,7 @@ def _is_base(series: Series, frame: Frame, far: float) -> bool:
     moved = float(np.median(np.linalg.norm(y - x, axis=1)))
     return (
         frame.angle < MAX_BASE_ROTATION + BASE_SIGMAS * turn
-        and moved < MAX_BASE_SHIFT * far + BASE_SIGMAS * shift
+        and moved < MAX_BASE_SHIFT * reach + BASE_SIGMAS * shift
     )
 
 
@@ -159,9 +152,6 @@ def with_markers(vjm: Vjm, places: Mapping[str, Array]) -> Vjm:
     Args:
         vjm: The arm's virtual joint model.
         places: Positions by marker, (3,) [m] each.
-
-    Returns:
-        The model.
     """
     have = dict(zip(vjm.arm.markers, vjm.markers, strict=True)) | dict(places)
     return replace(vjm, arm=replace(vjm.arm, markers=tuple(have)), markers=np.array(list(have.values())))
@@ -176,9 +166,6 @@ def transform_to_base(registration: Registration, data: Dataset) -> Dataset:
     Args:
         registration: The registered frames.
         data: The runs in the stations' frames.
-
-    Returns:
-        The runs in base axes.
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
@@ -205,12 +192,5 @@ def transform_to_base(registration: Registration, data: Dataset) -> Dataset:
 
 
 def station_number(name: str) -> int:
-    """Return the number of the station from the name of its frame.
-
-    Args:
-        name: Name of the frame.
-
-    Returns:
-        The number.
-    """
+    """Return the number of the station from the name of its frame."""
     return int(name.removeprefix(STATION))

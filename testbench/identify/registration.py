@@ -66,13 +66,10 @@ class Frame:
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
     def rebased(self, pose: Array) -> "Frame":
-        """Return the frame that takes the place of the base.
+        """Return the frame that takes the place of the base, with its covariance.
 
         Args:
             pose: Pose of the new frame's origin in base axes, (4, 4) [m].
-
-        Returns:
-            The frame, with its covariance.
         """
         turn, place = pose[:3, :3], pose[:3, 3]
         J = np.eye(6)
@@ -193,14 +190,7 @@ def register(
 
 
 def largest_deviation(covariance: Array) -> float:
-    """Compute the largest standard deviation along any direction.
-
-    Args:
-        covariance: Covariance, (n, n).
-
-    Returns:
-        Root of its largest eigenvalue.
-    """
+    """Compute the largest standard deviation along any direction of a covariance, (n, n)."""
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0)))
 
 

@@ -121,9 +121,6 @@ def term_from_triangle(T: Array, unexplained: float, equations: int) -> Term:
         T: Triangular factor of the rows [A | y] over sqrt(N), (n + 1, n + 1) [1].
         unexplained: Squared norm that T does not hold and no parameter explains [1].
         equations: Scalar equations behind it.
-
-    Returns:
-        The term.
     """
     return Term(
         R=T[:-1, :-1], z=T[:-1, -1], unexplained=float(T[-1, -1] ** 2) + unexplained, equations=equations
@@ -131,14 +128,7 @@ def term_from_triangle(T: Array, unexplained: float, equations: int) -> Term:
 
 
 def triangular_factor(rows: Array) -> Array:
-    """Compute the triangular factor of rows by QR.
-
-    Args:
-        rows: The rows, (rows, n).
-
-    Returns:
-        Upper triangular factor R with R^T R = rows^T rows, (n, n).
-    """
+    """Compute the upper triangular factor R of rows, (rows, n), with R^T R = rows^T rows, (n, n), by QR."""
     R = np.linalg.qr(rows, mode="r")
     T = np.zeros((rows.shape[1],) * 2)
     T[: len(R)] = R
@@ -173,7 +163,7 @@ def restrict_to(regression: Regression, structure: Structure) -> Regression:
     Returns:
         The regression of the same readings in these unknowns.
     """
-    columns = parameter_places(structure, regression.structure)
+    columns = structure.places_in(regression.structure)
     parts = ((triangular_factor(np.c_[term.R[:, columns], term.z]), term) for term in regression.terms)
     found = regression_of(
         structure, tuple(term_from_triangle(T, term.unexplained, term.equations) for T, term in parts)
@@ -181,20 +171,6 @@ def restrict_to(regression: Regression, structure: Structure) -> Regression:
     poses = tuple(rows[:, [*columns, -1]] for rows in regression.poses)
     wander = None if regression.wander is None else regression.wander[:, columns]
     return replace(found, poses=poses, wander=wander)
-
-
-def parameter_places(structure: Structure, whole: Structure) -> Ids:
-    """Find the parameters of a structure among those of a wider one.
-
-    Args:
-        structure: The unknowns, n of them.
-        whole: A structure that has all of them.
-
-    Returns:
-        Place of every parameter, (n,).
-    """
-    place = {pair: k for k, pair in enumerate(zip(whole.a.tolist(), whole.b.tolist(), strict=True))}
-    return np.array([place[pair] for pair in zip(structure.a.tolist(), structure.b.tolist(), strict=True)])
 
 
 def scatter_to(values: Array, structure: Structure, widest: Structure) -> Array:
@@ -209,15 +185,12 @@ def scatter_to(values: Array, structure: Structure, widest: Structure) -> Array:
         The numbers, zero for all other parameters, (..., N).
     """
     every = np.zeros((*values.shape[:-1], widest.n))
-    every[..., parameter_places(structure, widest)] = values
+    every[..., structure.places_in(widest)] = values
     return every
 
 
 def check_symmetric(structure: Structure) -> None:
     """Check that a structure can be a Gramian.
-
-    Args:
-        structure: The structure.
 
     Raises:
         BenchError: If it does not impose symmetry.
@@ -230,12 +203,6 @@ def rank(A: Array) -> int:
     """Compute the rank of a matrix whose columns have unlike units: each is scaled to norm one first.
 
     Mathematics: `obs-4`.
-
-    Args:
-        A: The matrix, (rows, n).
-
-    Returns:
-        The rank.
     """
     norm = np.linalg.norm(A, axis=0)
     seen = norm > ZERO_COLUMN * norm.max(initial=0)
@@ -372,11 +339,7 @@ class TriangularFactors:
         self.factors[at] = dtpqrt(0, panel, T, lines.T, overwrite_a=True, overwrite_b=True)[0]
 
     def join(self, other: "TriangularFactors") -> None:
-        """Add all rows of another set of factors.
-
-        Args:
-            other: The other factors, with the same columns.
-        """
+        """Add all rows of another set of factors with the same columns."""
         for at, T in other.factors.items():
             self.add(*at, T.T.copy())
             self.equations[at] += other.equations[at]
@@ -413,28 +376,14 @@ class PartitionedRegression:
         return np.unique([part for _, part in self.factors.factors])
 
     def some_parts(self, parts: Ids) -> "PartitionedRegression":
-        """Return the equations of some parts only.
-
-        Args:
-            parts: Numbers of the parts, (parts,).
-
-        Returns:
-            Their equations.
-        """
+        """Return the equations of some parts only, by their numbers, (parts,)."""
         kept, own = TriangularFactors(self.factors.columns), set(parts.tolist())
         kept.factors = {at: T for at, T in self.factors.factors.items() if at[1] in own}
         kept.equations.update({at: n for at, n in self.factors.equations.items() if at[1] in own})
         return replace(self, factors=kept)
 
     def joined(self, parts: Ids | None = None) -> Regression:
-        """Make one regression of some parts: rows over sqrt(N), as in F_M, Eq. (19).
-
-        Args:
-            parts: Numbers of the parts, (parts,); None for all.
-
-        Returns:
-            The regression.
-        """
+        """Make one regression of some parts, None for all: rows over sqrt(N), as in F_M, Eq. (19)."""
         terms, some = [], (self.all_parts if parts is None else parts).tolist()
         for kind in sorted({kind for kind, _ in self.factors.factors}):
             equations = sum(self.factors.equations[kind, k] for k in some)
@@ -570,12 +519,9 @@ def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
     """Where a structure's parameters and the readings are among those of another; None where one is not."""
     if structure is widest:
         return slice(None)
-    place = {pair: k for k, pair in enumerate(zip(widest.a.tolist(), widest.b.tolist(), strict=True))}
-    pairs = list(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
     alike = (structure.symmetric, structure.n_compliance_rows) == (widest.symmetric, widest.n_compliance_rows)
-    if not alike or not place.keys() >= set(pairs):
-        return None
-    return np.array([*(place[pair] for pair in pairs), widest.n])
+    places = structure.places_in(widest)
+    return np.append(places, widest.n) if alike and (places >= 0).all() else None
 
 
 @dataclass(frozen=True)
@@ -601,14 +547,7 @@ class ReducedReadings:
         return sum_gram(self.parts)
 
     def turned(self, basis: csr_array) -> "ReducedReadings":
-        """Return the equations in another basis of the unknowns, x = basis @ z.
-
-        Args:
-            basis: The basis, (size, size).
-
-        Returns:
-            The equations of z.
-        """
+        """Return the equations of z in another basis of the unknowns, x = basis @ z, (size, size)."""
         B = block_diag((basis, 1.0), format="csr").T
         grams = [np.array([B @ np.asarray(B @ own).T for own in block.gram]) for block in self.parts]
         parts = tuple(replace(block, gram=gram) for block, gram in zip(self.parts, grams, strict=True))
@@ -647,9 +586,6 @@ def reduce_series(
         series: The readings.
         blocks: Block of joint space of every row of a series, (rows,) each, equal for all rows of a pose;
             None for one block per series.
-
-    Returns:
-        The reduced equations.
     """
     blocks = [np.zeros(one.rows, dtype=int) for one in series] if blocks is None else blocks
     kinds, parts, whole = kinds_of(series), [], TriangularFactors(linearisation.unknowns.size + 1)
@@ -706,12 +642,5 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
 
 
 def sum_gram(parts: Sequence[SeriesBlock]) -> Array:
-    """Sum the Gram matrices of several parts.
-
-    Args:
-        parts: The parts.
-
-    Returns:
-        The sum, (kinds, size + 1, size + 1).
-    """
+    """Sum the Gram matrices of several parts, (kinds, size + 1, size + 1)."""
     return np.asarray(sum(part.gram for part in parts))

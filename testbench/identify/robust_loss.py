@@ -22,15 +22,9 @@ class Loss:
     mean_square: float  #: Mean of min(|z|, bend)^2 of normal 3-vectors z.
 
     def influence(self, length: Array) -> Array:
-        """Compute the robust weight of a reading from the length of its whitened residual.
+        """Compute the robust weight of a reading, 0 to 1, from the length of its whitened residual [1].
 
         Mathematics: `est-16`.
-
-        Args:
-            length: Lengths, (...) [1].
-
-        Returns:
-            Weights from 0 to 1, (...) [1].
         """
         return np.asarray(np.minimum(1.0, self.threshold / np.maximum(length, self.threshold)))
 

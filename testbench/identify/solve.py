@@ -201,7 +201,7 @@ def least_eigenvalue_shift(s: Structure, equal_fits: EqualFits) -> float:
 def _equal_fit_program(
     s: Structure, equal_fits: EqualFits, shift_direction: Array, rows: tuple[cone.Rows, ...]
 ) -> cone.ConeProgram:
-    """Make the program min t over (t, w) with X_0 + N w + t B in the cone, B the argument `shift_direction`."""
+    """Make the program min t over (t, w) with X_0 + N w + t B in the cone, B the `shift_direction`."""
     for block in s.blocks:
         entries, svec = psd_entries(s, block)
         A = -svec @ np.c_[shift_direction, equal_fits.N][entries]

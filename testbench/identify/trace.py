@@ -80,15 +80,10 @@ class Candidate:
 
 
 def divide_poses(data: Dataset) -> Ids:
-    """Divide runs into parts for cross-validation: (fold of the pose) * FOLDS + (fold of the load).
+    """Divide runs into parts for cross-validation: (fold of the pose) * FOLDS + (fold of the load), (runs,).
 
-    Two loads are of one level if their forces and their moments are equal in length, to `LEVEL_DIGITS`.
-
-    Args:
-        data: The runs.
-
-    Returns:
-        Part of every run, (runs,); -1 for a run without a reading.
+    Two loads are of one level if their forces and their moments are equal in length, to `LEVEL_DIGITS`. Runs
+    without a reading are of part -1.
     """
     level = np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2)
     force, moment = (np.unique(own, return_inverse=True)[1] for own in level.round(LEVEL_DIGITS).T)
@@ -102,9 +97,6 @@ def folds(parts: PartitionedRegression) -> list[Fold]:
 
     Args:
         parts: The reduced equations, in the parts of `divide_poses`.
-
-    Returns:
-        The folds.
 
     Raises:
         BenchError: When all runs are of one pose.
@@ -158,14 +150,9 @@ def grams(parts: PartitionedRegression | Regression, lift: Array) -> Grams:
 
 
 def paired(difference: Array) -> tuple[float, float]:
-    """Compute a mean and its standard error over folds, as a paired comparison needs it.
+    """Compute mean and standard error over folds [1] of one model's errors, or of differences, (folds,).
 
-    Args:
-        difference: Errors of one model, or differences between two models' errors, one per fold, (folds,)
-            [1].
-
-    Returns:
-        Mean and standard error [1]; the error is infinite for a single fold.
+    The standard error is infinite for a single fold.
     """
     n = len(difference)
     error = float(difference.std(ddof=1) / np.sqrt(n)) if n > 1 else np.inf
@@ -182,7 +169,7 @@ class Comparison:
 
 
 def prefer_first(candidates: Sequence[Candidate], first: str) -> Comparison:
-    """Select the first model unless another beats its held-out error by `CLEAR_STANDARD_ERRORS` standard errors.
+    """Select the first model unless another's held-out error is `CLEAR_STANDARD_ERRORS` standard errors less.
 
     Args:
         candidates: All models with their errors, the first one among them.

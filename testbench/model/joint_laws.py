@@ -92,27 +92,14 @@ class Stiffening:
     formula: str = f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {UNIT_STIFFENING / UNIT_ROTATION**2:g} f^3 = x"
 
     def turn(self, joint_turns: JointTurns) -> Array:
-        """Compute the turn that a stiffening spring adds to the linear one.
+        """Compute the turn that a stiffening spring adds to the linear one, (n, runs) [rad, m].
 
         Mathematics: `law-3`.
-
-        Args:
-            joint_turns: Nominal turns before and under the load.
-
-        Returns:
-            Turn per unit of size, (n, runs) [rad, m].
         """
         return (_spring(joint_turns.x_1) - joint_turns.x_1) - (_spring(joint_turns.x_0) - joint_turns.x_0)
 
     def slope(self, joint_turns: JointTurns) -> Array:
-        """Compute f' - 1 at x_1.
-
-        Args:
-            joint_turns: Nominal turns before and under the load.
-
-        Returns:
-            Slope, (n, runs) [1].
-        """
+        """Compute f' - 1 at x_1, (n, runs) [1]."""
         return np.asarray(1 / (1 + 3 * UNIT_STIFFENING * (_spring(joint_turns.x_1) / UNIT_ROTATION) ** 2) - 1)
 
 
@@ -131,28 +118,15 @@ class Backlash:
     )
 
     def turn(self, joint_turns: JointTurns) -> Array:
-        """Compute the turn across the gap.
+        """Compute the turn across the gap, (n, runs) [rad, m].
 
         Mathematics: `law-4`.
-
-        Args:
-            joint_turns: Nominal turns before and under the load.
-
-        Returns:
-            Turn per unit of size, (n, runs) [rad, m].
         """
         b = UNIT_BACKLASH_RAD
         return np.asarray(b * (np.tanh(joint_turns.x_1 / b) - np.tanh(joint_turns.x_0 / b)))
 
     def slope(self, joint_turns: JointTurns) -> Array:
-        """Compute 1 - tanh(x_1 / b)^2.
-
-        Args:
-            joint_turns: Nominal turns before and under the load.
-
-        Returns:
-            Slope, (n, runs) [1].
-        """
+        """Compute 1 - tanh(x_1 / b)^2, (n, runs) [1]."""
         return np.asarray(1 - np.tanh(joint_turns.x_1 / UNIT_BACKLASH_RAD) ** 2)
 
 
@@ -170,28 +144,15 @@ class Friction:
     formula: str = f"-s {UNIT_FRICTION_RAD:g} clip((x_1 - x_0) / {UNIT_FRICTION_RAD:g}, -1, 1)"
 
     def turn(self, joint_turns: JointTurns) -> Array:
-        """Compute the turn that friction holds back.
+        """Compute the turn that friction holds back, (n, runs) [rad, m].
 
         Mathematics: `law-5`.
-
-        Args:
-            joint_turns: Nominal turns before and under the load.
-
-        Returns:
-            Turn per unit of size, (n, runs) [rad, m].
         """
         width = joint_turns.widths * UNIT_FRICTION_RAD
         return np.asarray(-width * np.clip((joint_turns.x_1 - joint_turns.x_0) / width, -1, 1))
 
     def slope(self, joint_turns: JointTurns) -> Array:
-        """Compute -1 where friction holds the joint, and 0 where it slips.
-
-        Args:
-            joint_turns: Nominal turns before and under the load.
-
-        Returns:
-            Slope, (n, runs) [1].
-        """
+        """Compute -1 where friction holds the joint, and 0 where it slips, (n, runs) [1]."""
         return np.asarray(
             -1.0 * (np.abs(joint_turns.x_1 - joint_turns.x_0) < joint_turns.widths * UNIT_FRICTION_RAD)
         )

@@ -76,11 +76,7 @@ def build_vjm(arm: Arm) -> Vjm:
 def build_tree(arm: Arm) -> pin.Model:
     """Build Pinocchio's model of the rigid arm: joints, and frames of links, tool, load point and markers.
 
-    Args:
-        arm: Description of the arm; its rigid.xml is read.
-
-    Returns:
-        The kinematic tree. It has no inertias and no limits.
+    It is made from the arm's rigid.xml, and has no inertias and no limits.
 
     Raises:
         InputError: When the MJCF cannot be read, or a body has no orientation that can be read.
@@ -93,13 +89,7 @@ def build_tree(arm: Arm) -> pin.Model:
         return pin.SE3(body_pose(arm, body, unit))
 
     def add(name: str, joint: int, placement: pin.SE3) -> None:
-        """Add the frame of a body to the tree.
-
-        Args:
-            name: Name of the body.
-            joint: Index of its parent joint in Pinocchio.
-            placement: Pose of the body in that joint's frame [m].
-        """
+        """Add the frame of a body to the tree."""
         model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.BODY))
 
     # pose of the base in the world, through all bodies above it

@@ -99,15 +99,11 @@ class JointLaws:
         return JointTurns(c * before, c * (before + u), self.widths)
 
     def before(self, chain: Chain) -> Array:
-        """Compute the torques at the joints before the load: own weight, less what a compensator carries.
+        """Compute torques tau_0 at the joints before the load, (n, runs) [N m, N].
+
+        They are those of own weight, where weights are known, less what a compensator carries.
 
         Mathematics: `law-2`.
-
-        Args:
-            chain: The arm in its poses.
-
-        Returns:
-            Torques tau_0, (n, runs) [N m, N]; without the weight's share where weights are unknown.
         """
         n, links = len(self.compliance), 6 * (len(self.compliance) + 1)
         if self.weights is None:
@@ -176,39 +172,18 @@ def laws_of(arm: Arm, shapes: Mapping[str, JointLaw] = joint_laws) -> JointLaws:
 
 
 def law_kinds(structure: Structure) -> tuple[str, ...]:
-    """Name the kinds of joint laws whose sizes a structure has as unknowns, in their order.
-
-    Args:
-        structure: Any structure.
-
-    Returns:
-        The kinds, `STRUT` included; empty without laws.
-    """
+    """Name the kinds of joint laws whose sizes are unknowns of a structure, in order, `STRUT` included."""
     labels = structure.labels[structure.n_compliance_rows :] if structure.laws else ()
     return tuple(dict.fromkeys(label.rpartition(" ")[2] for label in labels))
 
 
 def size_prior(kind: str) -> tuple[float, float]:
-    """Return the prior of a law's size, before any reading.
-
-    Args:
-        kind: Kind of the law.
-
-    Returns:
-        Median of the size, and standard deviation of its logarithm [1].
-    """
+    """Return median, and deviation of the logarithm, of a law's size before any reading, by its kind [1]."""
     return COMPENSATOR_LAW_PRIOR if kind == STRUT else joint_laws[kind].size_prior
 
 
 def law_unit(kind: str) -> float:
-    """Return the meaning of a size of one in SI units.
-
-    Args:
-        kind: Kind of the law.
-
-    Returns:
-        The unit [1, rad; m for a slide].
-    """
+    """Return what a size of one of a kind of law means in SI units [1, rad; m for a slide]."""
     return COMPENSATOR_UNIT if kind == STRUT else joint_laws[kind].unit
 
 
@@ -319,14 +294,7 @@ def with_laws(structure: Structure, arm: Arm, kinds: Sequence[str] | None = None
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
 def with_ties(structure: Structure) -> Structure:
-    """Add couplings between all pairs of joints to a structure, as its last parameters.
-
-    Args:
-        structure: A structure of uncoupled joints.
-
-    Returns:
-        The structure with n (n - 1) / 2 more parameters; remembered for the next call.
-    """
+    """Add couplings between all pairs of joints, n (n - 1) / 2 last parameters, to a structure; cached."""
     joints = 6 * structure.links + np.arange(structure.links - 1)
     a, b = (joints[end] for end in np.triu_indices(len(joints), 1))
     name = structure.name + TIED_SUFFIX * (len(a) > 0)
@@ -335,14 +303,7 @@ def with_ties(structure: Structure) -> Structure:
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
 def without_ties(structure: Structure) -> Structure:
-    """Remove the couplings between joints from a structure.
-
-    Args:
-        structure: Any structure.
-
-    Returns:
-        The structure whose joints are uncoupled; remembered for the next call.
-    """
+    """Remove the couplings between joints from a structure; cached."""
     keep = np.flatnonzero((structure.a < 6 * structure.links) | (structure.a == structure.b))
     return (
         structure
@@ -353,14 +314,7 @@ def without_ties(structure: Structure) -> Structure:
 
 @lru_cache(maxsize=CACHED_STRUCTURES)
 def without_laws(structure: Structure) -> Structure:
-    """Remove joint laws and couplings between joints from a structure.
-
-    Args:
-        structure: Any structure.
-
-    Returns:
-        The structure of compliances of links and single joints; remembered for the next call.
-    """
+    """Remove joint laws and couplings between joints from a structure; cached."""
     structure = without_ties(structure)
     if not structure.laws:
         return structure

@@ -32,13 +32,7 @@ class Load(Displayed):
     point: Array  #: Where it acts, in the tool's frame, (3,) or (poses, 3) [m].
 
     def over(self, poses: int) -> "Load":
-        """Expand the load to one row per pose.
-
-        Args:
-            poses: Number of poses.
-
-        Returns:
-            The load with a wrench (poses, 6) [N, N m] and a point (poses, 3) [m].
+        """Expand the load to one row per pose: wrench (poses, 6) [N, N m] and point (poses, 3) [m].
 
         Raises:
             BenchError: When it has rows for another number of poses, or a number that is not finite.
@@ -54,14 +48,7 @@ class Load(Displayed):
         return Load(wrench, point)
 
     def select(self, poses: slice | Ids) -> "Load":
-        """Take the rows of some poses from a load that has one row per pose.
-
-        Args:
-            poses: Indices of poses, (k,), or a slice.
-
-        Returns:
-            The load with k rows.
-        """
+        """Take the rows of some poses, by indices or a slice, from a load that has one row per pose."""
         return Load(self.wrench[poses], self.point[poses])
 
 
@@ -144,14 +131,7 @@ class Weights:
 
 
 def no_weights(arm: Arm) -> Weights:
-    """Make the weights of an arm whose links weigh nothing.
-
-    Args:
-        arm: The arm, n joints.
-
-    Returns:
-        Masses and first moments of the n + 2 bodies, all zero.
-    """
+    """Make the weights of an arm whose links weigh nothing: zeros for all n + 2 bodies."""
     return Weights(np.zeros(arm.n_joints + 2), np.zeros((arm.n_joints + 2, 3)))
 
 
@@ -187,14 +167,7 @@ def read_weights(arm: Arm) -> Weights:
 
 
 def weights_with_note(arm: Arm) -> tuple[Weights, list[str]]:
-    """Read what the links weigh, or take nothing where the arm's file does not state it.
-
-    Args:
-        arm: The arm.
-
-    Returns:
-        Masses and centres, and a note for the user where own weight is left out.
-    """
+    """Read what the links weigh; where the arm's file does not state it, nothing, and a note for the user."""
     try:
         return read_weights(arm), []
     except InputError as err:
@@ -254,9 +227,6 @@ def weight_columns(chain: Chain) -> Array:
 
     For a virtual joint t that carries body k with origin p and axes R these are J_t(p)^T g, and (omega_t x R
     e)^T g for e = x, y, z. All others are zero, also those of joint laws.
-
-    Args:
-        chain: Tool, bodies and Jacobian of every run.
 
     Returns:
         Columns, (n_theta, runs, bodies, 4) [N/kg, N m/kg; N/(kg m), N m/(kg m)]; their sum times

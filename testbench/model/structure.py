@@ -195,15 +195,16 @@ class Structure(Displayed):
         """Tell whether every block has all its entries as parameters, which a prior on whole blocks needs."""
         return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n
 
+    def places_in(self, wider: "Structure") -> Ids:
+        """Find the parameters among those of a wider structure, (n,); -1 for each that it lacks."""
+        place = {pair: k for k, pair in enumerate(zip(wider.a.tolist(), wider.b.tolist(), strict=True))}
+        pairs = zip(self.a.tolist(), self.b.tolist(), strict=True)
+        return np.array([place.get(pair, -1) for pair in pairs], dtype=int)
+
     def matrix(self, pi: Array) -> Array:
-        """Build C_theta from a parameter vector.
+        """Build C_theta, (n_theta, n_theta), from parameters pi, (n,) [m/N, rad/N, rad/(N m)].
 
-        Args:
-            pi: Parameters, (n,) [m/N, rad/N, rad/(N m)].
-
-        Returns:
-            C_theta, (n_theta, n_theta), symmetric where the structure is; entries outside the structure are
-            zero.
+        It is symmetric where the structure is; entries outside the structure are zero.
         """
         C = np.zeros((self.n_theta, self.n_theta))
         if self.symmetric:
@@ -212,25 +213,11 @@ class Structure(Displayed):
         return C
 
     def entries(self, C: Array) -> Array:
-        """Read the parameter vector from a C_theta; entries outside the structure are dropped.
-
-        Args:
-            C: Compliance C_theta, (n_theta, n_theta) [m/N, rad/N, rad/(N m)].
-
-        Returns:
-            Parameters pi, (n,).
-        """
+        """Read the parameters pi, (n,), from a C_theta, (n_theta, n_theta); other entries are dropped."""
         return np.asarray(C[self.a, self.b])
 
     def gradient(self, g: Array) -> Array:
-        """Convert a gradient with respect to pi into one with respect to C_theta.
-
-        Args:
-            g: Gradient with respect to pi, (n,).
-
-        Returns:
-            S with <S, C> = g . pi, (n_theta, n_theta), symmetric where the structure is.
-        """
+        """Convert a gradient g with respect to pi, (n,), into S with <S, C> = g . pi, (n_theta, n_theta)."""
         return self.matrix(np.where(self.mirrored, g / 2, g))
 
     def keep(self, columns: Ids, name: str) -> "Structure":
@@ -247,14 +234,7 @@ class Structure(Displayed):
 
 
 def labels_of(arm: Arm) -> tuple[str, ...]:
-    """Name every row of C_theta.
-
-    Args:
-        arm: The arm.
-
-    Returns:
-        Link and axis such as "link_2.phi_x", then the joints, (n_theta,).
-    """
+    """Name every row of C_theta: link and axis such as "link_2.phi_x", then the joints, (n_theta,)."""
     links = [
         f"{link.name}.{axis}" for link in arm.links for axis in ("x", "y", "z", "phi_x", "phi_y", "phi_z")
     ]
@@ -306,14 +286,7 @@ mgco47 = _named("MGCO47", (2, 3), slice(1, None))  #: Links 2 and 3 in full and 
 
 
 def joints_only(arm: Arm) -> Structure:
-    """Build the structure of joint stiffness only, links rigid: the model of most calibrations.
-
-    Args:
-        arm: The arm, n joints.
-
-    Returns:
-        Structure of n parameters, one compliance per joint.
-    """
+    """Build the structure of joint stiffness only, links rigid: the model of most calibrations."""
     return Structure.of(arm, joints=[joint.name for joint in arm.joints], name=JOINTS)
 
 

@@ -149,14 +149,7 @@ class Chain:
     laws: Laws | None = None  #: Joint laws of the model.
 
     def points(self, points: Array) -> Array:
-        """Transform points from the tool's frame to the world.
-
-        Args:
-            points: Points in the tool's frame, (k, 3) [m].
-
-        Returns:
-            Points in the world, (runs, k, 3) [m].
-        """
+        """Transform points from the tool's frame, (k, 3) [m], to the world, (runs, k, 3) [m]."""
         return points_on_tool((self.position, self.rotation), points)
 
 
@@ -395,13 +388,9 @@ def rotation(axis: Array, angle: float) -> Array:
 
 
 def skew(vectors: Array) -> Array:
-    """Build the matrices W of vector products, W x = v x x; row k of W is the k-th unit axis times v.
+    """Build the matrices W of vector products, W x = v x x, (..., 3, 3), of vectors v, (..., 3).
 
-    Args:
-        vectors: Vectors v, (..., 3).
-
-    Returns:
-        Skew-symmetric matrices, (..., 3, 3), in the unit of the vectors.
+    Row k of W is the k-th unit axis times v.
     """
     W = np.zeros((*vectors.shape, 3))
     for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -573,7 +562,7 @@ def turn_between(start: Array, end: Array) -> Array:
 
 
 def rotation_matrices(turn: Array) -> Array:
-    """Compute rotation matrices of rotation vectors by Rodrigues' formula, exp([r]_x).
+    """Compute rotation matrices exp([r]_x) of rotation vectors by Rodrigues' formula.
 
     Args:
         turn: Rotation vectors r, (points, 3) [rad].

@@ -52,34 +52,17 @@ def virtual_joint(link: str, axis: str) -> str:
     Args:
         link: Name of the link.
         axis: Name of the axis.
-
-    Returns:
-        The name.
     """
     return f"{link}_theta_{axis}"
 
 
 def sprung_joint(joint: str) -> str:
-    """Name the sprung hinge or slide on the axis of an actuated joint in the elastic MJCF.
-
-    Args:
-        joint: Name of the actuated joint.
-
-    Returns:
-        Name of the sprung joint.
-    """
+    """Name the sprung hinge or slide on the axis of an actuated joint in the elastic MJCF."""
     return f"{joint}_theta"
 
 
 def theta_names(arm: Arm) -> list[str]:
-    """List the names of the virtual joints in the order of theta.
-
-    Args:
-        arm: The arm.
-
-    Returns:
-        The names, (n_theta,).
-    """
+    """List the names of the virtual joints in the order of theta, (n_theta,)."""
     links = [virtual_joint(link.name, axis) for link in arm.links for axis in AXES]
     return links + [sprung_joint(j.name) for j in arm.joints]
 
@@ -165,15 +148,12 @@ def _add_springs(tendons: ET.Element, link: Link) -> None:
 
 
 def tendon_springs(C: Array) -> tuple[Array, Array]:
-    """Decompose K = C^-1 into six springs, K = sum_k k v_k v_k^T.
+    """Decompose K = C^-1 of a positive definite compliance, (6, 6), into six springs, K = sum_k k v_k v_k^T.
 
     The eigenvectors are those of the unit-diagonal matrix D^-1/2 C D^-1/2, not of C: C mixes m/N with rad/(N
     m), and its raw eigenvectors lose digits of the small entries.
 
     Mathematics: `loaded-8`.
-
-    Args:
-        C: Positive definite compliance, (6, 6) [m/N, rad/(N m)].
 
     Returns:
         Stiffness k of each spring, (6,), and the coefficients v of its tendon as rows, (6, 6).
@@ -248,10 +228,7 @@ class Plant:
         return self.theta[6 * len(self.arm.links) :]
 
     def compliance(self, q: Array) -> Array:
-        """Compute the true compliance in given poses.
-
-        Args:
-            q: Commanded joint angles, (poses, n) [rad, m].
+        """Compute the true compliance at commanded joints, (poses, n) [rad, m].
 
         Returns:
             Compliance, (poses, nv, nv) [m/N, rad/(N m)]; C, (nv, nv), if it does not depend on the pose.
@@ -274,9 +251,6 @@ def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
     Args:
         path: The rigid MJCF that the text comes from; for messages and meshes.
         text: MJCF.
-
-    Returns:
-        The model.
 
     Raises:
         InputError: If MuJoCo refuses the text.
@@ -324,13 +298,7 @@ def check_geoms(path: Path, model: mujoco.MjModel) -> None:
 
 
 def build_plant(arm: Arm) -> Plant:
-    """Build the elastic MuJoCo model of an arm.
-
-    Args:
-        arm: The arm.
-
-    Returns:
-        The plant, without disturbances.
+    """Build the elastic MuJoCo model of an arm, without disturbances.
 
     Raises:
         InputError: If MuJoCo refuses the arm's MJCF.
@@ -344,9 +312,6 @@ def plant_from_model(arm: Arm, model: mujoco.MjModel) -> Plant:
     Args:
         arm: The arm.
         model: Its elastic MuJoCo model.
-
-    Returns:
-        The plant.
     """
     theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
     # Compliances in the order of MuJoCo's degrees of freedom.
@@ -379,9 +344,6 @@ def with_model(plant: Plant, model: mujoco.MjModel) -> Plant:
     Args:
         plant: The plant.
         model: The altered copy.
-
-    Returns:
-        The new plant.
     """
     abreast = copy.copy(plant.copies)
     abreast.opt.gravity[:] = model.opt.gravity
@@ -392,14 +354,7 @@ def with_model(plant: Plant, model: mujoco.MjModel) -> Plant:
 
 
 def weightless(plant: Plant) -> Plant:
-    """Copy a plant without gravity.
-
-    Args:
-        plant: The plant.
-
-    Returns:
-        The copy.
-    """
+    """Copy a plant without gravity."""
     model = copy.copy(plant.model)
     model.opt.gravity[:] = 0
     return with_model(plant, model)

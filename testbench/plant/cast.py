@@ -233,14 +233,7 @@ class Casting:
     rib: float  #: Width of a rib over the pitch [1].
 
     def sections(self, s: Array) -> Sections:
-        """Compute cross sections along the link.
-
-        Args:
-            s: Distances from the root over the length of the link, (k,) [1].
-
-        Returns:
-            The sections, k of them.
-        """
+        """Compute cross sections of the link at distances from its root over its length, (k,) [1]."""
         width, height = (self.size * (1 + s[:, None] * (self.taper - 1))).T / 2
         top = self.trapezium * width
         y, z = np.array([-width, width, top, -top]).T, np.array([-height, -height, height, height]).T
@@ -259,13 +252,9 @@ class Casting:
         return whole
 
     def compliance(self, segments: int = SEGMENTS) -> Array:
-        """Compute the compliance at the link's end in the beam frame.
+        """Compute the compliance at the link's end in the beam frame, (6, 6) [m/N, rad/(N m)].
 
-        Args:
-            segments: Number of Gauss-Legendre nodes along the link.
-
-        Returns:
-            Compliance, (6, 6) [m/N, rad/(N m)].
+        It takes Gauss-Legendre nodes along the link, as many as `segments`.
         """
         nodes, weights = np.polynomial.legendre.leggauss(segments)
         s = (1 + nodes) / 2
@@ -288,9 +277,6 @@ def cast_link(link: Link, rng: np.random.Generator) -> Link:
     Args:
         link: The tube.
         rng: Source of the dimensions.
-
-    Returns:
-        The cast link.
     """
     C = link.compliance
     bending = float(C[4, 4] + C[5, 5]) / 2
@@ -304,9 +290,6 @@ def scale_walls(casting: Casting, bending: float) -> Casting:
     Args:
         casting: The casting.
         bending: Mean of c55 and c66 [rad/(N m)].
-
-    Returns:
-        The scaled casting.
     """
     for _ in range(ITERATIONS):
         C = casting.compliance()
@@ -321,9 +304,6 @@ def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Cas
         length: Length of the tube [m].
         bending: Mean of its c55 and c66 [rad/(N m)].
         rng: Source of the dimensions.
-
-    Returns:
-        The casting.
     """
     # I = pi D^3 t / 8, t = D / 20
     wide = (8 * DIAMETER_OVER_WALL * length / (np.pi * CAST_IRON.E * bending)) ** 0.25
@@ -332,15 +312,7 @@ def draw_casting(length: float, bending: float, rng: np.random.Generator) -> Cas
         return float(rng.uniform(*CASTING_RANGES[name]))
 
     def each(name: str, count: int) -> Array:
-        """Draw several values of one dimension.
-
-        Args:
-            name: Its name in `CASTING_RANGES`.
-            count: Number of values.
-
-        Returns:
-            The values, (count,).
-        """
+        """Draw several values of one dimension."""
         return rng.uniform(*CASTING_RANGES[name], count)
 
     return Casting(

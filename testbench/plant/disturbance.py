@@ -54,9 +54,6 @@ def draw_gears(errors: GearErrors, joints: int, rng: np.random.Generator) -> Gea
         errors: Sizes of the errors.
         joints: Number of joints.
         rng: Source of randomness.
-
-    Returns:
-        The drawn gears.
     """
     ratio, _ = (
         rng.standard_normal(joints),

@@ -67,14 +67,7 @@ class ArmCopies:
 
 
 def open_copies(plant: Plant) -> ArmCopies:
-    """Make the MuJoCo model with copies of the plant's arm in a row, which are evaluated together.
-
-    Args:
-        plant: The plant.
-
-    Returns:
-        The model with views of its arrays, one row per copy.
-    """
+    """Make the MuJoCo model with copies of the plant's arm in a row, and views of its arrays by copy."""
     model, data = plant.copies, mujoco.MjData(plant.copies)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
     return ArmCopies(
@@ -199,13 +192,7 @@ class Strut:
 
 
 def hinged_bodies(plant: Plant) -> tuple[int, int]:
-    """Find the bodies that the compensator connects: links 1 and 2.
-
-    Args:
-        plant: The plant.
-
-    Returns:
-        Their ids in MuJoCo.
+    """Find the bodies that the compensator connects, links 1 and 2, by their ids in MuJoCo.
 
     Raises:
         BenchError: If the arm has fewer than two joints, or joint 2 is prismatic.
@@ -342,14 +329,7 @@ class Batch:
         return tool if self.strut is None else (*tool, *self.strut.bodies)
 
     def compliance_in(self, poses: Ids) -> Array:
-        """Return the compliance in some poses.
-
-        Args:
-            poses: Indices of the poses, (some,).
-
-        Returns:
-            (some, nv, nv), or (nv, nv) if all poses share one.
-        """
+        """Return the compliance in some poses, (some, nv, nv), or (nv, nv) if all poses share one."""
         return self.C if self.C.ndim == 2 else self.C[poses]
 
 
@@ -395,15 +375,7 @@ def solve_equilibrium(
     true_q = q + plant.joint_offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
     def settled(some: slice, row: ArmCopies) -> ArmEquilibrium:
-        """Find the equilibrium of some runs.
-
-        Args:
-            some: The runs.
-            row: Copies of the arm that are evaluated together.
-
-        Returns:
-            Their equilibrium.
-        """
+        """Find the equilibrium of some runs."""
         held, C = fixed_configurations(plant, true_q[some]), plant.compliance(q[some])
         poses = Batch(plant, held, wrench[some], point[some], C, law and law.select(some))
         if changes.compensator is not None:
@@ -443,9 +415,6 @@ def solve_unloaded_and_loaded(
         q: Joint angles, (runs, n) [rad, m].
         wrench: Force and moment in world axes, (runs, 6) [N, N m].
         point: Point where the force acts in the tool's frame, (runs, 3) [m].
-
-    Returns:
-        Both equilibria.
     """
     rest = solve_equilibrium(plant, q)
     return rest, solve_equilibrium(plant, q, wrench, point, before=rest)
@@ -460,9 +429,6 @@ def solve_in_batches(
         plant: The plant.
         runs: Number of runs.
         solve: Finds the equilibria of one part.
-
-    Returns:
-        The equilibria of all runs.
     """
     row = open_copies(plant)
     starts = stepwise(range(0, max(runs, 1), POSES_AT_ONCE), "settling the arm")
@@ -651,15 +617,7 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
     point = check_array(point, (len(q), 3), "point [m]")
 
     def settled(some: slice, row: ArmCopies) -> ArmEquilibrium:
-        """Find the equilibrium of some runs.
-
-        Args:
-            some: The runs.
-            row: Copies of the arm that are evaluated together.
-
-        Returns:
-            Their equilibrium.
-        """
+        """Find the equilibrium of some runs."""
         return _linear_equilibrium(plant, row, q[some], wrench[some], point[some])
 
     return solve_in_batches(plant, len(q), settled)

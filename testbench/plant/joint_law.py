@@ -73,14 +73,7 @@ class TrueJointLaws:
     user_law: TrueLaw | None = None  #: Effect that a user adds; None for none.
 
     def select(self, runs: Ids | slice) -> "TrueJointLaws":
-        """Select the law of some runs.
-
-        Args:
-            runs: Places of the runs, (runs,).
-
-        Returns:
-            The same law with the states of these runs.
-        """
+        """Select the law of some runs."""
         return self if self.start is None else replace(self, start=self.start[runs])
 
 
@@ -156,13 +149,9 @@ class Follows:
     phase: Array  #: Phase of every link, (links,) [rad].
 
     def factors(self, q: Array) -> Array:
-        """Compute the factors that the pose applies to the roots of the link compliances.
+        """Compute the factors that poses, (poses, n) [rad, m], apply to the roots of the link compliances.
 
-        Args:
-            q: Commanded joint angles, (poses, n) [rad, m].
-
-        Returns:
-            Factors relative to the compliances of the arm's folder, (poses, 6 links) [1].
+        They refer to the compliances of the arm's folder, (poses, 6 links) [1].
         """
         s = np.sin((q[:, None, :] * self.joint_rates).sum(axis=2) + self.phase)
         return np.asarray(np.exp(s[..., None] * self.log_change / 2).reshape(len(q), -1))

@@ -65,9 +65,6 @@ def select_frames(frames: BodyFrames, rows: Ids) -> BodyFrames:
     Args:
         frames: Places of all bodies.
         rows: Numbers of the poses, (rows,), in the order wanted; one may occur more than once.
-
-    Returns:
-        The places in these poses.
     """
     return BodyFrames(frames.positions[rows], frames.rotations[rows])
 
@@ -87,38 +84,17 @@ def body_origins(site: Site, names: Sequence[str], frames: BodyFrames) -> Array:
 
 
 def drawn_shapes(site: Site) -> list[Shape]:
-    """List the visual geoms of an arm.
-
-    Args:
-        site: The arm in its place.
-
-    Returns:
-        The geoms; none if the arm has none.
-    """
+    """List the visual geoms of an arm; none if it has none."""
     return _shapes(site.model, site.model.geom_group < VISUAL_GROUPS)
 
 
 def visual_shapes(site: Site) -> list[Shape]:
-    """List the visual geoms of an arm, or sticks from body to body if it has none.
-
-    Args:
-        site: The arm in its place.
-
-    Returns:
-        The geoms or sticks.
-    """
+    """List the visual geoms of an arm, or sticks from body to body if it has none."""
     return drawn_shapes(site) or _sticks(site.model)
 
 
 def solid_shapes(site: Site) -> list[Shape]:
-    """List the colliding geoms of an arm.
-
-    Args:
-        site: The arm in its place.
-
-    Returns:
-        The geoms.
-    """
+    """List the colliding geoms of an arm."""
     return _shapes(site.model, site.model.geom_contype != 0)
 
 
@@ -187,13 +163,10 @@ def _mesh(model: mujoco.MjModel, k: int) -> Mesh:
 
 
 def join_meshes(shapes: Sequence[Shape]) -> tuple[Mesh, list[int]]:
-    """Join the meshes of one body to one mesh.
-
-    Args:
-        shapes: Shapes of the body; those without a mesh are skipped.
+    """Join the meshes of one body, in its axes [m], to one mesh; shapes without a mesh are skipped.
 
     Returns:
-        The mesh in the body's axes [m], and the number of vertices of each part.
+        The mesh, and the number of vertices of each part.
     """
     pairs = [(shape, shape.mesh) for shape in shapes if shape.mesh is not None]
     counts = [len(mesh.vertices) for _, mesh in pairs]
@@ -229,28 +202,14 @@ def _sticks(model: mujoco.MjModel) -> list[Shape]:
 
 
 def rotation_of(quaternion: Array) -> Array:
-    """Convert MuJoCo's quaternion to a rotation matrix.
-
-    Args:
-        quaternion: w, x, y, z, (4,) [1].
-
-    Returns:
-        Rotation matrix, (3, 3) [1].
-    """
+    """Convert MuJoCo's quaternion (w, x, y, z), (4,) [1], to a rotation matrix, (3, 3)."""
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, np.asarray(quaternion, dtype=float))
     return rotation.reshape(3, 3)
 
 
 def quaternions(R: Array) -> Array:
-    """Convert rotation matrices to quaternions.
-
-    Args:
-        R: Rotation matrices, (..., 3, 3) [1].
-
-    Returns:
-        x, y, z, w, (..., 4) [1].
-    """
+    """Convert rotation matrices, (..., 3, 3), to quaternions (x, y, z, w), (..., 4) [1]."""
     return np.asarray(Rotation.from_matrix(R).as_quat())
 
 
@@ -260,9 +219,6 @@ def rigid_frames(site: Site, q: Array) -> BodyFrames:
     Args:
         site: The site.
         q: Joint angles, (rows, n) [rad, m].
-
-    Returns:
-        The places of all bodies.
     """
     q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
     return _frames(site.model, site.joints, q, np.arange(site.model.nbody))
@@ -275,9 +231,6 @@ def elastic_frames(plant: Plant, q: Array, theta: Array) -> BodyFrames:
         plant: The plant.
         q: Joint angles, (rows, n) [rad, m].
         theta: Deflection of the virtual joints, (rows, n_theta) [m, rad]; it may be magnified.
-
-    Returns:
-        The places of all bodies.
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     theta = check_array(theta, (len(q), plant.arm.n_theta), "theta [m, rad]")
@@ -329,13 +282,6 @@ SURFACE_POINTS: dict[Kind, Callable[[Array], Array]] = {
 
 
 def corners(shape: Shape) -> Array:
-    """Compute points whose convex hull is that of a shape.
-
-    Args:
-        shape: The shape.
-
-    Returns:
-        Points in the axes of its body, (points, 3) [m].
-    """
+    """Compute points whose convex hull is that of a shape, in the axes of its body, (points, 3) [m]."""
     own = SURFACE_POINTS[shape.kind](shape.size) if shape.mesh is None else shape.mesh.vertices
     return np.asarray(shape.position + own @ shape.rotation.T)

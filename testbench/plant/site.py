@@ -168,13 +168,7 @@ class Site:
 
 
 def check_position(position: object) -> Array:
-    """Check the position of a station.
-
-    Args:
-        position: Three coordinates [m].
-
-    Returns:
-        The position, (3,) [m].
+    """Check the position of a station, three coordinates [m], and return it as an array.
 
     Raises:
         BenchError: If it is not three finite numbers, or is far from any arm.
@@ -201,9 +195,6 @@ def build_site(
         payload: The payload on the tool; None for none.
         station: Origin of the tracker's beam [m]; None for no tracker.
         floor: Height of a floor that the arm's MJCF does not have [m]; None for none.
-
-    Returns:
-        The rigid cell.
 
     Raises:
         InputError: If MuJoCo refuses the arm's MJCF.
@@ -410,14 +401,7 @@ def check_poses(site: Site, q: Array) -> None:
 
 
 def has_surroundings(site: Site) -> bool:
-    """Tell whether anything of the world collides, such as a floor or a wall.
-
-    Args:
-        site: The arm in its place.
-
-    Returns:
-        Whether the world has a geom that collides.
-    """
+    """Tell whether anything of the world collides, such as a floor or a wall."""
     model = site.model
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     return bool((collides & (model.geom_bodyid == 0)).any())

@@ -227,9 +227,6 @@ def trial_rng(seed: int, trial: int = 0) -> np.random.Generator:
     Args:
         seed: Root of all randomness.
         trial: Number of the trial.
-
-    Returns:
-        The generator.
     """
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(trial,))))
 
@@ -345,7 +342,7 @@ class DistanceMeter:
     travel: float
 
     def __post_init__(self) -> None:
-        for name in ("sigma", "fixed"):
+        for name in ("sigma", "fixed_point_sigma"):
             check_least(getattr(self, name), name)
         if not 0 < self.travel < math.inf:
             raise BenchError(f"travel [m] of a distance meter: expected more than 0, got {self.travel}")

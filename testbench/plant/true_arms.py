@@ -139,7 +139,7 @@ def deform_tube(C: Array, S: Array, distance: float) -> Array:
     return at(high)
 
 
-def _off_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
+def _deformed_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
     """Deform every link by a distance from tubes, and rotate its axes by as many radians."""
 
     def off(link: Link) -> Link:
@@ -172,9 +172,9 @@ def _unequal_joints(arm: Arm, rng: np.random.Generator) -> Arm:
 
 TRUTHS: Mapping[str, TrueArm] = {
     "tubes": TrueArm(lambda arm, _: arm),
-    "off_10": TrueArm(partial(_off_tubes, 0.1)),
-    "off_20": TrueArm(partial(_off_tubes, 0.2)),
-    "off_40": TrueArm(partial(_off_tubes, 0.4)),
+    "off_10": TrueArm(partial(_deformed_tubes, 0.1)),
+    "off_20": TrueArm(partial(_deformed_tubes, 0.2)),
+    "off_40": TrueArm(partial(_deformed_tubes, 0.4)),
     "cast": TrueArm(_cast),
     "joints": TrueArm(_unequal_joints),
 }
@@ -360,14 +360,7 @@ true_arms: Registry[TrueArm] = Registry("true arm", "testbench.true_arms", {**TR
 
 
 def true_arm_label(name: str) -> str:
-    """Return the words that reports use for a kind of true arm; one that a user added keeps its own name.
-
-    Args:
-        name: Name of the kind.
-
-    Returns:
-        The words.
-    """
+    """Return the words that reports use for a kind of true arm; one that a user added keeps its own name."""
     return TRUE_ARM_LABELS.get(name, name)
 
 
@@ -421,9 +414,6 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
         disturbances: Kinds of disturbances, with their sizes.
         rng: Source of offsets and errors.
 
-    Returns:
-        The disturbed plant.
-
     Raises:
         BenchError: If a compensator is requested and the arm has no link 2.
     """
@@ -451,14 +441,7 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
 
 
 def exactly_loaded(plant: Plant) -> Plant:
-    """Copy a plant without errors of the recorded load: its mass and its centre are exact.
-
-    Args:
-        plant: The plant.
-
-    Returns:
-        The copy.
-    """
+    """Copy a plant without errors of the recorded load: its mass and its centre are exact."""
     exact = replace(plant.disturbances, mass_error=0.0, centre_error=0.0)
     return replace(plant, disturbances=exact, load_point_error=np.zeros(3))
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import in_order
+from testbench.data.dataset import select_rows
 from testbench.errors import Array, Ids
 from testbench.model.laws import for_load_history, model_for
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
@@ -115,7 +115,7 @@ def _runs(
         bent=bent,
         layers=[
             *loads(on_tool(cell, bent, data.point[some]), data.wrench[some, :3], reach),
-            *read_along(in_order(data, some), where.position, reach),
+            *read_along(select_rows(data, some), where.position, reach),
             Layer("targets read unloaded", NOMINAL, "dots", before),
             Layer("read under load", MEASURED, "dots", at),
             Layer("deflection as read", MEASURED, "lines", before, at),

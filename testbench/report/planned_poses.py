@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
+from testbench.data.dataset import evenly
 from testbench.design.planning import Plan
 from testbench.errors import Array
 from testbench.model.vjm import chain, tool_points
@@ -20,7 +21,6 @@ from testbench.report.scene import (
     PoseGroup,
     RunChart,
     Scene,
-    evenly,
     gauges,
     largest_and_even,
     loads,

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, in_order
+from testbench.data.dataset import Dataset, select_rows
 from testbench.errors import Ids
 from testbench.identify.registered import RegisteredDataset
 from testbench.plant.shapes import elastic_frames, rigid_frames
@@ -170,7 +170,7 @@ def _runs(cell: Cell, registered: RegisteredDataset, some: Ids, M: float) -> dra
         draw.Layer("read unloaded", MEASURED, "dots", row.before),
         draw.Layer("deflection", MEASURED, "arrows", row.before, row.before + M * data.deflection[some]),
         *loads(row.hook[:, 0], data.wrench[some, :3], cell.vjm.reach),
-        *read_along(in_order(data, some), row.tool[:, 0], cell.vjm.reach),
+        *read_along(select_rows(data, some), row.tool[:, 0], cell.vjm.reach),
     ]
     if registered.frame == "tracker" and registration is not None:
         stands = np.array([-frame.rotation.T @ frame.translation for frame in registration.frames.values()])

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, evenly
 from testbench.errors import Array, Ids
 from testbench.model.structure import JOINTS
 from testbench.plant.shapes import BodyFrames, rigid_frames
@@ -238,11 +238,6 @@ def largest_and_even(size: Array, rows: Ids, far: int = MAX_LARGE_ERRORS) -> Ids
     """
     largest = rows[np.argsort(-size[rows], kind="stable")[:far]]
     return np.union1d(largest, evenly(rows, MAX_POSES - far))
-
-
-def evenly(rows: Ids, most: int) -> Ids:
-    """So many of some rows at most, the first and the last among them."""
-    return np.asarray(rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).round().astype(int)])
 
 
 def of_all(shown: int, total: int, noun: str) -> str:

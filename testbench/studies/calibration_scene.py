@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, in_order, split
+from testbench.data.dataset import Dataset, select_rows, split
 from testbench.errors import Array
 from testbench.files.read_pairs import from_text
 from testbench.files.write import write_csv
@@ -152,7 +152,7 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Pag
     )
     measured, over = runs_of(cell, first)
     order = np.array([over.run.tolist().index(run) for run in f.map.run])
-    over, wrong = in_order(over, order), {name: own[order] for name, own in wrong.items()}
+    over, wrong = select_rows(over, order), {name: own[order] for name, own in wrong.items()}
     places = [f"Place {k} of {over.runs}" for k in range(1, over.runs + 1)]
     kinds = ["fitted" if pose <= fitted else "check" for pose in measured.pose.tolist()]
     said = [

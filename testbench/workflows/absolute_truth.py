@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from testbench.data.dataset import NOMINAL_FIXED, Dataset, Series, in_order
+from testbench.data.dataset import NOMINAL_FIXED, Dataset, Series, select_rows
 from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.plant.build import Plant
 from testbench.plant.disturbance import TYPICAL, Disturbances, GearErrors, Gears
@@ -280,7 +280,7 @@ def _settled(arm: Plant, rows: LoadedPoses, turn: Ids, off: Array) -> tuple[Arra
     tool, rotation, rest = np.empty((len(turn), 3)), np.empty((len(turn), 3, 3)), None
     for k in range(turn.max() + 1):
         own = np.flatnonzero(turn == k)  # poses of several loads come first
-        before = None if rest is None else in_order(rest, slice(len(own)))
+        before = None if rest is None else select_rows(rest, slice(len(own)))
         q = rows.q[own] + off[own]
         rest = solve_equilibrium(arm, q, rows.wrench[own], rows.point[own], before=before)
         tool[own], rotation[own] = rest.tool, rest.rotation

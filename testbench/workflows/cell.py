@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, Va
 
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.data.dataset import Dataset, in_order, join_rows, split
+from testbench.data.dataset import Dataset, join_rows, select_rows, split
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, InputError, Mask, PoseError, check_type
 from testbench.model.kinematics import build_vjm
@@ -497,7 +497,7 @@ def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Ar
     runs, find = len(q), solve_linear_equilibrium if truth == "linear" else solve_equilibrium
     loads = np.concatenate([np.zeros_like(wrench), wrench])
     rest = find(plant, np.concatenate([q, q]), loads, np.concatenate([point, point]))
-    return in_order(rest, slice(runs)), in_order(rest, slice(runs, None))
+    return select_rows(rest, slice(runs)), select_rows(rest, slice(runs, None))
 
 
 def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:

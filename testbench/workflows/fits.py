@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammainc
 
-from testbench.data.dataset import MAX_SHOWN, Dataset, evenly, in_order
+from testbench.data.dataset import MAX_SHOWN, Dataset, evenly, select_rows
 from testbench.errors import Array, BenchError, Doubt
 from testbench.files.readings import SIGMA
 from testbench.identify import Estimate, Method, intervals
@@ -138,13 +138,8 @@ def fit_models(
         fitted_models, lost = _working(cell, models, replace(runs, notes=(*runs.notes, *still)), clock)
     except BenchError as err:
         raise BenchError("; ".join([*(doubt.sentence for doubt in runs.doubts), str(err)])) from err
-    runs, taken = fitted_models.runs, fitted_models.taken
-    widest = runs.check or runs.used
-    if widths and widest.runs > MAX_SHOWN:
-        runs = replace(
-            runs, notes=(*runs.notes, f"intervals are computed for {MAX_SHOWN} of {widest.runs} runs")
-        )
-        widest = in_order(widest, evenly(np.arange(widest.runs), MAX_SHOWN))
+    taken = fitted_models.taken
+    runs, shown = _shown_runs(fitted_models.runs) if widths else (fitted_models.runs, None)
     every = [
         (m.name, estimate) for m, estimate in zip(fitted_models.models, fitted_models.estimates, strict=True)
     ]
@@ -158,7 +153,7 @@ def fit_models(
         runs=runs.used.runs,
         poses=len(np.unique(runs.used.pose)),
         models=tuple(
-            _fit(cell, fitted_models, k, widest if wanted else None)
+            _fit(cell, fitted_models, k, shown if wanted else None)
             for k, wanted in enumerate(stepwise(sure, "intervals"))
         ),
         recommended=taken.name,
@@ -176,6 +171,16 @@ def fit_models(
         failed=tuple(map(failed_row, lost)),
     )
     return IdentifyResult(fits, runs, estimates, {c.name: c.errors for c in taken.candidates})
+
+
+def _shown_runs(runs: MeasuredRuns) -> tuple[MeasuredRuns, Dataset]:
+    """Select the runs for intervals, to check with or else those used; more than `MAX_SHOWN` are thinned."""
+    shown = runs.check or runs.used
+    if shown.runs <= MAX_SHOWN:
+        return runs, shown
+    note = f"intervals are computed for {MAX_SHOWN} of {shown.runs} runs"
+    every = evenly(np.arange(shown.runs), MAX_SHOWN)
+    return replace(runs, notes=(*runs.notes, note)), select_rows(shown, every)
 
 
 def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence[Model], list[str]]:

@@ -15,7 +15,12 @@ import numpy as np
 from testbench.data.dataset import Dataset
 from testbench.design.rows import marker_motion
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.posterior import FURTHER_ROWS, AddedInformation, Structural, structural
+from testbench.identify.absolute.posterior import (
+    FURTHER_ROWS,
+    AddedInformation,
+    Structural,
+    structural_directions,
+)
 from testbench.identify.absolute.state import Unknowns
 from testbench.identify.metric import (
     Prior,
@@ -499,7 +504,7 @@ def unobservable(
     """
     on, L = np.flatnonzero(np.diag(prior)), np.zeros_like(prior)
     L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
-    every = structural(unknowns, L, pull)
+    every = structural_directions(unknowns, L, pull)
     d, every_one = np.diag(L), (information, *pull.turned, pull.everywhere)
     plain = np.count_nonzero(L) == np.count_nonzero(d)  # a root of variances alone is no product of matrices
     M, *more = (d[:, None] * one * d if plain else np.asarray(L.T @ one @ L) for one in every_one)

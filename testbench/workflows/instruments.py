@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, along_lines, in_order, join_rows
+from testbench.data.dataset import Dataset, along_lines, join_rows, select_rows
 from testbench.errors import Array, BenchError, InputError
 from testbench.model.vjm import marker_points, tool_points, tool_pose
 from testbench.plant.tracker import (
@@ -180,7 +180,7 @@ def read_instruments(
     else:
         data = join_rows([_with_lines(part) for part in parts])
     order = np.argsort(np.tile(np.arange(len(loaded.q)), len(parts)), kind="stable")
-    return replace(in_order(data, order), run=np.arange(data.runs) + 1)
+    return replace(select_rows(data, order), run=np.arange(data.runs) + 1)
 
 
 def check_markers(cell: Cell, mounted: Sequence[Mounted]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from testbench.arm.folder import Arm, load_arm
-from testbench.data.dataset import Dataset, in_order
+from testbench.data.dataset import Dataset, select_rows
 from testbench.errors import Array, BenchError, InputError
 from testbench.files.names import WHEN, columns_of
 from testbench.files.write import columns
@@ -198,6 +198,8 @@ def _sets(path: Path, arm: Arm, split: str | None) -> dict[int, dict[str, Datase
     number, sets = table["campaign"][::m], table["set"][::m]
     found = {}
     for rows in np.split(np.arange(data.runs), np.flatnonzero(np.diff(number)) + 1):
-        own = {name: in_order(data, rows[sets[rows] == name]) for name in dict.fromkeys(sets[rows].tolist())}
-        found[int(number[rows[0]])] = own | {"": in_order(data, rows)}
+        own = {
+            name: select_rows(data, rows[sets[rows] == name]) for name in dict.fromkeys(sets[rows].tolist())
+        }
+        found[int(number[rows[0]])] = own | {"": select_rows(data, rows)}
     return found

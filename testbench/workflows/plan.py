@@ -134,9 +134,9 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
     best = choose(cell, settings, tasks, candidates)
     spec = best.specification
     indices = observability(best.examined.problem, best.chosen)
-    if spec.uncertainty is None and indices.seen < indices.showable:
+    if spec.uncertainty is None and indices.seen < indices.of:
         raise BenchError(
-            f"poses: {settings.poses} poses see {indices.seen} of the {indices.showable} directions "
+            f"poses: {settings.poses} poses see {indices.seen} of the {indices.of} directions "
             f"that these "
             "loads can show; give more poses, or plan with a prior"
         )

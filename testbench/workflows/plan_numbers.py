@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.folder import Arm, ArmJoint
+from testbench.arm.folder import Arm
+from testbench.arm.joint_map import ArmJoint
 from testbench.data.dataset import Series
 from testbench.design import absolute
 from testbench.design.baselines import (

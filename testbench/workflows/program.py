@@ -28,7 +28,7 @@ from testbench.correct.predicted import (
     process_wrench,
     stiffness,
 )
-from testbench.data.dataset import in_order
+from testbench.data.dataset import select_rows
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
 from testbench.files.languages import known_languages, language_of
 from testbench.files.motion import (
@@ -548,7 +548,7 @@ class Predicted:
         Returns:
             Half widths, (k,) [m].
         """
-        tool = in_order(self.stiffness, poses)
+        tool = select_rows(self.stiffness, poses)
         return compliance_half_widths(self.model, self.asked.q[poses], tool, self.map.force)[:, 0]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtr
 
-from testbench.arm.folder import ArmJoint
+from testbench.arm.joint_map import ArmJoint
 from testbench.correct import uncertainty
 from testbench.correct.newton import equilibrium
 from testbench.correct.predicted import extent, stiffness

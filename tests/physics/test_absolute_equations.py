@@ -204,7 +204,7 @@ def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
     groups = [("play", free + np.arange(small))]
     groups += [("harmonics", free + small + k * large + np.arange(large)) for k in range(2)]
     unknowns = SimpleNamespace(
-        groups=groups, size=count, held=frozenset(), fixed={}, starts={"geometry": free}
+        groups=groups, size=count, undetermined=frozenset(), fixed={}, starts={"geometry": free}
     )
     own = SimpleNamespace(rigid=count, columns=np.arange(count), elastic=None, unknowns=unknowns)
     unit = np.r_[np.ones(free), np.full(small, play), np.full(2 * large, band)]

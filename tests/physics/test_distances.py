@@ -170,7 +170,9 @@ def test_every_fixed_point_of_a_workshops_table_is_a_series_of_its_own(kr500, tm
     export = read_series(file, kr500.arm)
     assert [one.name for one in export.series] == ["d point 1", "d point 2"]
     assert [one.frame for one in export.series] == ["d point 1", "d point 2"]
-    assert [one.fixed for one in export.series] == [(2.2, 0.0, 0.1), (2.3, 0.0, 0.1)]
+    np.testing.assert_allclose(
+        [one.fixed for one in export.series], [(2.2, 0, 0.1), (2.3, 0, 0.1)], rtol=1e-12
+    )
     assert [one.fixed_sigma for one in export.series] == [0.02, 0.02]
     assert any("20 mm of a fixed point is assumed" in note for note in export.notes)
 

@@ -17,7 +17,7 @@ from scipy.stats import f as f_ratio
 from scipy.stats import multivariate_normal
 from sound_sets import sound
 
-from testbench.data.dataset import Dataset, in_order, select
+from testbench.data.dataset import Dataset, select, select_rows
 from testbench.identify.diagnosis import diagnose as diagnosis
 from testbench.identify.diagnosis.deflections import (
     SOUND_BACKLASH,
@@ -282,7 +282,7 @@ def told(vjm, data, frame="base"):
 def test_single_runs_are_found_among_many(sets):
     """More runs than are weighed together."""
     once, rng = sets["levels"].data, np.random.default_rng(3)
-    many = in_order(once, np.tile(np.arange(once.runs), RUNS_AT_A_TIME // once.runs + 1))
+    many = select_rows(once, np.tile(np.arange(once.runs), RUNS_AT_A_TIME // once.runs + 1))
     before, after = (x + 1e-6 * rng.standard_normal(x.shape) for x in (many.before, many.after))
     run = np.arange(many.runs) + 1
     data = replace(

@@ -7,7 +7,7 @@ import pytest
 from loads import SIGMA, SIGMA_ROTATION, axis_loads, rotation_observation
 
 from testbench import BenchError, Scenario, simulate
-from testbench.data.dataset import in_order
+from testbench.data.dataset import select_rows
 from testbench.identify import gco, least_squares, reduce
 from testbench.identify.conic import gradient_dual
 from testbench.identify.metric import Strength, cad_prior, scale_by_prior, weighted_rows
@@ -60,7 +60,7 @@ def test_least_squares_solves_eq_15_and_f_m_is_eq_19_with_its_gradient(arm_6r, r
 
 def test_an_empty_dataset_and_a_structure_that_leaves_the_symmetry_open_are_refused(kr500, data):
     with pytest.raises(BenchError, match="expected at least one run"):
-        gco(kr500.vjm, mgco47(kr500.arm), in_order(data, slice(0)))
+        gco(kr500.vjm, mgco47(kr500.arm), select_rows(data, slice(0)))
     with pytest.raises(BenchError, match="symmetric structure"):
         report_of(kr500, free36(kr500.arm), data)
 

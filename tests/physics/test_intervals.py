@@ -16,7 +16,7 @@ from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 
 from testbench import BenchError, compensate, gco, intervals, least_squares, predict, reduce, with_prior
 from testbench.correct.newton import equilibrium, target_of
-from testbench.data.dataset import in_order
+from testbench.data.dataset import select_rows
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.metric import Prior, Strength, WeightedPrior, aggregate, cad_prior, scale_by_prior
@@ -313,7 +313,7 @@ def test_memory_of_intervals_grows_with_what_they_are_and_not_with_their_rows(kr
     estimate = with_prior(gco, cad_prior(kr500.arm), Strength(0.3))(kr500.vjm, s, campaign.identification)
 
     def peak(times):
-        where = in_order(campaign.truth, np.tile(np.arange(campaign.truth.runs), times))
+        where = select_rows(campaign.truth, np.tile(np.arange(campaign.truth.runs), times))
         tracemalloc.start()
         found = intervals(kr500.vjm, estimate, where)
         most = tracemalloc.get_traced_memory()[1]

@@ -12,8 +12,7 @@ from serial_arms import write_arm
 from unsure import normal
 
 import testbench as tb
-from testbench.arm.folder import ArmJoint
-from testbench.arm.joint_map import build_map
+from testbench.arm.joint_map import ArmJoint, build_map
 from testbench.correct.compensated import joints_along
 from testbench.correct.newton import Aim
 from testbench.data.dataset import series_of
@@ -349,7 +348,7 @@ def test_a_hand_held_by_mimics_keeps_its_tilt_in_mujoco_and_in_the_model(level):
     assert tilt(tool).max() < 1e-9
     assert tilt(tool_pose(level.vjm, arm.to_model(q))[1]).max() < 1e-9
     np.testing.assert_allclose(arm.to_file(arm.to_model(q)), q, rtol=0, atol=ROUND_TRIP)
-    for j, own in enumerate(np.radians(arm.room(arm.to_model(q))).T):
+    for j, own in enumerate(np.radians(arm.limit_distance(arm.to_model(q))).T):
         ends = [arm.to_model(q + s * own[:, None] * np.eye(4)[j]) for s in (-1, 1)]
         beyond = [np.maximum(arm.limits[0] - end, end - arm.limits[1]).max(axis=1) for end in ends]
         assert np.abs(np.max(beyond, axis=0)).max() < 1e-9  # so far, and no farther
@@ -400,7 +399,7 @@ def test_candidates_and_ways_of_a_palletiser_are_poses_that_it_has(level):
     tries = Search(
         lambda q, _: q, 4, arm.limits, Feasibility(lambda q: q), trial_rng(7), arm.with_dependent_joints
     )
-    for some in (q, tries.around(q, np.full((30, 1), 0.5)), workspace(level, SETTINGS)):
+    for some in (q, tries.draw_around(q, np.full((30, 1), 0.5)), workspace(level, SETTINGS)):
         possible(arm, some)
     way = arm.to_model(np.linspace([0.1, 0.2, -0.2, 0.4], [0.5, 0.5, 0.1, 0.1], 9))
     position, rotation = tool_pose(level.vjm, way)

@@ -12,7 +12,7 @@ from run_here import here
 from testbench import Load, deflections, load_model, predict, read_csv, score, stiffness, write_csv
 from testbench.cli.program import program
 from testbench.correct.newton import assign_rows
-from testbench.data.dataset import in_order
+from testbench.data.dataset import select_rows
 from testbench.identify import gco, intervals, least_squares, robust, with_prior
 from testbench.identify.arm_model import model_of_estimate
 from testbench.identify.estimate import ModelAverage
@@ -47,7 +47,7 @@ def loaded(kr500, seed, runs=12):
 def taken_off_again(plant, q, wrench, point, off):
     """The arm unloaded and loaded; where `off`, (runs,), unloaded after the load was taken off again."""
     before, after = solve_unloaded_and_loaded(plant, q, wrench, point)
-    assign_rows(before, np.flatnonzero(off), in_order(solve_equilibrium(plant, q, before=after), off))
+    assign_rows(before, np.flatnonzero(off), select_rows(solve_equilibrium(plant, q, before=after), off))
     return before, after
 
 

@@ -80,7 +80,7 @@ def plan(kr500, spec, poses):
 
 def promise_of(spec, q, load):
     """Errors to expect at the tasks after any poses were measured, such as those of a plan made by hand."""
-    problem = plans.problem_of(spec, q, load)
+    problem = plans.build_problem(spec.experiment, plans.measured_rows(spec, q, load), spec.uncertainty)
     return forecast(problem, plans.information(problem, np.arange(len(q))), plans.task_rows(spec))
 
 

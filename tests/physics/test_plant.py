@@ -163,9 +163,9 @@ def test_an_undisturbed_arm_is_the_clean_one_and_errors_of_a_load_are_another_on
     q, (wrench, point) = random_q(kr500, rng, 20), hung(kr500, 20)
     solve_equilibrium(disturbed(kr500, TYPICAL), q)
     true = disturbed(kr500, replace(CLEAN, centre_error=5e-3, mass_error=0.01))
-    assert np.abs(true.centre).max() > 1e-3
+    assert np.abs(true.load_point_error).max() > 1e-3
     clean, exact = disturbed(kr500, CLEAN), exactly_loaded(true)
-    for arm, pull, at in ((clean, 1, point), (true, 1.01, point + true.centre), (exact, 1, point)):
+    for arm, pull, at in ((clean, 1, point), (true, 1.01, point + true.load_point_error), (exact, 1, point)):
         unloaded, loaded = solve_unloaded_and_loaded(arm, q, wrench, point)
         assert_same(unloaded, solve_equilibrium(kr500.plant, q))
         assert_same(loaded, solve_equilibrium(kr500.plant, q, pull * wrench, at))
@@ -235,7 +235,7 @@ def spring_torque(law, theta, torque):
     """What springs hold at their turns, friction beside them: by the polynomial itself."""
     x = law.compliance * torque
     friction = 0.0 if law.start is None else law.hysteresis
-    slip = np.clip(theta - joint_rotation(replace(law, before=None), torque), -friction, friction)
+    slip = np.clip(theta - joint_rotation(replace(law, start=None), torque), -friction, friction)
     phi = theta - law.backlash * np.tanh(x / law.backlash) - slip
     return phi / law.compliance * (1 + law.stiffening * (phi / 1e-3) ** 2)
 
@@ -272,7 +272,7 @@ def test_the_same_seed_gives_the_same_arm_and_a_switch_leaves_the_other_numbers_
     np.testing.assert_allclose(C @ K, np.eye(len(free)), rtol=0, atol=1e-6)  # metres beside radians
     fewer = replace(TYPICAL, geometry=None, foundation=0.0, compensator=None)
     np.testing.assert_array_equal(disturbed(kr500, fewer, 7).joint_offset, arms[0].joint_offset)
-    np.testing.assert_array_equal(disturbed(kr500, fewer, 7).centre, arms[0].centre)
+    np.testing.assert_array_equal(disturbed(kr500, fewer, 7).load_point_error, arms[0].load_point_error)
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ from testbench.identify.posterior import (
     linearise,
     second_order_deflection,
 )
-from testbench.identify.regression import f_m, parameter_places, restrict_to, scatter_to
+from testbench.identify.regression import f_m, restrict_to, scatter_to
 from testbench.identify.solve import solve, solve_with_prior
 from testbench.identify.trace import FOLDS, Candidate, divide_poses, prefer_first
 from testbench.model.laws import with_laws, with_ties
@@ -456,7 +456,7 @@ def test_an_average_is_conservative_with_the_covariance_of_the_mixture(kr500, ri
     assert found.conservative
     rows, q, alone = np.eye(found.structure.n), found.average.joints_probability, found.average.joints_only
     assert w > q > 0.5  # these joints are alone, and widths are less sure of it
-    at = parameter_places(alone.structure, found.structure)
+    at = alone.structure.places_in(found.structure)
     pi, own = np.zeros(found.structure.n), np.zeros(found.structure.n)
     pi[at], own[at] = alone.pi, linearise(alone).deviations(np.eye(len(at))) ** 2
     each = [linearise(whole).deviations(rows) ** 2 + (whole.pi - found.pi) ** 2, own + (pi - found.pi) ** 2]

@@ -8,7 +8,7 @@ from agreement import APART, OFF, WORSE, compared, least_squares_off
 from programs import NASTY, random_regression, with_random_prior
 
 from testbench import BenchError, Scenario, build_cell, deflections, simulate
-from testbench.data.dataset import in_order
+from testbench.data.dataset import select_rows
 from testbench.identify import certify, cone, conic, interior, least_squares, make_estimate, paper_gco, reduce
 from testbench.identify.conic import (
     default_trace_bounds,
@@ -76,7 +76,7 @@ def told_again(cell, structure, campaign, rng):
     for k in range(4):
         data = campaign.identification
         after = data.after * (1 + 1e-15) ** (k % 2) * (1 + 2e-16 * k * rng.standard_normal(data.after.shape))
-        changed = in_order(replace(data, after=after), rng.permutation(data.runs))
+        changed = select_rows(replace(data, after=after), rng.permutation(data.runs))
         yield conic.solve_gco(reduce(cell.vjm, structure(cell.arm), changed))
 
 

@@ -8,7 +8,7 @@ from legible import _contrast, check_legible
 from matplotlib.colors import to_hex, to_rgb
 from scipy.stats import kstest, norm
 
-from testbench.data.dataset import in_order
+from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
 from testbench.identify import gco, least_squares, with_prior
 from testbench.identify.conic import LEVER_LENGTH
@@ -103,12 +103,12 @@ def test_eigenvalues_are_those_of_every_block_in_one_unit_and_signs_say_what_is_
 def test_the_parts_of_every_run_sum_to_its_whole_deflection(kr500, fitted):
     runs, estimates, _ = fitted
     for name in ("MLS56", TAKEN):
-        one = sag_by_part(kr500.vjm, estimates[name], in_order(runs, np.array([3])))
+        one = sag_by_part(kr500.vjm, estimates[name], select_rows(runs, np.array([3])))
         assert sum(row.share_percent for row in one) == pytest.approx(100)
     where = chain(kr500.vjm, runs.q[3:4])
     theta = (estimates["MLS56"].C_theta @ generalised_load(where, runs.wrench[3:4], runs.point[3:4])).T
     joint = one_by_difference(kr500, runs, joint_law_rotations(kr500.vjm, theta))
-    own = sag_by_part(kr500.vjm, estimates["MLS56"], in_order(runs, np.array([3])))
+    own = sag_by_part(kr500.vjm, estimates["MLS56"], select_rows(runs, np.array([3])))
     assert {row.part: row.share_percent for row in own}["link_2"] == pytest.approx(joint, rel=1e-3)
 
 

@@ -140,7 +140,7 @@ def test_observability_indices_are_those_of_the_definitions():
     problem, plan = random_problem(), np.array([3, 5, 8, 13])
     s = np.linalg.svd(problem.rows[plan].reshape(-1, R))[1]
     found = observability(problem, plan)
-    assert (found.seen, found.showable) == (R, R)
+    assert (found.seen, found.of) == (R, R)
     by_hand = [np.prod(s) ** (1 / R) / 2, s.min() / s.max(), s.min(), s.min() ** 2 / s.max(), 1 / sum(1 / s)]
     np.testing.assert_allclose((found.o1, found.o2, found.o3, found.o4, found.o5), by_hand)
     little = observability(problem, np.array([0, 0]))

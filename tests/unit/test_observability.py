@@ -35,7 +35,7 @@ def test_a_quantity_hides_behind_those_that_explain_most_of_it_together(shares, 
     [found] = left_open(shares)
     assert found.name == "x"
     assert found.share == pytest.approx(SHARE)
-    assert found.behind == behind
+    assert found.confounded_with == behind
     explained = sum(sorted(shares)[::-1][: len(behind)])
     assert found.correlation == pytest.approx(np.sqrt(explained))
 

@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 
 from testbench.arm.document import parse_xml
-from testbench.arm.joint_map import JointMap, build_map
+from testbench.arm.joint_map import ArmJoint, JointMap, build_map
 from testbench.errors import Array, BenchError, Ids, InputError, read_text, shell_word
 from testbench.plant.shapes import Kind
 
@@ -547,9 +547,10 @@ def chain_map(file: Path, joints: Sequence[ImportedJoint], rows: Rows) -> JointM
         InputError: If no map of an arm satisfies the equations.
     """
     own = {joint.name: rows[joint.name] for joint in joints if joint.name in rows}
+    rigid = [ArmJoint(joint.name, joint.lower, joint.upper, 0.0, joint.prismatic) for joint in joints]
     try:
         return build_map(
-            joints, {name: row for name, (row, _) in own.items()}, {name: x for name, (_, x) in own.items()}
+            rigid, {name: row for name, (row, _) in own.items()}, {name: x for name, (_, x) in own.items()}
         )
     except BenchError as err:
         raise InputError(file, "", str(err)) from err

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import helmert
 
-from testbench.data.dataset import Series, select_rows
+from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import (
     ROWS_AT_ONCE,
@@ -67,14 +67,7 @@ class Noise:
 
 
 def repeated_rows(series: Series) -> tuple[Ids, ...]:
-    """Group the rows of a pose that read the same targets.
-
-    Args:
-        series: The readings.
-
-    Returns:
-        Rows, (groups, k), for every number k > 1 of rows in a group.
-    """
+    """Group the rows of a pose that read the same targets: (groups, k) for every number k > 1 of rows."""
     read = np.column_stack([series.pose, series.seen, series.oriented])
     code = np.unique(read, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(code, kind="stable")
@@ -84,14 +77,7 @@ def repeated_rows(series: Series) -> tuple[Ids, ...]:
 
 
 def kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
-    """List the kinds of equations that some series have.
-
-    Args:
-        series: The readings.
-
-    Returns:
-        Places in `EQUATION_KINDS`.
-    """
+    """List the kinds of equations that some series have, as places in `EQUATION_KINDS`."""
     turned = any(one.rotation is not None for one in series)
     again = any(repeated_rows(one) for one in series)
     return tuple(k for k in range(len(EQUATION_KINDS)) if (turned or k in POSITIONS) and (again or k < 2))
@@ -261,9 +247,6 @@ def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
     Args:
         noise: Noise of the combined readings.
         expected: Mean variances sigma^2 and number k of readings behind a mean, from `mean_variances`.
-
-    Returns:
-        The noise of single readings.
     """
     own, k = expected
     factor, opened = noise.factor.copy(), [noise.open_position, noise.open_rotation]
@@ -276,9 +259,6 @@ def single_reading_noise(noise: Noise, expected: tuple[Array, float]) -> Noise:
 
 def mean_variances(series: Sequence[Series]) -> tuple[Array, float]:
     """Average the stated variances of positions and orientations, and the number of combined readings.
-
-    Args:
-        series: The readings.
 
     Returns:
         Variances, (2,) [m^2, rad^2], and the number of readings behind a mean [1].
@@ -402,9 +382,6 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
         state: The arm's state.
         series: The readings.
 
-    Returns:
-        The completed state.
-
     Raises:
         BenchError: When a series has too few rows, or does not fit the arm.
     """
@@ -449,9 +426,6 @@ def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
     Args:
         state: The arm's state.
         series: The readings.
-
-    Returns:
-        Frame and mount.
 
     Raises:
         BenchError: If a target was never read, or the poses determine neither frame nor targets.
@@ -559,7 +533,7 @@ def _register_subset(
     undetermined.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(MAX_ROWS, len(seen))).astype(int)])
+    some = select_rows(series, seen[evenly_spaced(len(seen), MAX_ROWS)])
     layout = _level_layout(state, some) if as_drawn else _registered(state, some, shared=shared)
     if layout is None:
         return None
@@ -721,11 +695,8 @@ def _merge_mounts(mount: Mount, other: Mount) -> Mount:
 def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Issue]]:
     """Give all series of a mount the same targets in the same order, without those that were never read.
 
-    Args:
-        series: The readings.
-
     Returns:
-        The series, and a finding for each series with a target that was never read.
+        The series, and an issue for each series with a target that was never read.
     """
     found, notes = [], []
     for one in series:
@@ -740,14 +711,7 @@ def common_targets(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[I
 
 
 def without_unread_targets(series: Series) -> Series:
-    """Drop the targets that a series never read.
-
-    Args:
-        series: The readings.
-
-    Returns:
-        The series without them; unchanged if it read none at all.
-    """
+    """Drop the targets that a series never read; a series that read none at all stays as it is."""
     return with_targets(series, _read_targets(series) or series.markers)
 
 
@@ -762,9 +726,6 @@ def with_targets(series: Series, markers: tuple[str, ...]) -> Series:
     Args:
         series: The readings.
         markers: Names of the targets; readings of a name that the series lacks are lost.
-
-    Returns:
-        The series.
     """
     if markers == series.markers:
         return series

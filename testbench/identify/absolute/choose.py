@@ -91,14 +91,13 @@ class ErrorCandidate:
     pattern: bool = False
 
 
-def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
+def blocks_of(series: Sequence[Series]) -> list[Ids]:
     """Divide rows into blocks of joint space by k-means on sine and cosine; rows of a pose share a block.
 
     If a block leaves fewer than `MIN_BLOCK_POSES` poses outside it, the series is divided into two halves.
 
     Args:
         series: The readings.
-        seed: Seed of k-means.
 
     Returns:
         Block of every row, (rows,) per series.
@@ -115,7 +114,7 @@ def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
         place = np.column_stack([np.sin(one.q), np.cos(one.q), LOAD_DISTANCE * load / (load.max() or 1.0)])
         label = np.zeros(one.rows, dtype=int)
         if k > 1:
-            label = kmeans2(place, k, minit="++", seed=seed)[1].astype(int)
+            label = kmeans2(place, k, minit="++", seed=0)[1].astype(int)
         if k > 1 and len(first) - np.bincount(label[first]).max() < MIN_BLOCK_POSES:
             label[first] = 2 * np.arange(len(first)) // len(first)
         found.append(label[first[pose]])
@@ -304,14 +303,8 @@ def _held_out(
 ) -> Array:
     """Compute the sums of squares of held-out parts, predicted by the other readings.
 
-    Frames and mounts that the others hardly determine are fitted to the held-out parts.
-
-    Args:
-        active: The unknowns.
-        S: Gram matrices of all readings.
-        parts: Held-out parts: a block, or all blocks of a series.
-        scales_and_rules: Sizes of errors with noise factors, and criteria of the selection.
-        variances: Variances of frames and mounts by all readings, (k,).
+    S are the Gram matrices of all readings; a part is a block, or all blocks of a series. Frames and mounts
+    that the others hardly determine are fitted to the held-out parts; variances are theirs by all readings.
     """
     (learnt, rules), k = scales_and_rules, len(variances)
     # Gram matrices of the other readings: the difference of two sums.

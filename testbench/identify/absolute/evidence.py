@@ -100,9 +100,6 @@ def activate(unknowns: Unknowns, kinds: frozenset[str], elastic: PriorScaling | 
         kinds: Names of the errors.
         elastic: Metric of the compliances; None for none.
 
-    Returns:
-        The choice.
-
     Raises:
         BenchError: When the structure has compliances that the unknowns lack.
     """
@@ -111,12 +108,10 @@ def activate(unknowns: Unknowns, kinds: frozenset[str], elastic: PriorScaling | 
     rigid = np.sort(np.concatenate(on))
     if elastic is None:
         return ActiveUnknowns(unknowns, rigid, None)
-    place = {pair: k for k, pair in enumerate(zip(unknowns.structure.a, unknowns.structure.b, strict=True))}
-    wanted = list(zip(elastic.structure.a, elastic.structure.b, strict=True))
-    if not all(pair in place for pair in wanted):
+    places = elastic.structure.places_in(unknowns.structure)
+    if (places < 0).any():
         raise BenchError(f"{elastic.structure.name}: expected a part of {unknowns.structure.name}")
-    own = unknowns.starts["elastic"] + np.array([place[pair] for pair in wanted])
-    return ActiveUnknowns(unknowns, np.concatenate([rigid, own]), elastic)
+    return ActiveUnknowns(unknowns, np.concatenate([rigid, unknowns.starts["elastic"] + places]), elastic)
 
 
 @dataclass(frozen=True)
@@ -258,9 +253,6 @@ def learn_scales(
         counts: Number of equations of every kind, (kinds,).
         start: Start of the search.
         constraint: "psd" keeps every block of compliances positive semi-definite.
-
-    Returns:
-        The sizes and the factors.
 
     Raises:
         BenchError: If the readings leave a frame or a target undetermined.
@@ -442,9 +434,6 @@ def compliance_rows(T: Array, elastic: PriorScaling, equations: int) -> Regressi
         T: Triangular factor of all unknowns, compliances last, (c + 1, c + 1).
         elastic: Metric of the compliances.
         equations: Number of equations.
-
-    Returns:
-        The regression of the compliances.
     """
     r = len(T) - 1 - len(elastic.expected)
     term = term_from_triangle(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
@@ -519,9 +508,6 @@ def apply_step(state: ArmState, active: ActiveUnknowns, x: Array) -> ArmState:
         state: The state.
         active: The choice, c columns.
         x: Values, (c,).
-
-    Returns:
-        The new state.
     """
     unknowns = active.unknowns
     every = np.zeros(unknowns.size)
@@ -552,9 +538,6 @@ def moved_frame(frame: Frame, step: Array) -> Frame:
     Args:
         frame: The frame.
         step: Move, then turn, (6,) [m, rad].
-
-    Returns:
-        The new frame.
     """
     [turn] = rotation_matrices(step[None, 3:])
     return Frame(frame.rotation @ turn, frame.translation + frame.rotation @ step[:3])
@@ -566,9 +549,6 @@ def moved_mount(mount: Mount, step: Array) -> Mount:
     Args:
         mount: The mount, m targets.
         step: Moves of the targets [m], then a rotation vector [rad], (3 m,) or (3 m + 3,).
-
-    Returns:
-        The new mount.
     """
     m = len(mount.points)
     points = mount.points + step[: 3 * m].reshape(m, 3)

@@ -249,9 +249,6 @@ def select_and_solve(linearised_readings: LinearisedReadings, options: Calibrati
         linearised_readings: The reduced equations.
         options: Errors that are on or may be tried.
 
-    Returns:
-        The calibrated arm.
-
     Raises:
         BenchError: When the readings leave a frame or target undetermined, or were gathered without the
             links.
@@ -338,16 +335,7 @@ def _select_errors(
     active = activate(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
 
     def learnt(own: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales) -> ErrorScales:
-        """Learn the sizes of errors and noise from the reduced equations.
-
-        Args:
-            own: The selected unknowns.
-            reduced: The reduced equations.
-            start: Sizes to start from.
-
-        Returns:
-            The sizes.
-        """
+        """Learn the sizes of errors and noise from the reduced equations."""
         return learn_scales(own, gram_of_active(own, reduced.gram), reduced.counts, start, options.constraint)
 
     sizes = learnt(active, reduced, default_scales(unknowns, len(reduced.kinds)))
@@ -358,14 +346,7 @@ def _select_errors(
 
 
 def subsample(series: Sequence[Series]) -> tuple[Series, ...]:
-    """Thin series to the rows that an intermediate step needs; a pose keeps all of its rows or none.
-
-    Args:
-        series: The readings.
-
-    Returns:
-        The series, about `INTERMEDIATE_ROWS` rows in all.
-    """
+    """Thin series to about `INTERMEDIATE_ROWS` rows in all; a pose keeps all of its rows or none."""
     every, found = sum(one.rows for one in series), []
     for one in series:
         stride = min(-(-every // INTERMEDIATE_ROWS), max(1, one.rows // MIN_SERIES_ROWS))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
-from testbench.data.dataset import Series, select_rows
+from testbench.data.dataset import Series, evenly, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import (
     EQUATION_KINDS,
@@ -36,6 +36,7 @@ from testbench.model.structure import joints_only
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.identify.absolute.fit import Calibration
 
+CHI_SQUARED_95 = 7.8147  #: 95 % quantile of chi squared with 3 degrees of freedom.
 FRAME_STEP, MAX_STEPS = 1e-9, 20
 """Step of a frame below which the fit has converged [m, rad], and most steps."""
 
@@ -68,12 +69,6 @@ def posterior_of(calibration: "Calibration") -> Posterior:
     """Return the posterior of all selected unknowns of a calibration; frames and mounts are steps.
 
     Mathematics: `abs-13`.
-
-    Args:
-        calibration: The calibration, c unknowns.
-
-    Returns:
-        The posterior, (c,).
     """
     active = calibration.active
     L = np.zeros((0, 0)) if active.elastic is None else active.elastic.L
@@ -82,14 +77,7 @@ def posterior_of(calibration: "Calibration") -> Posterior:
 
 
 def model_of(calibration: "Calibration") -> ArmModel:
-    """Convert a calibration to a model of the arm that does not depend on its series.
-
-    Args:
-        calibration: The calibration.
-
-    Returns:
-        The model, without frames and mounts.
-    """
+    """Convert a calibration to a model of the arm that does not depend on its frames and mounts."""
     active, state, known = calibration.active, calibration.state, posterior_of(calibration)
     first = active.unknowns.starts["geometry"]
     f = int((active.columns < first).sum())
@@ -146,7 +134,7 @@ def with_known_frame(model: ArmModel, series: Series) -> RegisteredSeries:
         The series' frame and mount, with their joint covariance with the arm's unknowns.
     """
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(ROWS_AT_ONCE, len(seen))).astype(int)])
+    some = select_rows(series, seen[evenly_spaced(len(seen), ROWS_AT_ONCE)])
     F, M, _ = _whitened(model, model.state, some)
     return RegisteredSeries(
         model.state, np.zeros(0, dtype=int), _joint(model, _root(model, F, some), F.T @ M)
@@ -159,9 +147,6 @@ def without_series(state: ArmState, series: Series) -> ArmState:
     Args:
         state: The state.
         series: The series.
-
-    Returns:
-        The state.
     """
     frames = {key: frame for key, frame in state.frames.items() if key != series.frame}
     mounts = {key: mount for key, mount in state.mounts.items() if key != series.target}
@@ -195,13 +180,13 @@ def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[
     return residuals(placed.state, series)[:m].transpose(2, 0, 1), covariance
 
 
-def inside_ellipsoid(residual: Array, covariance: Array, quantile: float = 7.8147) -> Array:
-    """Tell which positions lie in their confidence ellipsoid: r^T C^-1 r at most the quantile.
+def inside_ellipsoid(residual: Array, covariance: Array, quantile: float = CHI_SQUARED_95) -> Array:
+    """Tell which positions lie in their confidence ellipsoid: r^T C^-1 r is at most the quantile.
 
     Args:
         residual: Residuals r, (rows, m, 3) [m].
         covariance: Their covariances C, (rows, m, 3, 3) [m^2].
-        quantile: Quantile of chi squared with 3 degrees of freedom; that of 95 % by default.
+        quantile: Of chi squared, with 3 degrees of freedom for positions and 1 for distances [1].
 
     Returns:
         (rows, m).
@@ -213,10 +198,7 @@ def inside_ellipsoid(residual: Array, covariance: Array, quantile: float = 7.814
 def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
     """Combine the posterior of frame and mount, of precision root^T root, with that of the arm.
 
-    Args:
-        model: The calibrated arm, a unknowns.
-        root: Triangular factor of the columns of frame and mount, (f, f).
-        with_arm: Products of these columns with those of the arm, (f, a).
+    `root` is (f, f), and `with_arm` holds the products of these columns with those of the arm, (f, a).
     """
     f, posterior = len(root), model.posterior
     inverse: Array = solve_triangular(root, np.eye(f))
@@ -311,7 +293,7 @@ def further_information(
         total = np.zeros((unknowns.size,) * 2)
         for one in series:
             count = min(one.rows, -(-FURTHER_ROWS // len(series)))
-            rows = np.linspace(0, one.rows - 1, count).round().astype(int)
+            rows = evenly(np.arange(one.rows), count)
             q = one.q[rows].copy()
             stratified = (rng.permutation(count) + rng.random(count)) / count
             q[:, j] = stratified * (upper[j] - lower[j]) + lower[j]
@@ -368,7 +350,7 @@ class Structural:
     elastic: int  #: Number of compliance directions that the given loads do not show.
 
 
-def structural(unknowns: Unknowns, L: Array, pull: AddedInformation) -> Structural:
+def structural_directions(unknowns: Unknowns, L: Array, pull: AddedInformation) -> Structural:
     """Find the structural directions: changes of the unknowns that move no target in any pose.
 
     Args:

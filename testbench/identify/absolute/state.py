@@ -36,11 +36,11 @@ import numpy as np
 from scipy.linalg import helmert
 from scipy.sparse import coo_array, csr_array
 
-from testbench.data.dataset import Series
+from testbench.data.dataset import Series, evenly_spaced
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium
 from testbench.identify.closed_form import kabsch
-from testbench.identify.registration import ASSUMED_NOISE, NOMINAL_DEVIATION, Frame
+from testbench.identify.registration import ASSUMED_NOISE, NOMINAL_DEVIATION, Frame, largest_deviation
 from testbench.model.kinematics import BANDS, JointErrors, joint_error_basis
 from testbench.model.load import Load, Weights, on_joints, own_weight
 from testbench.model.structure import Structure
@@ -84,12 +84,6 @@ class ArmState(Displayed):
     def frame(self, series: Series) -> Frame:
         """Return the frame of a series.
 
-        Args:
-            series: The readings.
-
-        Returns:
-            The frame.
-
         Raises:
             BenchError: If it is not known.
         """
@@ -99,12 +93,6 @@ class ArmState(Displayed):
 
     def mount(self, series: Series) -> Mount:
         """Return the mount of a series, targets in the order of the series.
-
-        Args:
-            series: The readings.
-
-        Returns:
-            The mount.
 
         Raises:
             BenchError: If the mount or one of its targets is not known.
@@ -127,9 +115,6 @@ def nominal_state(vjm: Vjm, weights: Weights, torque_scale: Array) -> ArmState:
         vjm: The arm's virtual joint model.
         weights: Weights of the links.
         torque_scale: Typical torque of every joint, (n,) [N m, N].
-
-    Returns:
-        The state.
     """
     n = vjm.n_theta
     empty = np.zeros((vjm.arm.n_joints, 0))
@@ -316,24 +301,21 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     covariance = np.linalg.inv(M + np.diag(before**-2.0))
     turns = [covariance[6 * k :, 6 * k :][:3, :3] for k in range(len(frames))]
     found = {
-        f"frame {name}" for name, own in zip(frames, turns, strict=True) if _largest(own) > LEVEL_DEVIATION
+        f"frame {name}"
+        for name, own in zip(frames, turns, strict=True)
+        if largest_deviation(own) > LEVEL_DEVIATION
     }
     for name, some in read.items():
         ends = [first[name] + 3 * k for k in some]
-        if any(_largest(covariance[k : k + 3, k : k + 3]) > NOMINAL_DEVIATION for k in ends):
+        if any(largest_deviation(covariance[k : k + 3, k : k + 3]) > NOMINAL_DEVIATION for k in ends):
             found.add(f"mount {name}")
     return frozenset(found)
-
-
-def _largest(covariance: Array) -> float:
-    """Compute the largest standard deviation along any direction of a covariance, (3, 3)."""
-    return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
 
 
 def _rows(vjm: Vjm, series: Series) -> Array:
     """Differentiate readings by frame (rotation, origin), targets and rotation of the mount, (e, k)."""
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = seen[np.linspace(0, len(seen) - 1, min(MAX_ROWS, len(seen))).astype(int)]
+    some = seen[evenly_spaced(len(seen), MAX_ROWS)]
     position, rotation = tool_pose(vjm, series.q[some])
     m, n = len(series.markers), len(some)
     J = np.zeros((n, m + 1, 3, 6 + 3 * m + 3))
@@ -396,14 +378,7 @@ class Pattern:
 
 
 def wave_columns(errors: JointErrors) -> Ids:
-    """List the Fourier coefficients of a joint that a pattern may have.
-
-    Args:
-        errors: The arm's joint errors.
-
-    Returns:
-        Places of the sines, then of the cosines, (2 k,).
-    """
+    """List the Fourier coefficients of a joint that a pattern may have: sines, then cosines, (2 k,)."""
     return np.flatnonzero(np.tile(errors.orders, 2) >= MIN_PATTERN_ORDER)
 
 
@@ -489,15 +464,7 @@ def find_pattern(
     every = [_pattern_information(*one, individual, individual + shared) for one in wave_information]
 
     def best(j: int, others: dict[int, tuple[float, int]]) -> tuple[float, int, float, int]:
-        """Find the best shift and sign of a joint's pattern, given those of others.
-
-        Args:
-            j: The joint.
-            others: Shift [rad] and sign of the joints that have the pattern.
-
-        Returns:
-            Shift [rad], sign, log odds, and the joint.
-        """
+        """Find the best shift and sign of a joint's pattern, given those of others."""
         P, b = np.diag(1 / shared), np.zeros(len(shared))
         for i, (turn, sense) in others.items():
             R = shift_waves(np.eye(len(b)), turn, sense, orders)
@@ -551,15 +518,7 @@ def _best_shift(
     before = _log_integral(P, b)
 
     def likely(turns: Array, sense: int) -> Array:
-        """Compute the log-likelihood of the most probable pattern at many shifts.
-
-        Args:
-            turns: Shifts, (s,) [rad].
-            sense: Sign of the pattern.
-
-        Returns:
-            Log-likelihoods up to a constant, (s,).
-        """
+        """Compute the log-likelihood of the most probable pattern at many shifts."""
         x = shift_waves(f, turns, sense, orders)
         return np.asarray(x @ pattern_information.g - ((x @ pattern_information.W) * x).sum(axis=1) / 2)
 
@@ -646,14 +605,7 @@ class Unknowns:
         return self.starts["end"]
 
     def columns(self, name: str) -> slice:
-        """Return the columns of one group of unknowns.
-
-        Args:
-            name: "frame NAME", "mount NAME", "geometry", "errors" or "elastic".
-
-        Returns:
-            The columns.
-        """
+        """Return the columns of "frame NAME", "mount NAME", "geometry", "errors" or "elastic"."""
         keys = list(self.starts)
         return slice(self.starts[name], self.starts[keys[keys.index(name) + 1]])
 
@@ -689,14 +641,7 @@ class Unknowns:
         return pattern_basis(self.pattern, self.errors, self.starts["errors"], self.size)
 
     def current(self, state: ArmState) -> Array:
-        """Return the values of all unknowns in a state; frames and mounts are steps, thus zero.
-
-        Args:
-            state: The arm's state.
-
-        Returns:
-            The values, (size,).
-        """
+        """Return the values of all unknowns in a state, (size,); frames and mounts are steps, thus zero."""
         x = np.zeros(self.size)
         x[self.columns("geometry")] = state.theta_0[self.geometry_slice]
         x[self.columns("errors")] = state.n.ravel()
@@ -712,9 +657,6 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
         series: The readings.
         errors: Joint errors.
         structure: The compliances.
-
-    Returns:
-        The unknowns.
     """
     mounts: dict[str, tuple[int, bool]] = {}
     for one in series:
@@ -732,8 +674,5 @@ def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:
     Args:
         vjm: The arm's virtual joint model.
         structure: The compliances.
-
-    Returns:
-        The unknowns.
     """
     return Unknowns(vjm, (), {}, JointErrors(), structure, geometry=False)

@@ -88,11 +88,8 @@ def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, 
 def _fit(weights: Weights, names: Sequence[str], A: Array, y: Array) -> MassFit:
     """Fit masses by least squares with a prior, reweighted; offsets are removed as weighted means.
 
-    Args:
-        weights: The prior.
-        names: Names of all bodies but the base.
-        A: Load of every joint per unit of each parameter, (n, runs, 4 (bodies - 1)).
-        y: Load of every joint by gravity, with an offset, (n, runs) [N m, N].
+    y are loads of the joints by gravity, (n, runs) [N m, N], with an offset. A is y per unit of each of the
+    four parameters of every body but the base, (n, runs, 4 (bodies - 1)).
     """
     prior = weights.parameters[1:].ravel()
     sd = (

@@ -272,14 +272,9 @@ def sound_joint_columns(vjm: Vjm, data: Dataset, structure: Structure, pi: Array
 
 
 def levels(data: Dataset) -> list[Mask]:
-    """Group runs by the size of their force.
+    """Group runs by the size of their force: one mask per load, (runs,) each, the largest load first.
 
-    Args:
-        data: The runs.
-
-    Returns:
-        One mask of runs per load, (runs,) each, the largest load first. Empty when a run has no force, or
-        when a load occurs in fewer than LEVEL_RUNS runs.
+    The list is empty when a run has no force, or a load occurs in fewer than LEVEL_RUNS runs.
     """
     force = np.linalg.norm(data.wrench[:, :3], axis=1)
     found: list[Mask] = []

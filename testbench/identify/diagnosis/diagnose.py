@@ -156,13 +156,12 @@ def unplaced_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = HYPOTHESES) 
     return min(filter(None, found), key=lambda issue: issue.name == "kinematics", default=None)
 
 
-def unplaced_series(vjm: Vjm, series: Series, hypotheses: Hypotheses = HYPOTHESES) -> Issue | None:
+def unplaced_series(vjm: Vjm, series: Series) -> Issue | None:
     """Find the mistake that keeps absolute readings from fitting the arm in any frame.
 
     Args:
         vjm: The arm as its folder has it.
         series: The readings.
-        hypotheses: The table of mistakes.
 
     Returns:
         The mistake; "kinematics" when the readings do not fit and no hypothesis explains them; None when they
@@ -170,7 +169,7 @@ def unplaced_series(vjm: Vjm, series: Series, hypotheses: Hypotheses = HYPOTHESE
     """
     if series.distance is not None:
         return None
-    return best_hypothesis(of_series(vjm, series), hypotheses.places, "all")[0]
+    return best_hypothesis(of_series(vjm, series), HYPOTHESES.places, "all")[0]
 
 
 def _mounting_issue(loads: Loads, observations: Observations) -> list[Issue]:

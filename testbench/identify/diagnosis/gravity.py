@@ -23,7 +23,7 @@ from itertools import chain as joined
 import numpy as np
 
 from testbench.arm.mjcf import angle_unit, find_body, read_mjcf
-from testbench.data.dataset import Dataset, Series, select_rows
+from testbench.data.dataset import Dataset, Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, InputError
 from testbench.identify.absolute.align import align_all
 from testbench.identify.absolute.fit import Calibration, first_fit
@@ -60,9 +60,6 @@ def with_gravity_along(data: Dataset, g: Array) -> Dataset:
     Args:
         data: The runs, with loads stated for gravity along -z.
         g: Direction of gravity in the folder's world, a unit vector, (3,) [1].
-
-    Returns:
-        The runs with rotated wrenches.
     """
     return replace(data, wrench=(data.wrench.reshape(-1, 2, 3) @ rotation_of_down(g).T).reshape(-1, 6))
 
@@ -83,14 +80,7 @@ def mounted_under(vjm: Vjm, g: Array) -> Vjm:
 
 
 def rotation_of_down(g: Array) -> Array:
-    """Compute the smallest rotation that takes -z to g.
-
-    Args:
-        g: Direction of gravity, a unit vector, (3,) [1].
-
-    Returns:
-        The rotation, (3, 3) [1]; half a turn about x when g is +z.
-    """
+    """Compute the smallest rotation from -z to the unit vector g, (3, 3); half a turn about x for +z."""
     axis = np.cross(DOWN, g)
     size = float(np.linalg.norm(axis))
     angle = float(np.arctan2(size, DOWN @ g))
@@ -111,14 +101,9 @@ def angle(a: Array, b: Array) -> float:
 
 
 def tracker_level(registered: RegisteredDataset) -> Array | None:
-    """Find the direction of gravity from a tracker that stands level.
+    """Find gravity in the folder's world, a unit vector, (3,), from a tracker that stands level.
 
-    Args:
-        registered: The runs with the registration of their stations.
-
-    Returns:
-        Gravity in the folder's world, a unit vector, (3,) [1]. None without a registration, or when stations
-        disagree.
+    It is None without a registration, or when stations disagree.
     """
     if registered.frame != "tracker" or registered.registration is None:
         return None
@@ -126,16 +111,10 @@ def tracker_level(registered: RegisteredDataset) -> Array | None:
 
 
 def mean_level(frames: Iterable[Frame]) -> Array | None:
-    """Average the direction of gravity over frames of trackers that stand level.
+    """Average the direction of gravity, (3,) [1], over frames of trackers that stand level.
 
-    Gravity along -z of a frame with rotation R is R^T (0, 0, -1) in the base's world.
-
-    Args:
-        frames: Frames of the trackers, at least one.
-
-    Returns:
-        Gravity in the folder's world, a unit vector, (3,) [1]; None when one differs from the mean by
-        LEVEL_ANGLE or more.
+    Gravity along -z of a frame with rotation R is R^T (0, 0, -1) in the base's world. The result is None when
+    one frame differs from the mean by LEVEL_ANGLE or more.
     """
     own = np.array([DOWN @ frame.rotation for frame in frames])
     mean = own.mean(axis=0) / np.linalg.norm(own.mean(axis=0))
@@ -157,7 +136,7 @@ class GravityDirection:
 
     @property
     def sure_alone(self) -> bool:
-        """Tell whether gravity is more than FAR_ANGLE from -z and explains more than MIN_EXPLAINED of the deflections.
+        """Tell whether gravity is beyond FAR_ANGLE from -z and explains over MIN_EXPLAINED of the sag.
 
         No other mistake does both.
         """
@@ -165,14 +144,7 @@ class GravityDirection:
 
 
 def weights_only(data: Dataset) -> bool:
-    """Tell whether all loads are weights: forces within VERTICAL_ANGLE of -z.
-
-    Args:
-        data: The runs.
-
-    Returns:
-        Whether they are; False when no run has a force.
-    """
+    """Tell whether there are loads and all are weights: forces within VERTICAL_ANGLE of -z."""
     force = data.wrench[:, :3]
     pushed = force.any(axis=1)
     return bool(pushed.any()) and all(angle(one, DOWN) <= VERTICAL_ANGLE for one in force[pushed])
@@ -300,7 +272,7 @@ def by_own_weight(calibration: Calibration, prior: Prior) -> Issue | None:
     if not turned and not _springs_at_zero(state):
         return None
     # How well gravity along -z explains the readings.
-    series = [_thin(one) for one in calibration.series]
+    series = [select_rows(one, evenly_spaced(one.rows, MAX_ROWS)) for one in calibration.series]
     poses = sum(len(np.unique(one.pose)) for one in series)
     own = _scatter(state, series, prior, DOWN)
     if own > MAX_SCATTER * state.vjm.reach:
@@ -327,11 +299,6 @@ def _springs_at_zero(state: ArmState) -> bool:
     folder = np.array([joint.compliance for joint in joints])
     carries = state.torque_scale > CARRYING_SHARE * state.torque_scale.max(initial=0)
     return bool((carries & (own < STUCK_SHARE * folder)).any())
-
-
-def _thin(series: Series) -> Series:
-    some = np.linspace(0, series.rows - 1, min(MAX_ROWS, series.rows)).astype(int)
-    return select_rows(series, some)
 
 
 def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) -> float:

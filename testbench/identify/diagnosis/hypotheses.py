@@ -748,8 +748,8 @@ HYPOTHESES = Hypotheses(
         Hypothesis("axes", _axes, _axes_words),
     ),
     poses=(
-        Hypothesis("pose", partial(_off_poses, whole=True), _pose_words),
-        Hypothesis("reading", partial(_off_poses, whole=False), _reading_words),
+        Hypothesis("pose", partial(_off_poses, whole_poses=True), _pose_words),
+        Hypothesis("reading", partial(_off_poses, whole_poses=False), _reading_words),
     ),
     work=(Hypothesis("sign", _against, _against_words),),
     loads=(
@@ -785,13 +785,13 @@ HYPOTHESES = Hypotheses(
         Hypothesis("run_load", _run_load, _run_load_words, nats=MIN_NATS_OF_RUN),
         Hypothesis(
             "run",
-            partial(_bumps, whole=True),
+            partial(_bumps, all_targets=True),
             lambda f, _: (
                 f"run {f.where[0]}: its targets moved otherwise than the load says, by {_distance(f):.2g} mm"
             ),
             nats=MIN_NATS_OF_RUN,
         ),
-        Hypothesis("reading", partial(_bumps, whole=False), _reading_words, nats=MIN_NATS_OF_RUN),
+        Hypothesis("reading", partial(_bumps, all_targets=False), _reading_words, nats=MIN_NATS_OF_RUN),
     ),
     steps=tuple(
         Hypothesis(name, partial(_steps, name=name), _moved_words)
@@ -883,14 +883,7 @@ def describe(
 
 
 def length_text(metres: float) -> str:
-    """Format a length for people: "3.42 mm" below 1 m, "3,420 m" above.
-
-    Args:
-        metres: The length [m].
-
-    Returns:
-        The length with its unit.
-    """
+    """Format a length for people: "3.42 mm" below 1 m, "3,420 m" above."""
     return f"{MM * metres:.3g} mm" if metres < 1 else f"{metres:,.4g} m"
 
 

@@ -117,26 +117,12 @@ def listed_issues(case: Case, hypotheses: Sequence[Hypothesis[Case]]) -> list[Is
 
 
 def longer_than(*least: float) -> Callable[[Array], bool]:
-    """Make a test of whether any vector of a size is longer than its limit.
-
-    Args:
-        least: Limits, one for each three numbers of the size, SI.
-
-    Returns:
-        Function of a size, (3 limits,): whether one vector is longer than its limit.
-    """
+    """Make a test of whether a vector of a size is longer than its limit, one per three numbers, SI."""
     return lambda size: any(np.linalg.norm(size[3 * k : 3 * k + 3]) > one for k, one in enumerate(least))
 
 
 def any_above(least: float) -> Callable[[Array], bool]:
-    """Make a test of whether any number of a size is larger than a limit in magnitude.
-
-    Args:
-        least: The limit, SI.
-
-    Returns:
-        Function of a size, (k,): whether one number is above the limit.
-    """
+    """Make a test of whether any number of a size is larger than a limit in magnitude, SI."""
     return lambda size: bool(np.abs(size).max() > least)
 
 

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.data.dataset import Series
+from testbench.data.dataset import Series, evenly_spaced
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.closed_form import kabsch
 from testbench.identify.diagnosis.hypothesis import Change, Hypothesis, Issue
@@ -64,14 +64,7 @@ class Observations:
     rotation: Array | None = None
 
     def select(self, rows: Ids) -> "Observations":
-        """Select some rows.
-
-        Args:
-            rows: Indices of rows, (r,).
-
-        Returns:
-            The readings of these rows.
-        """
+        """Select some rows, by their indices, (r,)."""
         rotation = None if self.rotation is None else self.rotation[rows]
         return replace(
             self,
@@ -149,14 +142,7 @@ class Fit:
         return self.loss + PARAMETER_NATS * self.free_numbers
 
     def distances(self, observations: Observations) -> Array:
-        """Compute the distance of every reading from where the fit has its target.
-
-        Args:
-            observations: The readings that were fitted.
-
-        Returns:
-            Distances, (readings,) [m].
-        """
+        """Compute the distance of every reading from where the fit has its target, (readings,) [m]."""
         return np.asarray(np.linalg.norm(self.residual, axis=2)[observations.was_read])
 
     def distance_quantile(self, observations: Observations, share: float = HALF) -> float:
@@ -259,27 +245,25 @@ def best_hypothesis(
 def _thinned(observations: Observations) -> Observations:
     """As many rows as tell what is wrong."""
     n = len(observations.q)
-    return observations if n <= MAX_ROWS else observations.select(np.linspace(0, n - 1, MAX_ROWS).astype(int))
+    return observations if n <= MAX_ROWS else observations.select(evenly_spaced(n, MAX_ROWS))
 
 
 def _farthest(observations: Observations, found: Fit) -> int:
     return int(np.argmax(np.linalg.norm(found.markers - observations.markers, axis=1)))
 
 
-def _size(observations: Observations, change: Change[Observations], found: Fit) -> Array:
+def _size(observations: Observations, change: Change[Observations], fit: Fit) -> Array:
     """Size a mistake, SI: turn and shift of a frame, way of a target or link, else one number."""
     assert change.undone is not None
     free = change.undone.free
     if len(free.theta) == 3:
-        return np.asarray(
-            observations.vjm.arm.links[free.theta[0] // 6].frame @ found.theta[list(free.theta)]
-        )
+        return np.asarray(observations.vjm.arm.links[free.theta[0] // 6].frame @ fit.theta[list(free.theta)])
     if free.theta:
-        return change.size + found.theta[list(free.theta)]
+        return change.size + fit.theta[list(free.theta)]
     if free.targets and not observations.free.targets:
-        return np.asarray((found.markers - observations.markers)[_farthest(observations, found)])
+        return np.asarray((fit.markers - observations.markers)[_farthest(observations, fit)])
     if free.frame and not (observations.free.frame or free.mirrored):
-        return np.concatenate([found.frame.rotation_vector, found.frame.translation])
+        return np.concatenate([fit.frame.rotation_vector, fit.frame.translation])
     return change.size
 
 
@@ -290,9 +274,6 @@ def fit(observations: Observations) -> Fit:
 
     Args:
         observations: The readings, with their free parameters.
-
-    Returns:
-        The best fit.
     """
     free = observations.free
     count = 6 * free.frame + 3 * len(observations.markers) * free.targets + len(free.theta)

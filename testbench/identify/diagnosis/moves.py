@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import fdtrc
 
-from testbench.data.dataset import Series, select_rows
+from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import Noise, robust_whitening, without_unread_targets
 from testbench.identify.absolute.choose import GEOMETRY
@@ -83,15 +83,9 @@ def nuisance_model(
 
 
 def chance(step: Issue) -> float:
-    """Compute the probability of a step as clear as this one in readings without any.
+    """Compute the probability of a step as clear as this one of `best_step` in readings without any.
 
     With z numbers of the step and f independent equations, it is P(F(z, f) > 2 nats / z), Fisher's F test.
-
-    Args:
-        step: A step as `best_step` returns it.
-
-    Returns:
-        The probability, 0 to 1 [1].
     """
     z = len(step.size)
     return float(fdtrc(z, step.numbers["free"], 2 * (step.nats or 0.0) / z))
@@ -333,17 +327,13 @@ def _poses_so_far(pose: Ids) -> Ids:
 def _clear_step(state: ArmState, series: Series, noise: Noise, elastic: PriorScaling) -> Issue | None:
     """The greatest step in a series, None where there is none that is worth parting it.
 
-    Args:
-        state: The arm without joint errors, with frame and mount of the series.
-        series: Its readings; identifiers of rows are in order of time.
-        noise: How they scatter about it.
-        elastic: Prior of all compliances that there may be.
+    The arm is without joint errors, and rows of the series, by their identifiers, are in order of time.
     """
     one = without_unread_targets(in_order_of_time(series))
     steps = step_places(one, MIN_POSES)
     linear = nuisance_model(state, (one,), noise, elastic)
-    thin = np.linspace(0, one.rows - 1, min(MAX_THIN_ROWS, one.rows)).astype(int)
-    tried = steps[np.linspace(0, len(steps) - 1, min(MAX_TRIED_STEPS, len(steps))).astype(int)]
+    thin = evenly_spaced(one.rows, MAX_THIN_ROWS)
+    tried = steps[evenly_spaced(len(steps), MAX_TRIED_STEPS)]
     place = np.unique(np.searchsorted(thin, tried))
     place = place[(place > 0) & (place < len(thin))]
     if not len(place) or not _is_sure(issue := best_step(linear, select_rows(one, thin), place)):
@@ -360,14 +350,7 @@ def _is_sure(step: Issue) -> bool:
 
 
 def in_order_of_time(series: Series) -> Series:
-    """Sort the rows of a series by their identifiers, which are in order of time.
-
-    Args:
-        series: The readings.
-
-    Returns:
-        The readings in order of time.
-    """
+    """Sort the rows of a series by their identifiers, which are in order of time."""
     return select_rows(series, np.argsort(series.row, kind="stable"))
 
 
@@ -395,15 +378,7 @@ def divide_at_moves(
     """
 
     def undo(parts: SeriesParts, now: FittedState) -> tuple[list[Issue], SeriesParts, FittedState] | None:
-        """Fit the parts again, each with its tracker or targets as they moved.
-
-        Args:
-            parts: The parts of the series.
-            now: Their fit.
-
-        Returns:
-            Findings, the parts as divided now, and their fit; None if nothing moved.
-        """
+        """Fit the parts again, each with its tracker or targets as they moved."""
         steps = [
             None if one.distance is not None else _clear_step(now[0], one, now[1], elastic) for one in parts
         ]

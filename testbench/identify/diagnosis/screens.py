@@ -21,7 +21,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from testbench.data.dataset import Series, select_rows
+from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import Misfit, Noise
 from testbench.identify.absolute.state import ArmState
@@ -50,9 +50,6 @@ MIN_ROWS = 3  #: Rows of half a file, and of what slipped.
 def likely_orders(observations: Observations) -> Iterator[Ids]:
     """Find the likeliest orders of the joints in the file, by a linear form (see the module).
 
-    Args:
-        observations: The readings.
-
     Yields:
         At most FITTED_ORDERS orders, (n,) each, the likeliest first: joint k has the angles of column
         order[k].
@@ -63,7 +60,7 @@ def likely_orders(observations: Observations) -> Iterator[Ids]:
     else:
         every = np.array([np.arange(n)[::-1], *(_exchange(n, *pair) for pair in combinations(range(n), 2))])
     rows = np.flatnonzero(observations.was_read.any(axis=1))
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(SCREENED_ROWS, len(rows))).astype(int))]
+    rows = rows[evenly_spaced(len(rows), SCREENED_ROWS)]
     parts = np.array_split(every, -(-len(every) // ORDERS_AT_ONCE)) if len(every) else []
     cost = [loss for part in parts for loss in _screened(observations, rows, part)]
     yield from every[np.argsort(cost, kind="stable")[:FITTED_ORDERS]]
@@ -122,11 +119,7 @@ class Slip:
 def find_slip(observations: Observations) -> Slip | None:
     """Find the row from which readings are those of the pose before or after, with all rows before it sound.
 
-    Args:
-        observations: The readings, in the order of the file.
-
-    Returns:
-        The slip; None when no slip explains the readings clearly better.
+    It is None when no slip explains the readings clearly better.
     """
     n, far = len(observations.q), UNFIT_DISTANCE * observations.scale
     head = _fit_half(observations, slice(n // 2))
@@ -167,9 +160,7 @@ def _slip_costs(observations: Observations, head: Fit) -> Iterator[tuple[float, 
 def _fit_half(observations: Observations, half: slice) -> Fit | None:
     """Frame and targets by half of the rows; None where there are too few."""
     rows = np.arange(len(observations.q))[half]
-    one = observations.select(
-        rows[np.unique(np.linspace(0, len(rows) - 1, min(MAX_ROWS, len(rows))).astype(int))]
-    )
+    one = observations.select(rows[evenly_spaced(len(rows), MAX_ROWS)])
     return fit(one) if len(rows) >= MIN_ROWS and one.was_read.any() else None
 
 
@@ -210,9 +201,7 @@ def check_last_joint(
     """
     if any(one.rotation is not None for one in series):
         return
-    thin = [
-        select_rows(one, np.linspace(0, one.rows - 1, min(MAX_ROWS, one.rows)).astype(int)) for one in series
-    ]
+    thin = [select_rows(one, evenly_spaced(one.rows, MAX_ROWS)) for one in series]
     sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
     try:
         other = fitted(tuple(replace(one, q=sign * one.q) for one in thin))[1].open_position

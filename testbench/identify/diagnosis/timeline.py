@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Series, evenly, in_order, select_rows, series_of
-from testbench.errors import BenchError, InputError
+from testbench.data.dataset import Dataset, Series, evenly, select_rows, series_of
+from testbench.errors import BenchError
 from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.fit import first_fit
 from testbench.identify.absolute.state import ArmState, Mount, nominal_state, torque_scale
@@ -25,7 +25,7 @@ from testbench.identify.diagnosis.moves import (
     with_shift,
 )
 from testbench.identify.metric import Prior, scale_by_prior
-from testbench.model.load import Weights, read_weights
+from testbench.model.load import weights_with_note
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_points
 
@@ -54,7 +54,7 @@ class Timeline:
         Only steps count whose chance is below MAX_CHANCE divided by twice the number of places. The list is
         empty when there are too few readings.
         """
-        series = tuple(_series_in_time(in_order(self.data, evenly(np.arange(self.data.runs)))))
+        series = tuple(_series_in_time(select_rows(self.data, evenly(np.arange(self.data.runs)))))
         steps = [step_places(one, MIN_POSES) for one in series]
         if not self.vjm.arm.joints or not any(map(len, steps)):
             return []
@@ -100,11 +100,7 @@ def _series_in_time(data: Dataset) -> Iterator[Series]:
 
 def _folder_state(vjm: Vjm, series: tuple[Series, ...]) -> ArmState:
     """The arm as its folder has it, in the base's frame."""
-    try:
-        weights = read_weights(vjm.arm)
-    except InputError:  # nobody knows what it weighs
-        weights = Weights(np.zeros(vjm.arm.n_joints + 2), np.zeros((vjm.arm.n_joints + 2, 3)))
-    markers = series[0].markers
+    weights, markers = weights_with_note(vjm.arm)[0], series[0].markers
     return replace(
         nominal_state(vjm, weights, torque_scale(vjm, weights, series)),
         frames={one.frame: ORIGIN for one in series},

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.arm.folder import ArmJoint, find_arm
+from testbench.arm.folder import find_arm
+from testbench.arm.joint_map import ArmJoint
 from testbench.data.dataset import Series, select_rows
 from testbench.design.absolute import position_rows
 from testbench.errors import Array, Ids
@@ -123,7 +124,7 @@ def effect_rows(joints: Sequence[ArmJoint], series: Sequence[str], own: Trials) 
 
 
 def _curve(waves: Array) -> Array:
-    """The error over `ANGLES` by sines and cosines, (2, orders), those below MIN_PATTERN_ORDER left out [urad]."""
+    """The error over `ANGLES` by sines and cosines, (2, orders), none below MIN_PATTERN_ORDER [urad]."""
     angle = np.radians(np.outer(ANGLES, np.arange(1, waves.shape[1] + 1)))[:, MIN_PATTERN_ORDER - 1 :]
     sines, cosines = waves[:, MIN_PATTERN_ORDER - 1 :]
     return np.asarray(np.sin(angle) @ sines + np.cos(angle) @ cosines)

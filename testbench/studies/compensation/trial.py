@@ -22,7 +22,7 @@ from testbench.arm.folder import find_arm
 from testbench.correct.compensated import Compensated, compensate, joints_along
 from testbench.correct.newton import Aim
 from testbench.correct.predicted import process_wrench
-from testbench.data.dataset import Dataset, in_order
+from testbench.data.dataset import Dataset, select_rows
 from testbench.design.exchange import Feasibility
 from testbench.design.planning import make_plan
 from testbench.design.rows import MeasurementSetup, Specification, Tasks
@@ -577,7 +577,7 @@ def measure(
     for k, way in enumerate(ways):
         runs = slice(first, first := first + RUNS * way.poses)
         loaded = LoadedPoses(q[runs], pose[runs], wrench[load[runs]], point[load[runs]])
-        before, after = (in_order(rest, runs) for rest in settled)
+        before, after = (select_rows(rest, runs) for rest in settled)
         found.append(read_markers(cell, SETUP, loaded, (before, after), trial_rng(seed, NOISE + k)))
     return found
 
