@@ -11,6 +11,7 @@ from rich.console import Console
 
 from testbench.arm.folder import find_arm
 from testbench.errors import BenchError, InputError, sheet_of
+from testbench.files.columns import UnknownColumns
 from testbench.files.layouts import fitting
 from testbench.files.mapping import Map
 from testbench.files.propose_map import Proposal, fit_of_series, map_text, propose
@@ -21,7 +22,7 @@ from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.whole import Kind, check_file, claim_folder, whole_file
 from testbench.workflows.absolute import kinematic_misfit
-from testbench.workflows.campaign_flags import ArmName, ReadingOptions
+from testbench.workflows.campaign_flags import ArmName, Load, ReadingOptions
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.options import Force, ProjectCommand, ShownFolder, takes
 from testbench.workflows.read_runs import (
@@ -38,6 +39,9 @@ from testbench.workflows.rows import MM
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
 LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="File of the joints, if another one.")]
+LoadedReadings = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Loaded readings, if in another file or FILE.xlsx#SHEET.")
+]
 LayoutName = Annotated[
     str | None, typer.Option(metavar="NAME", help="Layout of the file; default: the one that fits.")
 ]
@@ -49,6 +53,7 @@ class DataOptions:
     """Hold the flags of `data check`."""
 
     log: LogFile = None
+    loaded: LoadedReadings = None
     layout: LayoutName = None
     out: ShownFolder = None
     force: Force = False
@@ -63,19 +68,25 @@ def check(runs: ReadingOptions, asked: DataOptions) -> None:
         runs: The file, and how it is read.
         asked: Flags of the command.
     """
-    given = [find_arm(runs.arm), *files_read(runs), *([asked.log] if asked.log else [])]
+    given = [find_arm(runs.arm), *files_read(runs), *(file for file in (asked.log, asked.loaded) if file)]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         filed, console = build_cell(runs.arm), plain_console()
         mapping = _map_of_layout(console, filed, runs, asked)
-        if isinstance(mapping, Map) and not _pairs(runs.dataset, filed, mapping):
+        if isinstance(mapping, Map) and not _pairs(runs, filed, mapping):
             _show_series(console, filed, runs.dataset, mapping)
             return
         try:
             export = read_export_file(filed, runs, mapping)
-        except InputError:
-            if not _shown_as_poses(console, filed, runs.dataset, mapping):
+        except InputError as err:
+            if _shown_as_poses(console, filed, runs.dataset, mapping):
+                return
+            if mapping is not None or not isinstance(err, UnknownColumns):
                 raise
-            return
+            mapping = _map_by_names(console, filed, runs, err)
+            if not _pairs(runs, filed, mapping):
+                _show_series(console, filed, runs.dataset, mapping)
+                return
+            export = read_export_file(filed, runs, mapping)
         found = contents(export)
         found["columns"] = [Row(row, values=written(row)) for row in found.columns]
         try:
@@ -100,36 +111,35 @@ def _map_of_layout(
     console: Console, cell: Cell, runs: ReadingOptions, asked: DataOptions
 ) -> Path | Map | None:
     """The map that is given, else that of the layout that fits, which is printed; None without either."""
-    if runs.mapping and (asked.log or asked.layout):
-        raise BenchError("--map: expected no --log or --layout beside a map, which says both")
-    fits = runs.mapping is None and (asked.log or fitting(runs.dataset, cell.arm, asked.layout))
+    if runs.mapping and (asked.log or asked.layout or asked.loaded):
+        raise BenchError("--map: expected no --log, --loaded or --layout beside a map, which says all")
+    fits = runs.mapping is None and (
+        asked.log or asked.loaded or fitting(runs.dataset, cell.arm, asked.layout)
+    )
     if not fits:
         return runs.mapping
-    proposal = propose(runs.dataset, cell.arm, asked.log, runs.dataset.parent, asked.layout)
+    proposal = propose(runs.dataset, cell.arm, asked.log, runs.dataset.parent, asked.layout, asked.loaded)
+    _print_map(console, runs.dataset, proposal)
+    return proposal.map()
+
+
+def _map_by_names(console: Console, cell: Cell, runs: ReadingOptions, unknown: UnknownColumns) -> Map:
+    """The map that the names of columns suggest, which is printed; the error if they suggest none."""
+    try:
+        proposal = propose(runs.dataset, cell.arm, None, runs.dataset.parent)
+    except InputError as err:
+        raise (unknown if unknown.joints else err) from err
     _print_map(console, runs.dataset, proposal)
     return proposal.map()
 
 
 def _shown_as_poses(console: Console, cell: Cell, dataset: Path, mapping: Path | Map | None) -> bool:
-    """Show absolute readings with orientations, by the map, our names or a proposed map; False for others."""
-
-    def poses(own: Path | Map | None) -> bool:
-        series = read_series(dataset, cell.arm, own).series
-        distances = any(one.distance is not None for one in series)
-        unloaded = not any(one.wrench.any() for one in series)
-        return distances or (unloaded and any(one.oriented.any() for one in series))
-
+    """Show distances, and positions without a load, by the map or our names; False for others."""
     with contextlib.suppress(InputError):
-        if poses(mapping):
+        export = read_series(dataset, cell.arm, mapping)
+        distances = any(one.distance is not None for one in export.series)
+        if distances or not export.columns.all_of("state", "mass", "force", "moment"):
             _show_series(console, cell, dataset, mapping)
-            return True
-    if mapping is not None:
-        return False
-    with contextlib.suppress(InputError):
-        proposal = propose(dataset, cell.arm, None, dataset.parent)
-        if proposal.asked or poses(proposal.map()):
-            _print_map(console, dataset, proposal)
-            _show_series(console, cell, dataset, proposal.map())
             return True
     return False
 
@@ -141,9 +151,9 @@ def _print_map(console: Console, dataset: Path, proposal: Proposal) -> None:
     console.print("\n".join([*_origin(proposal), "", hint, "", _map_file(file, proposal)]), soft_wrap=True)
 
 
-def _pairs(dataset: Path, cell: Cell, mapping: Map) -> bool:
+def _pairs(runs: ReadingOptions, cell: Cell, mapping: Map) -> bool:
     """Whether the readings of a file are in pairs, unloaded and loaded."""
-    series = read_series(dataset, cell.arm, mapping).series
+    series = read_series(runs.dataset, cell.arm, mapping, load=runs.load).series
     return any(own.wrench.any() for own in series)
 
 
@@ -154,6 +164,8 @@ class MapOptions:
     arm: ArmName
     dataset: Annotated[Path, typer.Argument(help="Export of an instrument: text table or FILE.xlsx#SHEET.")]
     log: LogFile = None
+    loaded: LoadedReadings = None
+    load: Load = None
     layout: LayoutName = None
     out: Annotated[Path | None, typer.Option(metavar="TOML", help="Map to write.")] = None
     force: Force = False
@@ -165,14 +177,14 @@ def propose_map(asked: MapOptions) -> None:
     """Propose a map of an export, and show what it reads and how well that fits the arm."""
     file = sheet_of(asked.dataset)[0]
     out, console = asked.out or file.with_suffix(".toml"), plain_console()
-    inputs = [find_arm(asked.arm), file, *([asked.log] if asked.log else [])]
+    inputs = [find_arm(asked.arm), file, *(file for file in (asked.log, asked.loaded) if file)]
     check_file(out, MAP, inputs=inputs, force=asked.force)
     cell = build_cell(asked.arm)
-    proposal = propose(asked.dataset, cell.arm, asked.log, out.parent, asked.layout)
+    proposal = propose(asked.dataset, cell.arm, asked.log, out.parent, asked.layout, asked.loaded)
     with whole_file(out) as part:
         part.write_text(_map_file(file, proposal), "utf-8")
     console.print("\n".join([f"map        {out}", *_origin(proposal), ""]), soft_wrap=True)
-    _show_series(console, cell, asked.dataset, out)
+    _show_series(console, cell, asked.dataset, out, asked.load)
 
 
 def _map_file(file: Path, proposal: Proposal) -> str:
@@ -189,9 +201,11 @@ def _origin(proposal: Proposal) -> list[str]:
     return [*layouts, *guessed, *([f"asked      {proposal.asked}"] if proposal.asked else [])]
 
 
-def _show_series(console: Console, cell: Cell, dataset: Path, mapping: Path | Map | None) -> None:
+def _show_series(
+    console: Console, cell: Cell, dataset: Path, mapping: Path | Map | None, load: float | None = None
+) -> None:
     """Show what a map reads of a file, and how well that fits the arm."""
-    export = read_series(dataset, cell.arm, mapping)
+    export = read_series(dataset, cell.arm, mapping, load=load)
     rows = [Row(row, values=written(row)) for row in column_rows(export.columns)]
     notes = [
         *(f"- {note}" for note in export.notes),

@@ -23,8 +23,8 @@ from testbench.files.names import (
     split_unit,
     unread_column_warnings,
 )
-from testbench.files.rearranged import join_axes, take_apart, with_log
-from testbench.files.table import TableCells, read_table
+from testbench.files.rearranged import join_axes, take_apart, with_loaded, with_log
+from testbench.files.table import MAX_LISTED, TableCells, read_table
 
 READ: tuple[What, ...] = (
     *("reading", "covariance", "deviation", "turn_deviation", "spread", *ROTATIONS),
@@ -38,6 +38,21 @@ LIMITS: Mapping[What, tuple[float, float]] = {
     **{"mass": (0.0, 1e5), "point": (-10.0, 10.0), "set_point": (-100.0, 100.0)},
 }
 """Least and largest components [N, N m, N, kg, m, m]; beyond them a unit is wrong."""
+
+
+class UnknownColumns(InputError):
+    """Signal a table in which wanted columns, or their units, are not recognised by their names.
+
+    Args:
+        table: The table.
+        problem: Expected and actual columns.
+        column: Name of the column; "" for all.
+        joints: Whether joints are recognised.
+    """
+
+    def __init__(self, table: TableCells, problem: str, column: str = "", *, joints: bool) -> None:
+        super().__init__(table.path, table.place(table.header, column), problem)
+        self.joints = joints
 
 
 @dataclass(frozen=True)
@@ -217,10 +232,12 @@ class Columns:
         Returns:
             The error; it also lists the ignored columns.
         """
-        ignored = f", ignored columns {list(self.ignored)}" if self.ignored else ""
-        if self.ignored and not hint:
-            hint = "; testbench data map proposes a map"
-        return self.table.header_error(f"missing columns {list(missing)}{ignored}{hint}")
+        ignored = f", ignored columns {listed(self.ignored)}" if self.ignored else ""
+        readings = Slot("state") in self.names.ours.values()  # a program has no states
+        if self.ignored and readings and not hint:
+            hint = "; testbench data check proposes a map"
+        problem = f"missing columns {list(missing)}{ignored}{hint}"
+        return UnknownColumns(self.table, problem, joints=bool(self.all_of("joint")))
 
     def map_error(self, place: str, problem: str) -> InputError:
         """Make the error about an entry of the map, or about an argument that replaces it.
@@ -247,6 +264,41 @@ class Columns:
         return None if stated is None else stated[0] * stated[1].scale
 
 
+def numbered_joints(names: Sequence[str], count: int) -> str:
+    """Write a map's entry for columns that are numbered as the joints are.
+
+    Args:
+        names: Names of columns.
+        count: Number of joints.
+
+    Returns:
+        The entry as a hint; "" if there are no such columns.
+    """
+    units = dict(split_unit(name) or (name, None) for name in names)
+    for name, unit in units.items():
+        before, one, after = name.rpartition("1")
+        if one and all(f"{before}{k}{after}" in units for k in range(1, count)):
+            n = "{n}" if f"{before}{count}{after}" in units else "{n0}"
+            if n == "{n0}" and f"{before}0{after}" not in units:
+                continue
+            ours = f"joint_{n}_{unit.name if unit else 'deg'}"
+            return f"""; are they joints? [columns] of a map: "{ours}" = "{before}{n}{after}\""""
+    return ""
+
+
+def listed(names: Sequence[str]) -> str:
+    """List names of columns for a message.
+
+    Args:
+        names: The names.
+
+    Returns:
+        The first `MAX_LISTED` names, and how many more there are.
+    """
+    more = f" and {len(names) - MAX_LISTED} more" * (len(names) > MAX_LISTED)
+    return f"{list(names[:MAX_LISTED])}{more}"
+
+
 def read_columns(path: Path, names: Names, arm: Arm) -> Columns:
     """Read a file and find its columns; it raises as `read_table` and `find_columns` do.
 
@@ -259,6 +311,9 @@ def read_columns(path: Path, names: Names, arm: Arm) -> Columns:
         The columns.
     """
     table = read_table(path, names.knows, names.map.file)
+    if names.map.loaded is not None:
+        other = (names.path or path).parent / names.map.loaded.file
+        table = with_loaded(table, read_table(other, names.knows, names.map.file))
     return find_columns(with_log(table, names), names, arm)
 
 
@@ -280,14 +335,17 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
     table, read_as = take_apart(table, names)
     named = {k: own for k, name in enumerate(read_as) if (own := names.find(name))}
     if not named:
-        hint = "names that are not ours need a map, a file without a header too"
+        hint = numbered_joints(table.names, len(arm.file_joints)).removeprefix("; ")
+        hint = hint or "names that are not ours need a map, a file without a header too"
         wanted = ", ".join(joint.shown_column for joint in arm.file_joints) or "mass_kg"
         got = ", ".join(table.names[:3])
-        raise table.header_error(f"no column is known, expected {wanted}, got {got} ...; {hint}")
+        raise UnknownColumns(
+            table, f"no column is known, expected {wanted}, got {got} ...; {hint}", joints=False
+        )
     _check_map(table, names, named)
     # Join rows of single axes; the map's names replace our own.
     table, named = join_axes(table, named, names)
-    named = _chosen(named)
+    named = _chosen(_without_keys(table, named, names))
     # One column per quantity, with its unit.
     found: dict[Slot, ReadColumn] = {}
     for k, own in named.items():
@@ -350,6 +408,14 @@ def _check_map(table: TableCells, names: Names, named: dict[int, Named]) -> None
             raise names.error(table.path, f"columns.{own.mapped}", problem)
 
 
+def _without_keys(table: TableCells, named: dict[int, Named], names: Names) -> dict[int, Named]:
+    """Drop the columns by which a log is joined, where the file says the same, such as the time."""
+    keys = {*names.map.log.to} - {*names.map.log.on} if names.map.log else set[str]()
+    log = {k for k, name in enumerate(table.names) if name in keys}
+    slots = {own.slot.what for k, own in named.items() if k not in log}
+    return {k: own for k, own in named.items() if k not in log or own.slot.what not in slots}
+
+
 def _chosen(named: dict[int, Named]) -> dict[int, Named]:
     """Drop our own names for what the map names, and readings that others state in more detail."""
     mapped = {own.slot for own in named.values() if own.mapped}
@@ -380,7 +446,7 @@ def _unit(table: TableCells, k: int, named: Named, arm: Arm) -> Unit | None:
     expected = " or ".join(f"_{u}" for u in allowed)
     if not said:
         problem = f"expected a unit at the end of the name such as {expected}, in brackets, or in a map"
-        raise table.header_error(problem, table.names[k])
+        raise UnknownColumns(table, problem, table.names[k], joints=named.slot.what == "joint")
     if said[0].si not in allowed or any(u != said[0] for u in said):
         got = " and ".join(dict.fromkeys(u.name for u in said))
         raise table.header_error(f"expected one unit, of {expected}, got {got}", table.names[k])

@@ -27,6 +27,7 @@ from testbench.files.text import (
     read_letters,
     split_lines,
     units_in,
+    width_of,
 )
 
 FOLDER = Path(__file__).parents[1] / "layouts"
@@ -330,9 +331,9 @@ def _with_targets(found: Fitting, header: _Row, divided: _Divided, arm: Arm) -> 
     Returns:
         The same with names as "P1 X [mm]"; none if no line says whose the axes are.
     """
-    mark, names = divided.mark, list(header.cells)
-    while names and not names[-1]:
-        names.pop()
+    mark = divided.mark
+    lines = [divided.lines[row.line] for row in divided.rows if row.line >= header.line]
+    names = header.cells[: width_of(lines, mark)]
     rows = [_filled(cells_in(line, mark), len(names)) for line in found.above]
     axes = {k: axis for k, name in enumerate(names) if (axis := _bare(name).casefold()) in XYZ}
     labels: dict[int, str] = {}
@@ -348,7 +349,13 @@ def _with_targets(found: Fitting, header: _Row, divided: _Divided, arm: Arm) -> 
     known = all((p := place(f"{label} x")) and p.target for label in own)
     short = {label: label if known else f"M{n}" for n, label in enumerate(own, start=1)}
 
+    turned = {k: name for k, name in enumerate(names) if name and _turned(rows, k)}
+    kind = "Quaternion" if "W" in turned.values() else "Euler"
+    turned = {k: f"{kind} {name}" for k, name in turned.items()}
+
     def called(k: int, name: str) -> str:
+        if [*turned.values()].count(turned.get(k, "")) == 1:
+            return turned[k]
         if k not in labels:
             return name if name and names.count(name) == 1 else f"column {k + 1} {rows[-1][k]} {name}".strip()
         unit = units[k] if units else None
@@ -381,6 +388,11 @@ def _labels(
         ]:
             whole.append({k: _last(row[k]) for k in axes})
     return max(whole, key=lambda own: len({*map(plain, own.values())} & markers), default={})
+
+
+def _turned(rows: Sequence[Sequence[str]], k: int) -> bool:
+    """Whether a line above the header says that a column is of an orientation."""
+    return any(plain(row[k]) == "rotation" for row in rows)
 
 
 def _filled(cells: Sequence[str], count: int) -> list[str]:

@@ -49,6 +49,8 @@ class FileLayout(Strict):
     names: list[Text] = Field(default=[], max_length=1000)  #: Of the columns, where the file has no header.
     header: int = Field(default=1, ge=1, le=3)  #: Lines of the header; the upper ones may be of merged cells.
     merged: bool = False  #: Whether a blank cell takes the value above, as below merged cells.
+    #: Whether lines of words name the rows below them, as "Loaded"; they become the column `section`.
+    sections: bool = False
     average: bool = False  #: Whether rows of one point are shots, of which the mean is its reading.
 
 
@@ -68,6 +70,7 @@ class Log(Strict):
     file: Text  #: Its path from the map's folder.
     on: list[Text] = Field(default=[])  #: Columns of the readings that say together a row's name or time.
     to: list[Text] = Field(default=[])  #: Those of the log, where they are called otherwise.
+    parts: bool = False  #: Whether the log's names are parts of the names here, as P1 of "P01 unloaded".
     #: By the nearest time, at most so far away [s]; by name where it is not said.
     within_s: Annotated[float, Field(gt=0, le=3600)] | None = None
     #: Where nothing says which row belongs to which: how many readings in a row belong to one of the log.
@@ -79,6 +82,12 @@ class Log(Strict):
         if bool(self.on) == (self.rows is not None):
             raise ValueError("expected `on` (columns to join by) or `rows` (readings per row of the log)")
         return self
+
+
+class LoadedFile(Strict):
+    """Describe another file, or sheet, of the same columns: its readings are loaded, those here unloaded."""
+
+    file: Text  #: Its path from the map's folder.
 
 
 class Controller(Strict):
@@ -105,6 +114,7 @@ class Map(Strict):
     file: FileLayout = FileLayout()
     series: AbsoluteLayout = AbsoluteLayout()
     log: Log | None = None
+    loaded: LoadedFile | None = None
     controller: Controller = Controller()
     columns: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     optional: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
@@ -263,6 +273,7 @@ def _read(path: Path) -> Map:
             tables: dict[str, type[Strict]] = {
                 "series": AbsoluteLayout,
                 "log": Log,
+                "loaded": LoadedFile,
                 "controller": Controller,
             }
             inner = (

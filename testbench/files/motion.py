@@ -146,11 +146,16 @@ def read_motions(path: Path, language: Language) -> ProgramText:
                 got = " ".join(found[0].split())[:MAX_SHOWN]
                 at = found.start() + len(found[0]) - len(found[0].lstrip())
                 raise source.error(at, f"{what} is not read, got {got}. {ANY}")
-    _refuse_frames(program)
+    frames = _one_of_each_frame(program)
     moves, left = _moves(program)
     if not moves:
         raise InputError(path, "", f"expected moves in this {language.title} program, got none")
     notes = tuple(f"Moves to {name} stay as they are: its numbers are not in the program" for name in left)
+    if frames and any(move.point.posed for move in moves):
+        said = " and ".join(f"{what} {frame}" for what, frame in frames.items())
+        meant = "Its poses count as those of the arm's tool in the arm's world"
+        hint = "unless [controller] of a map says where its tool and base are"
+        notes += (f"The program states {said}. {meant}, {hint}",)
     return ProgramText(language, program.sources, program.points, moves, notes, _mark(program))
 
 
@@ -275,8 +280,9 @@ def _numbers(
     return found
 
 
-def _refuse_frames(program: ProgramText) -> None:
-    """Refuse a program whose tool or base changes."""
+def _one_of_each_frame(program: ProgramText) -> dict[str, str]:
+    """Find what a program says of tool and base, tool0 and the like left out; refuse it if they change."""
+    frames = dict[str, str]()
     for what, patterns in program.language.frames.items():
         for pattern in patterns:
             first = ""
@@ -288,6 +294,9 @@ def _refuse_frames(program: ProgramText) -> None:
                         at = found.start() + len(found[0]) - len(found[0].lstrip())
                         raise source.error(at, f"the {what} changes: {expected}")
                     first = first or said
+            if first and not re.fullmatch(r"(tool|wobj|base)?0", first, FLAGS):
+                frames[what] = " ".join(first.split())
+    return frames
 
 
 def _moves(program: ProgramText) -> tuple[tuple[MoveText, ...], list[str]]:

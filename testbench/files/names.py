@@ -27,7 +27,9 @@ INCH, POUND, STANDARD = 0.0254, 0.45359237, 9.80665
 """Of the inch [m], the pound [kg] and the acceleration that makes its force [m/s^2], exact by definition."""
 UNITS = (
     *(Unit(n, "m", s) for n, s in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("in", INCH))),
+    *(Unit(n, "m", s) for n, s in (("mil", 1e-3 * INCH), ("ft", 12 * INCH))),
     *(Unit(n, "rad", s) for n, s in (("rad", 1.0), ("mrad", 1e-3), ("deg", math.pi / 180))),
+    Unit("gon", "rad", math.pi / 200),
     *(Unit(n, "N", s) for n, s in (("N", 1.0), ("daN", 10.0), ("kN", 1e3), ("lbf", POUND * STANDARD))),
     Unit("kgf", "N", STANDARD),
     *(Unit(n, "Nm", s) for n, s in (("Nm", 1.0), ("Nmm", 1e-3))),
@@ -39,14 +41,17 @@ MIN_NUMBER = 1e-100
 MAX_NUMBERS = {"m": 1e6, "rad": 1e6, "N": 1e9, "Nm": 1e9, "kg": 1e6, "m2": 1e6}
 """Largest number of a quantity in SI that is read: beyond it a file is broken."""
 OTHERS = {
-    "m": "meter meters metre metres mètre mètres 米",
+    "m": "meter meters metre metres mètre mètres metros 米",
     "cm": "centimeter centimeters centimetre centimetres",
-    "mm": "millimeter millimeters millimetre millimetres millimètre millimètres 毫米",
+    "mm": "millimeter millimeters millimetre millimetres millimètre millimètres milímetros 毫米 мм",
     "um": "μm micron microns micrometer micrometers micrometre micrometres",
-    "in": "inch inches",
+    "in": "inch inches pulgadas pollici",
+    "mil": "mils thou thous",
+    "ft": "foot feet",
     "rad": "radian radians 弧度",
-    "deg": "° degree degrees degré degrés grad 度",
-    "kg": "千克 公斤",
+    "deg": "° degree degrees degré degrés grad grado grados gradi grau graus 度 градус градусы град",
+    "gon": "gons gradian gradians",
+    "kg": "千克 公斤 кг",
     "lb": "lbs",
     "nm": "n*m n·m",
 }
@@ -359,7 +364,12 @@ def expand(
 
 KNOWN_EXPORTS = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encoding="utf-8"))
 STATE_OF_WORD = {squeeze(word): state for state, words in KNOWN_EXPORTS["states"].items() for word in words}
+STATE_OF_CELL = STATE_OF_WORD | {
+    squeeze(word): state for state, words in KNOWN_EXPORTS["answers"].items() for word in words
+}
 LOADS = ("N", "Nm", "kg")  #: Units of forces, moments and masses.
+PREFIXED = re.compile(KNOWN_EXPORTS["prefixed"]["joint"])
+OTHER_WORD = re.compile(rf"\b(?:{KNOWN_EXPORTS['prefixed']['other']})\b")
 NUMBER = re.compile(r"\d+")
 NEVER = "(?!)"  #: Matches nothing.
 MAX_LISTED = 9  #: Columns that a warning names.
@@ -394,6 +404,11 @@ def plain(name: str) -> str:
         The reduced name.
     """
     return re.sub(r"[\W_]+", "", (split_unit(name) or (name,))[0]).casefold()
+
+
+def _words(name: str) -> str:
+    """Divide a name into words of small letters and digits, without its unit: "AIPos.A1" gives "aipos a1"."""
+    return " ".join(re.findall(r"[^\W_]+", (split_unit(name) or (name,))[0].casefold()))
 
 
 def column_meaning(name: str) -> str:
@@ -453,6 +468,9 @@ def joints_of(arm: Arm) -> Callable[[str], tuple[str, int] | None]:
         text, (kind, _, number) = plain(name), column_meaning(name).partition(" ")
         if kind == "joint":
             return "#".join(text.rsplit(number, 1)), int(number)
+        words = _words(name)
+        if (own := PREFIXED.fullmatch(words)) and not OTHER_WORD.search(words):
+            return f"{words[: own.start('n')]}#{words[own.end('n') :]}", int(own["n"])
         if own := named.fullmatch(text):
             return text.replace(own["name"], "##"), numbers[own["name"]]
         return None

@@ -16,8 +16,16 @@ from testbench.arm.folder import Arm
 from testbench.display import Displayed
 from testbench.errors import Array, Ids, InputError, Mask, check_type
 from testbench.files.beside import read_rotations
-from testbench.files.columns import Columns, ReadColumn, find_columns, read_columns, vector, wrench
-from testbench.files.languages import Language, language_of
+from testbench.files.columns import (
+    Columns,
+    ReadColumn,
+    find_columns,
+    numbered_joints,
+    read_columns,
+    vector,
+    wrench,
+)
+from testbench.files.languages import Language, known_languages, language_of
 from testbench.files.mapping import Controller, Names, read_map
 from testbench.files.motion import (
     PointText,
@@ -29,8 +37,10 @@ from testbench.files.motion import (
     values_of,
 )
 from testbench.files.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names, split_unit
+from testbench.files.rearranged import OTHERS, has_line
 from testbench.files.rows import ROUNDED, SAME_POSE, joint_coordinates
 from testbench.files.table import read_table
+from testbench.files.text import read_letters
 
 # --- Points of a program in a robot language: joints of the chain, or poses of the tool in the world --------
 
@@ -479,7 +489,10 @@ def read_program(
         return _robot_program(path, language, arm, names)
     if names.cells:
         raise names.error(path, "cells", "expected a quantity a column in a program")
-    columns = read_columns(path, names, arm)
+    try:
+        columns = read_columns(path, names, arm)
+    except InputError as err:
+        raise _other_program(path) or err from err
     table, rows = columns.table, columns.table.rows
     if not 1 <= rows <= MAX_POINTS:
         raise table.error(min(rows, MAX_POINTS), "", f"expected 1 to {MAX_POINTS} points, got {rows}")
@@ -502,6 +515,20 @@ def read_program(
         content=columns,
         jumps=jumps,
     )
+
+
+def _other_program(path: Path) -> InputError | None:
+    """The error about a robot's program whose suffix is of none of our languages; None for other files."""
+    text, languages = read_letters(path, None, ".")[0], known_languages().values()
+    for language in languages:
+        if has_line(language.text, text):
+            points = f", which has the points of a {language.suffixes[0]}" * (path.suffix == language.beside)
+            problem = f"this is {language.title}{points}: expected the suffix {language.suffixes[0]}"
+            return InputError(path, "", problem)
+    if has_line(OTHERS, text):
+        read = ", ".join(f"{own.title} ({own.suffixes[0]})" for own in languages)
+        return InputError(path, "", f"a program in another language; read are {read}, and tables")
+    return None
 
 
 def _robot_program(path: Path, language: Language, arm: Arm, names: Names) -> Program:
@@ -570,7 +597,8 @@ def _joints(columns: Columns, arm: Arm) -> Array | None:
     if columns.all_of("set_point"):
         return None
     missing = [joint.shown_column for joint in arm.file_joints]
-    raise columns.lack(missing, "; or x_mm, y_mm, z_mm and an orientation of the tool")
+    hint = "; or x_mm, y_mm, z_mm and an orientation of the tool"
+    raise columns.lack(missing, hint + numbered_joints(columns.ignored, len(missing)))
 
 
 def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:

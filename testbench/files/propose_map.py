@@ -3,6 +3,7 @@
 What only values tell is a guess: the map has it as a comment, and `testbench data map` says it.
 """
 
+import contextlib
 import json
 import os
 import re
@@ -28,13 +29,15 @@ from testbench.files.beside import (
     fits_of,
     unclear,
 )
+from testbench.files.columns import listed
 from testbench.files.layouts import Fitting, Ordered, fitting, numbered, stated_length_unit
-from testbench.files.mapping import Log, Map, Named, read_map
+from testbench.files.mapping import FileLayout, Log, Map, Named, read_map
 from testbench.files.names import (
     KNOWN_EXPORTS,
     NUMBER,
     ROTATIONS,
     SI,
+    STATE_OF_CELL,
     STATE_OF_WORD,
     XYZ,
     Place,
@@ -57,18 +60,35 @@ from testbench.files.rearranged import (
     keys_of,
     nearest_times,
     numbers_in,
+    parts_in,
     read_log,
     times_of,
+    with_loaded,
 )
-from testbench.files.table import TableCells
+from testbench.files.table import SECTION, TableCells
 from testbench.files.text import BLANK, read_letters
 
 # --- Guess what columns of an unknown export mean, by their names and cells, each guess with its reason -----
 
 WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
+GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f]\d{3})+([.,]\d+)?")  #: A number of divided thousands.
 SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
+APART_TARGETS = 0.01  #: Least distance of two targets, over the typical size of a coordinate.
 POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
 APART = {"mass", "axis", "pose", "marker", "state"}  #: Quantities that tell rows of one name apart.
+WEIGHED = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>kg|lbs?)?", re.IGNORECASE)  #: Such as 150 kg.
+UNREADABLE = (
+    (
+        re.compile("(d|delta|δ|defl(ection)?|disp(lacement)?|verschiebung|auslenkung)[xyz]"),
+        "of deflections alone the targets' places are not known: add the unloaded positions, as before_x_mm",
+    ),
+    (
+        re.compile(r".*(gauge|dial|indicator|messuhr|comparateur|reloj|comparatore|lvdt|千分表|百分表).*"),
+        "a gauge's readings are travel_before_mm and travel_after_mm, with direction_x, direction_y and "
+        "direction_z of the face (docs/formats.md, Gauges and distances)",
+    ),
+)
+"""Names of columns that hold no positions, and what to do."""
 TURNS = 7.0  #: Joint coordinates beyond are degrees [rad].
 SCATTER = {f"{what}_{x}": f"sigma_{x}" for what in ("sigma", "u95") for x in XYZ}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
@@ -124,8 +144,10 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
         readings, markers = _positions(table, arm)
         if not readings and {"axis", "position"} <= known.keys():
             readings = {"axis": known["axis"], "position": known["position"]}
-        yield from markers if readings else [_position_cells(table, length)]
-    others = SCATTER | {"mass": "mass", "temperature": "temperature"}
+        yield from markers if readings else [_position_cells(table, arm, length)]
+        _refuse_twice(table, [k for columns in readings.values() for k in columns])
+    yield from _mass(table, known.get("mass", []) if "mass" not in said else [])
+    others = SCATTER | {"temperature": "temperature"}
     kinds = dict.fromkeys(SCATTER, "deviation")
     others = {theirs: our for theirs, our in others.items() if kinds.get(theirs, theirs) not in said}
     for our, columns, kind in (
@@ -140,6 +162,40 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
         if kind.startswith("u95"):
             yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
     yield from lost_words(table, [k for our, (k, *_) in readings.items() if our != "axis"])
+
+
+def _refuse_twice(table: TableCells, columns: Sequence[int]) -> None:
+    """Refuse columns of positions that have one name: nobody knows which of them is meant."""
+    names = [table.names[k] for k in columns]
+    if again := next((name for name in names if names.count(name) > 1), ""):
+        hint = f'say in [columns] of a map which is which, as before_x = "{again}", after_x = "{again} (2)"'
+        raise table.header_error(f"expected every name once, got {again!r} again; {hint}")
+
+
+def _mass(table: TableCells, columns: Sequence[int]) -> Iterator[Entry]:
+    """The column of what hangs: masses, weights in newtons, or words such as "150 kg" and "none"."""
+    for k, *others in [columns] if columns else []:
+        name, unit = table.names[k], unit_of(table, k)
+        texts = [text for text in dict.fromkeys(table.texts(k)) if text]
+        if texts and {*map(squeeze, texts)} <= {*STATE_OF_CELL}:
+            return  # a column of states
+        left = ", ".join(repr(table.names[other]) for other in others)
+        if unit and unit.si == "N":
+            down = all(not text.startswith("-") for text in texts)
+            yield Entry("columns", "force_z", f"-{name}" if down else name, "a weight, downwards")
+            return
+        weighed = {text: own for text in texts if (own := WEIGHED.fullmatch(text)) and not is_decimal(text)}
+        units = {own["unit"].casefold()[:2] for own in weighed.values() if own["unit"]}
+        said = "" if unit else f"_{min(units, default='kg')}"
+        if len({*units, *([unit.name] if unit and units else [])}) > 1:
+            raise table.header_error(f"expected masses in one unit, got {' and '.join(sorted(units))}", name)
+        why = "; ".join(filter(None, ["" if unit else "no unit", left and f"not {left}"]))
+        yield Entry("columns", f"mass{said}", name, why)
+        for text, own in weighed.items():
+            if own["unit"]:
+                yield Entry("words", own["number"].replace(",", "."), text)
+        if none := [text for text in texts if STATE_OF_CELL.get(squeeze(text)) == "before"]:
+            yield Entry("words", "0", none)
 
 
 def orientation_columns(table: TableCells) -> Iterator[list[Entry]]:
@@ -205,6 +261,7 @@ def lost_words(table: TableCells, columns: Sequence[int]) -> list[Entry]:
     """
     texts = {text for k in columns for text in table.texts(k)}
     words = sorted(text for text in texts if text and not is_decimal(text.replace(",", ".")))
+    words = [text for text in words if not GROUPED.fullmatch(text)]
     return [Entry("words", "lost", words, "no numbers")] if words else []
 
 
@@ -219,10 +276,20 @@ def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
         yield _joint_cells(table, arm)
 
 
-def _unlike(table: TableCells, what: str) -> InputError:
+def _unlike(table: TableCells, what: str, arm: Arm) -> InputError:
+    if what != "a position":
+        beside = table.texts(0) if table.rows else []
+        hint = 'name all of them in [columns] of a map, as "joint_{n}_deg" = "A{n}"; '
+        hint += f"one that never moves goes into [values], as {what}_deg = 0"
+        if joint_family(beside, arm):
+            hint = "the first column names the joints: exchange rows and columns"
+        return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
     hint = 'name it in [columns] of a map, as x = "X", or before_x and after_x of pairs'
     hint = f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
-    return table.header_error(f"no column looks like {what}; columns are {list(table.names)}; {hint}")
+    for pattern, words in UNREADABLE:
+        if any(pattern.fullmatch(plain(name)) for name in table.names):
+            hint = words
+    return table.header_error(f"no column looks like {what}; columns are {listed(table.names)}; {hint}")
 
 
 def _positions(table: TableCells, arm: Arm) -> tuple[dict[str, list[int]], list[Entry]]:
@@ -264,10 +331,10 @@ def _joint_cells(table: TableCells, arm: Arm) -> Entry:
             unit = said.name if said else guessed
             slides = "_m" * any(joint.prismatic for joint in arm.file_joints)
             return Entry("cells", table.names[k], f"{{joints_{unit}{slides}}}", "" if said else why)
-    raise _unlike(table, arm.file_joints[0].name)
+    raise _unlike(table, arm.file_joints[0].name, arm)
 
 
-def _position_cells(table: TableCells, length: str) -> Entry:
+def _position_cells(table: TableCells, arm: Arm, length: str) -> Entry:
     """The column that holds x, y, z in one cell; InputError where none does."""
     for k in (k for k, name in enumerate(table.names) if not looks_like(name, "joints")):
         if len(values := _cells_of(table, k, len(XYZ))):
@@ -275,7 +342,7 @@ def _position_cells(table: TableCells, length: str) -> Entry:
             return Entry(
                 "cells", table.names[k], f"{{position_{said.name if said else guessed}}}", "" if said else why
             )
-    raise _unlike(table, "a position")
+    raise _unlike(table, "a position", arm)
 
 
 def _cells_of(table: TableCells, k: int, count: int) -> Array:
@@ -352,61 +419,164 @@ def names_by_cells(table: TableCells, arm: Arm, said: Mapping[str, str]) -> Iter
     Yields:
         Lines of the map, with the reason of each guess.
     """
-    names = [name for name in table.names if column_meaning(name) in ("name", "state") and name not in said]
-    apart = [name for name in table.names if {column_meaning(name), said.get(name)} & APART]
+    kinds = {name: column_meaning(name) for name in table.names}
+    names = [name for name, kind in kinds.items() if kind in ("name", "state") and name not in said]
+    names += [name for name, kind in kinds.items() if kind == "mass" and _of_states(table, name)]
+    apart = [name for name, kind in kinds.items() if {kind, said.get(name)} & APART and name not in names]
     every = keys_of(table, [*names, *apart])
     again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
     shots = "names stand several times in a row: shots" if again else ""
+    told, parted, posed = _told(table, arm, said), list[str](), "pose" in said.values()
     for name in names:
         texts = keys_of(table, [name])
-        distinct, changes = list(dict.fromkeys(texts)), 1 + sum(a != b for a, b in pairwise(texts))
-        if pattern := _pattern(texts, arm) if len(distinct) > 1 else "":
-            yield Entry("cells", name, pattern, f"of {texts[0]!r}")
-            shots = "the last number of a name counts shots" if "*" in pattern else shots
-            yield from _states([word for text in distinct for word in WORD.findall(text)])
-        elif {squeeze(text) for text in texts} <= {*STATE_OF_WORD}:
+        distinct = list(dict.fromkeys(texts))
+        if _of_states(table, name):
             yield Entry("columns", "state", name)
             yield from _states(distinct)
+        elif len(distinct) > 1 and _parts_of(texts, arm, told, posed=posed):
+            parted.append(name)
         elif column_meaning(name) == "state":
             continue  # in words that nobody knows
-        elif 1 < len(distinct) < changes and len(distinct) <= TARGETS:
+        elif told.targets(texts):
             yield Entry("columns", "marker", name)
-            if not {*distinct} <= {*arm.markers}:
-                yield Entry("series", "markers", distinct, "no markers of the arm")
-        elif len(distinct) > 1:
+            yield from _targets(distinct, arm)
+        elif len(distinct) > 1 and not posed:
+            posed = True
             yield Entry("columns", "pose", name)
+    yield from _sections(table)
+    for name in parted:  # beside columns that hold nothing else
+        texts = keys_of(table, [name])
+        if parts := _parts_of(texts, arm, told, posed=posed):
+            yield Entry("cells", name, parts.pattern, f"of {texts[0]!r}")
+            shots = "the last number of a name counts shots" if parts.shots else shots
+            yield from _states([word for text in dict.fromkeys(texts) for word in WORD.findall(text)])
+            yield from _targets(parts.targets, arm)
+            posed = posed or "{pose}" in parts.pattern
     if shots:
         yield Entry("file", "average", True, shots)
 
 
+def _of_states(table: TableCells, name: str) -> bool:
+    """Whether every cell of a column is a word for a state."""
+    return {squeeze(text) for text in keys_of(table, [name])} <= {*STATE_OF_CELL}
+
+
+@dataclass(frozen=True)
+class _Told:
+    """Hold what tells names of poses, targets and shots from one another."""
+
+    joints: Sequence[str]  #: Text of the joints in every row; equal in all rows if nobody knows the columns.
+    position: Array  #: Positions over their typical size, (rows, 3) [1]; NaN where nobody knows them.
+
+    def poses(self, texts: Sequence[str]) -> bool:
+        """Tell whether each of some names, one per row, has joints of its own."""
+        both = {*zip(texts, self.joints, strict=True)}
+        return len({*self.joints}) > 1 and len(both) == len({*texts})
+
+    def targets(self, texts: Sequence[str]) -> bool:
+        """Tell whether some names, one per row, are those of targets: they come again, or in one pose."""
+        count, changes = len({*texts}), 1 + sum(a != b for a, b in pairwise(texts))
+        if not 1 < count <= TARGETS or self.poses(texts):
+            return False
+        return count < changes or (self.joints[0] != "" and self.apart([""] * len(texts)))
+
+    def apart(self, others: Sequence[object]) -> bool:
+        """Tell whether positions are far apart in rows that others call the same."""
+        rows = dict[object, list[int]]()
+        for row, own in enumerate(zip(others, self.joints, strict=True)):
+            rows.setdefault(own, []).append(row)
+        spread = [np.ptp(self.position[own], axis=0).max() for own in rows.values() if len(own) > 1]
+        return bool(spread) and float(np.median(spread)) > APART_TARGETS
+
+
+def _told(table: TableCells, arm: Arm, said: Mapping[str, str]) -> _Told:
+    """Read joints and positions of every row, as far as names tell their columns."""
+    joints = [name for name in table.names if said.get(name) == "joint"]
+    joints = joints or [table.names[k] for k in joint_family(table.names, arm)]
+    joints = joints or [name for name in table.names if looks_like(name, "joints")]
+    read = [k for k, name in enumerate(table.names) if said.get(name) == "reading"]
+    columns = read[: len(XYZ)] or [k for k, *_ in _positions(table, arm)[0].values()][: len(XYZ)]
+    position = np.full((table.rows, len(XYZ)), np.nan)
+    for axis, k in enumerate(columns):
+        texts = [text.replace(",", ".") for text in table.texts(k)]
+        position[:, axis] = [float(text) if is_decimal(text) else np.nan for text in texts]
+    size = np.nanmedian(np.abs(position)) if np.isfinite(position).any() else 1.0
+    return _Told(keys_of(table, joints) if joints else [""] * table.rows, position / (size or 1.0))
+
+
+def _targets(own: Sequence[str], arm: Arm) -> Iterator[Entry]:
+    """Say whose names those of targets are: the arm's markers by their numbers, else targets of their own."""
+    numbers = [NUMBER.findall(text)[-1:] for text in own]
+    if {*map(squeeze, own)} <= {*map(squeeze, arm.markers)}:
+        return
+    if len(own) == len(arm.markers) == len({int(n[0]) for n in numbers if n}):
+        order = sorted(own, key=lambda text: int(NUMBER.findall(text)[-1]))
+        why = "targets are numbered as the markers of the arm"
+        both = zip(arm.markers, order, strict=True)
+        yield from (Entry("words", marker, text, why) for marker, text in both)
+    else:
+        yield Entry("series", "markers", list(own), "no markers of the arm")
+
+
+def _sections(table: TableCells) -> Iterator[Entry]:
+    """The states that lines of words give to the rows below them."""
+    if table.names[-1:] == (SECTION,):
+        yield Entry("columns", "state", SECTION)
+        texts = list(dict.fromkeys(table.texts(len(table.names) - 1)))
+        for state in ("before", "after"):
+            yield Entry("words", state, [text for text in texts if _state_in(text) == state])
+
+
+def _state_in(text: str) -> str:
+    """The state that a text such as "Loaded, 460 kg" names; "" where it names none, or both."""
+    found = {STATE_OF_WORD[own] for own in map(squeeze, (text, *WORD.findall(text))) if own in STATE_OF_WORD}
+    return found.pop() if len(found) == 1 else ""
+
+
 def _states(words: Sequence[str]) -> Iterator[Entry]:
     for state in ("before", "after"):
-        if own := sorted({word for word in words if STATE_OF_WORD.get(squeeze(word)) == state}):
+        if own := sorted({word for word in words if STATE_OF_CELL.get(squeeze(word)) == state}):
             yield Entry("words", state, own)
 
 
-def _pattern(texts: Sequence[str], arm: Arm) -> str:
-    """What names of several parts hold, as "P{pose}_{marker}_*"; "" where fewer than two parts differ."""
+class _Parts(NamedTuple):
+    """Describe names of several parts."""
+
+    pattern: str  #: Such as "P{pose}_{marker}_*".
+    targets: list[str]  #: Names of the targets in them, each once.
+    shots: bool  #: Whether a part counts shots.
+
+
+def _parts_of(texts: Sequence[str], arm: Arm, told: _Told, *, posed: bool) -> _Parts | None:
+    """Find what names of several parts hold; None where fewer than two parts differ."""
     between, rows = {tuple(WORD.split(text)) for text in texts}, [WORD.findall(text) for text in texts]
     if len(between) > 1:
-        return ""
-    columns, parts = list(zip(*rows, strict=True)), list[str]()
+        return None
+    columns, parts, targets, shots = list(zip(*rows, strict=True)), list[str](), list[str](), False
     for k, words in enumerate(columns):
         kinds, after = {*map(squeeze, words)}, squeeze(columns[k + 1][0]) if k + 1 < len(columns) else ""
-        holes = {
-            words[0]: len(kinds) == 1,
-            "{marker}": kinds <= {*map(squeeze, arm.markers)},
-            "{when}": kinds <= {*STATE_OF_WORD},
-            f"{{mass_{after}}}": after in ("kg", "lb"),
-            "{mass_kg}kg": all(re.fullmatch(r"\d+kg", kind) for kind in kinds),
-            "{pose}": "{pose}" not in parts,
-            "*": len(kinds) <= SHOTS,
-        }
-        parts.append(next((hole for hole, fits in holes.items() if fits), ""))
-    if "" in parts or sum(part in ("*",) or "{" in part for part in parts) < 2:
-        return ""
+        others = list(zip(*columns[:k], *columns[k + 1 :], strict=True)) or [()] * len(texts)
+        free, of_poses = not posed and "{pose}" not in parts, told.poses(words)
+        holes = [
+            (words[0], len(kinds) == 1),
+            ("{marker}", kinds <= {*map(squeeze, arm.markers)}),
+            ("{when}", kinds <= {*STATE_OF_WORD}),
+            (f"{{mass_{after}}}", after in ("kg", "lb")),
+            ("{mass_kg}kg", all(re.fullmatch(r"\d+kg", kind) for kind in kinds)),
+            ("{pose}" if free else "*", of_poses),
+            ("{marker}", len(kinds) <= TARGETS and "{marker}" not in parts and told.apart(others)),
+            ("{pose}", free),
+            ("*", len(kinds) <= SHOTS),
+        ]
+        part = next((hole for hole, fits in holes if fits), "")
+        targets = list(dict.fromkeys(words)) if part == "{marker}" else targets
+        shots = shots or (part == "*" and not of_poses)
+        parts.append(part)
+    if "" in parts or sum(part == "*" or "{" in part for part in parts) < 2:
+        return None
     [ends] = between
-    return "".join(a + b for a, b in zip(ends, [*parts, ""], strict=True))
+    pattern = "".join(a + b for a, b in zip(ends, [*parts, ""], strict=True))
+    return _Parts(pattern, targets, shots)
 
 
 # --- A map proposed for an export: by the layout that fits it, else by the names of its columns -------------
@@ -453,7 +623,14 @@ class Proposal:
         return Map.model_validate(tomllib.loads(map_text(self.entries)))
 
 
-def propose(path: Path, arm: Arm, log: Path | None, beside: Path, layout: str | None = None) -> Proposal:
+def propose(
+    path: Path,
+    arm: Arm,
+    log: Path | None,
+    beside: Path,
+    layout: str | None = None,
+    loaded: Path | None = None,
+) -> Proposal:
     """Propose the map of an export, and of the robot's log that belongs to it.
 
     Args:
@@ -462,6 +639,7 @@ def propose(path: Path, arm: Arm, log: Path | None, beside: Path, layout: str | 
         log: The robot's log with its joints; None where the export has them.
         beside: The folder where the map will be; the path of the log is relative to it.
         layout: Name of the layout that the export has; None for the one that fits.
+        loaded: Another file or sheet of the same columns, with the loaded readings; None without one.
 
     Returns:
         The map's lines, and the layouts that fit.
@@ -472,6 +650,11 @@ def propose(path: Path, arm: Arm, log: Path | None, beside: Path, layout: str | 
     """
     table, fits = _read(path, arm, layout)
     entries, every = _layout_entries("file", fits), [(fits, table)]
+    if table.names[-1:] == (SECTION,):
+        entries.append(Entry("file", "sections", True))
+    if loaded is not None:
+        table = with_loaded(table, _read(loaded, arm, layout)[0])
+        entries.append(Entry("loaded", "file", os.path.relpath(loaded, beside)))
     above = fits.above if fits else _lines_above(table)
     if log is None:
         joint = joints_of(arm)
@@ -484,8 +667,11 @@ def propose(path: Path, arm: Arm, log: Path | None, beside: Path, layout: str | 
         table, points = _of_the_arm(table, alone)
         table = join_log(table, other, how)
         said = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
-        why = "no names or times in common, but these counts agree"
-        entries += [Entry("log", key, value, why * (key == "rows")) for key, value in said.items()]
+        why = {
+            "rows": "no names or times in common, but these counts agree",
+            "parts": "names of the log are parts of the names here",
+        }
+        entries += [Entry("log", key, value, why.get(key, "")) for key, value in said.items()]
         entries += _layout_entries("log.table", own)
         every.append((own, other))
     length = stated_length_unit(above) or (fits and fits.layout.length) or ""
@@ -568,7 +754,15 @@ def _read(path: Path, arm: Arm, layout: str | None = None) -> tuple[TableCells, 
         return bool(column_meaning(name) or place(name) or joint(name) or looks_like(name, "joints"))
 
     fits = fitting(path, arm, layout)
-    return read_log(path, bool if fits else known, fits.file if fits else None), fits
+    file = fits.file if fits else FileLayout()
+    try:
+        return read_log(path, bool if fits else known, file), fits
+    except InputError:
+        with contextlib.suppress(InputError):
+            table = read_log(path, bool if fits else known, file.model_copy(update={"sections": True}))
+            if all(map(_state_in, table.texts(len(table.names) - 1))):
+                return table, fits
+        raise
 
 
 def _layout_entries(table: str, fits: Fitting | None) -> list[Entry]:
@@ -733,6 +927,12 @@ def _join(table: TableCells, log: TableCells, *fits: Fitting | None) -> tuple[Lo
             same = {column_meaning(ours), column_meaning(theirs)} == {"name"} and {*own} == texts
             if same or not all(map(is_decimal, own)):  # numbers are no names, unless both are called so
                 return Log(file=log.path.name, on=[ours], to=[theirs]), alone
+    for ours, (theirs, _) in product(dict.fromkeys(table.names), once.items()):
+        if {column_meaning(ours), column_meaning(theirs)} == {"name"}:
+            rows = parts_in(keys_of(table, [ours]), keys_of(log, [theirs]))
+            if (rows >= 0).all() and len({*rows.tolist()}) == log.rows > 1:
+                how = Log(file=log.path.name, on=[ours], to=[theirs], parts=True)
+                return how, np.zeros(table.rows, dtype=bool)
     both = [_times(own, one) for own, one in zip((table, log), fits, strict=True)]
     if not all(both):
         count = table.rows // max(log.rows, 1)

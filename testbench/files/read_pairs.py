@@ -95,7 +95,8 @@ def _state_by_state(table: TableCells, conditions: RowConditions, read: FileRead
     loaded[read.row] = read.after
     if loaded.all() or not loaded.any():
         have = "loaded" if loaded.any() else "unloaded"
-        raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}")
+        hint = "if the others are in another file or sheet, testbench data check reads both: --loaded FILE"
+        raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}; {hint}")
     # Number readings of one pose, load and state; unloaded rows have no load.
     load = np.column_stack([own.wrench, own.point]) * loaded[:, None]
     code = number_rows(own.pose, own.station, own.run, loaded, load)
@@ -135,9 +136,10 @@ def _repeated(table: TableCells, code: Ids, marker: Ids) -> Ids:
         return code
     count = np.zeros((int(code.max()) + 1, int(marker.max()) + 1), dtype=int)
     np.add.at(count, (code, marker), 1)
-    if (count != count.max(axis=1, keepdims=True)).any():
-        problem = "missing columns ['run']: a pose and load comes again, not for all markers alike"
-        raise table.header_error(problem)
+    uneven = (count != count.max(axis=1, keepdims=True)).any(axis=1)
+    problem = "this marker was read before in its pose and load, other markers were not: "
+    problem += "add a column run that tells measurements apart, or leave the row out"
+    table.refuse((again > 0) & uneven[code], "", problem)
     return number_rows(code, again)
 
 

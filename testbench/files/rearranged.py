@@ -50,16 +50,25 @@ def read_log(path: Path, known: Callable[[str], bool], layout: FileLayout | None
     if not how.startswith(SHEET):
         languages = known_languages().values()
         for language in languages:
-            if _has(language.text, text):
+            if has_line(language.text, text):
                 return _read_targets(path, language)
-        if _has(OTHERS, text):
+        if has_line(OTHERS, text):
             titles = ", ".join(f"{own.title} program" for own in languages)
             problem = f"expected a table, or one of {titles}, got a program in another language; {ASKED}"
             raise InputError(path, "", problem)
     return read_table(path, known, layout)
 
 
-def _has(begins: str, text: str) -> bool:
+def has_line(begins: str, text: str) -> bool:
+    """Tell whether a line of a text begins with a pattern.
+
+    Args:
+        begins: The pattern.
+        text: The text.
+
+    Returns:
+        Whether one does.
+    """
     return re.search(rf"^[ \t]*({begins})", text, FLAGS) is not None
 
 
@@ -119,12 +128,15 @@ NUMBERS = [
     for mark in (".", ",")
 ]
 """Numbers of a cell, by decimal mark; A1 holds none."""
+WORDS = re.compile(r"[^\W\d_]+|\d+")  #: Words and numbers of a name.
 LONGEST = 2_000  #: Letters of a cell whose numbers are taken apart.
 EPOCH = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
 """Numbers from which times count nanoseconds, microseconds and milliseconds since 1970, and these in s."""
 ROS_TIME = re.compile(r"(\d{9,10}) (\d{1,9})")  #: Seconds since 1970, and nanoseconds, of two columns.
 STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d)")  #: 20200714163904.
-FRACTION = re.compile(r"(.*?:\d\d|[^.,:]*)(?:[.,](\d+))?(\s*[AP]M|Z)?", re.IGNORECASE | re.DOTALL)
+FRACTION = re.compile(
+    r"(.*?:\d\d|[^.,:]*)(?:[.,](\d+))?(\s*[AP]M|\s*UTC|Z|[+-]\d\d:?\d\d)?", re.IGNORECASE | re.DOTALL
+)
 DAYS = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d.%m.%y", "%Y年%m月%d日", "")
 HOURS = ("%H:%M:%S", "%I:%M:%S %p", "%H:%M")
 FORMS = ("", *(f"{day} {hour}".strip() for day in DAYS for hour in HOURS))
@@ -333,7 +345,8 @@ def clock(texts: Sequence[str]) -> Array | None:
         return np.array([float(part[1]) + 1e-9 * float(part[2]) for part in split])
     parts = [part for text in texts if (part := FRACTION.fullmatch(text))]
     for form in FORMS if parts and len(parts) == len(texts) else ():
-        found = [_seconds(form, f"{part[1]}{part[3] or ''}") for part in parts]
+        zones = [(part[3] or "").upper().replace(" UTC", "Z") for part in parts]
+        found = [_seconds(form, f"{part[1]}{zone}") for part, zone in zip(parts, zones, strict=True)]
         if None not in found:
             beyond = np.array([float(f"0.{part[2] or 0}") for part in parts])
             return np.asarray(np.array(found, dtype=float) + beyond)
@@ -364,6 +377,22 @@ def seconds(text: str) -> float | None:
     except ValueError:
         return None
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+
+
+def with_loaded(table: TableCells, loaded: TableCells) -> TableCells:
+    """Put loaded readings of another file or sheet below the unloaded ones.
+
+    Args:
+        table: The unloaded readings.
+        loaded: The loaded ones; their columns have the same names and units.
+
+    Returns:
+        Both, with a column `state`.
+
+    Raises:
+        InputError: If the columns are not the same.
+    """
+    return table.above(loaded, "state", ("unloaded", "loaded"))
 
 
 def with_log(table: TableCells, names: Names) -> TableCells:
@@ -406,7 +435,8 @@ def join_log(table: TableCells, log: TableCells, how: Log) -> TableCells:
     if how.rows is not None:
         return _row_by_row(table, log, how.rows)
     if how.within_s is None:
-        return table.with_columns_of(log, _by_name(table, log, keys_of(table, how.on), keys_of(log, to)))
+        match = _by_part if how.parts else _by_name
+        return table.with_columns_of(log, match(table, log, keys_of(table, how.on), keys_of(log, to)))
     ours, theirs = times_of(table, how.on), times_of(log, to)
     rows = nearest_times(ours, theirs)
     apart, most = np.abs(theirs[rows] - ours), f"expected a row of {log.path.name} within {how.within_s:g} s"
@@ -470,6 +500,42 @@ def keys_of(table: TableCells, columns: Sequence[str]) -> list[str]:
     if missing := [name for name in columns if name not in table.names]:
         raise table.header_error(f"no column {missing[0]!r} to join by; columns are {list(table.names)}")
     return [" ".join(own) for own in zip(*(table.texts(table.names.index(n)) for n in columns), strict=True)]
+
+
+def _by_part(table: TableCells, log: TableCells, keys: list[str], theirs: list[str]) -> Ids:
+    rows = parts_in(keys, theirs)
+    problem = f"expected one name of {log.path.name} in it, got {{!r}}"
+    table.refuse(rows < 0, "", lambda row: problem.format(keys[row][:80]))
+    return rows
+
+
+def parts_in(texts: Sequence[str], parts: Sequence[str]) -> Ids:
+    """Find the one of some names that is a part of each text, such as P1 of "A::P01_unloaded::T2".
+
+    Names are compared word by word, numbers by value. Of several names the one of most words counts.
+
+    Args:
+        texts: The texts, n of them.
+        parts: The names, each once.
+
+    Returns:
+        Place of the name, (n,); -1 for a text with none, or with several.
+    """
+    place = {_words(part): k for k, part in enumerate(parts)}
+    found = {text: _longest(_words(text), place) for text in dict.fromkeys(texts)}
+    return np.array([found[text] for text in texts], dtype=np.int64)
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(word.lstrip("0") or "0" for word in WORDS.findall(text.casefold()))
+
+
+def _longest(words: tuple[str, ...], place: Mapping[tuple[str, ...], int]) -> int:
+    for count in range(len(words), 0, -1):
+        runs = {words[k : k + count] for k in range(len(words) - count + 1)}
+        if own := [place[run] for run in runs if run in place]:
+            return own[0] if len(own) == 1 else -1
+    return -1
 
 
 def _by_name(table: TableCells, log: TableCells, keys: list[str], theirs: list[str]) -> Ids:

@@ -10,8 +10,8 @@ from testbench.arm.folder import Arm
 from testbench.arm.joint_map import ArmJoint
 from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
 from testbench.errors import Array, Ids, Mask
-from testbench.files.columns import Columns, ReadColumn, axes
-from testbench.files.names import LOADING, WHEN, XYZ, Slot, split_unit, squeeze
+from testbench.files.columns import Columns, ReadColumn, axes, numbered_joints
+from testbench.files.names import LOADING, WHEN, XYZ, Slot, looks_like, squeeze
 
 SAME_POSE = 1e-6
 """Largest difference of joint coordinates in one pose [rad, m]."""
@@ -192,8 +192,11 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
         if not acts and not needed:
             return np.zeros((table.rows, 6)), ["no column gives a load: only own weight is assumed"]
         if not acts:
-            hint = "; one for the whole file goes into [values] of a map, as mass_kg = 150; "
+            hint = "; one for the whole file is said by --load, or in [values] of a map, as mass_kg = 150; "
             hint += "absolute readings without a load are for `testbench calibrate`"
+            if own := [name for name in columns.ignored if looks_like(name, "forces")]:
+                hint = f"; {', '.join(own[:6])}: forces in world axes are named in [columns] of a map, as "
+                hint += 'force_x = "Fx"; a mass by --load'
             raise columns.lack(["mass_kg (or force_x_N, force_y_N, force_z_N)"], hint)
         raise table.header_error("expected a mass or forces, got both")
     if not acts:
@@ -282,7 +285,8 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
         if own is None
     ]
     if missing:
-        raise columns.lack(missing, _numbered_joints(columns.ignored, len(joints)))
+        hint = numbered_joints(columns.ignored, len(joints))
+        raise columns.lack(missing, hint and f"{hint}; testbench data check proposes a map")
     none = np.empty((columns.table.rows, 0))  # an arm may have no joints
     q = np.column_stack([none, *(columns.values_of(own) for own in found)])
     _check_limits(columns, joints, q)
@@ -290,20 +294,6 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
     _check_chain(columns, arm, q)
     ends = arm.clip_to_limits(q)
     return np.where(np.abs(q - ends) > SAME_POSE, ends, q)
-
-
-def _numbered_joints(ignored: Sequence[str], count: int) -> str:
-    """Write a map's entry for columns that are numbered as the joints are; empty if there are none."""
-    units = dict(split_unit(name) or (name, None) for name in ignored)
-    for name, unit in units.items():
-        before, one, after = name.rpartition("1")
-        if one and all(f"{before}{k}{after}" in units for k in range(1, count)):
-            n = "{n}" if f"{before}{count}{after}" in units else "{n0}"
-            if n == "{n0}" and f"{before}0{after}" not in units:
-                continue
-            ours = f"joint_{n}_{unit.name if unit else 'deg'}"
-            return f"""; are they joints? [columns] of a map: "{ours}" = "{before}{n}{after}\""""
-    return ""
 
 
 def _check_chain(columns: Columns, arm: Arm, q: Array) -> None:

@@ -23,6 +23,8 @@ BEGINS = frozenset("=+-@\uff1d\uff0b\uff0d\uff20")
 FORMULA = re.compile(r"[^+\-]|[+\-](?![\d.,\s]*(?:[eE][+-]?\d+)?\s*$)")
 """What a formula begins with, in letters of full width too, and how: a signed number is none."""
 MARK = "'"
+SECTION = "section"  #: Column of what lines of words say of the rows below them.
+MAX_LISTED = 40  #: Names of columns in a message.
 
 
 def as_cell(text: str) -> str:
@@ -81,6 +83,10 @@ class TableCells:
     sheet: str  #: Name of the sheet, in which a blank cell may be an error; "" of a text file.
     #: Of every column: texts, or numbers that were computed.
     cells: Sequence["pa.Array"] = field(repr=False)
+    other: "TableCells | None" = field(
+        default=None, repr=False
+    )  #: Table whose rows stand below those of the file.
+    below: Mask | None = field(default=None, repr=False)  #: Which rows are of the other table, (rows,).
 
     @property
     def rows(self) -> int:
@@ -99,6 +105,8 @@ class TableCells:
             The error; it names the line in the file.
         """
         line = self.lines[row] if row < self.rows else 1 + max([self.header, *self.lines[-1:]])
+        if self.other is not None and self.below is not None and row < self.rows and self.below[row]:
+            return InputError(self.other.path, self.other.place(int(line), column), problem)
         return InputError(self.path, self.place(int(line), column), problem)
 
     def header_error(self, problem: str, column: str = "") -> InputError:
@@ -179,7 +187,47 @@ class TableCells:
             The table with these rows.
         """
         places = np.arange(self.rows)[rows]
-        return replace(self, lines=self.lines[rows], cells=[cells.take(places) for cells in self.cells])
+        below = None if self.below is None else self.below[rows]
+        cells = [cells.take(places) for cells in self.cells]
+        return replace(self, lines=self.lines[rows], below=below, cells=cells)
+
+    def above(self, other: "TableCells", name: str, words: tuple[str, str]) -> "TableCells":
+        """Put the rows of another table below those of this one, with a column that tells them apart.
+
+        Args:
+            other: The other table, whose columns have the same names and units.
+            name: Name of the new column.
+            words: Its cells in rows of this table, and of the other one.
+
+        Returns:
+            The table of both.
+
+        Raises:
+            InputError: If the columns are not the same.
+        """
+        place = {squeeze(own): k for k, own in enumerate(other.names)}
+        missing = [own for own in self.names if squeeze(own) not in place]
+        if missing or len(place) != len({*map(squeeze, self.names)}):
+            got = ", ".join(map(repr, other.names[:MAX_LISTED]))
+            raise other.header_error(f"expected the columns of {self.path.name}, got {got}")
+        order = [place[squeeze(own)] for own in self.names]
+        if self.units != tuple(other.units[k] for k in order):
+            raise other.header_error(f"expected the units of {self.path.name}")
+        below = np.arange(self.rows + other.rows) >= self.rows
+        both = zip(self.cells, (other.cells[k] for k in order), strict=True)
+        return replace(
+            self,
+            names=(*self.names, name),
+            units=(*self.units, None),
+            lines=np.concatenate([self.lines, other.lines]),
+            notes=(*self.notes, *(f"{other.path.name}: {note}" for note in other.notes)),
+            cells=[
+                *(pa.concat_arrays(pair) for pair in both),
+                pa.array(np.where(below, *words[::-1]), pa.string()),
+            ],
+            other=other,
+            below=below,
+        )
 
     def with_columns_of(self, other: "TableCells", rows: Ids) -> "TableCells":
         """Append the columns of another table that this table lacks; decimal commas become points.
@@ -424,17 +472,18 @@ def table_of(
         layout = layout.model_copy(update={"delimiter": "\t" if "\t" in text else None})
     lines = split_lines(path, text)
     header = find_header(path, lines, layout, known)
+    sections = [pa.array([printable(own) for own in header.sections], pa.string())] * layout.sections
     return TableCells(
         path=path,
-        names=header.names,
-        units=header.units,
+        names=(*header.names, *[SECTION] * layout.sections),
+        units=(*header.units, *[None] * layout.sections),
         header=header.line,
         delimiter=header.delimiter,
         lines=np.array(header.body, dtype=int) + 1,
         notes=_notes(encoding, header),
         decimal=layout.decimal,
         sheet=encoding.removeprefix(SHEET) if encoding.startswith(SHEET) else "",
-        cells=_cells(*rows_of(path, header, lines), len(header.names)),
+        cells=[*_cells(*rows_of(path, header, lines), len(header.names)), *sections],
     )
 
 

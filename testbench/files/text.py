@@ -1,5 +1,6 @@
 """Text of a table: its encoding, lines, header, and the cells of a row."""
 
+import contextlib
 import csv
 import functools
 import io
@@ -13,6 +14,7 @@ from pathlib import Path
 
 from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum, SheetVisibleEnum
 
+from testbench.arm.document import is_decimal
 from testbench.errors import InputError, printable, read_bytes, sheet_of
 from testbench.files.mapping import FileLayout
 from testbench.files.names import Unit, find_unit
@@ -121,6 +123,11 @@ MAX_LINES = 2_000_000
 """Most lines of a file."""
 MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 """Byte order marks."""
+EASTERN = (("cp932", "[\uff61-\uff9f]"), ("gb18030", "(?!)"))
+"""Encodings of Japanese and Chinese, and letters that a text has if it is none in that encoding."""
+LOOKED_AT = 100_000  #: First bytes by which an encoding is guessed.
+NO_TABLES = {"JSON": r"\s*(\{\s*[\"}]|\[\s*\{)", "XML or HTML": r"\s*<[?!a-zA-Z]", "a PDF": "%PDF"}
+"""Files that people take for tables, by their beginning."""
 GZIP = b"\x1f\x8b"
 COMMENTS = ("#", "//")
 JOINED = 20
@@ -155,7 +162,7 @@ def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]
     if content.startswith(GZIP):
         raise InputError(path, "", "expected text, got a gzip file; unpack it first")
     found = next((mark for mark in MARKS if content.startswith(mark)), b"")
-    tried = [MARKS[found]] if found else [encoding] if encoding else ["utf-8", "cp1252"]
+    tried = [MARKS[found]] if found else [encoding] if encoding else ["utf-8", _without_mark(content)]
     for name in tried:
         try:
             text = content[len(found) :].decode(name)
@@ -165,12 +172,27 @@ def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]
                 problem = f"expected text in {' or '.join(tried)}: {err.reason}"
                 raise InputError(path, place, f"{problem}; a map's [file] may say the encoding") from err
         else:
+            if what := next((what for what, begins in NO_TABLES.items() if re.match(begins, text)), ""):
+                raise InputError(
+                    path, "line 1", f"expected a table, got {what}; save it as CSV or as a workbook"
+                )
             if "\0" in text:
                 line = text.count("\n", 0, text.index("\0")) + 1
                 hint = "for UTF-16 without a mark say the encoding in a map"
                 raise InputError(path, f"line {line}", f"expected text, got a zero byte; {hint}")
             return text, name
     raise AssertionError
+
+
+def _without_mark(content: bytes) -> str:
+    """Guess the encoding of text that is no UTF-8: letters of Chinese and Japanese are of two bytes each."""
+    runs = re.findall(rb"[\x80-\xff]+", content[:LOOKED_AT])
+    if 2 * sum(len(run) > 1 for run in runs) > len(runs):
+        for name, other in EASTERN:
+            with contextlib.suppress(UnicodeDecodeError):
+                if not re.search(other, content.decode(name)):
+                    return name
+    return "cp1252"
 
 
 def split_lines(path: Path, text: str) -> list[str]:
@@ -217,6 +239,7 @@ class TableHeader:
     units: tuple[Unit | None, ...]  #: Units of the columns, from a line of units below.
     body: Sequence[int]  #: Indices of the rows among the lines.
     left_out: int  #: Comments and repeated headers among the rows, left out.
+    sections: Sequence[str] = ()  #: What the nearest line of words above each row says, if that is asked for.
 
 
 def find_header(
@@ -252,10 +275,19 @@ def find_header(
     names, below = _names(head, delimiter), said[at + layout.header :]
     again = {line.strip() for line in head}  # of the next page
     rows = [k for k in below if not is_comment(lines[k]) and lines[k].strip() not in again]
+    # lines of words, which name the rows below them
+    sections = list[str]()
+    if layout.sections:
+        titles = {k: own for k in said if (own := _title(lines[k], delimiter, len(names)))}
+        rows = [k for k in rows if k not in titles]
+        sections = [next((titles[k] for k in range(row, -1, -1) if k in titles), "") for row in rows]
     # a line of units below the header
     units = units_in(lines[rows[0]], delimiter, len(names)) if rows else None
     if units:
-        rows = [k for k in rows if lines[k].strip() != lines[rows[0]].strip()]
+        kept = [n for n, k in enumerate(rows) if lines[k].strip() != lines[rows[0]].strip()]
+        rows, sections = [rows[n] for n in kept], [sections[n] for n in kept if sections]
+    width = width_of([lines[k] for k in (said[at + layout.header - 1], *rows)], delimiter)
+    names += [""] * (width - len(names))
     return TableHeader(
         line=said[min(at + layout.header, len(said)) - 1] + 1,
         skipped=at,
@@ -264,6 +296,7 @@ def find_header(
         units=tuple(units or [None] * len(names)),
         body=rows,
         left_out=len(below) - len(rows) - bool(units),
+        sections=sections,
     )
 
 
@@ -277,10 +310,33 @@ def _most_names(lines: Sequence[str], layout: FileLayout, known: Callable[[str],
         for k in (k for k in range(searched) if len(lines[k]) <= WIDEST):
             names, below = _names(lines[k : k + layout.header], mark), lines[k + layout.header :][:1]
             fits = any(_full(cells_in(line, mark), len(names)) for line in below)
-            score = sum(map(known, names[:COUNTED])), not is_comment(lines[k]), fits, len(names)
+            # Blanks stand within names too: they divide a header only if they divide the row below alike.
+            count = sum(map(known, names[:COUNTED])) if fits or not below or not _blanks(mark) else 0
+            score = count, not is_comment(lines[k]), fits, len(names)
             if score[:3] > best[:3] or (not best[0] and score > best):
                 best, at, delimiter = score, k, mark
     return at, delimiter
+
+
+def _title(line: str, delimiter: str, count: int) -> str:
+    """The text of a line of words with less than half as many cells as the header; "" of any other line."""
+    cells = [cell for cell in cells_in(line, delimiter) if cell]
+    return "" if 2 * len(cells) >= count or any(map(is_decimal, cells)) else " ".join(cells)
+
+
+def width_of(lines: Sequence[str], delimiter: str) -> int:
+    """Count the columns of a table, with those that the header gives a blank cell but rows fill.
+
+    Args:
+        lines: The header, and the rows below.
+        delimiter: What separates their cells.
+
+    Returns:
+        Number of the last column that the header names, or that it has and one of the first rows fills.
+    """
+    header, *rows = [cells_in(line, delimiter) for line in lines[: 1 + SEARCHED]]
+    widths = [max((k for k, cell in enumerate(row, start=1) if cell), default=0) for row in (header, *rows)]
+    return max(widths[0], min(len(header), max(widths)))
 
 
 def _without_header(lines: Sequence[str], said: Sequence[int], layout: FileLayout) -> TableHeader:
@@ -416,7 +472,10 @@ def rows_of(path: Path, header: TableHeader, lines: Sequence[str]) -> tuple[byte
                 cells.pop()
             if len(cells) != count:
                 hint = "; for a line behind the table say footer = 1 in the map's [file]"
-                problem = f"expected {count} fields, got {len(cells)}" + hint * (k == header.body[-1])
+                hint *= k == header.body[-1]
+                if not hint and _title(lines[k], header.delimiter, count):
+                    hint = "; if such lines name the rows below say sections = true in the map's [file]"
+                problem = f"expected {count} fields, got {len(cells)}{hint}"
                 raise InputError(path, f"line {k + 1}", problem)
             line = mark.join('"{}"'.format(cell.replace('"', '""')) for cell in cells)
         rows.append(line)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from workbooks import packed, parts
 
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import InputError
@@ -336,3 +337,179 @@ def test_external_axes_of_a_program_are_joints_beyond_the_sixth(tmp_path):
     assert found.names[-2:] == ("A6 [deg]", "A7")
     assert found.texts(found.names.index("name")) == ["a"]
     assert found.texts(7) == ["-30"]
+
+
+def log_of(form, **say):
+    """A log by padded numbers of the poses, the last one first."""
+    head, *rows = log(form, key=("Name", [f"P{k + 1:03}" for k in range(N)]), **say).splitlines(keepends=True)
+    return "".join([head, *rows[::-1]])
+
+
+STRANGE = {
+    "KUKA RSI": (wide("{x}{n}"), log("AIPos.A{}")),
+    "KUKA variables": (wide("{x}{n}"), log("$AXIS_ACT.A{}")),
+    "FANUC groups": (wide("{x}{n}"), log("GRP1.J{}")),
+    "ABB signals": (wide("{x}{n}"), log("ROB_1 Joint {} position (deg)", between="\t")),
+    "PlotJuggler, other names": (
+        wide("{x}{n}"),
+        "\n".join(
+            line + (",/joint_states/joint_a1/velocity" if "joint" in line else ",0.5")
+            for line in log("/joint_states/joint_a{}/position").splitlines()
+        ),
+    ),
+    "names of poses in names of points, newest first": (
+        table(
+            ["Point", "X [mm]", "Y [mm]", "Z [mm]"],
+            [[f"A::P{k + 1:02}::T{m + 1}", *numbers(X[k, m])] for k in range(N) for m in range(3)],
+            ";",
+        ),
+        log_of("A{} [deg]"),
+    ),
+    "gon and thou": (wide("T{n} {X} [thou]", "A{} [gon]", 1 / 0.0254, 10 / 9, (9, 9)).replace(".,", ".0,"),),
+    "thousands": (
+        "\n".join(
+            [
+                "Point;X [mm];Y [mm];Z [mm];" + ";".join(f"J{k} [deg]" for k in range(1, 7)),
+                *(
+                    ";".join([f"P{m + 1}", *(f"{x:,.3f}" for x in X[k, m]), *numbers(Q[k])])
+                    for k in range(N)
+                    for m in range(3)
+                ),
+                "",
+            ]
+        ),
+    ),
+    "a last column without a name": (
+        capture(MOTIVE).replace("X,Y,Z\n", "X,Y,Z,\n").replace("\n", ",0.1\n").replace("Z,,0.1", "Z,"),
+        TIMED,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", STRANGE)
+def test_a_strange_file_is_read_to_the_last_digit(name, tmp_path):
+    found, _ = read(name, tmp_path, *STRANGE[name])
+    [series] = found.series
+    order = [series.markers.index(marker) for marker in ("P1", "P2", "P3")]
+    np.testing.assert_allclose(series.position[:, order], 1e-3 * X, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(series.q, np.radians(Q), rtol=0, atol=6e-10)
+
+
+DOWN = np.array([0.25, -0.5, -3.0])  #: How far every target moves under load [mm].
+
+
+def states(header, words, encoding="utf-8"):
+    """A row a target and state, in a language and its encoding."""
+    names, mark = header.split("|"), "," if "État" in header else "."
+    rows = [
+        [str(k + 1), f"T{m + 1}", word, *numbers(X[k, m] + down, mark=mark), *numbers(Q[k], mark=mark)]
+        for k in range(N)
+        for word, down in zip(words.split("|"), (0, DOWN), strict=True)
+        for m in range(3)
+    ]
+    return table([*names[:6], *(names[6].format(k) for k in range(1, 7))], rows, ";").encode(encoding)
+
+
+PAIRS = {
+    "French": ("Pose|Cible|État|X (mm)|Y (mm)|Z (mm)|Axe {} (deg)", "à vide|en charge", "cp1252"),
+    "Spanish": ("Posición|Punto|Carga|X [mm]|Y [mm]|Z [mm]|Eje {} [grados]", "sin carga|con carga"),
+    "Italian": ("Posa|Riflettore|Stato|X [mm]|Y [mm]|Z [mm]|Asse {} [gradi]", "scarico|carico"),
+    "Portuguese": ("Posição|Alvo|Estado|X [mm]|Y [mm]|Z [mm]|Eixo {} [graus]", "sem carga|com carga"),
+    "Chinese": ("姿态|靶球|状态|X(毫米)|Y(毫米)|Z(毫米)|关节{}(度)", "空载|满载", "gb18030"),
+    "Japanese": (
+        "姿勢|ターゲット|負荷|X座標[mm]|Y座標[mm]|Z座標[mm]|J{}[度]",
+        "無負荷|負荷あり",
+        "cp932",
+    ),
+    "Korean": ("자세|목표|상태|X [mm]|Y [mm]|Z [mm]|축{} [deg]", "무부하|부하"),
+    "Russian": ("поза|мишень|состояние|X [мм]|Y [мм]|Z [мм]|ось {} [град]", "без нагрузки|с нагрузкой"),
+    "yes and no": ("Pose|Target|Load|X [mm]|Y [mm]|Z [mm]|J{} [deg]", "no|yes"),
+    "masses in words": ("Pose|Target|Weight|X [mm]|Y [mm]|Z [mm]|J{} [deg]", "without|100 kg"),
+    "a weight in newtons": ("Pose|Target|Load [N]|X [mm]|Y [mm]|Z [mm]|J{} [deg]", "0|981"),
+}
+
+
+def fits(found):
+    """Whether runs are those of this file, with their last digit."""
+    order = [found.markers.index(marker) for marker in ("P1", "P2", "P3")]
+    np.testing.assert_allclose(found.before[:, order], 1e-3 * X, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.after[:, order], 1e-3 * (X + DOWN), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.q, np.radians(Q), rtol=0, atol=6e-10)
+    np.testing.assert_allclose(found.wrench[:, 2], -981, rtol=0, atol=1e-9)
+
+
+def pairs(file, **say):
+    entries = propose(file, ARM, None, file.parent, **say).entries
+    (map_ := file.with_suffix(".toml")).write_text(map_text(entries))
+    masses = any(own.key.startswith(("mass", "force")) for own in entries)
+    return read_export(file, ARM, map_, load=None if masses else 100).data
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_states_in_words_of_a_language_are_read_to_the_last_digit(name, tmp_path):
+    (file := tmp_path / "pairs.csv").write_bytes(states(*PAIRS[name]))
+    fits(pairs(file))
+
+
+def side_by_side(down, between=","):
+    header = [f"T{m + 1} {x} [mm]" for m in range(3) for x in "XYZ"] + [f"A{k} [°]" for k in range(1, 7)]
+    return table(
+        ["Pose", *header], [[NAMES[k], *numbers(X[k] + down), *numbers(Q[k])] for k in range(N)], between
+    )
+
+
+def test_unloaded_and_loaded_readings_in_two_files_or_sheets_are_pairs(tmp_path):
+    (file := tmp_path / "unloaded.csv").write_text(side_by_side(0))
+    (loaded := tmp_path / "loaded.csv").write_text(side_by_side(DOWN))
+    fits(pairs(file, loaded=loaded))
+    text = loaded.read_text()
+    loaded.write_text(text.replace("T3 Z", "T3 Q"))
+    with pytest.raises(InputError, match=r"loaded.csv: line 1: expected the columns of unloaded.csv, got 'P"):
+        pairs(file, loaded=loaded)
+    loaded.write_text(text.replace(numbers(X[4] + DOWN)[4], "4,5,6", 1))
+    with pytest.raises(InputError, match=r"loaded.csv: line 6: expected 16 fields, got 18"):
+        pairs(file, loaded=loaded)
+    loaded.write_text(text)
+    map_ = file.with_suffix(".toml")
+    loaded.write_text(text.replace(numbers(X[4] + DOWN)[4], "four", 1))
+    with pytest.raises(InputError, match=r"loaded.csv: line 6, column T2 Y \[mm\]: expected a finite number"):
+        read_export(file, ARM, map_, load=100)
+    loaded.write_text(text)
+    book = tmp_path / "both.xlsx"
+    sheets = {
+        name: [[float(x) if x[-1].isdigit() and x[0] != "p" else x for x in row.split(",")] for row in lines]
+        for name, lines in (("empty", side_by_side(0).splitlines()), ("full", text.splitlines()))
+    }
+    book.write_bytes(packed(parts(sheets)))
+    fits(pairs(tmp_path / "both.xlsx#empty", loaded=tmp_path / "both.xlsx#full"))
+
+
+def test_lines_that_name_the_rows_below_tell_unloaded_from_loaded(tmp_path):
+    both = [f"{title}\n{side_by_side(down)}\n" for title, down in (("Unloaded", 0), ("Loaded, 100 kg", DOWN))]
+    (file := tmp_path / "blocks.csv").write_text("".join(both))
+    fits(pairs(file))
+    file.write_text("".join(both).replace("Loaded, 100 kg", "Tuesday"))
+    said = "expected 16 fields, got 1; if such lines name the rows below say sections = true"
+    with pytest.raises(InputError, match=said):
+        pairs(file)
+
+
+def test_what_is_no_table_or_does_not_say_what_is_meant_is_refused(tmp_path):
+    good = side_by_side(0)
+    turned = zip(*(row.split(",") for row in good.splitlines()), strict=True)
+    twice = [*"XYZ", *(f"A{k}" for k in range(1, 7)), *"XYZ"]
+    deflections = good.replace("T1 ", "d").replace("T2", "U2").replace("T3", "U3")
+    for content, said in (
+        ('[{"q": [1, 2]}]', "expected a table, got JSON; save it as CSV or as a workbook"),
+        ("<html><table></table></html>", "expected a table, got XML or HTML"),
+        ("%PDF-1.7 ...", "expected a table, got a PDF"),
+        (log("J{}"), "no column looks like a position"),
+        ("\n".join(map(",".join, turned)), "the first column names the joints: exchange rows and columns"),
+        (good.replace("A1 [°]", "Comment"), r"one that never moves goes into \[values\], as joint_1_deg = 0"),
+        (deflections, "of deflections alone the targets' places are not known"),
+        ("Messuhr 1 [mm],A1,A2,A3,A4,A5,A6\n0.1,1,2,3,4,5,6\n", "a gauge's readings are travel_before_mm"),
+        (table(twice, [["1"] * 12]), "got 'X' again; say"),
+    ):
+        (file := tmp_path / "file.csv").write_text(content)
+        with pytest.raises(InputError, match=said):
+            propose(file, ARM, None, tmp_path)

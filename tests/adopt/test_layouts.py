@@ -74,7 +74,9 @@ def test_two_layouts_that_fit_are_both_named_and_one_may_be_chosen(tmp_path):
     assert ("columns", "sigma_{axis}", "S{axis}", "") in entries
     is_refused(do("data", "map", *flags, "--layout", "figaroh"), "expected a line with the names x1, y1, z1")
     is_refused(do("data", "map", *flags, "--layout", "none"), "no layout 'none'; layouts are abb_rapid, ")
-    is_refused(do("data", "check", *flags, "--map", tmp_path / "m.toml"), "--map: expected no --log or")
+    is_refused(
+        do("data", "check", *flags, "--map", tmp_path / "m.toml"), "--map: expected no --log, --loaded or"
+    )
 
 
 def test_data_check_takes_the_layout_that_fits_and_prints_the_map_to_save(tmp_path):

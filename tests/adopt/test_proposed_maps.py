@@ -420,7 +420,7 @@ def test_a_log_is_joined_or_refused_line_by_line(known, tmp_path):
         ),
         ('"robot.csv"', '"none.csv"', r"none.csv: cannot be read"),
         ('"Datum"', '"Tag"', r"no column 'Tag' to join by; columns are \['PunktNr'"),
-        ("[log]", "[log]\nby = 3", r"log.by: unknown key; keys are file, on, to, within_s, rows"),
+        ("[log]", "[log]\nby = 3", r"log.by: unknown key; keys are file, on, to, parts, within_s, rows"),
     ):
         map_.write_text(whole.replace(old, new))
         with pytest.raises(InputError, match=said):

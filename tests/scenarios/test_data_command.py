@@ -106,7 +106,7 @@ def test_both_examples_hold_the_same_loads_and_deflections():
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("frame =", "fame =", "fame: unknown key; keys are frame, file, series, log, controller, "),
+        ("frame =", "fame =", "fame: unknown key; keys are frame, file, series, log, loaded, controller, "),
         ('"tracker"', '"moon"', "frame: Input should be 'base' or 'tracker', got 'moon'"),
         (
             '"Point"',
@@ -136,3 +136,21 @@ def test_runs_of_an_arm_without_joints_are_looked_at_and_refused_without_any_loa
     runs.write_text("\n".join(map(",".join, lines)))
     line = refused("data", "check", "single_link", runs)
     assert line == f"error: {runs}: expected loads, all forces and moments are 0\n"
+
+
+def test_a_file_with_names_of_its_own_is_shown_by_the_map_that_they_suggest(tmp_path):
+    """Show pairs with the names of a German workshop, and absolute readings in ours."""
+    rows = [line.split(",") for line in (ROOT / "docs/example_dataset.csv").read_text().splitlines()]
+    at = {name: k for k, name in enumerate(rows[0])}
+    theirs = {f"joint_{k}_rad": f"Achse {k} [rad]" for k in range(1, 7)} | {"marker": "Reflektor"}
+    when = {"before": "unbelastet", "after": "belastet"}
+    theirs |= {f"{ours}_{x}_m": f"{x.upper()} {word} [m]" for ours, word in when.items() for x in "xyz"}
+    table = [list(theirs.values()), *([row[at[name]] for name in theirs] for row in rows[1:])]
+    (file := tmp_path / "messung.csv").write_text("\n".join(map(";".join, table)))
+    said = fine("data", "check", ARM, file, "--load", "460.3")
+    assert "To save as messung.toml, for --map: # A map of messung.csv, proposed by testbench" in said
+    assert 'before_x = "X unbelastet [m]"' in said
+    assert "measured deflections over those predicted by the arm's folder: " in said
+    refused("data", "check", ARM, file, said="for the whole file is said by --load", below=tmp_path)
+    absolute = ROOT / "testbench/layouts/readings.csv"  # in our names, without a load
+    assert "They fit the arm as drawn to " in fine("data", "check", ARM, absolute)

@@ -394,7 +394,9 @@ def test_repeated_runs_are_told_apart_without_a_column_for_them(tmp_path):
     found = read(tmp_path, "plain", [*text, *text[1:]]).data
     assert found.runs == 12
     np.testing.assert_array_equal(found.after[:6], found.after[6:])
-    with pytest.raises(InputError, match=r"'run'\]: a pose and load comes again, not for all markers"):
+    with pytest.raises(
+        InputError, match="this marker was read before in its pose and load, other markers were not"
+    ):
         read(tmp_path, "plain", [*text, *text[1:-1]])
 
 

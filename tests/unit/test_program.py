@@ -192,3 +192,30 @@ def test_the_program_of_the_documentation_can_be_run(kr500):
     np.testing.assert_allclose(
         np.linalg.norm(wrench, axis=1), np.linalg.norm(program.along, axis=1), rtol=5e-3
     )
+
+
+def test_programs_that_are_no_tables_say_what_they_are(kr500, tmp_path):
+    krl = "&ACCESS RVP\nDEFDAT CELL\nDECL E6AXIS XP1={A1 0.0,A2 -90.0,A3 90.0,A4 0.0,A5 0.0,A6 0.0}\nENDDAT\n"
+    for name, content, said in (
+        ("cell.dat", krl, "this is KUKA KRL, which has the points of a .src: expected the suffix .src"),
+        ("cell.txt", "MODULE m\nENDMODULE\n", "this is ABB RAPID: expected the suffix .mod"),
+        ("cell.as", ".PROGRAM a()\nJMOVE #p1\n.END\n", r"in another language; read are FANUC LS \(.ls\), "),
+        ("cell.csv", "A1 [deg],A2,A3,A4,A5,A6\n0,0,0,0,0,0\n", r'of a map: "joint_{n}_deg" = "A{n}"'),
+        ("pose.csv", "mass_kg,J1,J2,J3,J4,J5,J6\n1,0,0,0,0,0,0\n", "or x_mm, y_mm, z_mm and an orientation"),
+    ):
+        (file := tmp_path / name).write_text(content)
+        with pytest.raises(InputError, match=said):
+            read_program(file, kr500.arm)
+
+
+def test_poses_of_a_program_name_the_tool_and_base_that_it_states(kr500, tmp_path):
+    (file := tmp_path / "cell.script").write_text("""def cell():
+  set_tcp(p[0, 0, 0.1, 0, 0, 0])
+  movej([0, -1.57, 1.57, 0, 0.7, 0])
+  movel(p[1.5, 0.1, 1.2, 0, 1.57, 0])
+end
+""")
+    [note] = read_program(file, kr500.arm).content.text.notes
+    assert note.startswith("The program states tool p[0, 0, 0.1, 0, 0, 0]. Its poses count as those of the ")
+    file.write_text(file.read_text().replace("movel(p[1.5, 0.1, 1.2, 0, 1.57, 0])", ""))
+    assert read_program(file, kr500.arm).content.text.notes == ()
