@@ -75,7 +75,12 @@ def open_row(plant: Plant) -> ArmsInRow:
     Returns:
         The model with views of its arrays, one row per copy.
     """
-    model, data = plant.abreast, mujoco.MjData(plant.abreast)
+    return _row_of(plant, plant.abreast)
+
+
+def _row_of(plant: Plant, model: mujoco.MjModel) -> ArmsInRow:
+    """View the arrays of a model with one or several copies of the plant's arm, one row per copy."""
+    data = mujoco.MjData(model)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
     return ArmsInRow(
         model=model,
@@ -496,7 +501,8 @@ def unloaded_body_poses(plant: Plant, q: Array, names: Sequence[str]) -> list[tu
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     bodies = [int(plant.model.body(name).id) for name in names]
-    state = evaluate(open_row(plant), fixed_configurations(plant, q), set(bodies))
+    row = _row_of(plant, plant.model)  # the arm alone: compiling copies takes longer than these poses
+    state = evaluate(row, fixed_configurations(plant, q), set(bodies))
     return [(state.position[body], state.rotation[body]) for body in bodies]
 
 
