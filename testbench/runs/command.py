@@ -29,7 +29,9 @@ RECORDINGS = (
     "RERUN_CHUNK",
 )  #: Begin the names of what cuts recordings otherwise; RERUN=off none.
 SETTINGS = "matplotlibrc"
-UNUSED = "f2py", "testing"  #: Of numpy: scipy imports all it has, and these take a tenth of a second.
+UNUSED = "char", "ctypeslib", "f2py", "ma", "polynomial", "rec", "testing"
+"""Modules of numpy: scipy imports all that it names, and these take a tenth of a command's start; whoever uses
+one imports it."""
 
 
 def undisturbed() -> None:

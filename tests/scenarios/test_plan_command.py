@@ -28,14 +28,14 @@ ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"
 TASKS = ROOT / "docs" / "tasks.csv"
 POSES = 6
-FLAGS = ["--poses", POSES, "--load", 460, "--load", 150, "--candidates", 120]
+FLAGS = ["--poses", POSES, "--load", 460, "--load", 150, "--candidates", 200]
 FLAGS += ["--tracker", "4.5,-2.5,1.6", "--seed", 3]
 FILES = (
     "error_map.png manifest.json plan.csv plan.json plan.md plan.png recording.rrd report.html run.log "
     "tasks_expected.csv".split()
 )
-UR10, READ = ROOT / "models" / "ur10", 10
-ABSOLUTE = ["--absolute", "--model", "Joints", "--orders", 1, "--poses", READ, "--candidates", 40]
+UR10, READ = ROOT / "models" / "ur10", 14
+ABSOLUTE = ["--absolute", "--model", "Joints", "--orders", 1, "--poses", READ, "--candidates", 60]
 ABSOLUTE += ["--load", 5, "--tracker", "2.5,-1.5,1.2", "--seed", 3]
 
 
