@@ -30,8 +30,7 @@ RECORDINGS = (
 )  #: Begin the names of what cuts recordings otherwise; RERUN=off none.
 SETTINGS = "matplotlibrc"
 UNUSED = "char", "ctypeslib", "f2py", "ma", "polynomial", "rec", "testing"
-"""Modules of numpy: scipy imports all that it names, and these take a tenth of a command's start; whoever uses
-one imports it."""
+"""Modules of numpy: scipy imports all that numpy names, and these take a tenth of a command's start."""
 
 
 def undisturbed() -> None:
