@@ -7,7 +7,9 @@ Compliances of links and joints: beam formulas and the check for conservativenes
 Six-vectors are translation first, rotation second; SI units. `folder` uses both for elastic.toml.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Generic, Literal, TypeVar
 
@@ -299,21 +301,27 @@ def _check_values(path: Path, elastic: Elastic) -> None:
             path, toml_place(path, ["to_confirm"]), f"expected some of {points}, got {unknown[0]!r}"
         )
     if (payload := elastic.payload) is not None:
-        _check_range(path, toml_place(path, ["payload"]), payload.value, payload.unit, PAYLOAD_RANGE)
+        _check_range(path, partial(toml_place, path, ["payload"]), payload, PAYLOAD_RANGE)
     if (spring := elastic.compensator) is not None:
         for name, span in COMPENSATOR_RANGES.items():
-            own, place = getattr(spring, name), toml_place(path, ["compensator", name])
-            for value in np.ravel(own.value).tolist():
-                _check_range(path, place, value, own.unit, span)
+            place = partial(toml_place, path, ["compensator", name])
+            _check_range(path, place, getattr(spring, name), span)
     for k, joint in enumerate(elastic.joint):
-        own, place = joint.compliance, f"{toml_place(path, ['joint', k, 'compliance'])} ({joint.name})"
-        _check_range(path, place, own.value, own.unit, COMPLIANCE_RANGE)
+        _check_range(path, partial(_joint_place, path, k, joint), joint.compliance, COMPLIANCE_RANGE)
 
 
-def _check_range(path: Path, place: str, value: float, unit: str, span: tuple[float, float]) -> None:
+def _joint_place(path: Path, index: int, joint: JointEntry) -> str:
+    return f"{toml_place(path, ['joint', index, 'compliance'])} ({joint.name})"
+
+
+def _check_range(
+    path: Path, place: Callable[[], str], quantity: Quantity[Value, Unit], span: tuple[float, float]
+) -> None:
+    """Check every number of a quantity; its place is sought only for a message: that reads the file again."""
     low, high = span
-    if not low <= value <= high:
-        raise InputError(path, place, f"expected {low:g} to {high:g} {unit}, got {value}")
+    for value in np.ravel(np.asarray(quantity.value)).tolist():
+        if not low <= value <= high:
+            raise InputError(path, place(), f"expected {low:g} to {high:g} {quantity.unit}, got {value}")
 
 
 def link_place(path: Path, index: int, link: LinkEntry, *keys: str) -> str:

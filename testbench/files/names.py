@@ -420,7 +420,8 @@ def column_meaning(name: str) -> str:
     Returns:
         The quantity; "" for an unknown name, and for positions.
     """
-    found = ((ours, re.fullmatch(own, plain(name))) for ours, own in KNOWN_EXPORTS["columns"].items())
+    word = plain(name)
+    found = ((ours, re.fullmatch(own, word)) for ours, own in KNOWN_EXPORTS["columns"].items())
     return next((ours.format(**match.groupdict()) for ours, match in found if match), "")
 
 

@@ -68,7 +68,12 @@ class ArmCopies:
 
 def open_copies(plant: Plant) -> ArmCopies:
     """Make the MuJoCo model with copies of the plant's arm in a row, and views of its arrays by copy."""
-    model, data = plant.copies, mujoco.MjData(plant.copies)
+    return _views_by_copy(plant, plant.model_of_copies)
+
+
+def _views_by_copy(plant: Plant, model: mujoco.MjModel) -> ArmCopies:
+    """View the arrays of a model with one or several copies of the plant's arm, one row per copy."""
+    data = mujoco.MjData(model)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
     return ArmCopies(
         model=model,
@@ -466,7 +471,8 @@ def unloaded_body_poses(plant: Plant, q: Array, names: Sequence[str]) -> list[tu
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     bodies = [int(plant.model.body(name).id) for name in names]
-    state = evaluate(open_copies(plant), fixed_configurations(plant, q), set(bodies))
+    alone = _views_by_copy(plant, plant.model)  # compiling copies takes longer than these poses
+    state = evaluate(alone, fixed_configurations(plant, q), set(bodies))
     return [(state.position[body], state.rotation[body]) for body in bodies]
 
 

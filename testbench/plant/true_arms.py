@@ -24,15 +24,7 @@ import numpy as np
 from testbench.arm.elastic import check_compliance, rotated_compliance
 from testbench.arm.folder import Arm, Link
 from testbench.errors import Array, BenchError
-from testbench.plant.build import (
-    AXES,
-    Plant,
-    compile_mjcf,
-    elastic_mjcf,
-    plant_from_model,
-    weightless,
-    with_model,
-)
+from testbench.plant.build import AXES, Plant, compile_mjcf, elastic_mjcf, plant_from_model, weightless
 from testbench.plant.cast import cast_link
 from testbench.plant.disturbance import FOUNDATION, Disturbances, draw_gears
 from testbench.plant.equilibrium import hinged_bodies
@@ -471,4 +463,4 @@ def _with_frame_errors(plant: Plant, frames: Array) -> Plant:
         body = model.body(name).id
         model.body_pos[model.body_parentid[body]] += error[:3]
         mujoco.mju_quatIntegrate(model.body_quat[body], error[3:], 1.0)
-    return with_model(plant, model)
+    return replace(plant, model=model)

@@ -53,41 +53,11 @@ def write_run(out: Path, run_request: RunRequest, report: Report, page: PageCont
         report: The report.
         page: What the page draws.
     """
-    import testbench.report.figure_docs  # noqa: F401 - before any figure
-    from testbench.report.figure import save  # here: matplotlib and rerun take half a second, and not
-    from testbench.report.page.page import write_page  # every command leaves a folder
-    from testbench.report.recording.run import write_run
-    from testbench.report.recording.stream import RecordingHeader
-    from testbench.report.run_figure import error_map, overview, silhouette
-
     with whole_folder(out) as folder:
         found = (run_request.more(folder) if run_request.more else None) or {}
         files.write_json(report.json(), folder / f"{run_request.stem}.json")
         (folder / f"{run_request.stem}.md").write_text(report.whole(), encoding="utf-8")
-        tables = page.tables or [table for table in report.tables.values() if table.rows]
-        drawn = typical_first(replace(page, tables=tables))
-        header = RecordingHeader(
-            run_request.command,
-            json.dumps(run_request.flags, sort_keys=True),
-            next(iter(run_request.seeds), 0),
-        )
-
-        def write_figures() -> None:
-            asked = run_request.draw
-            figures = asked(report, drawn) if asked else {run_request.picture: overview(report, drawn)}
-            for name, figure in figures.items():
-                save(figure, folder / name)
-
-        views: list[Callable[[], object]] = [
-            write_figures,
-            lambda: write_run(folder / "recording.rrd", header, report, drawn, {}),
-            lambda: write_page(folder, f"{run_request.command}: {run_request.name}", report, drawn),
-        ]
-        if run_request.map and page.map and any(np.isfinite(line.values).any() for line in page.map.lines):
-            places = page.map
-            arm = silhouette(drawn, places)
-            views.insert(1, lambda: save(error_map(places, run_request.map, arm), folder / MAP))
-        for view in stepwise(views, "writing"):
+        for view in stepwise(_views(folder, run_request, report, page), "writing"):
             view()
         files.write_log(folder)
         models = digests(run_request.arms)
@@ -100,3 +70,40 @@ def write_run(out: Path, run_request: RunRequest, report: Report, page: PageCont
             models=models,
             **found,
         )
+
+
+def _views(
+    folder: Path, run_request: RunRequest, report: Report, page: PageContent
+) -> list[Callable[[], object]]:
+    """List what draws a run into its folder: figures, map, recording and page."""
+    import testbench.report.figure_docs  # noqa: F401 - before any figure
+    from testbench.report.figure import save  # here: matplotlib and rerun take half a second, and not
+    from testbench.report.page.page import write_page  # every command leaves a folder
+    from testbench.report.recording.run import write_run
+    from testbench.report.recording.stream import RecordingHeader
+    from testbench.report.run_figure import error_map, overview, silhouette
+
+    tables = page.tables or [table for table in report.tables.values() if table.rows]
+    drawn = typical_first(replace(page, tables=tables))
+    header = RecordingHeader(
+        run_request.command,
+        json.dumps(run_request.flags, sort_keys=True),
+        next(iter(run_request.seeds), 0),
+    )
+
+    def write_figures() -> None:
+        asked = run_request.draw
+        figures = asked(report, drawn) if asked else {run_request.picture: overview(report, drawn)}
+        for name, figure in figures.items():
+            save(figure, folder / name)
+
+    views: list[Callable[[], object]] = [
+        write_figures,
+        lambda: write_run(folder / "recording.rrd", header, report, drawn, {}),
+        lambda: write_page(folder, f"{run_request.command}: {run_request.name}", report, drawn),
+    ]
+    if run_request.map and page.map and any(np.isfinite(line.values).any() for line in page.map.lines):
+        places = page.map
+        arm = silhouette(drawn, places)
+        views.insert(1, lambda: save(error_map(places, run_request.map, arm), folder / MAP))
+    return views

@@ -29,7 +29,8 @@ RECORDINGS = (
     "RERUN_CHUNK",
 )  #: Begin the names of what cuts recordings otherwise; RERUN=off none.
 SETTINGS = "matplotlibrc"
-UNUSED = "f2py", "testing"  #: Of numpy: scipy imports all it has, and these take a tenth of a second.
+UNUSED = "char", "ctypeslib", "f2py", "ma", "polynomial", "rec", "testing"
+"""Modules of numpy: scipy imports all that numpy names, and these take a tenth of a command's start."""
 
 
 def undisturbed() -> None:

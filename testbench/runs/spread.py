@@ -108,9 +108,7 @@ def _interval(values: Array, groups: Sequence[Ids]) -> tuple[float, float] | Non
     order, n = np.argsort(values, kind="stable"), len(values)
     own = values[order]
     count = len(groups) if len(groups) < n and groups else n
-    from scipy.special import bdtr  # here: it takes long to import, and few commands compare trials
-
-    outside = int(np.count_nonzero(bdtr(np.arange(count // 2 + 1), count, 0.5) <= TAIL))
+    outside = ranks_outside(count)
     if not outside:
         return None
     if count == n:
@@ -127,6 +125,17 @@ def _interval(values: Array, groups: Sequence[Ids]) -> tuple[float, float] | Non
         first, last = np.where(enough, first, middle_ + 1), np.where(enough, middle_, last)
     low, high = np.quantile(own[last], (TAIL, 1 - TAIL)).tolist()
     return low, high
+
+
+@lru_cache
+def ranks_outside(count: int) -> int:
+    """Count the order statistics on each side of the 95 % interval of a median, as the sign test has them.
+
+    Kept, as all columns of a table have as many trials.
+    """
+    from scipy.special import bdtr  # here: it takes long to import, and few commands compare trials
+
+    return int(np.count_nonzero(bdtr(np.arange(count // 2 + 1), count, 0.5) <= TAIL))
 
 
 @lru_cache(maxsize=4)

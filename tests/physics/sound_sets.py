@@ -16,7 +16,6 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset
 from testbench.identify.metric import Prior, cad_prior, perturbed
 from testbench.model.vjm import WorkArea
-from testbench.plant.build import with_model
 from testbench.plant.disturbance import TYPICAL, Disturbances
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.tracker import trial_rng
@@ -72,7 +71,7 @@ def sound(cells: Mapping[str, Cell], seed: int, mount: np.ndarray | None = None)
     model = copy.copy(true.model)
     model.body_pos[true.markers] += off
     model.opt.gravity[:] = mount.T @ model.opt.gravity
-    true = with_model(true, model)
+    true = replace(true, model=model)
     poses = clear_poses(cell, AREA[name], int(rng.integers(10, 25)), rng)
     asked = _loaded(cell, poses, loads, rng)
     wrench = (asked.wrench.reshape(-1, 2, 3) @ mount).reshape(-1, 6)  # in the base's axes

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from run_here import fine, refused, table
+from run_here import fine, numbers_alone, refused, table
 from scipy.spatial.transform import Rotation
 
 from testbench.errors import InputError
@@ -23,7 +23,8 @@ PLACE = (4.0, -2.0, 1.5)
 
 def identified(data, out):
     """models.json of a quick fit."""
-    fine("identify", ARM, data, "--model", "Joints", "--no-intervals", "--out", out)
+    with numbers_alone():
+        fine("identify", ARM, data, "--model", "Joints", "--no-intervals", "--out", out)
     return json.loads((out / "models.json").read_text())
 
 
@@ -52,7 +53,8 @@ def test_target_that_the_folder_lacks_is_found(runs, tmp_path):
     data = tmp_path / "data.csv"
     data.write_text((runs / "tracker.csv").read_text().replace(",P2,", ",T9,"))
     flags = ["--model", "Joints", "--no-intervals", "--out", tmp_path / "fit"]
-    fine("identify", ARM, data, "--new-target", "T9", *flags)
+    with numbers_alone():
+        fine("identify", ARM, data, "--new-target", "T9", *flags)
     targets = json.loads((tmp_path / "fit" / "models.json").read_text())["registration"]["targets"]
     (new,) = [target for target in targets if target["marker"] == "T9"]
     assert new["from_nominal_mm"] is None
