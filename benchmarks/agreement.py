@@ -10,8 +10,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import cone, gco, reduce, with_prior
 from testbench.identify.estimate import deflections, make_estimate
-from testbench.identify.metric import Case, with_prior_rows
-from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.metric import Case, Strength, cad_prior, with_prior_rows
 from testbench.identify.solve import METHODS, solve_by_reference, solve_with_prior
 from testbench.model.structure import all153, mgco68, template56
 from testbench.workflows.cell import Cell, Scenario, build_cell, simulate

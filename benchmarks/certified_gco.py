@@ -10,13 +10,12 @@ from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, paper_gco, reduce
-from testbench.identify.certify import tie_break
 from testbench.identify.cone import TOLERANCE
-from testbench.identify.conic import scale_program, solve_clarabel
+from testbench.identify.conic import scale_program, solve_clarabel, tie_break
 from testbench.model.structure import Structure, all153
 from testbench.plant.equilibrium import solve_linear_equilibrium
 from testbench.plant.tracker import Tracker, read_orientations, read_positions
-from testbench.studies.paper.search import Entries, cvxpy, solve_modelled, vectorised
+from testbench.studies.paper.factorised import Entries, cvxpy, solve_modelled, vectorised
 from testbench.workflows.cell import Cell, build_cell
 
 ARMS = ("arm_6r", "kr500_l480")

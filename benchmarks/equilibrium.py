@@ -11,14 +11,15 @@ from measure import MODELS, Row, at_least, at_most, feasible_poses, hung, interl
 from mujoco.batch import Batch
 
 from testbench.errors import Array
-from testbench.plant.elastic import DAMPING
+from testbench.plant.build import DAMPING
 from testbench.plant.equilibrium import (
     STEP_TOLERANCE,
     ArmEquilibrium,
+    evaluate,
     fixed_configurations,
+    open_row,
     solve_equilibrium,
 )
-from testbench.plant.state import evaluate, open_row
 from testbench.workflows.cell import Cell, build_cell
 
 POSES = 1000

@@ -6,8 +6,14 @@ from measure import MODELS, Row, at_most, interleave, note, spread
 from testbench.errors import Array
 from testbench.identify import reduce
 from testbench.identify.conic import solve_gco
-from testbench.identify.metric import Case, WeightedPrior, rescale_to_data, scale_by_prior
-from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.metric import (
+    Case,
+    Strength,
+    WeightedPrior,
+    cad_prior,
+    rescale_to_data,
+    scale_by_prior,
+)
 from testbench.identify.regression import Regression
 from testbench.identify.solve import solve_by_reference, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco68, template56

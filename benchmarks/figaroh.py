@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 import testbench as tb
 from testbench.arm.folder import Arm
-from testbench.data.series import Series, select_rows
+from testbench.data.dataset import Series, select_rows
 from testbench.files.export import draft_new
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import model_of

@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array
-from testbench.model.poses import WorkArea, random_poses
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, WorkArea, random_poses
 from testbench.plant.site import collisions
 from testbench.workflows.cell import Cell
 

@@ -5,9 +5,8 @@ from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, 
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.design.criteria import Criterion, LinearCriterion, mean_square
-from testbench.design.exchange import MIN_GAIN, SWEEPS, exchange
+from testbench.design.exchange import MIN_GAIN, SWEEPS, Feasibility, exchange
 from testbench.design.planning import make_plan
-from testbench.design.refine import Feasibility
 from testbench.design.rows import (
     DesignProblem,
     MeasurementSetup,
@@ -18,8 +17,7 @@ from testbench.design.rows import (
     task_rows,
 )
 from testbench.errors import Array, Ids
-from testbench.identify.metric import scale_by_prior
-from testbench.identify.prior import cad_prior
+from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.model.load import Load
 from testbench.model.structure import mgco68
 from testbench.workflows.cell import build_cell

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from testbench.identify.metric import Case, PriorScaling, WeightedPrior
-from testbench.identify.prior import Strength
+from testbench.identify.metric import Case, PriorScaling, Strength, WeightedPrior
 from testbench.identify.regression import Regression, Term, regression_of
 from testbench.model.structure import Structure
 

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from testbench.correct.compensated import compensate as compensate
     from testbench.correct.newton import Aim as Aim
     from testbench.correct.predicted import Prediction as Prediction
+    from testbench.correct.predicted import Stiffness as Stiffness
     from testbench.correct.predicted import predict as predict
-    from testbench.correct.stiffness import Stiffness as Stiffness
-    from testbench.correct.stiffness import stiffness as stiffness
+    from testbench.correct.predicted import stiffness as stiffness
     from testbench.data.dataset import Dataset as Dataset
-    from testbench.data.series import Series as Series
+    from testbench.data.dataset import Series as Series
     from testbench.errors import BenchError as BenchError
     from testbench.files.program import Program as Program
     from testbench.files.program import read_program as read_program
@@ -49,10 +49,10 @@ if TYPE_CHECKING:
     from testbench.identify.estimate import deflections as deflections
     from testbench.identify.estimate import score as score
     from testbench.identify.method import Method as Method
+    from testbench.identify.metric import Prior as Prior
+    from testbench.identify.metric import Strength as Strength
+    from testbench.identify.metric import cad_prior as cad_prior
     from testbench.identify.posterior import Intervals as Intervals
-    from testbench.identify.prior import Prior as Prior
-    from testbench.identify.prior import Strength as Strength
-    from testbench.identify.prior import cad_prior as cad_prior
     from testbench.identify.registered import register_dataset as register_dataset
     from testbench.identify.regression import Regression as Regression
     from testbench.model.joint_laws import JointLaw as JointLaw
@@ -92,7 +92,7 @@ HOMES = {
     "Dataset": "data.dataset",
     "read_csv": "files.read_pairs",
     "write_csv": "files.write",
-    "Series": "data.series",
+    "Series": "data.dataset",
     "read_series": "files.read_series",
     "Structure": "model.structure",
     "register_dataset": "identify.registered",
@@ -100,7 +100,7 @@ HOMES = {
     "completed_least_squares": "identify",
     "gco": "identify",
     "paper_gco": "identify",
-    "cad_prior": "identify.prior",
+    "cad_prior": "identify.metric",
     "with_prior": "identify",
     "robust": "identify",
     "Estimate": "identify",
@@ -119,7 +119,7 @@ HOMES = {
     "compensate": "correct.compensated",
     "read_program": "files.program",
     "write_program": "files.write",
-    "stiffness": "correct.stiffness",
+    "stiffness": "correct.predicted",
     "load_model": "workflows.arm_models",
     "save_model": "workflows.arm_models",
     "PlanSettings": "workflows.plan_settings",
@@ -140,14 +140,14 @@ HOMES = {
     "Model": "workflows.models",
     "Planned": "workflows.plan",
     "Prediction": "correct.predicted",
-    "Prior": "identify.prior",
+    "Prior": "identify.metric",
     "Program": "files.program",
     "PublicCampaign": "workflows.load_dataset",
     "Regression": "identify.regression",
     "DeflectionErrors": "identify.estimate",
     "SeriesExport": "files.read_series",
-    "Stiffness": "correct.stiffness",
-    "Strength": "identify.prior",
+    "Stiffness": "correct.predicted",
+    "Strength": "identify.metric",
     "Vjm": "model.vjm",
     "JointLaw": "model.joint_laws",
     "JointTurns": "model.joint_laws",

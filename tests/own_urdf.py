@@ -5,7 +5,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.files.export_geometry import nominal_rigid, relative_pose
+from testbench.files.export_own import nominal_rigid, relative_pose
 
 EXTRA = """
   <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>

@@ -19,7 +19,7 @@ from testbench.report.markdown import grid, lines, titled
 from testbench.report.report import LISTS, PARTS, Report, read_report
 from testbench.studies import find_study
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
-from testbench.workflows.model_selection import DEFAULT
+from testbench.workflows.models import DEFAULT
 
 FROM = re.compile(r"(<!-- from (\w+): ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 PLAIN = re.compile(r"(<!-- (bench|times|expected|covered) -->\n)(.*?)(<!-- end -->)", re.DOTALL)

@@ -19,13 +19,12 @@ from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import BenchError
 from testbench.files.model_folder import copy_arm, digests
 from testbench.plant.true_arms import CALLED, TRUTHS
-from testbench.report.columns import KNOWN
+from testbench.report.schema import KNOWN
 from testbench.runs import manifest as files
 from testbench.runs.engine import Chunks, on_cores
-from testbench.runs.place import claim_folder
 from testbench.runs.tables import join_tables, kinds
-from testbench.runs.whole import whole_folder
-from testbench.workflows.backend import show_progress
+from testbench.runs.whole import claim_folder, whole_folder
+from testbench.studies.run import show_progress
 from testbench.workflows.load_dataset import ARM, GRID, ROUNDS, SCENARIO, TABLES, write_rounds
 
 COMMAND = "tools/build_dataset.py"

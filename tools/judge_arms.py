@@ -38,9 +38,7 @@ from testbench.studies.campaign.trial import covers, reread, worst_tenth
 from testbench.studies.shrinkage import ridge
 from testbench.studies.study import without_cone
 from testbench.workflows.cell import Scenario, build_cell, draw_poses, simulate_at, true_cell
-from testbench.workflows.model_selection import ALL_UNKNOWNS, with_priors
-from testbench.workflows.models import JOINTS, named_models
-from testbench.workflows.perturbed_prior import wrong_prior
+from testbench.workflows.models import ALL_UNKNOWNS, JOINTS, named_models, with_priors, wrong_prior
 
 ARM, SIGMA, POSES = "kr500_l480", 50e-6, 50  #: The arm; noise of a reading [m]; poses of the workspace.
 DISTURBED = "disturbed"

@@ -7,7 +7,7 @@ and 12 for the gauges, chosen together with their markers and directions. `--unc
 are the uncertainty of the prior and the noise of a gauge that the plans count with. Every true arm is then
 loaded there and read by a tracker of 50 um and by three gauges of 5 um, each half a degree off its direction.
 Both readings are fitted by the default with the same wrong prior. Readings are made from the contact,
-`plant.instruments`. An arm is a line of JSON in the first file; the judge may be stopped and started again.
+`plant.tracker`. An arm is a line of JSON in the first file; the judge may be stopped and started again.
 `--seeds 0` prints the tables alone. `--alike` tilts the faces of a marker alike in all places, which the fit
 does not know.
 """
@@ -30,12 +30,10 @@ from testbench.design.planning import candidate_set
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
 from testbench.errors import BenchError
 from testbench.identify.estimate import deflections, score
-from testbench.identify.metric import scale_by_prior
-from testbench.identify.prior import cad_prior
+from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.model.load import weight
 from testbench.model.structure import all153
-from testbench.plant.instruments import Gauge
-from testbench.plant.tracker import Tracker, trial_rng
+from testbench.plant.tracker import Gauge, Tracker, trial_rng
 from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
 from testbench.studies.campaign.trial import cover, worst_tenth
@@ -48,9 +46,7 @@ from testbench.workflows.cell import (
     true_cell,
 )
 from testbench.workflows.instruments import Mounted, read_instruments
-from testbench.workflows.model_selection import with_priors
-from testbench.workflows.models import ALL_UNKNOWNS, named_models
-from testbench.workflows.perturbed_prior import wrong_prior
+from testbench.workflows.models import ALL_UNKNOWNS, named_models, with_priors, wrong_prior
 
 ARM, PLACES, CANDIDATES, WORKSPACE = "kr500_l480", 12, 400, 50
 KINDS = (

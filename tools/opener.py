@@ -29,15 +29,14 @@ from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.plant.shapes import BodyFrames, elastic_frames, origins
 from testbench.report.colours import CHOICE, LEAST_SQUARES, LOAD, Colour, hexadecimal
 from testbench.report.colours import JOINTS as BLUE
-from testbench.report.figure_arm import draw_arm, outlines
+from testbench.report.run_figure import draw_arm, outlines
 from testbench.report.scene import STEEL, on_tool
 from testbench.runs import command
 from testbench.runs.whole import whole_file
 from testbench.studies.campaign import coverage as trial
 from testbench.studies.campaigns import Result
 from testbench.workflows.cell import Campaign, Cell, build_cell, settle_both
-from testbench.workflows.model_selection import DEFAULT
-from testbench.workflows.models import JOINTS
+from testbench.workflows.models import DEFAULT, JOINTS
 
 SHOWN: Mapping[str, tuple[str, Colour]] = {
     JOINTS: ("Joint stiffness only", BLUE),

@@ -10,8 +10,7 @@ from testbench.errors import Array
 from testbench.identify import paper_gco, reduce
 from testbench.identify.regression import f_m
 from testbench.plant.tracker import trial_rng
-from testbench.report.columns import columns
-from testbench.report.schema import Table, TableColumn
+from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row
 from testbench.runs.spread import Spread, spread
 from testbench.studies.paper.factorised import every_order
@@ -26,8 +25,7 @@ from testbench.studies.paper.single_link import (
     wrenches_within,
 )
 from testbench.studies.paper.verdicts import EQ_22, EQ_23, statement_row, verdict_table
-from testbench.workflows.cell import Cell
-from testbench.workflows.pose_campaign import FullPose
+from testbench.workflows.cell import Cell, FullPose
 
 DRAWS = 20_000  #: Of noise, of random load sets, and of matrices that round to Eq. (23).
 ROUNDED_COSTS = 200  #: F_M taken of so many of them.

@@ -26,9 +26,8 @@ from testbench.identify import Estimate, make_estimate, reduce
 from testbench.identify.estimate import deflections, score
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
-from testbench.report.columns import columns
 from testbench.report.report import read_report
-from testbench.report.schema import Table, TableColumn
+from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row, Trials, aligned
 from testbench.runs import command
 from testbench.runs.spread import Spread, middle, spread

@@ -20,14 +20,11 @@ import numpy as np
 
 from testbench.arm.document import parse_xml
 from testbench.arm.folder import Arm
-from testbench.arm.urdf_text import rpy_of
 from testbench.errors import Array, BenchError, InputError, read_bytes
-from testbench.files.export import BEGINS, Draft, companion_path, export
-from testbench.files.export_controller import MAX_BYTES, STAMP, six_axes
-from testbench.files.export_geometry import identified_rigid
-from testbench.files.export_own import chain_of, place_frames, robot_origins
+from testbench.files.export import BEGINS, MAX_BYTES, STAMP, Draft, companion_path, export, six_axes
+from testbench.files.export_own import chain_of, identified_rigid, place_frames, robot_origins, rpy_of
 from testbench.identify.absolute.state import ArmState
-from testbench.runs.place import Kind, check_file
+from testbench.runs.whole import Kind, check_file
 from testbench.workflows.arm_models import load_model
 
 BYTES = "latin-1"  #: A byte a character, whatever the encoding is.

@@ -16,10 +16,19 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.document import toml_place
-from testbench.arm.elastic import Elastic, JointEntry, LinkEntry, beam_frame, link_place, read_elastic
+from testbench.arm.elastic import (
+    Elastic,
+    JointEntry,
+    LinkEntry,
+    Tube,
+    beam_frame,
+    check_compliance,
+    link_place,
+    read_elastic,
+    tube_compliance,
+)
 from testbench.arm.joint_map import JointMap, build_map, file_limits, narrowed
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
-from testbench.arm.stiffness import Tube, check_compliance, tube_compliance
 from testbench.display import Displayed
 from testbench.errors import (
     Array,

@@ -7,10 +7,13 @@ list of elements, and of attributes where the model reads them or gravity could 
 import math
 import os
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from pathlib import Path
 
 from testbench.arm.document import MAX_SHOWN, WRITTEN, inside, parse_xml, place_of, read_decimals
-from testbench.errors import InputError, read_text
+from testbench.errors import InputError, read_bytes, read_text
+
+# --- Untrusted MJCF, read as text: the elements that an arm may contain, and where its chain is -------------
 
 PLACED = "pos quat axisangle euler xyaxes zaxis"  #: Attributes that place an element.
 ELEMENTS = frozenset(
@@ -232,3 +235,33 @@ def find_body(path: Path, root: ET.Element, name: str) -> ET.Element:
         what = "no body" if not found else f"{len(found)} bodies"
         raise InputError(path, "", f"{what} {name!r}; bodies are {names}")
     return found[0]
+
+
+# --- Mesh files of an arm: checked for kind and size, and read, before MuJoCo sees them ---------------------
+
+MESH_SUFFIXES = ("stl", "obj", "msh")  #: Suffixes of mesh files that MuJoCo reads.
+MAX_MESH_BYTES = 64_000_000  #: Largest mesh file [byte].
+MAX_TOTAL = 256_000_000  #: Largest size of all mesh files of an arm together [byte].
+
+
+def read_meshes(files: Mapping[str, Path]) -> dict[str, bytes]:
+    """Read the mesh files of an arm.
+
+    Args:
+        files: Paths by the names that the MJCF has for them.
+
+    Returns:
+        Contents by the same names.
+
+    Raises:
+        InputError: When a file is no plain file, of a kind that MuJoCo does not read, or too large; or when
+            all files together are too large.
+    """
+    found: dict[str, bytes] = {}
+    for name, file in files.items():
+        if file.suffix[1:].lower() not in MESH_SUFFIXES:
+            raise InputError(file, "", f"expected a mesh: {', '.join(MESH_SUFFIXES)}")
+        found[name] = read_bytes(file, MAX_MESH_BYTES)
+        if sum(map(len, found.values())) > MAX_TOTAL:
+            raise InputError(file, "", f"expected at most {MAX_TOTAL} bytes in all meshes of an arm together")
+    return found

@@ -4,8 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from testbench.report.terminal import plain_console
-from testbench.studies.bench.study import STUDY
-from testbench.studies.bench.tasks import BenchOptions
+from testbench.studies.bench.study import STUDY, BenchOptions
 from testbench.studies.run import run
 from testbench.workflows.options import Common, takes
 

@@ -18,15 +18,14 @@ from testbench.identify.registration import MIN_POSES
 from testbench.report import scene as draw
 from testbench.report.badge import decide
 from testbench.report.colours import GCO, Look
-from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown
 from testbench.report.readings import LOOKS, draw_calibration
 from testbench.report.report import Report, bullets, say
-from testbench.report.schema import Table
+from testbench.report.schema import Table, columns
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
-from testbench.runs.place import claim_folder
+from testbench.runs.whole import claim_folder
 from testbench.workflows import calibration_numbers as counted
 from testbench.workflows.absolute import (
     Calibrated,
@@ -145,7 +144,7 @@ def command(asked: CalibrateOptions) -> None:
 
 
 def _drawn(said: Report, page: draw.PageContent) -> Mapping[str, "Figure"]:
-    from testbench.report.figures_study import joint_error_figure  # here: it imports matplotlib
+    from testbench.report.figures_fit import joint_error_figure  # here: it imports matplotlib
     from testbench.report.run_figure import overview
 
     joints = said.numbers["spectrum"]

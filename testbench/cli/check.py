@@ -12,19 +12,18 @@ from testbench.arm.elastic import JointEntry, LinkEntry
 from testbench.arm.folder import ArmJoint, find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, shell_word
-from testbench.files.elastic_mjcf import write_elastic
+from testbench.files.robot.write import write_elastic
 from testbench.model.vjm import tool_points, tool_pose
 from testbench.plant.shapes import BodyFrames, elastic_frames, rigid_frames
 from testbench.report.colours import GREY, NOMINAL
-from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, ended
 from testbench.report.report import Report, bullets, say
 from testbench.report.scene import Layer, PageContent, PoseGroup, Scene, arrow_scale, loads, on_tool
-from testbench.report.schema import Table, TableColumn, show
+from testbench.report.schema import Table, TableColumn, columns, show
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
-from testbench.runs.place import Kind, check_file, claim_folder
+from testbench.runs.whole import Kind, check_file, claim_folder
 from testbench.workflows.arm_check import Checked, check
 from testbench.workflows.campaign_flags import ArmName
 from testbench.workflows.options import Force, ShownFolder, takes

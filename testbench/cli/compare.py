@@ -28,8 +28,7 @@ from testbench.report.scene import PageContent
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
 from testbench.runs.manifest import Finished, read_run
-from testbench.runs.place import claim_folder
-from testbench.runs.whole import reading
+from testbench.runs.whole import claim_folder, reading
 from testbench.workflows.options import Force, takes
 
 COMMAND = "testbench compare"  #: As manifest.json names it.

@@ -14,25 +14,22 @@ from testbench.correct.newton import Hold
 from testbench.errors import BenchError
 from testbench.files.program import read_program
 from testbench.report.badge import Badge, decide
-from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.markdown import counted as number_of
 from testbench.report.program_scene import AFTER, BEFORE, CORRECTED, EXPECTED, LOOKS, WITHIN, draw_correction
 from testbench.report.report import Report, say
-from testbench.report.schema import Table
+from testbench.report.schema import Table, columns
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
 from testbench.runs.manifest import digest
-from testbench.runs.place import check_file, claim_folder
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS
-from testbench.runs.whole import whole_files
+from testbench.runs.whole import check_file, claim_folder, whole_files
 from testbench.workflows import program as programs
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.campaign_flags import MapFile, Payload
 from testbench.workflows.cell import build_cell
-from testbench.workflows.masses import payload_of
-from testbench.workflows.options import ArmCheck, Force, of_flag, plain, takes
+from testbench.workflows.options import ArmCheck, Force, of_flag, payload_of, plain, takes
 from testbench.workflows.plan_input import joints_of
 from testbench.workflows.program import CorrectedProgram
 from testbench.workflows.program_numbers import correction_numbers, correction_warnings
@@ -128,8 +125,10 @@ def command(asked: CompensateOptions) -> None:
 
 
 def _drawn(said: Report, page: "PageContent") -> Mapping[str, "Figure"]:
-    from testbench.report.figures_program import stiffness_figure  # here: it imports matplotlib
-    from testbench.report.run_figure import overview
+    from testbench.report.run_figure import (
+        overview,
+        stiffness_figure,  # here: it imports matplotlib
+    )
 
     f = Row(said.numbers)
     return {PICTURE: overview(said, page), STIFFNESS: stiffness_figure(f.ellipsoids, f.ellipsoid_force_n)}

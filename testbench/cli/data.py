@@ -19,14 +19,14 @@ from testbench.report.leave import RunRequest, write_run
 from testbench.report.readings import column_lines, draw_runs, file_lines, report, written
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
-from testbench.runs.place import Kind, check_file, claim_folder
-from testbench.runs.whole import whole_file
+from testbench.runs.whole import Kind, check_file, claim_folder, whole_file
 from testbench.workflows.absolute import kinematic_misfit
 from testbench.workflows.campaign_flags import ArmName, ReadingOptions
 from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.file_contents import column_rows, contents
 from testbench.workflows.options import Force, ProjectCommand, ShownFolder, takes
 from testbench.workflows.read_runs import (
+    column_rows,
+    contents,
     diagnose_runs,
     files_read,
     read_export_file,

@@ -11,19 +11,28 @@ import typer
 
 from testbench.arm.document import read_decimals
 from testbench.arm.folder import Arm
-from testbench.arm.urdf_text import BEGINS as STAMPED
-from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.errors import BenchError, InputError
-from testbench.files.export import BEGINS, Draft, companion_path, draft_new, draft_robot_urdf, export
-from testbench.files.export_controller import ABB, STAMP, export_offsets, read_controller
-from testbench.files.export_geometry import RANDOM_POSES
-from testbench.files.export_left import BestOffsets, Sizes
+from testbench.files.export import (
+    ABB,
+    BEGINS,
+    STAMP,
+    BestOffsets,
+    Draft,
+    Sizes,
+    companion_path,
+    draft_new,
+    draft_robot_urdf,
+    export,
+    export_offsets,
+    read_controller,
+)
+from testbench.files.export_own import BEGINS as STAMPED
+from testbench.files.export_own import BEGINS_NEW, RANDOM_POSES
 from testbench.identify.arm_model import ArmModel
 from testbench.report.terminal import plain_console
 from testbench.runs.manifest import read_plain
-from testbench.runs.place import HEAD, INSTEAD, Kind, check_file, look
 from testbench.runs.rows import Row
-from testbench.runs.whole import writing
+from testbench.runs.whole import HEAD, INSTEAD, Kind, check_file, look, writing
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.options import Force, takes
 

@@ -16,13 +16,11 @@ from testbench.errors import Array, BenchError, InputError, check_array, shell_w
 from testbench.files.robot.chain import read_chain
 from testbench.files.robot.robot import pose_of
 from testbench.report.terminal import plain_console
-from testbench.runs.place import look
-from testbench.runs.whole import new_folder, whole_file
+from testbench.runs.whole import look, new_folder, whole_file
 from testbench.workflows.cell import build_cell
-from testbench.workflows.new_arm import write_arm
+from testbench.workflows.new_arm import UserInputs, write_arm
 from testbench.workflows.options import NAME as PROJECT
 from testbench.workflows.options import TEMPLATE
-from testbench.workflows.propose import UserInputs
 
 
 def command(

@@ -11,18 +11,16 @@ from testbench.arm.folder import find_arm
 from testbench.errors import BenchError
 from testbench.model.load import weight
 from testbench.report import terminal
-from testbench.report.columns import columns
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, listed
 from testbench.report.planned_poses import seen
 from testbench.report.report import Report, bullets, say
-from testbench.report.schema import Table, TableColumn
+from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row
-from testbench.runs.place import claim_folder
 from testbench.runs.spread import Spread
+from testbench.runs.whole import claim_folder
 from testbench.workflows.cell import build_cell
-from testbench.workflows.masses import overload_warnings
-from testbench.workflows.options import Force, absolute_alone, of_flag, takes
+from testbench.workflows.options import Force, absolute_alone, of_flag, overload_warnings, takes
 from testbench.workflows.plan import plan_absolute, plan_for
 from testbench.workflows.plan_input import read_tasks
 from testbench.workflows.plan_numbers import CURVE, numbers, write_poses, write_tasks

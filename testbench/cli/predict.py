@@ -9,20 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.model.poses import WorkArea
-from testbench.report.columns import columns
+from testbench.model.vjm import WorkArea
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.program_scene import draw_prediction
 from testbench.report.report import Report, say
-from testbench.report.schema import Table
+from testbench.report.schema import Table, columns
 from testbench.report.table import Row
 from testbench.report.terminal import plain_console, print_words, viewing_lines
-from testbench.runs.place import claim_folder
+from testbench.runs.whole import claim_folder
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.campaign_flags import MapFile, Payload
-from testbench.workflows.masses import overload_warnings, payload_of
-from testbench.workflows.options import ArmCheck, Force, plain, takes
+from testbench.workflows.options import ArmCheck, Force, overload_warnings, payload_of, plain, takes
 from testbench.workflows.plan_input import parse_work_area
 from testbench.workflows.program import (
     DEFAULT_FORCE,
@@ -89,8 +87,10 @@ def command(asked: PredictOptions) -> None:
 
 
 def _drawn(said: Report, page: "PageContent") -> Mapping[str, "Figure"]:
-    from testbench.report.figures_program import stiffness_figure  # here: it imports matplotlib
-    from testbench.report.run_figure import overview
+    from testbench.report.run_figure import (
+        overview,
+        stiffness_figure,  # here: it imports matplotlib
+    )
 
     f = Row(said.numbers)
     return {PICTURE: overview(said, page), STIFFNESS: stiffness_figure(f.ellipsoids, f.map.force_n)}

@@ -13,20 +13,33 @@ from testbench.arm.folder import find_arm
 from testbench.errors import BenchError, Ids, InputError
 from testbench.files.write import write_csv, write_series
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
-from testbench.plant.disturbed import disturb
-from testbench.plant.instruments import Gauge
 from testbench.plant.site import check_position
-from testbench.plant.tracker import trial_rng
+from testbench.plant.tracker import Gauge, trial_rng
+from testbench.plant.true_arms import disturb
 from testbench.report.terminal import plain_console
-from testbench.runs.place import Kind, check_file
-from testbench.runs.whole import whole_files
+from testbench.runs.whole import Kind, check_file, whole_files
 from testbench.workflows.campaign_flags import ArmName, MapFile, mass
-from testbench.workflows.candidates import PoseConditions, build_checks, find
 from testbench.workflows.cell import Cell, Scenario, build_cell, measure_markers, poses_with_weight
 from testbench.workflows.instruments import Mounted, mounted, planned_gauges, read_instruments
-from testbench.workflows.masses import overload_warnings, read_masses
-from testbench.workflows.options import Force, Orientations, absolute_alone, takes
-from testbench.workflows.plan_input import FORCES, Place, given_poses, hung_masses, place, read_loads
+from testbench.workflows.options import (
+    Force,
+    Orientations,
+    absolute_alone,
+    overload_warnings,
+    read_masses,
+    takes,
+)
+from testbench.workflows.plan_input import (
+    FORCES,
+    Place,
+    PoseConditions,
+    build_checks,
+    find,
+    given_poses,
+    hung_masses,
+    place,
+    read_loads,
+)
 
 if TYPE_CHECKING:
     from testbench.workflows.absolute_truth import AbsoluteCampaign

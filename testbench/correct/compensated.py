@@ -2,8 +2,18 @@
 
 `compensate` is the last step of the flow: model, programmed joints and loads in, joints to command out.
 Points that cannot be corrected keep their programmed joints and say why.
+
+Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits.
+
+`solve_poses` puts the tool into poses by damped Newton steps within limits, all poses at once. A path has
+supports, a stride apart. They are guessed at once; then every one is solved again from its left neighbour
+until none changes. That gives the same joints as one after the other, because only supports behind a change
+are solved again. The points between start from joints interpolated between their supports. `compensate` uses
+such joints for programs in Cartesian coordinates.
 """
 
+import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import NoneType
@@ -22,13 +32,365 @@ from testbench.correct.newton import (
     equilibrium,
     solve_inverse_statics,
     target_of,
+    with_rows,
 )
 from testbench.correct.uncertainty import LoadedPoses, half_widths
+from testbench.data.dataset import in_order, join_rows
 from testbench.display import Displayed, span
-from testbench.errors import Array, BenchError, Mask, check_array, check_items, check_type
+from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_items, check_type
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
+from testbench.model.vjm import Vjm, tool_motion, turn_between
 from testbench.plant.site import Site, collisions
+
+# --- Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits ----------
+
+POSE_TOLERANCE = 1e-9  #: Distance and angle to its pose within which the tool has reached it [m, rad].
+STOP_ERROR = 1e-12  #: Error, rotation times lever included, below which a pose takes no further step [m].
+LEVER = 0.25  #: Radius that turns an angle of orientation into a length, over the arm's reach [1].
+DAMPING = 1e-2  #: Damping of the first step over the squared error [1]: it fades as the tool comes near.
+MIN_DAMPING = 1e-14  #: Damping that stays, over the square of the lever [1].
+MAX_STEP = 0.5  #: Largest motion of a joint in one step [rad, m].
+STALLED, PATIENCE = 1e-4, 4
+"""Relative gain below which a step counts as stalled [1], and stalled steps in a row that end a pose."""
+MAX_STEPS = 60  #: Most steps.
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Hold joints, and how far the tool stays away from its poses."""
+
+    q: Array  #: Joints within the limits, (poses, n) [rad, m].
+    distance: Array  #: Distance of the tool from its target, (poses,) [m].
+    angle: Array  #: Angle between the tool's orientation and its target, (poses,) [rad].
+
+    @property
+    def converged(self) -> Mask:
+        """Tell which poses are reached within `POSE_TOLERANCE`, (poses,)."""
+        return np.asarray((self.distance <= POSE_TOLERANCE) & (self.angle <= POSE_TOLERANCE))
+
+
+def solve_poses(vjm: Vjm, target: Target, start: Array) -> Reached:
+    """Find joints near others that put the tool's origin into poses; where none do, as near as these lead.
+
+    It minimises the squared error by damped least squares, d = J^T (J J^T + weight 1)^-1 e, whose motion is
+    short. A joint at its limit whose step would leave it stays there.
+
+    Mathematics: `cor-9`.
+
+    Args:
+        vjm: Kinematics of the rigid arm.
+        target: Poses of the tool's origin.
+        start: Joints to start from, (poses, n) [rad, m].
+
+    Returns:
+        Joints within the limits, and the remaining distance and angle.
+    """
+    lever = LEVER * vjm.reach
+    q = vjm.arm.within(start)
+    e, J = _error(vjm, lever, q, target)
+    cost, damping, dull = _square(e), np.full(len(q), DAMPING), np.zeros(len(q), dtype=int)
+    for _ in range(MAX_STEPS):
+        some = np.flatnonzero((cost > STOP_ERROR**2) & (dull < PATIENCE))
+        if not len(some):
+            break
+        # Levenberg's damping, in proportion to the squared error
+        weight = damping[some] * cost[some] + MIN_DAMPING * lever**2
+        trial = vjm.arm.within(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits))
+        e_trial, J_trial = _error(vjm, lever, trial, in_order(target, some))
+        gain = 1 - _square(e_trial) / cost[some]
+        # accept what comes nearer: less damping after a gain, more after none (Levenberg-Marquardt)
+        better = gain > 0
+        taken = some[better]
+        q[taken], e[taken], J[taken] = trial[better], e_trial[better], J_trial[better]
+        cost[taken] = _square(e[taken])
+        damping[some] *= np.where(better, 0.2, 10.0)
+        dull[some] = np.where(gain > STALLED, 0, dull[some] + 1)
+    return Reached(q, np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1) / lever)
+
+
+def _square(e: Array) -> Array:
+    return np.asarray((e * e).sum(axis=1))
+
+
+def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Array]:
+    """Compute the pose's error, rotation times lever, (poses, 6) [m], and its Jacobian, (poses, 6, n)."""
+    p, R, J = tool_motion(vjm, q)
+    J[:, 3:] *= lever
+    if vjm.arm.moves is not None:  # joints that follow others have no column of their own
+        J = J @ vjm.arm.moves
+    return np.hstack([target.position - p, lever * turn_between(R, target.rotation)]), J
+
+
+def _step(J: Array, e: Array, weight: Array, q: Array, limits: Array) -> Array:
+    """Compute the damped step, blocked joints held, each joint's at most `MAX_STEP`, (poses, n) [rad, m]."""
+    step = _damped(J, e, weight)
+    # a joint at its limit that would leave it is held, and the others take the step
+    blocked = ((q <= limits[0]) & (step < 0)) | ((q >= limits[1]) & (step > 0))
+    some = np.flatnonzero(blocked.any(axis=1))
+    if len(some):
+        step[some] = _damped(J[some] * ~blocked[some][:, None], e[some], weight[some])
+    size = np.abs(step).max(axis=1, keepdims=True)
+    return np.asarray(step * np.minimum(1, MAX_STEP / np.maximum(size, MAX_STEP)))
+
+
+def _damped(J: Array, e: Array, weight: Array) -> Array:
+    """J^T (J J^T + weight)^-1 e, (poses, n)."""
+    A = J @ J.swapaxes(1, 2)
+    A[:, range(6), range(6)] += weight[:, None]
+    return np.asarray((J.swapaxes(1, 2) @ np.linalg.solve(A, e[..., None]))[..., 0])
+
+
+STRIDE, FAR_ROTATION = 0.1, 0.2
+"""Distance between supports of a path over the arm's reach [1], and the rotation that counts as far [rad]."""
+STEADY, FASTEST = 0.1, 3.0
+"""Motion between two points that is no jump: this one [rad, m] beyond twice that of the joints interpolated
+between supports, which counts up to `FASTEST` per stride [rad, m]."""
+REPEATS = 4  #: Most repairs of a path.
+START_CONFIGURATIONS = 256  #: Random configurations from which the first point is solved.
+TRIED = 8  #: Configurations of the first point with which the path is tried.
+SAMPLE = 400  #: Most points of the path that such a trial uses.
+LIMIT_CLEARANCE = 0.05
+"""Distance to the limits that the first point should keep, and between configurations to try [rad, m]."""
+SAME_CONFIGURATION = 0.05  #: Largest difference of joints that count as one configuration [rad, m].
+#: Motion of a joint between two supports from which one is added between them [rad, m].
+MAX_SUPPORT_MOTION = 0.5
+#: Share of its error to which an unreached pose must come for new joints to replace it [1].
+MIN_IMPROVEMENT = 0.9
+HALVINGS = 20  #: Most rounds that add supports: more than the points between two supports allow.
+
+
+def joints_along(
+    vjm: Vjm, position: Array, rotation: Array, *, start: Array | None = None, point: Array | None = None
+) -> Reached:
+    """Find joints that keep a point of the tool on a path, continuous from point to point.
+
+    Supports are solved one after the other, each from the last one, and all points between them at once.
+    Points that cannot be reached are left as near as the configuration of their neighbours leads.
+
+    Args:
+        vjm: Kinematics of the rigid arm.
+        position: Positions of the point, world, (points, 3) [m].
+        rotation: Orientations, world from tool, (points, 3, 3) [1].
+        start: Joints near the first point, (n,), or near every point, (points, n) [rad, m]. None tries
+            configurations, the nearest to zero first, until one reaches the whole path.
+        point: The point in the tool's frame, (3,) or (points, 3) [m]; None for its origin.
+
+    Returns:
+        Joints, (points, n) [rad, m], and how far the tool stays away where it cannot reach.
+
+    Raises:
+        BenchError: When an array has another shape or is not finite, or there is no point.
+    """
+    position = check_array(position, (None, 3), "position [m]")
+    rotation = check_array(rotation, (len(position), 3, 3), "rotation")
+    if point is not None:
+        position = position - np.matvec(rotation, point)
+    target = Target(position, rotation)
+    if start is not None and np.ndim(start) > 1:
+        near = check_array(start, (len(position), vjm.arm.n_joints), "start [rad, m]")
+        return solve_poses(vjm, target, near)
+    if not len(position):
+        raise BenchError("position [m]: expected at least one point")
+    tries = _first(vjm, in_order(target, slice(1)), start)
+    return _track(vjm, target, _chosen(vjm, target, tries))
+
+
+def _chosen(vjm: Vjm, target: Target, tries: Array) -> Array:
+    """Choose the first of some start configurations from which most of the path is reached, (n,) [rad, m]."""
+    if len(tries) == 1:
+        return np.asarray(tries[0])
+    some = np.arange(0, len(target.position), math.ceil(len(target.position) / SAMPLE))
+    counts: list[int] = []
+    for q in tries:
+        counts.append(int(_pass(vjm, in_order(target, some), q)[0].converged.sum()))
+        if counts[-1] == len(some):
+            break
+    return np.asarray(tries[int(np.argmax(counts))])
+
+
+def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
+    """Find joints of the first point, the best first, (tries, n) [rad, m]."""
+    arm, (lower, upper) = vjm.arm, vjm.arm.limits
+    if start is not None:
+        start = check_array(start, (arm.n_joints,), "start [rad, m]")
+        reached = solve_poses(vjm, target, start[None])
+        if reached.converged.all():
+            return reached.q
+    # Else from many random configurations, nearest to the start or to zero.
+    near = arm.within(np.zeros(arm.n_joints) if start is None else start)
+    seeds = arm.drawn(np.random.default_rng(0), START_CONFIGURATIONS)
+    many = solve_poses(vjm, in_order(target, np.zeros(START_CONFIGURATIONS, dtype=int)), seeds)
+    if not many.converged.any():
+        return many.q[[np.argmin(many.distance + vjm.reach * many.angle)]]
+    # Away from the limits first, then the nearest.
+    q = _unwound(vjm, many.q[many.converged], near)
+    away = np.linalg.norm(q - near, axis=1)
+    tight = np.minimum(q - lower, upper - q).min(axis=1) < LIMIT_CLEARANCE
+    order = np.lexsort((away, tight))
+    kept: list[Array] = []
+    for own_q in q[order]:
+        if len(kept) < (TRIED if start is None else 1) and all(
+            np.abs(own_q - k).max() > LIMIT_CLEARANCE for k in kept
+        ):
+            kept.append(own_q)
+    return np.array(kept)
+
+
+def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
+    """Find all joints that put the tool's origin into a pose, whole turns of hinges included.
+
+    Args:
+        vjm: Kinematics of the rigid arm.
+        position: Position, world, (3,) [m].
+        rotation: Orientation, world from tool, (3, 3) [1].
+
+    Returns:
+        Joints within the limits, (configurations, n) [rad, m].
+    """
+    seeds, (lower, upper) = vjm.arm.drawn(np.random.default_rng(0), START_CONFIGURATIONS), vjm.arm.limits
+    target = Target(
+        np.tile(position, (START_CONFIGURATIONS, 1)), np.tile(rotation, (START_CONFIGURATIONS, 1, 1))
+    )
+    many = solve_poses(vjm, target, seeds)
+    turns = [(-1, 0, 1) if own else (0,) for own in vjm.arm.turns]
+    shifts = 2 * np.pi * np.array([*itertools.product(*turns)], dtype=float)
+    q = (many.q[many.converged][:, None] + shifts).reshape(-1, len(lower))
+    q = q[((q >= lower) & (q <= upper)).all(axis=1)]
+    _, first = np.unique(np.round(q / SAME_CONFIGURATION), axis=0, return_index=True)
+    return np.asarray(q[first])
+
+
+def _unwound(vjm: Vjm, q: Array, near: Array) -> Array:
+    """Take whole turns out of hinges, as far as the limits let them come nearer to given joints."""
+    lower, upper = vjm.arm.limits
+    other = q - 2 * np.pi * np.round((q - near) / (2 * np.pi)) * vjm.arm.turns
+    return np.where((other >= lower) & (other <= upper), other, q)
+
+
+def _track(vjm: Vjm, target: Target, first: Array) -> Reached:
+    """Follow a path from joints near its first point, and repair jumps.
+
+    Where branches of the inverse kinematics nearly meet, a support may lie on another branch than the points
+    before it. Then the rest is solved again from these points. If that leads nowhere, the points before are
+    solved again, backwards from the support.
+    """
+    reached, rough = _pass(vjm, target, first)
+    tried = -1
+    for _ in range(REPEATS):
+        i = next((i for i in rough.tolist() if i > tried), None)
+        if i is None:
+            break
+        tried, after = i, np.arange(i, len(target.position))
+        # forwards: the rest of the path from the joints before the jump
+        rest, more = _pass(vjm, in_order(target, after), reached.q[i])
+        if rest.converged.sum() >= reached.converged[after].sum() and 0 not in more:
+            reached, rough = with_rows(reached, after, rest), i + more
+            continue
+        # backwards: from the joints behind the jump to where both branches meet
+        before = np.arange(i + 1, -1, -1)
+        back, _ = _pass(vjm, in_order(target, before), reached.q[i + 1])
+        gap = np.abs(back.q[::-1][1:] - reached.q[: i + 1]).max(axis=1)
+        meet = int(np.argmin(gap)) + 1
+        own = np.arange(meet, i + 2)
+        if gap[meet - 1] < STEADY and back.converged[: len(own)].sum() >= reached.converged[own].sum():
+            reached = with_rows(reached, own, in_order(back, i + 1 - own))
+    return reached
+
+
+def _pass(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
+    """Find joints along a path once, and the points, (jumps,), behind which they jump."""
+    turn = np.linalg.norm(turn_between(target.rotation[:-1], target.rotation[1:]), axis=1)
+    step = np.linalg.norm(np.diff(target.position, axis=0), axis=1)
+    way = np.concatenate([[0.0], np.cumsum(step / (STRIDE * vjm.reach) + turn / FAR_ROTATION + 1e-9)])
+    places, q = path_supports(vjm, target, _strides(way), first)
+    start = np.stack([np.interp(way, way[places], own) for own in q.T], axis=1)
+    # a motion well beyond the interpolated one is a jump to another branch
+    steady = STEADY + np.minimum(2 * np.abs(np.diff(start, axis=0)), FASTEST * np.diff(way)[:, None])
+    reached = _again(vjm, target, solve_poses(vjm, target, start))
+    jumps = (np.abs(np.diff(reached.q, axis=0)) > steady).any(axis=1)
+    return reached, np.flatnonzero(jumps & reached.converged[1:] & reached.converged[:-1])
+
+
+def _strides(way: Array) -> Ids:
+    """Select points about one stride apart along the way, the first and the last one among them."""
+    found = [0]
+    while found[-1] < len(way) - 1:
+        found.append(max(found[-1] + 1, int(np.searchsorted(way, way[found[-1]] + 1, side="right")) - 1))
+    return np.array(found)
+
+
+def _again(vjm: Vjm, target: Target, reached: Reached) -> Reached:
+    """Try unreached points once more from the nearest points that were reached."""
+    there = np.flatnonzero(reached.converged)
+    lost = np.flatnonzero(~reached.converged)
+    if not len(there) or not len(lost):
+        return reached
+    right = np.minimum(np.searchsorted(there, lost), len(there) - 1)
+    left = np.maximum(right - 1, 0)
+    nearer = np.where(np.abs(there[left] - lost) < np.abs(there[right] - lost), left, right)
+    other = solve_poses(vjm, in_order(target, lost), reached.q[there[nearer]])
+    return with_rows(reached, lost[other.converged], in_order(other, np.flatnonzero(other.converged)))
+
+
+def solve_path(vjm: Vjm, target: Target, found: Reached, open_: Ids) -> Reached:
+    """Solve poses again, each from the one before, until none changes; a reached pose stays reached.
+
+    Args:
+        vjm: Kinematics of the rigid arm.
+        target: Poses of the tool's origin.
+        found: A guess of every pose.
+        open_: Indices of the poses to solve first, (k,), the first pose not among them.
+
+    Returns:
+        Joints and remaining errors of all poses.
+    """
+    while len(open_):
+        # solve from the left neighbour; where that changes a pose, the pose behind it is open again
+        reached, old = solve_poses(vjm, in_order(target, open_), found.q[open_ - 1]), in_order(found, open_)
+        moved = np.abs(reached.q - old.q).max(axis=1) > SAME_CONFIGURATION
+        nearer = reached.distance + reached.angle * vjm.reach < MIN_IMPROVEMENT * (
+            old.distance + old.angle * vjm.reach
+        )
+        change = np.where(reached.converged, moved | ~old.converged, nearer & ~old.converged)
+        found = with_rows(found, open_[change], in_order(reached, np.flatnonzero(change)))
+        open_ = open_[change] + 1
+        open_ = open_[open_ < len(found.q)]
+    return found
+
+
+def path_supports(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids, Array]:
+    """Find supports of a path and their joints; where joints turn fast, supports are added.
+
+    Args:
+        vjm: Kinematics of the rigid arm.
+        target: Poses of the tool's origin along the path.
+        places: Indices of the first supports, (k,).
+        first: Joints near the first point, (n,) [rad, m].
+
+    Returns:
+        Indices of all supports, (supports,), and their joints, (supports, n) [rad, m].
+    """
+    found = solve_poses(vjm, in_order(target, places), np.tile(first, (len(places), 1)))
+    open_ = np.arange(1, len(places))
+    for _ in range(HALVINGS):
+        # the supports so far, each from the one before
+        found = solve_path(vjm, in_order(target, places), found, open_)
+        far = np.abs(np.diff(found.q, axis=0)).max(axis=1, initial=0) > MAX_SUPPORT_MOTION
+        wide = np.flatnonzero(far & found.converged[1:] & found.converged[:-1] & (np.diff(places) > 1))
+        if not len(wide):
+            break
+        # halfway between supports whose joints are far apart a new one is added
+        between = (places[wide] + places[wide + 1]) // 2
+        reached = solve_poses(vjm, in_order(target, between), found.q[wide])
+        order = np.argsort(np.concatenate([places, between]))
+        places = np.concatenate([places, between])[order]
+        found = in_order(join_rows([found, reached]), order)
+        open_ = np.flatnonzero(np.isin(places, between)) + 1
+    return places, found.q
+
+
+# --- Compensation of a program ------------------------------------------------------------------------------
 
 Why = Literal["reach", "equilibrium", "limit", "collision"]
 """Reasons to refuse a point: out of reach, no equilibrium, beyond a joint's limit, or a new collision."""

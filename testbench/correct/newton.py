@@ -34,8 +34,7 @@ from testbench.data.dataset import Rows, arrays, in_order, join_rows
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.identify.absolute.state import ArmState, joint_equilibrium, loads_at, unsprung_theta
 from testbench.model.load import Load
-from testbench.model.tool_motion import turn_between, turn_of_axis
-from testbench.model.vjm import Chain, chain, cross, on_tool, tool_pose
+from testbench.model.vjm import Chain, chain, cross, on_tool, tool_pose, turn_between, turn_of_axis
 from testbench.progress import stepwise
 
 POSES_AT_ONCE = 512  #: Poses computed side by side: enough for numpy, few for its cache.

@@ -18,7 +18,7 @@ from testbench.identify.absolute.state import ArmState
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CONFIDENCE, conditional_covariance, quantile
 from testbench.identify.rows import jacobian, nominal_chain
-from testbench.model.joint_errors import basis
+from testbench.model.kinematics import basis
 from testbench.model.load import Load, on_joints, own_weight
 from testbench.model.loaded import displacement
 from testbench.model.vjm import chain, tool_pose

@@ -12,14 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from testbench.data.series import Series
+from testbench.data.dataset import Series
 from testbench.design.planning import CandidateSet
 from testbench.design.rows import SCALE_UNCERTAINTY, DesignProblem, row_products
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.state import ArmState, series_equilibrium
-from testbench.identify.absolute.unknowns import Unknowns
-from testbench.identify.metric import PriorScaling, precision_root
-from testbench.identify.prior import Strength
+from testbench.identify.absolute.state import ArmState, Unknowns, series_equilibrium
+from testbench.identify.metric import PriorScaling, Strength, precision_root
 from testbench.identify.rows import series_rows
 from testbench.model.vjm import chain, translation_rows
 

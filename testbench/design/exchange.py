@@ -3,17 +3,212 @@
 Fedorov (1972) and Mitchell's DETMAX (1974): remove the pose that another candidate replaces best, until no
 exchange of one pose helps. Every trial is an update of rank k of the information matrix. A tangent of the
 criterion selects the trials that can help. `planning` refines the plan afterwards.
+
+The relaxed design problem: real weights for all candidates, and a bound on every plan of N poses.
+
+Weights w >= 0 with sum N in place of N poses make Phi(prior + sum w F^T F) a concave problem. With Z of a
+tangent at any M, Phi of every plan is at most <Z, prior> + N max <Z, F^T F>: the equivalence theorem (Kiefer
+and Wolfowitz 1960) read as a bound. Weights climb on a working set of candidates; candidates that the bound
+blames for the gap join it.
+
+Where Phi is smooth the weights climb by Newton's method: the best weights of its second-order model solve a
+least-squares problem with weights >= 0 (Lawson and Hanson 1974). G and E use the multiplicative algorithm
+(Silvey, Titterington and Torsney 1978; Yu 2010), which needs no second derivatives but more steps.
+
+Local refinement of a plan: from the best candidates to better joint angles, pose after pose.
+
+It is a random search with a shrinking step, an evolution strategy with one parent. Many neighbours of a pose
+are judged at once by updates of the information matrix. Only those that would help are checked for
+feasibility.
 """
 
 import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import nnls
 
-from testbench.design.criteria import Criterion, LargestCriterion, LinearCriterion, gains_of, grown
-from testbench.design.relaxation import Relaxed, sensitivity
-from testbench.design.rows import DesignProblem, information, suffix_information, sum_information
-from testbench.errors import Array, Ids
+from testbench.design.criteria import (
+    Criterion,
+    LargestCriterion,
+    LinearCriterion,
+    gains_of,
+    gram_matrices,
+    grown,
+)
+from testbench.design.rows import (
+    DesignProblem,
+    information,
+    row_products,
+    suffix_information,
+    sum_information,
+)
+from testbench.errors import Array, Ids, Mask
 from testbench.progress import stepwise
+
+# --- The relaxed design problem: real weights for all candidates, and a bound on every plan of N poses ------
+
+FIRST, JOINING = 120, 40  #: Candidates of the first working set, and how many join it in a round.
+MAX_ROUNDS = 40  #: Most rounds.
+GAP = 1e-3  #: Relative gap from Phi, or its smooth stand-in, to the bound at which the relaxation ends [1].
+MIN_WEIGHT = 1e-6  #: Share of the mean weight below which a candidate leaves the working set [1].
+MAX_STEPS = 150  #: Most multiplicative steps.
+POWER, GROW, MAX_EXPONENT = 0.5, 1.3, 2.0
+"""First exponent of a multiplicative step, and its factor after a step that climbs, up to `MAX_EXPONENT`."""
+ENTRY_SHARE = 0.02  #: Share of all weight given to candidates without any before multiplicative steps [1].
+INNER_GAP = 2.5e-4  #: Relative gap within the working set at which multiplicative steps end [1].
+RIDGE = 1e-9  #: Ridge on the Newton model's curvature over its mean diagonal [1]; candidates may depend.
+EQUALITY_WEIGHT = 1e3  #: Weight of the equation sum w = N over the root of the curvature's mean diagonal [1].
+MIN_STEP = 1e-3  #: Least share of a Newton step that is tried [1].
+
+
+@dataclass(frozen=True)
+class Relaxed:
+    """Hold the relaxed optimum: weights of candidates, and the bound on all plans with its dual."""
+
+    support: Ids  #: Candidates with weight, (s,).
+    weights: Array  #: Their weights, whose sum is the number of poses, (s,).
+    bound: float  #: Upper bound on Phi of every plan of as many poses.
+    dual: Array  #: Matrix Z of the plane that proves the bound, (r, r).
+
+
+def sensitivity(rows: Array, Z: Array) -> Array:
+    """Compute the sensitivity <Z, F^T F> of every candidate: how much a plane rises with its weight.
+
+    Where Phi is smooth and Z its gradient, this is the derivative of Phi with respect to the weight.
+
+    Args:
+        rows: Whitened rows F, (candidates, k, r).
+        Z: Matrix of a supporting plane, (r, r).
+
+    Returns:
+        Sensitivities, (candidates,).
+    """
+    return np.asarray(np.einsum("pkr,pkr->p", row_products(rows, Z), rows))
+
+
+def relax(problem: DesignProblem, criterion: Criterion, poses: int, start: Relaxed | None = None) -> Relaxed:
+    """Solve the relaxed problem to within `GAP`, and bound Phi of every plan of as many poses.
+
+    For G and E, which are not smooth, the bound is within a few per cent.
+
+    Mathematics: `pose-8`.
+
+    Args:
+        problem: Candidates.
+        criterion: Information function.
+        poses: Number of poses N, the sum of the weights.
+        start: Optimum over fewer candidates to start from; None for even weights.
+
+    Returns:
+        The weights with the lowest bound met.
+    """
+    S = np.linspace(0, len(problem.rows) - 1, min(FIRST, len(problem.rows))).astype(int)
+    S, w = (start.support, start.weights) if start else (S, np.full(len(S), poses / len(S)))
+    best: Relaxed | None = None
+    for _ in range(MAX_ROUNDS):
+        # better weights on the working set S
+        w = _climb(problem.prior, criterion, problem.rows[S], w)
+        M = sum_information(problem.prior, np.sqrt(w)[:, None, None] * problem.rows[S])
+        # the bound over all candidates: <Z, prior> + N max <Z, F^T F>
+        plane = criterion.tangent(M)
+        g = sensitivity(problem.rows, plane.Z)
+        limit = float((plane.Z * problem.prior).sum() + poses * g.max())
+        if best is None or limit < best.bound:
+            best = Relaxed(S, w, limit, plane.Z)
+        if limit <= (1 + GAP) * plane.height:
+            break
+        S, w = _exchange_members(g, S, w)
+    assert best is not None
+    return best
+
+
+def _exchange_members(g: Array, S: Ids, w: Array) -> tuple[Ids, Array]:
+    """Drop candidates without weight from the working set; add the most sensitive ones at weight zero."""
+    total, stay = w.sum(), w > MIN_WEIGHT * w.mean()
+    new = np.setdiff1d(np.argsort(-g, kind="stable")[:JOINING], S[stay])
+    S, w = np.r_[S[stay], new], np.r_[w[stay], np.zeros(len(new))]
+    return S, np.asarray(w * total / w.sum())
+
+
+def _climb(prior: Array, criterion: Criterion, rows: Array, w: Array) -> Array:
+    """Increase Phi(prior + sum w F^T F), by one Newton step or by many multiplicative steps.
+
+    Args:
+        prior: Information before any reading, (r, r).
+        criterion: Information function.
+        rows: Whitened rows of the working set, (candidates, k, r).
+        w: Weights, (candidates,).
+
+    Returns:
+        Weights of the same sum whose Phi, or its stand-in, is no less, (candidates,).
+    """
+    every = gram_matrices(rows)
+    M = prior + (w @ every).reshape(prior.shape)
+    plane = criterion.tangent(M)
+    if not plane.bend:
+        return _multiply(prior, criterion, every, w)
+    # Newton: the best weights of a second-order model, of log Phi for D and of the cost 1 / Phi for a linear
+    # criterion; multiplicative steps where there is none
+    Z, inverse = plane.Z / plane.height, np.asarray(np.linalg.inv(M))
+    try:
+        goal = _best_of_model(every @ Z.ravel(), plane.bend * _curvature(rows, every, inverse, Z), w)
+    except (np.linalg.LinAlgError, RuntimeError):  # without a prior few poses cost too many digits
+        return _multiply(prior, criterion, every, w)
+    # halve the step until Phi does not fall
+    share = 1.0
+    while share > MIN_STEP:
+        trial = w + share * (goal - w)
+        if criterion.information(prior + (trial @ every).reshape(prior.shape)) >= plane.height:
+            return np.asarray(trial)
+        share /= 2
+    return w
+
+
+def _curvature(rows: Array, every: Array, I: Array, Z: Array) -> Array:  # noqa: E741
+    """Compute <Z, S_i M^-1 S_j> of all pairs of S = F^T F, with I = M^-1, (candidates, candidates)."""
+    half = row_products(rows, I).swapaxes(1, 2) @ row_products(rows, Z)
+    return np.asarray((half + half.swapaxes(1, 2)).reshape(len(rows), -1) @ every.T / 2)
+
+
+def _best_of_model(slope: Array, H: Array, w: Array) -> Array:
+    """Minimise -slope x + (x - w)^T H (x - w) / 2 over x >= 0 of the same sum as w, (candidates,)."""
+    # |L^T x - L^-1 (H w + slope)|^2 is the model but for a constant; one stiff row keeps the sum of x
+    size = float(np.trace(H)) / len(H)
+    L = np.linalg.cholesky(H + RIDGE * size * np.eye(len(H)))
+    stiff = EQUALITY_WEIGHT * np.sqrt(size)
+    A, b = np.vstack([L.T, np.full(len(w), stiff)]), np.r_[np.linalg.solve(L, H @ w + slope), stiff * w.sum()]
+    x, _ = nnls(A, b)
+    return np.asarray(x * w.sum() / x.sum())
+
+
+def _multiply(prior: Array, criterion: Criterion, every: Array, w: Array) -> Array:
+    """Climb by multiplicative steps w_i <- w_i g_i^power, scaled to the same sum, g_i = <Z, F^T F>."""
+    total, power, new = w.sum(), POWER, w == 0
+    # a weight of zero stays zero under products: give new candidates some
+    if new.any():
+        w = np.where(new, ENTRY_SHARE * total / new.sum(), (1 - ENTRY_SHARE) * w)
+    plane = criterion.tangent(prior + (w @ every).reshape(prior.shape))
+    for _ in range(MAX_STEPS):
+        g = every @ plane.Z.ravel()
+        if total * g.max() - w @ g <= INNER_GAP * plane.height:
+            break
+        # halve the exponent until the stand-in does not fall; let it grow after a step that climbs
+        while power > 1e-3:
+            trial = w * (g / g.max()) ** power
+            trial *= total / trial.sum()
+            reached = criterion.tangent(prior + (trial @ every).reshape(prior.shape))
+            if reached.height >= plane.height:
+                w, plane, power = trial, reached, min(GROW * power, MAX_EXPONENT)
+                break
+            power /= 2
+        else:
+            break
+    return w
+
+
+# --- Plans of whole poses -----------------------------------------------------------------------------------
 
 MAX_STARTS, MAX_STARTS_OF_MAXIMUM, MAX_DRAWN = 12, 4, 190
 """Most random starts from the relaxed weights; the same for G and E, whose trials cost more; and the most
@@ -126,3 +321,153 @@ def exchange(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Id
             break
         before = before + rows[plan[k]].T @ rows[plan[k]]
     return plan
+
+
+# --- Local refinement of a plan: from the best candidates to better joint angles, pose after pose -----------
+
+NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time by `refine_plan`.
+#: Neighbours of a pose that are judged at a time by `ascend_poses`, where many poses climb at once.
+ASCEND_NEIGHBOURS = 16
+REFINE_ROUNDS, ASCEND_ROUNDS = 22, 14  #: Rounds of `refine_plan` and of `ascend_poses`.
+STEP, SHRINK = 0.25, 0.7
+"""First standard deviation of a joint's step [rad], and its factor after a round without gain."""
+CHECKED_NEIGHBOURS = 8  #: Neighbours, the best first, whose feasibility is checked in a round.
+MIN_REFINEMENT = 1e-6  #: Relative gain below which a step does not count [1].
+
+POSES_AT_ONCE = 32  #: Poses of the plan whose neighbours' rows are computed together.
+
+Rows = Callable[[Array, Ids], Array]
+"""Function of joints (poses, n) [rad, m] and places in the plan (poses,) to whitened rows (poses, k, r).
+
+Each pose is measured as the pose in its place of the plan is, such as under the same load.
+"""
+Measured = Callable[[Array, Ids, Array | None], Array]
+"""Function of joints (poses, n) [rad, m], loads (poses,) and lift (n, r) to whitened rows (poses, k, r).
+
+Rows are per unit of a, where x = lift @ a, or of x itself where the lift is None.
+"""
+Feasible = Callable[[Array], Mask]
+"""Function of joints (poses, n) [rad, m] to whether each pose is feasible, (poses,)."""
+
+
+@dataclass(frozen=True)
+class Feasibility:
+    """Tell where the arm can go: which poses are feasible, and which ways between two poses are clear."""
+
+    feasible: Feasible  #: Which poses (poses, n) [rad, m] the arm can take and the tracker can see.
+    #: Whether the arm can go straight from one pose (n,) to another [rad].
+    clear: Callable[[Array, Array], bool] = lambda _start, _end: True
+
+
+@dataclass(frozen=True)
+class Search:
+    """Describe how poses are searched for, whatever they are measured for."""
+
+    measured: Measured  #: Whitened rows of poses, each under its own load, whose index is given.
+    poses: int  #: Number of poses to measure.
+    limits: Array  #: Lower and upper joint limits, (2, n) [rad, m].
+    #: Which poses near the candidates are feasible, and which ways between them are clear.
+    reach: Feasibility
+    rng: np.random.Generator  #: Source of starts and steps.
+    #: Function that moves dependent joints of poses, (..., n) [rad, m], to where the others bring them.
+    followed: Callable[[Array], Array] = lambda q: q
+
+    def around(self, q: Array, step: Array) -> Array:
+        """Draw poses around others within the joint limits, with normal steps.
+
+        Args:
+            q: Actuated joints, (..., n) [rad, m].
+            step: Standard deviation of the step, (..., n) [rad, m]; broadcasts with q.
+
+        Returns:
+            Poses, (..., n) [rad, m].
+        """
+        shape = np.broadcast_shapes(q.shape, step.shape)
+        return self.followed(np.clip(q + step * self.rng.standard_normal(shape), *self.limits))
+
+
+def refine_plan(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Search) -> Array:
+    """Improve the joint angles of every pose of a plan; no step makes the criterion worse.
+
+    Args:
+        q: Poses of the plan, (poses, n) [rad, m].
+        prior: Information before any reading, (r, r).
+        criterion: Information function.
+        rows: Function that gives whitened rows of poses, each measured as the pose in its place of the plan.
+        search: Limits, feasibility and source of the steps.
+
+    Returns:
+        Improved poses, (poses, n) [rad, m].
+    """
+    q, step, own = q.copy(), np.full(len(q), STEP), rows(q, np.arange(len(q)))
+    M = sum_information(prior, own)
+    for _ in stepwise(range(REFINE_ROUNDS), "refining poses"):
+        before, after = prior, suffix_information(own)
+        for places in np.array_split(np.arange(len(q)), -(-len(q) // POSES_AT_ONCE)):
+            # neighbours of some poses at once, (places, NEIGHBOURS, n), and what they would tell
+            trials = search.around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
+            seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, NEIGHBOURS))
+            for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
+                rest = before + after[k + 1]
+                # the best feasible neighbour that helps replaces the pose; without one its step shrinks
+                better = _better(criterion, M, own[k], tells, rest)
+                allowed = better[search.reach.feasible(trial[better])] if len(better) else better
+                if len(allowed):
+                    q[k], own[k] = trial[allowed[0]], tells[allowed[0]]
+                    M = rest + own[k].T @ own[k]
+                else:
+                    step[k] *= SHRINK
+                before = before + own[k].T @ own[k]
+    return q
+
+
+def _better(criterion: Criterion, M: Array, own: Array, rows: Array, rest: Array) -> Ids:
+    """Find the trials that increase Phi in the place of a pose, the best first, at most `CHECKED_NEIGHBOURS`.
+
+    Only trials are computed that a tangent leaves hope: Phi(M') is no more than <Z, M'>.
+
+    Args:
+        criterion: Information function.
+        M: Information of the plan, (r, r).
+        own: Rows of the pose that would be replaced, (k, r).
+        rows: Rows of the trials, (trials, k, r).
+        rest: Information of the plan without that pose, (r, r).
+
+    Returns:
+        Indices of trials, (found,).
+    """
+    floor, Z = (1 + MIN_REFINEMENT) * criterion.information(M), criterion.tangent(M).Z
+    without = (Z * M).sum() - sensitivity(own[None], Z)
+    hopeful = np.flatnonzero(without + sensitivity(rows, Z) > floor)
+    if not len(hopeful):
+        return hopeful
+    reached = criterion.after(rest, rows[hopeful])
+    first = np.argsort(-reached)[:CHECKED_NEIGHBOURS]
+    return np.asarray(hopeful[first[reached[first] > floor]])
+
+
+def ascend_poses(q: Array, usefulness: Callable[[Array], Array], search: Search) -> Array:
+    """Improve poses by a measure that judges each pose alone.
+
+    Args:
+        q: Poses to start from, (poses, n) [rad, m].
+        usefulness: Function of poses, (count, n) with a multiple of (poses,) rows, to their usefulness,
+            (count,).
+        search: Limits, feasibility and source of the steps.
+
+    Returns:
+        Poses at least as useful as their starts, (poses, n) [rad, m].
+    """
+    q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
+    for _ in range(ASCEND_ROUNDS):
+        trial = search.around(q, np.tile(step[:, None], (ASCEND_NEIGHBOURS, 1, 1)))
+        # every pose is replaced by its most useful neighbour if that is better and feasible; else its step
+        # shrinks
+        reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(ASCEND_NEIGHBOURS, -1)
+        best = reached.argmax(axis=0)
+        trial, reached = trial[best, np.arange(len(q))], reached.max(axis=0)
+        better = np.flatnonzero(reached > (1 + MIN_REFINEMENT) * value)
+        better = better[search.reach.feasible(trial[better])] if len(better) else better
+        q[better], value[better] = trial[better], reached[better]
+        step[np.setdiff1d(np.arange(len(q)), better)] *= SHRINK
+    return q

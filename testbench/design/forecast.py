@@ -26,8 +26,7 @@ from testbench.design.rows import (
 )
 from testbench.display import Displayed, span
 from testbench.errors import Array, Mask
-from testbench.identify.metric import precision_root
-from testbench.identify.prior import Strength
+from testbench.identify.metric import Strength, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.model.load import Load
 

@@ -12,8 +12,7 @@ from itertools import combinations, cycle, islice, product
 import numpy as np
 
 from testbench.design.criteria import Criterion
-from testbench.design.exchange import exchange, greedy
-from testbench.design.relaxation import sensitivity
+from testbench.design.exchange import exchange, greedy, sensitivity
 from testbench.design.rows import DesignProblem, Specification, deflection_rows, loads_of, row_products
 from testbench.errors import Array, BenchError, Ids
 from testbench.model.vjm import tool_pose

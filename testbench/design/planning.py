@@ -28,7 +28,17 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from testbench.design.criteria import Criterion, check_criterion, criterion_of
-from testbench.design.exchange import greedy, select_poses
+from testbench.design.exchange import (
+    Feasibility,
+    Relaxed,
+    Search,
+    ascend_poses,
+    greedy,
+    refine_plan,
+    relax,
+    select_poses,
+    sensitivity,
+)
 from testbench.design.forecast import Forecast, forecast
 from testbench.design.gauges import (
     GaugePlan,
@@ -40,8 +50,6 @@ from testbench.design.gauges import (
     most_telling,
     placed_gauges,
 )
-from testbench.design.refine import Feasibility, Search, ascend_poses, refine_plan
-from testbench.design.relaxation import Relaxed, relax, sensitivity
 from testbench.design.rows import (
     DesignProblem,
     Specification,

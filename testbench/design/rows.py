@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.unknowns import compliance_unknowns
-from testbench.identify.metric import PriorScaling, precision_root
-from testbench.identify.prior import Strength
+from testbench.identify.absolute.state import compliance_unknowns
+from testbench.identify.metric import PriorScaling, Strength, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.identify.rows import jacobian, nominal_chain
 from testbench.model.load import Load

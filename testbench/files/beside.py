@@ -1,15 +1,35 @@
-"""Readings other than positions: orientations in any notation, joint torques, temperature, time."""
+"""Readings other than positions: orientations in any notation, joint torques, temperature, time.
+
+Notation of orientations that a file does not state: the one that fits the arm's kinematics.
+
+Orientation and position of one target in n poses fit a notation if one frame X and one mount Y, m exist with
+
+    C_i = X R_i Y,    p_i = t + X (x_i + R_i m),
+
+where R_i, x_i are orientation and position of the drawn arm's tool. Then X R_i = C_i Y^T: of all pairs of
+matrices those that come nearest follow from the largest singular value of the mean of R_i^T (x) C_i^T
+(M. Shah, Solving the robot-world/hand-eye calibration problem using the Kronecker product, 2013). With X,
+the vectors t and m are linear.
+"""
 
 import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
-from testbench.errors import Array, BenchError, InputError, Mask
+from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.files.columns import Columns, ReadColumn
 from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
 from testbench.files.rearranged import clock, seconds
+from testbench.model.kinematics import build_vjm
+from testbench.model.vjm import marker_points, tool_points, tool_pose
+
+# --- Readings other than positions: orientations in any notation, joint torques, temperature, time ----------
 
 UNIT_NORM = 5e-3
 """Largest deviation of a quaternion's norm, or of a matrix times its transpose, from one [1]: rounding in a
@@ -230,3 +250,269 @@ def _if_full(columns: Columns, column: ReadColumn) -> tuple[Array | None, list[s
         return columns.full(column), []
     except InputError:
         return None, [f"{column.name}: blank or no number in a row, not read"]
+
+
+# --- Readings along lines in a file: travels of gauges and distances to fixed points, one marker per row ----
+
+TILT, FIXED = np.radians(0.5), 1e-3
+"""Standard deviations of a gauge's direction [rad] and of a fixed point [m] if the file states none."""
+MAX_TILT, MAX_FIXED = np.radians(10), 0.1
+"""Largest of these that are accepted [rad, m]: beyond them a unit is wrong."""
+
+
+@dataclass(frozen=True)
+class FileLines:
+    """Hold the readings along lines of a table; rows of positions hold none."""
+
+    number: Array  #: Readings unloaded and loaded, (2, rows) [m]; NaN in other rows, or where lost.
+    gauge: Mask  #: Rows of gauges, (rows,).
+    meter: Mask  #: Rows of distances, (rows,).
+    direction: Array  #: Directions of gauges, unit vectors, (rows, 3) [1]; the x axis in other rows.
+    tilt: Array  #: Their standard deviations, (rows,) [rad].
+    fixed: Array  #: Fixed points of distances, (rows, 3) [m]; NaN in other rows.
+    fixed_sigma: Array  #: Their standard deviations, (rows,) [m].
+    notes: tuple[str, ...]  #: Assumptions that were made.
+
+    @property
+    def rows(self) -> Mask:
+        """Tell which rows are readings along lines, (rows,)."""
+        return self.gauge | self.meter
+
+
+def read_lines(columns: Columns) -> FileLines | None:
+    """Read travels and distances.
+
+    Args:
+        columns: The columns of the file.
+
+    Returns:
+        The readings; None without columns for them.
+
+    Raises:
+        InputError: Names line and column, and what was expected.
+    """
+    if not columns.all_of("travel", "distance"):
+        return None
+    table, notes = columns.table, list[str]()
+    travel, distance = _numbers(columns, "travel"), _numbers(columns, "distance")
+    (fixed, _), (direction, axes) = _triple(columns, "fixed"), _triple(columns, "direction")
+    # What a row is: the one of the two kinds whose direction or fixed point it states.
+    gauge, meter = (np.asarray(np.isfinite(own).all(axis=1)) for own in (direction, fixed))
+    table.refuse(gauge & meter, axes[0] if axes else "", "expected a direction or a fixed point, got both")
+    for read, own, what in (
+        (travel, gauge, "direction_x, _y and _z"),
+        (distance, meter, "fixed_x, _y and _z"),
+    ):
+        stray = np.asarray(np.isfinite(read).any(axis=0) & ~own)
+        table.refuse(stray, "", f"expected {what} of this reading")
+    length = np.linalg.norm(np.where(gauge[:, None], direction, 1.0), axis=1)
+    table.refuse(np.asarray(length == 0), axes[0] if axes else "", "expected a direction, got 0, 0, 0")
+    direction = np.where(gauge[:, None], direction / np.maximum(length, 1e-300)[:, None], (1.0, 0.0, 0.0))
+    tilt = _deviation(columns, "tilt", gauge, (TILT, MAX_TILT), notes)
+    fixed_sigma = _deviation(columns, "fixed_sigma", meter, (FIXED, MAX_FIXED), notes)
+    number = np.where(gauge, travel, np.where(meter, distance, np.nan))
+    kinds = (
+        f"{gauge.sum()} travels of gauges" * bool(gauge.any()),
+        f"{meter.sum()} distances" * bool(meter.any()),
+    )
+    notes.insert(0, f"{' and '.join(filter(None, kinds))}: one number each, along a line")
+    return FileLines(number, gauge, meter, direction, tilt, fixed, fixed_sigma, tuple(notes))
+
+
+def _numbers(columns: Columns, what: str) -> Array:
+    """Read a quantity unloaded and loaded, (2, rows) [m]; a gauge without unloaded readings was zeroed."""
+    loaded, unloaded = columns.get(Slot(what, when="after")), columns.get(Slot(what, when="before"))  # type: ignore[arg-type]
+    if loaded is None and unloaded is None:
+        return np.full((2, columns.table.rows), np.nan)
+    if loaded is None or (unloaded is None and what == "distance"):
+        raise columns.lack([f"{what}_{'after' if loaded is None else 'before'}_m"])
+    last = columns.values(loaded)
+    first = np.where(np.isnan(last), np.nan, 0.0) if unloaded is None else columns.values(unloaded)
+    return np.array([first, last])
+
+
+def _triple(columns: Columns, what: str) -> tuple[Array, list[str]]:
+    """Read a vector, (rows, 3), NaN where blank or missing; and the names of its columns."""
+    found: list[ReadColumn] = columns.complete_set(columns_of(what))  # type: ignore[arg-type]
+    if not found:
+        return np.full((columns.table.rows, 3), np.nan), []
+    return columns.together(found)[0], [column.name for column in found]
+
+
+def _deviation(columns: Columns, what: str, own: Mask, usual: tuple[float, float], notes: list[str]) -> Array:
+    """Read a standard deviation, (rows,), 0 in other rows; the usual one where nothing states it."""
+    source = columns.source_of(Slot(what))  # type: ignore[arg-type]
+    stated = columns.values(source) if isinstance(source, ReadColumn) else np.full(len(own), source or np.nan)
+    stated = np.full(len(own), 0.0) if source == 0.0 else stated
+    if (missing := own & np.isnan(stated)).any():
+        words = {"tilt": "0.5 deg of direction", "fixed_sigma": "1 mm of a fixed point"}[what]
+        notes.append(f"no column gives the uncertainty in {missing.sum()} rows: {words} is assumed")
+    values = np.where(own, np.where(np.isnan(stated), usual[0], stated), 0.0)
+    name = source.name if isinstance(source, ReadColumn) else what
+    bad = ~((values >= 0) & (values <= usual[1]))
+    columns.table.refuse(bad, name, lambda row: f"expected 0 to {usual[1]:.3g} rad or m, got {values[row]:g}")
+    return values
+
+
+@dataclass(frozen=True)
+class PlacedLines:
+    """Hold directions of the readings of every run and marker, as a dataset has them."""
+
+    direction: Array  #: Unit vectors, (runs, m, 3) [1]; zero for positions and without an instrument.
+    tilt: Array  #: Standard deviations, (runs, m) [rad].
+    reach: Array  #: Lengths of distances, (runs, m) [m]; 0 for gauges.
+
+
+def place_lines(
+    lines: FileLines, arm: Arm, names: tuple[str, ...], q: Array, at: tuple[Ids, Ids]
+) -> PlacedLines:
+    """Arrange directions by run and marker; those of distances are towards the marker of the rigid arm.
+
+    Args:
+        lines: The readings.
+        arm: The arm that was measured.
+        names: Markers of the runs, m of them.
+        q: Joints of the runs, (runs, n) [rad, m].
+        at: Run and marker of every row, (rows,) each.
+
+    Returns:
+        Directions, tilts and reaches.
+    """
+    shape = len(q), len(names)
+    direction, tilt, reach = np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape)
+    direction[at] = np.where(lines.gauge[:, None], lines.direction, 0.0)
+    tilt[at] = lines.tilt
+    if lines.meter.any():
+        vjm = build_vjm(arm)
+        beam = tool_points(vjm, q, marker_points(vjm, names))[at] - lines.fixed
+        length = np.linalg.norm(beam, axis=1)
+        own = lines.meter
+        runs, markers = at[0][own], at[1][own]
+        direction[runs, markers] = beam[own] / length[own, None]
+        reach[runs, markers] = length[own]
+        tilt[runs, markers] = lines.fixed_sigma[own] / length[own]
+    return PlacedLines(direction, tilt, reach)
+
+
+# --- Notation of orientations that a file does not state: the one that fits the arm's kinematics ------------
+
+MOST_ANGLE = np.radians(2.0)  #: RMS angle up to which orientations fit the drawn arm [rad].
+MOST_DISTANCE = 0.02  #: RMS distance of positions up to which they fit it, over its reach [1].
+CLEAR = 3.0  #: A notation is taken if the next one fits so many times worse [1].
+SAME = 1e-6  #: Difference of two matrices that counts as none [1].
+MIN_POSES = 4  #: Fewest poses from which a notation is found.
+LOOKED_AT = 300  #: Most poses that are used.
+ORDERS = tuple(
+    "".join(axes) for axes in product(XYZ, repeat=3) if axes[0] != axes[1] != axes[2]
+)  #: The 12 orders of Euler angles.
+
+
+@dataclass(frozen=True)
+class OrientationFit:
+    """Hold how well orientations in one notation fit the drawn arm."""
+
+    notation: str  #: As a map states it, such as "intrinsic zyx".
+    angle: float  #: RMS angle between read and drawn orientations [rad].
+    distance: float  #: RMS distance between read and drawn positions [m].
+    score: float  #: Root of the sum of the squares of both over what fits: 1 or less fits [1].
+
+    def __str__(self) -> str:
+        """Write the notation with its two numbers."""
+        return f"{self.notation} ({np.degrees(self.angle):.2g} deg, {1e3 * self.distance:.2g} mm)"
+
+
+def notations(angles: Array, by_axis: bool) -> dict[str, Array]:
+    """Convert three angles by every notation.
+
+    Args:
+        angles: Three angles of each pose, (poses, 3) [rad].
+        by_axis: Whether the angles are named by their axes x, y, z, not by their order.
+
+    Returns:
+        Rotation matrices, (poses, 3, 3), by the notation as a map states it. Of notations that give the same
+        for these angles, there is only the first.
+    """
+    found = {"vector": Rotation.from_rotvec(angles).as_matrix()}
+    for kind, order in product(("intrinsic", "extrinsic"), ORDERS):
+        if by_axis and order[0] == order[2]:
+            continue
+        own = angles[:, [XYZ.index(axis) for axis in order]] if by_axis else angles
+        rotation = Rotation.from_euler(order.upper() if kind == "intrinsic" else order, own).as_matrix()
+        if all(np.abs(rotation - other).max() > SAME for other in found.values()):
+            found[f"{kind} {order}"] = rotation
+    return found
+
+
+def fits_of(arm: Arm, q: Array, position: Array, tried: Mapping[str, Array]) -> list[OrientationFit]:
+    """Fit frame and mount to poses of a target, for orientations in several notations.
+
+    Args:
+        arm: The arm; its drawn geometry counts.
+        q: Joints of the chain, (poses, n) [rad, m].
+        position: Positions of the target, (poses, 3) [m].
+        tried: Orientations, (poses, 3, 3), by notation.
+
+    Returns:
+        The fits, the best first.
+    """
+    vjm = build_vjm(replace(arm, markers=()))
+    some = np.unique(np.linspace(0, len(q) - 1, min(LOOKED_AT, len(q))).round().astype(int))
+    x, R = tool_pose(vjm, q[some])
+    fits = []
+    for notation, rotation in tried.items():
+        angle, distance = _misfit(x, R, position[some], rotation[some])
+        score = float(np.hypot(angle / MOST_ANGLE, distance / (MOST_DISTANCE * vjm.reach)))
+        fits.append(OrientationFit(notation, angle, distance, score))
+    return sorted(fits, key=lambda fit: fit.score)
+
+
+def _misfit(x: Array, R: Array, position: Array, C: Array) -> tuple[float, float]:
+    """RMS angle [rad] and distance [m] of read poses from those of the drawn tool, frame and mount fitted."""
+    # X and Y^T: the pair of matrices with the largest mean of R^T (x) C^T, each made a rotation
+    K = np.einsum("nrp,nsq->pqrs", R, C).reshape(9, 9) / len(R)
+    left, _, right = np.linalg.svd(K)
+    X, Y_T = (_nearest(own.reshape(3, 3).T) for own in (right[0], left[:, 0]))
+    off = np.swapaxes(C, 1, 2) @ X @ R @ Y_T.T
+    angle = np.sqrt((Rotation.from_matrix(off).magnitude() ** 2).mean())
+    # t and m: linear in both
+    A = np.concatenate([np.broadcast_to(np.eye(3), R.shape), X @ R], axis=2).reshape(-1, 6)
+    left_over = (position - x @ X.T).reshape(-1)
+    left_over = left_over - A @ np.linalg.lstsq(A, left_over)[0]
+    return float(angle), float(np.sqrt((left_over**2).sum() / len(R)))
+
+
+def _nearest(matrix: Array) -> Array:
+    """The rotation nearest to a multiple of a matrix, whose sign is free."""
+    U, _, V = np.linalg.svd(matrix if np.linalg.det(matrix) > 0 else -matrix)
+    return np.asarray(U @ V)
+
+
+def clear_fit(fits: Sequence[OrientationFit]) -> OrientationFit | None:
+    """Choose the notation that fits, if it fits clearly better than all others.
+
+    Args:
+        fits: Fits of notations, the best first.
+
+    Returns:
+        The best one; None if it does not fit, or the next one is nearly as good.
+    """
+    best, *others = fits
+    if best.score > 1 or (others and others[0].score < CLEAR * best.score):
+        return None
+    return best
+
+
+def unclear(fits: Sequence[OrientationFit]) -> str:
+    """Say why no notation is taken: which ones fit, or that none does.
+
+    Args:
+        fits: Fits of notations, the best first.
+
+    Returns:
+        A sentence without a full stop.
+    """
+    best = fits[0]
+    if best.score > 1:
+        return f"no notation fits the arm as drawn; the nearest is {best}"
+    alike = [fit for fit in fits if fit.score <= max(1.0, CLEAR * best.score)]
+    return f"several notations fit the arm as drawn: {', '.join(map(str, alike))}"

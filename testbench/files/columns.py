@@ -9,7 +9,6 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.errors import Array, InputError, Mask
 from testbench.files.mapping import Named, Names
-from testbench.files.meaning import unread_column_warnings
 from testbench.files.names import (
     DEFLECTION,
     MAX_NUMBERS,
@@ -22,6 +21,7 @@ from testbench.files.names import (
     What,
     columns_of,
     split_unit,
+    unread_column_warnings,
 )
 from testbench.files.rearranged import join_axes, take_apart, with_log
 from testbench.files.table import TableCells, read_table

@@ -2,38 +2,157 @@
 
 Compliances, errors and laws of the joints, and weights have no place in a URDF; they are written to a
 documented JSON file in the same folder. A new URDF has links, joints with limits, tool and masses, no shapes.
+
+Export of an identified arm to controller files: joint offsets, with comments on what these cannot hold.
+
+Numbers in the configuration file of a robot's controller: found and replaced, all else unchanged.
+
+- KUKA: `$MAMES` of `$machine.dat`, angle of an axis in its mastering position [deg] (KR C2, Machine Data,
+  2.1.7).
+- ABB: `cal_offset` of MOTOR_CALIB in MOC.cfg, angle of a motor in its axis' calibration position [rad].
 """
 
+import math
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from testbench.arm.document import unique
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
-from testbench.arm.urdf_text import NEW_STAMP, origin_of, with_origins, words
-from testbench.errors import Array, BenchError
-from testbench.files.export_geometry import (
+from testbench.errors import Array, BenchError, InputError, read_bytes
+from testbench.files.export_own import (
+    NEW_STAMP,
     Rigid,
     UrdfFrames,
     displacement_statistics,
     frame_distance,
     identified_rigid,
+    origin_of,
+    place_frames,
     random_joints,
+    read_robot_chain,
+    robot_origins,
     tool_poses,
+    with_origins,
+    words,
 )
-from testbench.files.export_left import GEOMETRY, displacements
-from testbench.files.export_own import place_frames, read_robot_chain, robot_origins
-from testbench.identify.absolute.state import ArmState
+from testbench.identify.absolute.state import LOAD_STEPS, ArmState, joint_equilibrium
 from testbench.model.joint_laws import joint_laws
 from testbench.model.kinematics import body_pose, urdf_poses
 from testbench.model.laws import UNIT_COMPENSATOR, sizes_of
+from testbench.model.load import Load, weight
 from testbench.runs import manifest as files
 from testbench.runs.rows import Row
-from testbench.runs.whole import whole_files
+from testbench.runs.whole import whole_file, whole_files
+
+# --- Effects that a file cannot hold, by their size at the tool, and joint offsets that correct most --------
+
+GEOMETRY, WEIGHT, PAYLOAD = "lengths and tilts of axes", "own weight", "payload, if there is one"
+ERRORS = {"harmonics": "periodic errors of the joints", "ratio": "errors in proportion to the angle"}
+"""Names of the kinds of joint errors in reports."""
+SEEN = 1e-6
+"""Least singular value that counts, over the largest [1]: the tool may lie on an axis."""
+Sizes = dict[str, tuple[float, float]]
+"""Motion of the tool by kind of effect over random poses, RMS and largest [mm]."""
+
+
+def displacements(state: ArmState, q: Array) -> dict[str, Array]:
+    """Compute how every kind of error moves the tool's origin.
+
+    Args:
+        state: The identified arm.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        Displacements by kind, (poses, 3) [m].
+    """
+    rigid, still = tool_poses(state.vjm, q, state.theta_0)[:, :3, 3], replace(state, n=0 * state.n)
+    sagged, payload = _rest(still, q), state.vjm.arm.payload
+    found = {GEOMETRY: rigid - tool_poses(state.vjm, q)[:, :3, 3], WEIGHT: sagged - rigid}
+    for kind in dict.fromkeys(state.errors.kinds):
+        own = state.n * np.array([name == kind for name in state.errors.kinds])
+        if own.any():
+            found[ERRORS.get(kind, kind)] = _rest(replace(state, C_theta=0 * state.C_theta, n=own), q) - rigid
+    if payload is not None:
+        found[PAYLOAD] = _rest(still, q, [weight(state.vjm, np.full(len(q), payload))]) - sagged
+    return found
+
+
+def _rest(state: ArmState, q: Array, loads: list[Load] | None = None) -> Array:
+    return joint_equilibrium(state, q, loads or [], LOAD_STEPS).chain.position
+
+
+def all_but_payload(moved: dict[str, Array]) -> Array:
+    """Sum the displacements of all kinds except the payload's.
+
+    Args:
+        moved: Displacements by kind of error, (poses, 3) [m] each.
+
+    Returns:
+        The sum, (poses, 3) [m].
+    """
+    return np.asarray(np.sum([rows for kind, rows in moved.items() if kind != PAYLOAD], axis=0))
+
+
+@dataclass(frozen=True)
+class BestOffsets:
+    """Hold joint offsets that bring the nominal arm closest to the identified arm without load.
+
+    Distances are RMS and largest, with base and tool fitted [mm].
+    """
+
+    #: Offsets, (n,) [rad]; zero for the first and the last joint, whose offsets are rotations of base and
+    #: tool.
+    offsets: Array
+    drawn_mm: tuple[float, float]  #: Distance of the tool without them.
+    corrected_mm: tuple[float, float]  #: Distance with them.
+    left: Sizes  #: Remainder of every kind of effect.
+
+
+def best_offsets(state: ArmState, q: Array) -> BestOffsets:
+    """Fit joint offsets by least squares over the tool's origin.
+
+    Args:
+        state: The identified arm.
+        q: Poses, (poses, n) [rad].
+
+    Returns:
+        The offsets, and what they leave.
+    """
+    vjm, n, moved = state.vjm, state.vjm.arm.n_joints, displacements(state, q)
+    wanted = tool_poses(vjm, q)[:, :3, 3] + all_but_payload(moved)
+
+    def off(x: Array) -> Array:  # base, tool, inner joints
+        T = tool_poses(vjm, q + np.r_[0, x[9:], 0])
+        at = (T[:, :3, 3] + T[:, :3, :3] @ x[6:9]) @ Rotation.from_rotvec(x[3:6]).as_matrix().T + x[:3]
+        return np.asarray((at - wanted).ravel())
+
+    found = least_squares(off, np.zeros(n + 7), xtol=1e-12, ftol=1e-12)
+    J, rest, offsets = np.asarray(found.jac), found.fun.reshape(-1, 3), np.r_[0, found.x[9:], 0]
+    left = {kind: rows if kind == PAYLOAD else _beyond(J, rows) for kind, rows in moved.items()}
+    left[GEOMETRY] -= rest + all_but_payload(left)  # exact at any size
+    drawn = _beyond(J[:, :9], all_but_payload(moved))
+    return BestOffsets(
+        offsets,
+        displacement_statistics(drawn),
+        displacement_statistics(rest),
+        {kind: displacement_statistics(rows) for kind, rows in left.items()},
+    )
+
+
+def _beyond(J: Array, rows: Array) -> Array:
+    """Compute the part of displacements that the columns cannot explain."""
+    return np.asarray(rows - (J @ np.linalg.lstsq(J, rows.ravel(), rcond=SEEN)[0]).reshape(rows.shape))
+
+
+# --- Export of an identified arm as URDF, new or the robot's own, read back before it replaces a file -------
 
 MAX_URDF_ERROR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
 KIND = "what a URDF cannot hold"
@@ -351,3 +470,200 @@ def _tensors(arm: Arm) -> dict[str, Array]:
             tensor = R @ np.diag(numbers(arm.rigid, e, "diaginertia", NUMBERS["diaginertia"])) @ R.T
         found[name] = tensor
     return found
+
+
+# --- Export of an identified arm to controller files --------------------------------------------------------
+
+MAX_BYTES = 16_000_000
+BYTES = "latin-1"  #: A byte a character, whatever the encoding is.
+STAMP = "testbench export: as identified"
+NUMBER = r"(?P<number>[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?)(?![\w.])"
+KUKA_LINE = rf"(?mi)^[ \t]*\$MAMES\[(?P<key>\d+)\][ \t]*=[ \t]*{NUMBER}"
+ABB_LINE = rf'(?s)-name\s+"(?P<key>[^"]*)"(?:(?!-name\s).)*?\s-cal_offset\s+{NUMBER}'
+
+
+@dataclass(frozen=True)
+class Format:
+    """Describe a kind of controller file."""
+
+    title: str  #: Name in messages.
+    name: str  #: Name of one key in the file, `{}` for the key.
+    part: str  #: Regular expression of the section with the numbers.
+    line: str  #: Regular expression of one number, with the groups `key` and `number`.
+    decimals: int  #: Decimals of a number that is written.
+    comment: str  #: Beginning of a comment.
+    head: str  #: Regular expression of the text before our comment.
+
+
+KUKA = Format(
+    "KUKA's $machine.dat", "$MAMES[{}]", r"(?is)\$MAMES.*", KUKA_LINE, 8, ";", r"(?ims)(.*?^DEFDAT.*?\n)?"
+)
+ABB = Format("ABB's MOC.cfg", 'cal_offset of "{}"', r"(?m)^MOTOR_CALIB:[^#]*", ABB_LINE, 8, "#", r"[^\n]*\n")
+
+
+def read_controller(file: Path) -> tuple[Format, str]:
+    """Read a controller file and recognise its kind.
+
+    Args:
+        file: The file.
+
+    Returns:
+        The kind, and the text.
+
+    Raises:
+        InputError: When it is of no known kind, or an export wrote it.
+    """
+    text = read_bytes(file, MAX_BYTES).decode(BYTES)
+    if STAMP in text:
+        raise InputError(file, "", "testbench export wrote it; expected the robot's own file")
+    for form in (KUKA, ABB):
+        if re.search(form.part, text):
+            return form, text
+    if re.search(r"(?m)^kinematics:", text):
+        raise InputError(file, "", "kinematics of a UR driver: a checkout's tools/ur_kinematics.py writes it")
+    raise InputError(file, "", f"expected {KUKA.title} or {ABB.title}")
+
+
+def find_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Mapping[str, re.Match[str]]:
+    """Find the numbers of some keys in the text of a controller file.
+
+    Args:
+        form: Kind of file.
+        file: The file, for messages.
+        text: Its text.
+        keys: The keys.
+
+    Returns:
+        Match of every key.
+
+    Raises:
+        InputError: If a key is missing or occurs twice.
+    """
+    found: dict[str, re.Match[str]] = {}
+    part = re.search(form.part, text)
+    for match in re.compile(form.line).finditer(text, part.start() if part else 0, part.end() if part else 0):
+        if match["key"] in found:
+            raise InputError(file, form.name.format(match["key"]), "stands twice")
+        found[match["key"]] = match
+    for key in keys:
+        if key not in found or not math.isfinite(float(found[key]["number"])):
+            raise InputError(file, "", f"expected {form.title} with a number at {form.name.format(key)}")
+    return {key: found[key] for key in keys}
+
+
+def read_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Array:
+    """Read the numbers of some keys in the text of a controller file.
+
+    Args:
+        form: Kind of file.
+        file: The file, for messages.
+        text: Its text.
+        keys: The keys.
+
+    Returns:
+        The numbers, in the order of the keys.
+
+    Raises:
+        InputError: If a key is missing or occurs twice.
+    """
+    return np.array([float(match["number"]) for match in find_numbers(form, file, text, keys).values()])
+
+
+def exchanged(
+    form: Format, text: str, numbers: Mapping[str, re.Match[str]], values: Iterable[float], *said: str
+) -> str:
+    """Replace numbers in the text of a controller file; add our stamp and comments.
+
+    Args:
+        form: Kind of file.
+        text: The text.
+        numbers: Match of every number, from `find_numbers`.
+        values: New numbers, in the same order.
+        said: Lines of comment.
+
+    Returns:
+        The new text.
+    """
+    for match, value in sorted(zip(numbers.values(), values, strict=True), key=lambda pair: -pair[0].end()):
+        start, end = match.span("number")
+        text = f"{text[:start]}{round(value, form.decimals) + 0.0:.{form.decimals}f}{text[end:]}"
+    newline, head = "\r\n" if "\r\n" in text else "\n", re.match(form.head, text)
+    at = head.end() if head else 0
+    return text[:at] + "".join(f"{form.comment} {line}{newline}" for line in (STAMP, *said)) + text[at:]
+
+
+AXES = 6  #: Of a robot whose file is written.
+FULL_ROTATION = 2 * np.pi
+"""A controller counts whole turns of a motor separately from its angle [rad]."""
+
+
+def export_offsets(
+    state: ArmState, file: Path, out: Path, gears: Sequence[float]
+) -> tuple[BestOffsets, float]:
+    """Write the joint offsets to a controller file, with comments on what offsets cannot correct.
+
+    Args:
+        state: The identified arm.
+        file: The robot's own file.
+        out: The file to write.
+        gears: For ABB: turns of the motors per turn of the axes, n numbers or (n, n) row by row [1].
+
+    Returns:
+        The offsets, and the largest motion of the tool by their rounding [m].
+
+    Raises:
+        InputError: If the file is none of a known kind, or one cannot be written.
+        BenchError: If the arm has other axes or another number of gears, or the offsets, read back, differ.
+    """
+    form, text = read_controller(file)
+    keys, turns = _axes(form, six_axes(form.title, state).n_joints, gears)
+    numbers, old = find_numbers(form, file, text, keys), read_numbers(form, file, text, keys)
+    q = random_joints(state.vjm)
+    best = best_offsets(state, q)
+    arm = state.vjm.arm
+    offsets = arm.change_to_file(best.offsets)  # a controller counts the pendant's joints
+    new = old + turns @ offsets
+    said = [f"{rms:.3f} mm RMS, {most:.3f} at most: {kind}" for kind, (rms, most) in best.left.items()]
+    new -= FULL_ROTATION * np.trunc(new / FULL_ROTATION) if form is ABB else 0
+    written = exchanged(form, text, numbers, new.tolist(), "beyond offsets are, at the tool", *said)
+    change = read_numbers(form, out, written, keys) - old
+    change -= FULL_ROTATION * np.round((change - turns @ offsets) / FULL_ROTATION) if form is ABB else 0
+    read = np.asarray(np.linalg.solve(turns, change), dtype=np.float64)
+    read = arm.to_model(read) - arm.to_model(np.zeros(AXES))
+    off, _ = frame_distance(tool_poses(state.vjm, q + read), tool_poses(state.vjm, q + best.offsets))
+    if not off <= MAX_URDF_ERROR:
+        raise BenchError(f"the offsets, read back, are up to {1e6 * off:.3g} um off; nothing is written")
+    with whole_file(out) as path:
+        path.write_bytes(written.encode(BYTES))
+    return best, off
+
+
+def six_axes(title: str, state: ArmState) -> Arm:
+    """Check that an arm has six hinges.
+
+    Args:
+        title: Kind of file, for messages.
+        state: The identified arm.
+
+    Returns:
+        The arm.
+
+    Raises:
+        BenchError: If it has other axes.
+    """
+    arm = state.vjm.arm
+    if arm.n_joints != AXES or arm.moves is not None or any(joint.prismatic for joint in arm.joints):
+        raise BenchError(f"{title}: expected an arm of {AXES} joints that turn; {arm.name} has others")
+    return arm
+
+
+def _axes(form: Format, n: int, gears: Sequence[float]) -> tuple[list[str], Array]:
+    """Return the keys of the axes in a file, and the change of their numbers per radian of offset, (n, n)."""
+    if form is KUKA:
+        return [str(k + 1) for k in range(n)], np.degrees(np.eye(n))
+    if len(gears) not in (n, n * n):
+        raise BenchError(f"--gears: expected {n} numbers, or {n * n} row by row, got {len(gears)}")
+    turns = np.diag(gears) if len(gears) == n else np.reshape(gears, (n, n))
+    if not abs(np.linalg.det(turns)) >= 1:
+        raise BenchError("--gears: expected turns of the motors for one of their axes, such as 120 or -98.5")
+    return [f"rob1_{k + 1}" for k in range(n)], -turns

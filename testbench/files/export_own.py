@@ -7,34 +7,314 @@ fitted to the other's.
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import combinations, pairwise
 from pathlib import Path
+from xml.parsers import expat
 
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.arm.urdf_text import BEGINS, BEGINS_NEW
 from testbench.errors import Array, InputError, read_text
-from testbench.files.export_geometry import (
-    Rigid,
-    UrdfFrames,
-    frame_distance,
-    in_order,
-    nominal_rigid,
-    random_joints,
-    relative_pose,
-    tool_poses,
-)
 from testbench.files.robot.chain import fit_names
-from testbench.files.robot.robot import Body, ImportedJoint, Robot
-from testbench.files.robot.source import MAX_BYTES, read_xml
-from testbench.files.robot.tip import path_to, usual_tip
+from testbench.files.robot.robot import MAX_BYTES, Body, ImportedJoint, Robot, path_to, read_xml, usual_tip
 from testbench.files.robot.urdf import read_tree
 from testbench.identify.absolute.state import ArmState
 from testbench.model.kinematics import urdf_poses
-from testbench.model.vjm import rotation, skew
+from testbench.model.vjm import Vjm, chain, displace_link, rotation, skew
+
+# --- A robot's URDF as text: only the origins of joints are replaced, every other character stays -----------
+
+DECIMALS = 12  #: Decimals of a metre or radian.
+BESIDE = "what a URDF cannot hold is in the JSON beside it -->\n"
+STAMP = f"<!-- testbench export: origins as identified; {BESIDE}"
+NEW_STAMP = f"<!-- testbench export: a new URDF of an identified arm; {BESIDE}"
+"""First line of every URDF that we write: into a robot's own, and from scratch."""
+HEAD = rb"\s*(<\?xml[^>]*\?>)?\s*"
+BEGINS, BEGINS_NEW = HEAD + rb"<!-- testbench export: ", HEAD + rb"<!-- testbench export: a new URDF"
+
+
+def rpy_of(R: Array) -> Array:
+    """Compute roll, pitch and yaw of a rotation R = Rz Ry Rx, accurate near a pitch of 90 degrees too.
+
+    Args:
+        R: Rotation matrix, (3, 3) [1].
+
+    Returns:
+        Roll, pitch, yaw, (3,) [rad].
+    """
+    yaw = np.arctan2(R[1, 0], R[0, 0])
+    c, s = np.cos(yaw), np.sin(yaw)
+    pitch = np.arctan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
+    roll = np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
+    return np.array([roll, pitch, yaw])
+
+
+def words(values: Array) -> str:
+    """Write numbers as a URDF has them, with at most `DECIMALS` decimals and no needless zeros.
+
+    Args:
+        values: Numbers, (k,).
+
+    Returns:
+        The numbers with a space between them.
+    """
+    texts = (f"{x:.{DECIMALS}f}".rstrip("0").rstrip(".") for x in np.round(values, DECIMALS) + 0.0)
+    return " ".join(texts)
+
+
+def origin_of(pose: Array) -> dict[str, str]:
+    """Write the attributes xyz and rpy of an <origin> element.
+
+    Args:
+        pose: Homogeneous transform, (4, 4) [1, m].
+
+    Returns:
+        Texts by attribute.
+    """
+    return {"xyz": words(pose[:3, 3]), "rpy": words(rpy_of(pose[:3, :3]))}
+
+
+def with_origins(path: Path, text: str, poses: Mapping[str, Array]) -> str:
+    """Replace the origins of some joints in the text of a URDF, and add our stamp.
+
+    Args:
+        path: The file, for messages.
+        text: A well-formed URDF.
+        poses: New pose of a joint in the link before it, (4, 4) [1, m], by the joint's name.
+
+    Returns:
+        The new text.
+
+    Raises:
+        InputError: When a joint is not in the URDF.
+    """
+    data = text.encode()
+    spans = _origins(data)
+    if missing := [name for name in poses if name not in spans]:
+        raise InputError(path, "", f"no joint {missing[0]!r}")
+    # from the end of the text on, so that earlier places stay where they are
+    for name in sorted(poses, key=spans.__getitem__, reverse=True):
+        start, end = spans[name]
+        closes = b">" if start < end and data[end - 2 : end - 1] != b"/" else b"/>"
+        said = "".join(f' {key}="{value}"' for key, value in origin_of(poses[name]).items())
+        data = data[:start] + b"<origin" + said.encode() + closes + data[end:]
+    head = data.index(b"?>") + 2 if data.startswith(b"<?xml") else 0
+    return (data[:head] + b"\n" * (head > 0) + STAMP.encode() + data[head:].lstrip(b"\r\n")).decode()
+
+
+def _origins(data: bytes) -> dict[str, tuple[int, int]]:
+    """Find the bytes of the <origin> of every joint, or where one can stand if there is none."""
+    found: dict[str, tuple[int, int]] = {}
+    above: list[tuple[str, str]] = []
+    seen: set[str] = set()
+    parser = expat.ParserCreate("utf-8")
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        """Record where an origin begins and ends.
+
+        Args:
+            tag: Name of the element that begins.
+            attributes: Its attributes.
+        """
+        at = parser.CurrentByteIndex
+        within = [name for name, _ in above]
+        if within == ["robot"] and tag == "joint":
+            end = _end_of_tag(data, at)
+            found.setdefault(attributes.get("name", ""), (end, end))
+        elif within == ["robot", "joint"] and tag == "origin" and above[-1][1] not in seen:
+            found[above[-1][1]] = at, _end_of_tag(data, at)
+            seen.add(above[-1][1])
+        above.append((tag, attributes.get("name", "")))
+
+    def end_of(_: str) -> None:
+        above.pop()
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end_of
+    parser.Parse(data, True)
+    return found
+
+
+def _end_of_tag(data: bytes, start: int) -> int:
+    """Find the byte behind the `>` that closes a tag; values in quotes may hold one too."""
+    quote: bytes = b""
+    for at in range(start, len(data)):
+        here = data[at : at + 1]
+        if quote:
+            quote = b"" if here == quote else quote
+        elif here in (b'"', b"'"):
+            quote = here
+        elif here == b">":
+            return at + 1
+    return len(data)
+
+
+# --- Identified geometry: constants of the virtual joints included in the poses of the joints ---------------
+
+RANDOM_POSES = 1000
+"""Random poses in which an export is compared."""
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """Describe a rigid chain: base, then a step and a turn or slide for every joint, then the tool."""
+
+    base: Array  #: Pose of the base link in the world, (4, 4) [m].
+    steps: Array  #: Pose of each joint's body in the body before it at q = 0, (n, 4, 4) [m].
+    tool: Array  #: Pose of the tool in the last body, (4, 4) [m].
+
+    @property
+    def bodies(self) -> list[Array]:
+        """Compute the poses of the links' bodies in the world at q = 0, (n + 1) of (4, 4) [m]."""
+        found = [self.base]
+        for step in self.steps:
+            found.append(found[-1] @ step)
+        return found
+
+
+@dataclass(frozen=True)
+class UrdfFrames:
+    """Hold the places of a URDF's frames in the model, the same for every q and every geometry."""
+
+    names: Sequence[str]  #: Links of the URDF: the first, those behind the joints, the tip; n + 2.
+    root: Array  #: First link in the model's world, (4, 4) [m].
+    links: Sequence[Array]  #: Links in the model's bodies, the base's first, (n + 1) of (4, 4) [m].
+    tip: Array  #: Tip in the model's tool, (4, 4) [m].
+
+
+def in_order(poses: Iterable[Array]) -> Array:
+    """Multiply poses in order, X_1 X_2 ... X_k.
+
+    Args:
+        poses: Homogeneous poses, (4, 4) [m] each.
+
+    Returns:
+        The product, (4, 4) [m]; the identity for no pose.
+    """
+    return np.asarray(reduce(np.matmul, poses, np.eye(4)))
+
+
+def relative_pose(frame: Array, pose: Array) -> Array:
+    """Express a pose in a frame, both given in a third frame.
+
+    Args:
+        frame: The frame, (4, 4) [m].
+        pose: The pose, (4, 4) [m].
+
+    Returns:
+        The pose in the frame, (4, 4) [m].
+    """
+    back = frame[:3, :3].T
+    return _pose(back @ pose[:3, :3], back @ (pose[:3, 3] - frame[:3, 3]))
+
+
+def nominal_rigid(vjm: Vjm) -> Rigid:
+    """Return the nominal geometry of an arm.
+
+    Args:
+        vjm: The arm's virtual joint model.
+
+    Returns:
+        Base, joint steps and tool of its rigid chain.
+    """
+    return Rigid(vjm.base, vjm.placements, vjm.tool)
+
+
+def identified_rigid(state: ArmState) -> Rigid:
+    """Compute the geometry with its identified errors: `chain` at theta_0, for every q.
+
+    Args:
+        state: The calibrated arm.
+
+    Returns:
+        Base, joint steps and tool of its rigid chain.
+    """
+    vjm, n = state.vjm, state.vjm.arm.n_joints
+    links, offsets = state.theta_0[: 6 * n + 6].reshape(-1, 6), state.theta_0[6 * n + 6 :]
+    poses = [*vjm.placements, vjm.tool]
+    bent = [_bent(x, link.frame, theta) for x, link, theta in zip(poses, vjm.arm.links, links, strict=True)]
+    steps = [
+        step @ _moved(axis, offset, prismatic=joint.prismatic)
+        for step, axis, offset, joint in zip(bent, vjm.axes, offsets, vjm.arm.joints, strict=False)
+    ]
+    return Rigid(vjm.base, np.array(steps).reshape(-1, 4, 4), bent[-1])
+
+
+def _bent(pose: Array, frame: Array, theta: Array) -> Array:
+    """Compute the pose behind a link whose end is moved by constants, (6,) [m, rad]."""
+    p, _, beam = displace_link(pose[:3, 3:], frame[..., None], theta[None])
+    return _pose(beam[..., 0] @ frame.T @ pose[:3, :3], p[:, 0])
+
+
+def _moved(axis: Array, by: float, *, prismatic: bool) -> Array:
+    return _pose(np.eye(3), by * axis) if prismatic else _pose(rotation(axis, by), np.zeros(3))
+
+
+def _pose(R: Array, p: Array) -> Array:
+    """Combine rotations (..., 3, 3) and positions (..., 3) to poses, (..., 4, 4)."""
+    found = np.zeros((*p.shape[:-1], 4, 4))
+    found[..., :3, :3], found[..., :3, 3], found[..., 3, 3] = R, p, 1
+    return found
+
+
+def random_joints(vjm: Vjm) -> Array:
+    """Draw poses over the joints' ranges, the same for every export.
+
+    Args:
+        vjm: The arm's virtual joint model, n joints.
+
+    Returns:
+        Actuated joints, (RANDOM_POSES, n) [rad, m].
+    """
+    return vjm.arm.drawn(np.random.default_rng(0), RANDOM_POSES)
+
+
+def tool_poses(vjm: Vjm, q: Array, theta_0: Array | None = None) -> Array:
+    """Compute the poses of the model's tool in the world, rigid.
+
+    Args:
+        vjm: The arm.
+        q: Actuated joints, (poses, n) [rad, m].
+        theta_0: Constants of the virtual joints, (n_theta,) [m, rad]; None for zero.
+
+    Returns:
+        Poses, (poses, 4, 4) [m].
+    """
+    where = chain(vjm, q, None if theta_0 is None else np.tile(theta_0, (len(q), 1)))
+    return _pose(where.rotation, where.position)
+
+
+def frame_distance(a: Array, b: Array) -> tuple[float, float]:
+    """Compute the largest difference between poses.
+
+    Args:
+        a: Poses, (poses, 4, 4) [m].
+        b: Other poses, (poses, 4, 4) [m].
+
+    Returns:
+        Difference of position [m], and of an axis [rad].
+    """
+    position = np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1).max()
+    return float(position), float(np.abs(a[:, :3, :3] - b[:, :3, :3]).max())
+
+
+def displacement_statistics(off: Array) -> tuple[float, float]:
+    """Compute RMS and largest length of displacements.
+
+    Args:
+        off: Displacements, (poses, 3) [m].
+
+    Returns:
+        RMS and maximum [mm].
+    """
+    mm = 1e3 * np.linalg.norm(off, axis=1)
+    return float(np.sqrt(np.mean(mm**2))), float(mm.max())
+
+
+# --- The robot's own URDF: its chain matched by the names of its joints, its origins as identified ----------
 
 MAX_DIFFERENCE = 1e-4
 """Largest difference of a robot's own drawing from the arm's [m, rad]: that of a right angle with five

@@ -15,12 +15,12 @@ from testbench.arm.folder import Arm
 from testbench.errors import InputError, read_text
 from testbench.files.languages import FLAGS, known_languages
 from testbench.files.mapping import FileLayout, Map, Text
-from testbench.files.meaning import places, plain
-from testbench.files.names import XYZ, find_unit, split_unit, squeeze
+from testbench.files.names import XYZ, find_unit, places, plain, split_unit, squeeze
 from testbench.files.text import (
     BLANK,
     DELIMITERS,
     SEARCHED,
+    SHEET,
     WIDEST,
     cells_in,
     is_comment,
@@ -28,7 +28,6 @@ from testbench.files.text import (
     split_lines,
     units_in,
 )
-from testbench.files.workbook import SHEET
 
 FOLDER = Path(__file__).parents[1] / "layouts"
 MAX_BYTES = 20_000  #: Size of a layout [byte].

@@ -5,8 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from testbench.arm.folder import Arm
-from testbench.arm.mesh import MAX_BYTES as MESH_BYTES
-from testbench.arm.mjcf import assets, read_mjcf
+from testbench.arm.mjcf import MAX_MESH_BYTES, assets, read_mjcf
 from testbench.errors import open_file
 from testbench.runs import manifest as files
 
@@ -26,7 +25,7 @@ def copy_arm(arm: Arm, folder: Path) -> None:
     path = arm.rigid.parent
     for name in _arm_files(path):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        with open_file(path / name, MESH_BYTES) as source, (folder / name).open("wb") as copy:
+        with open_file(path / name, MAX_MESH_BYTES) as source, (folder / name).open("wb") as copy:
             shutil.copyfileobj(source, copy)
 
 
@@ -48,6 +47,6 @@ def digests(folders: Iterable[Path]) -> dict[str, dict[str, str]]:
     found = {}
     for folder in folders:
         model = {name: MAX_ROOT for name in (DOCUMENT, POSTERIOR) if (folder / name).is_file()}
-        sizes = dict.fromkeys(_arm_files(folder), MESH_BYTES) | model
+        sizes = dict.fromkeys(_arm_files(folder), MAX_MESH_BYTES) | model
         found[folder.resolve().name] = {name: files.digest(folder / name, k) for name, k in sizes.items()}
     return found

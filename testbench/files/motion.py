@@ -2,22 +2,392 @@
 
 A program stops at every point. Its name is valid, labels stay inside comments, and numbers are written in
 full.
+
+Reader of programs in robot languages: motions in order, and where the numbers of their points are.
+
+A language's table says what its points and moves look like. Comments and texts in quotes are blanked first,
+so that a place in what is searched is the place in the file. The corrected program is the same text with
+other numbers.
 """
 
 import math
 import re
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from testbench.arm.document import is_decimal
 from testbench.arm.folder import ArmJoint
-from testbench.errors import Array, BenchError, Ids, Mask, check_array
-from testbench.files.languages import FOLDER, Language, known_languages, language_of
-from testbench.files.motion_read import with_mark
+from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array, read_bytes
+from testbench.files.languages import FLAGS, FOLDER, Language, TargetSyntax, known_languages, language_of
 from testbench.runs.whole import write_whole
+
+# --- Reader of programs in robot languages: motions in order, and where the numbers of their points are -----
+
+MAX_BYTES = 50_000_000  #: Largest program that is read [byte].
+MAX_SHOWN = 40  #: Most characters of a statement in a message.
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
+MARK = "Corrected by testbench"  #: Remark of a program whose points were corrected.
+ANY = "Linear moves and moves of the joints to points in the program are read"
+
+
+@dataclass(frozen=True)
+class Source:
+    """Hold a file of a program."""
+
+    path: Path
+    text: str  #: All of it.
+    code: str  #: The same with blanks for comments and for what is quoted.
+    encoding: str  #: How its bytes are letters.
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        return [match.start() for match in re.finditer("\n", self.text)]
+
+    def line(self, place: int) -> int:
+        """Return the line of a place in the text, from 1."""
+        return bisect_right(self._ends, place - 1) + 1
+
+    def error(self, place: int, problem: str) -> InputError:
+        """Make the error about a place in the text.
+
+        Args:
+            place: The place, from 0.
+            problem: What was expected, and what was found.
+
+        Returns:
+            The error.
+        """
+        return InputError(self.path, f"line {self.line(place)}", problem)
+
+
+@dataclass(frozen=True)
+class Number:
+    """Hold a number of a point."""
+
+    value: float
+    start: int  #: Where it begins in the text.
+    end: int
+
+
+@dataclass(frozen=True)
+class PointText:
+    """Hold a point of a program: its numbers, and where they are."""
+
+    source: int  #: Number of its file.
+    start: int  #: Where it begins.
+    name: str  #: Its name; "" for one that stands in a move.
+    posed: bool  #: Whether it is a pose, not joints.
+    mode: str  #: Mode that was in force, in capitals.
+    numbers: Mapping[str, Number]  #: By the language's name of the axis.
+    flags: tuple[int, ...] = ()  #: Numbers of turns beside a pose, of the language's axes of flags.
+    same: str = ""  #: Its configuration, which is not read.
+
+
+@dataclass(frozen=True)
+class MoveText:
+    """Hold a move of a program."""
+
+    start: int  #: Where it begins in the program.
+    linear: bool
+    point: PointText
+
+
+@dataclass(frozen=True)
+class ProgramText:
+    """Hold a program in a robot language."""
+
+    language: Language
+    sources: tuple[Source, ...]  #: The program, and the file of points beside it, if there is one.
+    points: tuple[PointText, ...]  #: All points with numbers, in the order of the text.
+    moves: tuple[MoveText, ...]  #: All moves to such points, in their order.
+    notes: tuple[str, ...]  #: How the program was read.
+    mark: tuple[Path, int] | None = None  #: File and line that say that it was corrected; None if none does.
+
+    @property
+    def path(self) -> Path:
+        """Return the program's file."""
+        return self.sources[0].path
+
+    @property
+    def lines(self) -> Ids:
+        """Return the line of every move, (moves,)."""
+        return np.array([self.sources[0].line(move.start) for move in self.moves], dtype=int)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Name every move by its point, or by its number."""
+        return tuple(move.point.name or str(k) for k, move in enumerate(self.moves, start=1))
+
+
+def read_motions(path: Path, language: Language) -> ProgramText:
+    """Read the moves of a program, and the points that they go to.
+
+    Args:
+        path: The program.
+        language: Its language.
+
+    Returns:
+        The program.
+
+    Raises:
+        InputError: Names file, line and statement, if a motion is not linear or of the joints, a point has no
+            numbers in the program, or tool or base change.
+    """
+    program = read_points(path, language)
+    for source in program.sources:
+        for what, pattern in language.refused.items():
+            for found in re.finditer(pattern, source.code, FLAGS):
+                got = " ".join(found[0].split())[:MAX_SHOWN]
+                at = found.start() + len(found[0]) - len(found[0].lstrip())
+                raise source.error(at, f"{what} is not read, got {got}. {ANY}")
+    _refuse_frames(program)
+    moves, left = _moves(program)
+    if not moves:
+        raise InputError(path, "", f"expected moves in this {language.title} program, got none")
+    notes = tuple(f"Moves to {name} stay as they are: its numbers are not in the program" for name in left)
+    return ProgramText(language, program.sources, program.points, moves, notes, _mark(program))
+
+
+def _mark(program: ProgramText) -> tuple[Path, int] | None:
+    """Find the first remark that says that the program was corrected."""
+    said = re.compile(rf"{re.escape(program.language.comment)}[^\n]*\b{MARK}\b", re.IGNORECASE)
+    found = ((own, match) for own in program.sources for match in said.finditer(own.text))
+    return next(((own.path, own.line(match.start())) for own, match in found), None)
+
+
+def with_mark(text: str, language: Language) -> str:
+    """Add the remark that a program was corrected, behind its first line that may have one behind it.
+
+    Args:
+        text: The program, or a file of its points.
+        language: Its language.
+
+    Returns:
+        The text with a further line; the first one where no line may have it behind it.
+    """
+    found = re.search(language.remark_after, text, FLAGS)
+    newline = "\r\n" if "\r\n" in text else "\n"
+    at = 0 if found is None else text.find("\n", found.start()) + 1
+    return f"{text[:at]}{language.remark.format(MARK)}{newline}{text[at:]}"
+
+
+def read_points(path: Path, language: Language) -> ProgramText:
+    """Read the points of a program without its moves, as of a log of joints.
+
+    Args:
+        path: The program.
+        language: Its language.
+
+    Returns:
+        The program, without moves.
+
+    Raises:
+        InputError: If a file cannot be read.
+    """
+    sources = tuple(_source(own, language) for own in files_of(path, language))
+    points = [point for k, own in enumerate(sources) for point in _points(k, own, language)]
+    return ProgramText(language, sources, tuple(points), (), ())
+
+
+def files_of(path: Path, language: Language) -> list[Path]:
+    """List the files of a program.
+
+    Args:
+        path: The program.
+        language: Its language.
+
+    Returns:
+        The program, and the file beside it that may hold its points, if there is one.
+    """
+    if not language.beside or path.suffix.lower() not in language.suffixes:
+        return [path]
+    beside = path.with_suffix(language.beside.upper() if path.suffix.isupper() else language.beside)
+    return [path, beside] if beside.is_file() else [path]
+
+
+def _source(path: Path, language: Language) -> Source:
+    content = read_bytes(path, MAX_BYTES)
+    encoding = "utf-8"
+    try:
+        text = content.decode()
+    except UnicodeDecodeError:
+        encoding = "latin-1"  # gives every byte back
+        text = content.decode(encoding)
+    if "\0" in text:
+        raise InputError(path, "", "expected a program as text, got a zero byte")
+    hidden = re.compile(rf'"[^"\n]*"|{re.escape(language.comment)}[^\n]*')
+    code = hidden.sub(lambda m: re.sub(r"[^\r]", " ", m[0]), text)
+    return Source(path, text, code, encoding)
+
+
+def _points(k: int, source: Source, language: Language) -> Iterator[PointText]:
+    """Find all points of a file that have numbers, in their order."""
+    stated = re.finditer(language.mode or "(?!)", source.code, FLAGS)
+    modes = [(m.start(), m[1].upper()) for m in stated]
+    turns, found = language.flags, list[PointText]()
+    same = [] if turns is None else [*re.finditer(turns.same, source.code, FLAGS)]
+    for syntax in language.targets:
+        for match in re.finditer(syntax.pattern, source.code, FLAGS):
+            mode = next((word for at, word in reversed(modes) if at < match.start()), "")
+            if (not syntax.modes or mode in syntax.modes) and (
+                numbers := _numbers(match, syntax, language, source)
+            ):
+                name = match["name"] or "" if "name" in match.re.groupindex else ""
+                posed = syntax.holds == "pose"
+                flags = turns.found(match["target"]) if turns and posed else ()
+                kept = (
+                    next((own[1] for own in reversed(same) if own.start() < match.end()), "") if posed else ""
+                )
+                point = PointText(k, match.start("target"), name, posed, mode, numbers, flags, kept)
+                found.append(point)
+    yield from sorted(found, key=lambda point: point.start)
+
+
+def _numbers(
+    match: re.Match[str], syntax: TargetSyntax, language: Language, source: Source
+) -> dict[str, Number]:
+    """The numbers of a point by axis; none where a part is no number."""
+    names = language.pose_names() if syntax.holds == "pose" else [*language.axes, *language.external]
+    if "named" in match.re.groupindex:
+        ours = {name.casefold(): name for name in names}
+        pairs = re.finditer(r"\b([A-Za-z]\d?)\s*=?\s*(?=[-+.\d])", match["named"])
+        own = [(ours.get(pair[1].casefold(), ""), match.start("named") + pair.end()) for pair in pairs]
+    else:
+        groups = ("position", "orientation") if syntax.holds == "pose" else ("main", "external")
+        own = []
+        for group, part in zip(groups, (names[:3], names[3:]), strict=True):
+            if syntax.holds == "joints":
+                part = language.axes if group == "main" else language.external
+            if group in match.re.groupindex:
+                places = [m.start() + match.start(group) for m in re.finditer(r"[^,\s]+", match[group])]
+                own += list(zip([*part, *[""] * len(places)], places, strict=False))
+    found: dict[str, Number] = {}
+    for name, at in own:
+        number = NUMBER.match(source.code, at)
+        if name and number and is_decimal(number[0]):
+            found.setdefault(name, Number(float(number[0]), *number.span()))
+    return found
+
+
+def _refuse_frames(program: ProgramText) -> None:
+    """Refuse a program whose tool or base changes."""
+    for what, patterns in program.language.frames.items():
+        for pattern in patterns:
+            first = ""
+            for source in program.sources:
+                for found in re.finditer(pattern, source.code, FLAGS):
+                    said = found[1] or program.language.no_frame
+                    if first and said.casefold() != first.casefold():
+                        expected = f"expected one {what} in the program, got {first} and then {said}"
+                        at = found.start() + len(found[0]) - len(found[0].lstrip())
+                        raise source.error(at, f"the {what} changes: {expected}")
+                    first = first or said
+
+
+def _moves(program: ProgramText) -> tuple[tuple[MoveText, ...], list[str]]:
+    """The moves to points with numbers, and the names of points that stay as they are."""
+    language, source = program.language, program.sources[0]
+    syntax, named = language.moves, dict[str, PointText]()
+    here = {point.start: point for point in program.points if point.source == 0}
+    twice = dict[str, PointText]()
+    for point in program.points:
+        if point.name and named.setdefault(point.name.casefold(), point) is not point:
+            twice[point.name.casefold()] = point
+    starts = [
+        (match, linear)
+        for linear, pattern in ((False, syntax.joint), (True, syntax.linear))
+        for match in re.finditer(pattern, source.code, FLAGS)
+    ]
+    moves, left = list[MoveText](), dict[str, None]()
+    for match, linear in sorted(starts, key=lambda own: own[0].start()):
+        at = match.end()
+        place = match.start() + len(match[0]) - len(match[0].lstrip())
+        goal = here.get(at)
+        if goal is None and (name := re.compile(syntax.point, FLAGS).match(source.code, at)):
+            goal = named.get(name["name"].casefold())
+            if name["name"].casefold() in twice:
+                raise source.error(place, f"the point {name['name']} has its numbers twice in the program")
+        if goal is not None:
+            moves.append(MoveText(place, linear, goal))
+        elif stays := re.compile(syntax.elsewhere, FLAGS).match(source.code, at):
+            left[" ".join(stays[0].split())] = None
+        else:
+            got = re.split(r"[\n;]", source.text[at:])[0].strip()[:MAX_SHOWN]
+            where = f" or in {program.path.stem}{language.beside} beside it" * bool(language.beside)
+            problem = f"expected a point whose numbers are in the program{where}, got {got!r}"
+            raise source.error(place, problem)
+    return tuple(moves), list(left)
+
+
+def values_of(
+    program: ProgramText, points: Sequence[PointText], names: Sequence[str], optional: int | None = None
+) -> Array:
+    """Read numbers of points.
+
+    Args:
+        program: The program.
+        points: Some of its points.
+        names: Names of the axes, k of them.
+        optional: Count of the first axes that must be there; None for all.
+
+    Returns:
+        Numbers as the language writes them, (points, k); NaN for one that may be missing.
+
+    Raises:
+        InputError: Names line and axis of the first number that is missing.
+    """
+    found = np.full((len(points), len(names)), np.nan)
+    for row, point in enumerate(points):
+        for k, name in enumerate(names):
+            if name in point.numbers:
+                found[row, k] = point.numbers[name].value
+            elif optional is None or k < optional:
+                source = program.sources[point.source]
+                problem = f"expected a number for each of {', '.join(names)}, got none for {name}"
+                raise source.error(point.start, f"point {point.name}".strip() + f": {problem}")
+    return found
+
+
+def changed_texts(
+    program: ProgramText, changes: Mapping[tuple[int, int], Mapping[str, float]]
+) -> list[tuple[Source, bytes]]:
+    """Write the files of a program with other numbers; all else stays as it is, byte for byte.
+
+    A number that changes by less than half of the last decimal that the language writes stays as it is.
+
+    Args:
+        program: The program.
+        changes: New numbers by axis, for points by file and start.
+
+    Returns:
+        Every file with its new content.
+    """
+    decimals = program.language.decimals
+    pieces: list[list[tuple[int, int, str]]] = [[] for _ in program.sources]
+    for point in program.points:
+        for name, value in changes.get((point.source, point.start), {}).items():
+            old = point.numbers[name]
+            if abs(value - old.value) >= 0.5 * 10**-decimals:
+                pieces[point.source].append(
+                    (old.start, old.end, f"{round(value, decimals) + 0.0:.{decimals}f}")
+                )
+    found = []
+    for source, own in zip(program.sources, pieces, strict=True):
+        text, at = list[str](), 0
+        for start, end, number in sorted(own):
+            text += [source.text[at:start], number]
+            at = end
+        found.append((source, "".join([*text, source.text[at:]]).encode(source.encoding)))
+    return found
+
+
+# --- Writer of programs in robot languages: each from its template in testbench/languages -------------------
 
 CSV = "csv"
 """Not a language: the table that `testbench.files.program` reads and writes."""
@@ -25,7 +395,7 @@ LONGEST_COMMENT = 80
 """Most characters of a label in a comment: a line of a controller's editor."""
 LIMIT_ROUNDING = 1e-6
 """Largest excess of a joint over its limit, as in files that are read [rad, m]."""
-MARK = "p_"
+FIT_PREFIX = "p_"
 """Prefix of a name that the language would not accept."""
 
 
@@ -83,7 +453,7 @@ def write_moves(path: Path, language: Language, motion: Motion, folder: Path = F
     Raises:
         BenchError: When the language has no place for such joints or moves, or the file cannot be written.
     """
-    points = _points(language, motion)
+    points = _point_fields(language, motion)
     axes = axes_of(language, motion.joints)
     environment = Environment(
         loader=FileSystemLoader(folder),
@@ -108,7 +478,7 @@ def write_moves(path: Path, language: Language, motion: Motion, folder: Path = F
     write_whole(text.replace("\n", language.newline), path)
 
 
-def _points(language: Language, motion: Motion) -> list[dict[str, object]]:
+def _point_fields(language: Language, motion: Motion) -> list[dict[str, object]]:
     """What a template is given of every point, numbers as texts."""
     q, count = _check_moves(motion), len(motion.q)
     axes = axes_of(language, motion.joints)
@@ -218,7 +588,7 @@ def _identifier(name: str, language: Language) -> str:
     """Convert a name to a valid one: letters, digits and `_`, a letter first, not reserved."""
     fit = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "program"
     if not fit[0].isalpha() or not language.takes(fit):
-        fit = MARK + fit
+        fit = FIT_PREFIX + fit
     return fit[: language.names.longest].rstrip("_")
 
 

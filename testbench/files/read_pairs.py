@@ -11,8 +11,8 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, along_lines, in_order
 from testbench.errors import Array, Ids, Mask, check_type
+from testbench.files.beside import FileLines, place_lines, read_lines
 from testbench.files.columns import Columns, find_columns, read_columns
-from testbench.files.lines import FileLines, place_lines, read_lines
 from testbench.files.mapping import Map, read_map
 from testbench.files.names import ENTRIES, Slot, columns_of
 from testbench.files.readings import (

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.series import Series, select_rows, series_of
+from testbench.data.dataset import Series, select_rows, series_of
 from testbench.errors import Array, Ids, check_type, stem_of
 from testbench.files.beside import (
     NOTATIONS,
@@ -37,7 +37,7 @@ from testbench.files.readings import (
 from testbench.files.rows import RowConditions, first_rows, number_rows, read_conditions, repeats
 
 if TYPE_CHECKING:
-    from testbench.files.orientation import OrientationFit
+    from testbench.files.beside import OrientationFit
 
 ALONE = "target"
 """Name of a file's only target if the arm has several."""
@@ -225,21 +225,21 @@ def _fitted_notation(
     found = unsaid_angles(columns)
     if found is None:
         return None
-    from testbench.files import orientation  # here: few files need it
+    from testbench.files import beside  # here: few files need it
 
     angles, there, by_axis = found
     # Rows of the target that was read most often.
     target = int(np.bincount(read.marker).argmax()) if len(read.marker) else 0
     some = (read.marker == target) & np.isfinite(read.position).all(axis=1) & there[read.row]
     row, position = read.row[some], read.position[some]
-    if len(np.unique(number_rows(conditions.q[row]))) < orientation.MIN_POSES:
-        problem = f"{NOTATIONS}; it is found from {orientation.MIN_POSES} poses or more"
+    if len(np.unique(number_rows(conditions.q[row]))) < beside.MIN_POSES:
+        problem = f"{NOTATIONS}; it is found from {beside.MIN_POSES} poses or more"
         raise UnclearNotation(columns, problem)
-    tried = orientation.notations(angles[row], by_axis)
-    fits = orientation.fits_of(arm, conditions.q[row], position, tried)
-    fit = orientation.clear_fit(fits)
+    tried = beside.notations(angles[row], by_axis)
+    fits = beside.fits_of(arm, conditions.q[row], position, tried)
+    fit = beside.clear_fit(fits)
     if fit is None:
-        problem = f"{NOTATIONS}; {orientation.unclear(fits)}"
+        problem = f"{NOTATIONS}; {beside.unclear(fits)}"
         raise UnclearNotation(columns, problem)
     return fit
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.errors import Array, Ids, Mask
+from testbench.files.beside import FileLines
 from testbench.files.columns import Columns, ReadColumn
-from testbench.files.lines import FileLines
 from testbench.files.names import (
     DEFLECTION,
     ENTRIES,

@@ -17,8 +17,7 @@ from testbench.arm.document import NUMBER, is_integer
 from testbench.errors import Array, Ids, InputError, Mask, printable
 from testbench.files.mapping import FileLayout
 from testbench.files.names import Unit, squeeze
-from testbench.files.text import TableHeader, find_header, read_letters, rows_of, split_lines
-from testbench.files.workbook import SHEET
+from testbench.files.text import SHEET, TableHeader, find_header, read_letters, rows_of, split_lines
 
 BEGINS = frozenset("=+-@\uff1d\uff0b\uff0d\uff20")
 FORMULA = re.compile(r"[^+\-]|[+\-](?![\d.,\s]*(?:[eE][+-]?\d+)?\s*$)")

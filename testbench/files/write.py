@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.dataset import Dataset
-from testbench.data.series import Series
+from testbench.data.dataset import Dataset, Series
 from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array, check_type
 from testbench.files.columns import Columns
 from testbench.files.names import ENTRIES, LOADING, WHEN, What, columns_of, torque_columns

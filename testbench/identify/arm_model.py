@@ -7,9 +7,8 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.errors import Array, Ids
-from testbench.identify.absolute.scatter import Noise
-from testbench.identify.absolute.state import ArmState, nominal_state
-from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.absolute.align import Noise
+from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state
 from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior, linearise
 from testbench.model.laws import model_for

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.series import Series
+from testbench.data.dataset import Series
 from testbench.errors import Array, Ids
 from testbench.model.vjm import Vjm, tool_pose
 

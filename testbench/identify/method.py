@@ -13,12 +13,16 @@ from testbench.data.dataset import Dataset
 from testbench.errors import BenchError, check_type
 from testbench.identify.average import average_models, average_two_priors
 from testbench.identify.estimate import Constraint, Estimate, Estimator, Penalty
-from testbench.identify.fold import PartitionedRegression, reduce, reduce_parts
-from testbench.identify.huber import without_outliers
-from testbench.identify.metric import WeightedPrior, rescale_to_data, scale_by_prior
-from testbench.identify.prior import Prior, Strength, with_weaker_coupling
-from testbench.identify.regression import Regression, restrict_to
-from testbench.identify.solve import solve
+from testbench.identify.metric import (
+    Prior,
+    Strength,
+    WeightedPrior,
+    rescale_to_data,
+    scale_by_prior,
+    with_weaker_coupling,
+)
+from testbench.identify.regression import PartitionedRegression, Regression, reduce, reduce_parts, restrict_to
+from testbench.identify.solve import solve, without_outliers
 from testbench.identify.trace import divide_poses, learn_trace_weight, trace_penalty
 from testbench.model.laws import without_laws
 from testbench.model.structure import Structure

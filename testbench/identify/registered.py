@@ -14,12 +14,10 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, read_by
-from testbench.data.series import Series, select_rows, series_of
+from testbench.data.dataset import Dataset, Series, read_by, select_rows, series_of
 from testbench.errors import Array, BenchError, Mask, check_type
-from testbench.identify.lines import resolve_lines
 from testbench.identify.registration import Frame, Registration, arm_reach, largest_deviation, register
-from testbench.identify.weighed import check_runs
+from testbench.identify.rows import check_runs, resolve_lines
 from testbench.model.vjm import Vjm, marker_points, skew, tool_points
 
 Choice = Literal["auto", "base", "tracker"]

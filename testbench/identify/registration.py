@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from testbench.data.series import Series
+from testbench.data.dataset import Series
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify.closed_form import (
     MIN_POINTS,
@@ -26,8 +26,7 @@ from testbench.identify.closed_form import (
     residuals,
 )
 from testbench.identify.robust_loss import FRAMES
-from testbench.model.tool_motion import rotation_matrices
-from testbench.model.vjm import Vjm, skew, tool_pose
+from testbench.model.vjm import Vjm, rotation_matrices, skew, tool_pose
 
 MIN_JOINT_MOTION = 1e-3
 """Motion of a joint below which it counts as still [rad, m]."""

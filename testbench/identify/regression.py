@@ -2,22 +2,46 @@
 
 Least squares and GCO need a dataset only through F_M, and F_M only through the triangular factor of the
 stacked weighted rows: (n + 1)^2 numbers, whatever the number of runs.
+
+Reduction of readings: rows [A | y] folded by QR into triangular factors, part by part; parts add up.
+
+A part is the unit of cross-validation: runs whose pose is in one fold and whose load is in one fold, or a
+block of joint space. Memory does not grow with the number of rows.
 """
 
 import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import qr
+from scipy.linalg.lapack import dtpqrt
+from scipy.sparse import block_diag, csr_array
 
+from testbench.data.dataset import Dataset, Series, select_rows
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.unknowns import compliance_unknowns
-from testbench.identify.rows import jacobian, nominal_chain
+from testbench.errors import Array, BenchError, Ids, Mask, check_type
+from testbench.identify.absolute.align import (
+    POSITIONS,
+    Noise,
+    combine_rows,
+    inverse_noise_roots,
+    kinds_of,
+    repeated_rows,
+    weights,
+)
+from testbench.identify.absolute.state import ArmState, Unknowns, compliance_unknowns
+from testbench.identify.robust_loss import READINGS, Loss
+from testbench.identify.rows import check_runs, jacobian, nominal_chain, pair_rows, resolve_lines, series_rows
+from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
+
+# --- A reduced dataset: the triangular factors of its weighted rows, Eq. (13) -------------------------------
 
 ZERO_COLUMN = 1e-12
 """A column below this share of the largest is the rounding of a zero: lever arms that cancel."""
@@ -282,3 +306,408 @@ def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
     A = A / np.linalg.norm(A, axis=0)
     _, order = qr(A, mode="r", pivoting=True)
     return structure.keep(np.sort(order[: rank(A)]), name)
+
+
+# --- Reduction of readings: rows [A | y] folded by QR into triangular factors, part by part; parts add up ---
+
+BLOCK_RUNS = 384  #: Pairs reduced at a time: long enough for LAPACK, short enough for the cache.
+SORTED_RUNS = (
+    16 * BLOCK_RUNS
+)  #: Pairs sorted by their parts at a time, so that memory does not grow with them.
+MAX_NUMBERS = 3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
+PANEL = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
+MIN_POSES, MAX_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by pose.
+
+
+class TriangularFactors:
+    """Hold triangular factors of rows [A | y], per kind of equations and part."""
+
+    def __init__(self, columns: int) -> None:
+        """Start without rows, for a given number of columns."""
+        self.columns = columns
+        #: (columns, columns) each, or all rows where they are fewer.
+        self.factors: dict[tuple[int, int], Array] = {}
+        self.equations: defaultdict[tuple[int, int], int] = defaultdict(int)  #: Scalar ones of each.
+
+    def take(self, A: Array, kinds: Ids, parts: Ids, *, drop_zeros: bool = False) -> None:
+        """Add whitened rows of some runs.
+
+        Args:
+            A: Whitened [A | y], (s, 3, columns, runs) [1].
+            kinds: Kind of every reading, (s, runs); -1 for lost ones.
+            parts: Part of every run, (runs,).
+            drop_zeros: Whether rows of zeros are no equations, as those of readings along lines are.
+        """
+        lines = A.transpose(2, 1, 0, 3)
+        for part in np.unique(parts).tolist():
+            own = np.where(parts == part, kinds, -1)
+            for kind in np.unique(own[own >= 0]).tolist():
+                these = own == kind
+                rows = np.flatnonzero(these.any(axis=1))
+                block = slice(rows[0], rows[-1] + 1)  # a tenth of the time of a mask, where nothing was lost
+                some = lines[:, :, block if these[block].all() else these].reshape(self.columns, -1)
+                some = some[:, some.any(axis=0)] if drop_zeros else some
+                self.equations[kind, part] += some.shape[1]
+                self.add(kind, part, some)
+
+    def add(self, kind: int, part: int, lines: Array) -> None:
+        """Add rows to one part by QR; the memory of `lines` is overwritten.
+
+        Args:
+            kind: Kind of the equations.
+            part: Number of the part.
+            lines: The rows, transposed, (columns, rows) [1].
+        """
+        n, at = self.columns, (kind, part)
+        T = self.factors.get(at, np.zeros((0, n)))
+        if len(T) < n:
+            lines = np.concatenate([T.T, lines], axis=1)
+            if lines.shape[1] < n:
+                self.factors[at] = lines.T
+                return
+            T = np.zeros((n, n), order="F")
+        panel = min(PANEL, n)
+        self.factors[at] = dtpqrt(0, panel, T, lines.T, overwrite_a=True, overwrite_b=True)[0]
+
+    def join(self, other: "TriangularFactors") -> None:
+        """Add all rows of another set of factors.
+
+        Args:
+            other: The other factors, with the same columns.
+        """
+        for at, T in other.factors.items():
+            self.add(*at, T.T.copy())
+            self.equations[at] += other.equations[at]
+
+    def factor(self, kind: int, parts: Sequence[int], columns: Ids | slice = slice(None)) -> Array:
+        """Compute the triangular factor of all rows of some parts.
+
+        Args:
+            kind: Kind of the equations.
+            parts: Numbers of the parts, (parts,).
+            columns: Columns that are wanted, (k,).
+
+        Returns:
+            Triangular factor, (columns, columns) [1].
+        """
+        rows = [self.factors[kind, k][:, columns] for k in parts if (kind, k) in self.factors]
+        whole = TriangularFactors(len(np.arange(self.columns)[columns]))
+        whole.add(0, 0, np.vstack([np.zeros((0, whole.columns)), *rows]).T.copy())
+        T = whole.factors[0, 0]
+        return T if len(T) == whole.columns else triangular_factor(T)
+
+
+@dataclass(frozen=True)
+class PartitionedRegression:
+    """Hold the reduced equations of a structure on a dataset, part by part."""
+
+    structure: Structure  #: The unknowns, n of them.
+    factors: TriangularFactors  #: Of these or more, readings last, in standard deviations sqrt(2) sigma.
+    columns: Ids | slice  #: Those of the unknowns and of the readings.
+
+    @property
+    def all_parts(self) -> Ids:
+        """Return the numbers of all parts."""
+        return np.unique([part for _, part in self.factors.factors])
+
+    def some_parts(self, parts: Ids) -> "PartitionedRegression":
+        """Return the equations of some parts only.
+
+        Args:
+            parts: Numbers of the parts, (parts,).
+
+        Returns:
+            Their equations.
+        """
+        kept, own = TriangularFactors(self.factors.columns), set(parts.tolist())
+        kept.factors = {at: T for at, T in self.factors.factors.items() if at[1] in own}
+        kept.equations.update({at: n for at, n in self.factors.equations.items() if at[1] in own})
+        return replace(self, factors=kept)
+
+    def joined(self, parts: Ids | None = None) -> Regression:
+        """Make one regression of some parts: rows over sqrt(N), as in F_M, Eq. (19).
+
+        Args:
+            parts: Numbers of the parts, (parts,); None for all.
+
+        Returns:
+            The regression.
+        """
+        terms, some = [], (self.all_parts if parts is None else parts).tolist()
+        for kind in sorted({kind for kind, _ in self.factors.factors}):
+            equations = sum(self.factors.equations[kind, k] for k in some)
+            T = self.factors.factor(kind, some, self.columns) / math.sqrt(equations / 3)
+            terms.append(term_from_triangle(T, 0.0, equations))
+        return regression_of(self.structure, tuple(terms))
+
+
+def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regression:
+    """Reduce a dataset to triangular factors of its weighted equations, Eq. (13).
+
+    Memory does not grow with the number of runs.
+
+    Mathematics: `obs-3`.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        structure: The unknowns, n of them.
+        data: The runs, or the reduction of a larger structure.
+
+    Returns:
+        F_M of the structure on them; `rows` are its equations in standard deviations.
+
+    Raises:
+        BenchError: When an argument has another type, or the dataset is empty or names a marker that the arm
+            lacks.
+    """
+    check_type(vjm, Vjm, "vjm")
+    check_type(structure, Structure, "structure")
+    check_type(data, (Dataset, Regression), "data")
+    if isinstance(data, Regression):
+        return restrict_to(data, structure)
+    [parts] = reduce_parts(vjm, [structure], data, np.broadcast_to(0, data.runs))
+    return with_poses(vjm, parts.joined(), data)
+
+
+def with_poses(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
+    """Add the rows of every pose to a regression of links and joints with laws.
+
+    They are needed to learn how links vary from pose to pose (`wander`): with `MIN_POSES` to `MAX_POSES`
+    poses and positions only.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        regression: The reduced dataset.
+        data: The runs.
+
+    Returns:
+        The regression, with `poses` where they are needed.
+    """
+    poses, part = np.unique(data.pose, return_inverse=True)
+    if not regression.structure.laws or len(regression.terms) > 1 or not MIN_POSES <= len(poses) <= MAX_POSES:
+        return regression
+    [parts] = reduce_parts(vjm, [regression.structure], data, part)
+    factors = parts.factors.factors
+    return replace(regression, poses=tuple(factors[at][:, parts.columns] for at in sorted(factors)))
+
+
+def reduce_parts(
+    vjm: Vjm, structures: Sequence[Structure], runs: Dataset, part: Ids
+) -> list[PartitionedRegression]:
+    """Reduce the weighted equations of several structures on runs, part by part.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        structures: The unknowns of every model.
+        runs: The runs.
+        part: Part of every run from 0 on, (runs,); -1 for runs that are left out.
+
+    Returns:
+        The equations of every structure, in order.
+
+    Raises:
+        BenchError: When there is no run, a number is too large, or a marker is none of the arm's.
+    """
+    widest = max(structures, key=lambda s: s.n)
+    # Structures whose unknowns are some of the widest one's share its factors.
+    places = [_columns(s, widest) for s in structures]
+    own = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
+    unknowns = [compliance_unknowns(model_for(vjm, s), s) for s in own]
+
+    found = [TriangularFactors(s.n + 1) for s in own]
+    check_runs(vjm, runs)
+    runs, lines = resolve_lines(vjm, runs), runs.direction is not None
+    # Rows are made and folded block by block, so that memory does not grow with the runs.
+    for these in _blocks_of(part, runs.pose if lines else np.arange(len(part))):
+        load = Load(runs.wrench[these], runs.point[these])
+        told = {
+            v: nominal_chain(for_load_history(v, runs.taken_off, these), runs.q[these], [load])
+            for v in {one.vjm for one in unknowns}
+        }
+        for one, folded in zip(unknowns, found, strict=True):
+            folded.take(
+                *pair_rows(one, told[one.vjm], runs, these, part[these]), part[these], drop_zeros=lines
+            )
+    alone = iter(found[1:])
+    return [
+        PartitionedRegression(s, next(alone), slice(None))
+        if place is None
+        else PartitionedRegression(s, found[0], place)
+        for s, place in zip(structures, places, strict=True)
+    ]
+
+
+def _blocks_of(part: Ids, pose: Ids) -> Iterator[Ids]:
+    """Places of runs in batches of about BLOCK_RUNS, part by part of some thousand runs after the other."""
+    for first in range(0, len(part), SORTED_RUNS):
+        some = slice(first, first + SORTED_RUNS)
+        for these in pose_batches(part[some], pose[some], BLOCK_RUNS):
+            yield first + these
+
+
+def pose_batches(part: Ids, pose: Ids, size: int) -> Iterator[Ids]:
+    """Yield places of rows in batches, part by part; rows of one pose stay together.
+
+    Args:
+        part: Part of every row, (rows,); rows of part -1 are left out.
+        pose: Pose of every row, (rows,).
+        size: About how many rows a batch has.
+
+    Yields:
+        Places of the rows of one batch.
+    """
+    order = np.lexsort((pose, part))
+    order = order[part[order] >= 0]
+    poses = np.append(np.flatnonzero(np.r_[True, np.diff(pose[order]) != 0]), len(order))
+    wanted = np.append(np.arange(0, len(order), size), len(order))
+    for a, b in pairwise(np.unique(poses[np.searchsorted(poses, wanted)]).tolist()):
+        yield order[a:b]
+
+
+def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
+    """Where a structure's parameters and the readings are among those of another; None where one is not."""
+    if structure is widest:
+        return slice(None)
+    place = {pair: k for k, pair in enumerate(zip(widest.a.tolist(), widest.b.tolist(), strict=True))}
+    pairs = list(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
+    alike = (structure.symmetric, structure.n_compliance_rows) == (widest.symmetric, widest.n_compliance_rows)
+    if not alike or not place.keys() >= set(pairs):
+        return None
+    return np.array([*(place[pair] for pair in pairs), widest.n])
+
+
+@dataclass(frozen=True)
+class SeriesBlock:
+    """Hold the equations of one block of joint space of one series."""
+
+    series: int  #: Place of the series.
+    gram: Array  #: Gram matrices of [A | y] of every kind of equations, (kinds, size + 1, size + 1).
+    counts: Array  #: Scalar equations of every kind, (kinds,).
+
+
+@dataclass(frozen=True)
+class ReducedReadings:
+    """Hold all equations of absolute readings, reduced."""
+
+    kinds: tuple[int, ...]  #: Kinds of equations that there are, as places in `EQUATION_KINDS`.
+    parts: tuple[SeriesBlock, ...]  #: In blocks.
+    factors: Mapping[int, Array]  #: Triangular factor of [A | y] of every kind, (size + 1, size + 1).
+
+    @cached_property
+    def gram(self) -> Array:
+        """Return the sums of squares of all parts, (kinds, size + 1, size + 1)."""
+        return sum_gram(self.parts)
+
+    def turned(self, basis: csr_array) -> "ReducedReadings":
+        """Return the equations in another basis of the unknowns, x = basis @ z.
+
+        Args:
+            basis: The basis, (size, size).
+
+        Returns:
+            The equations of z.
+        """
+        B = block_diag((basis, 1.0), format="csr").T
+        grams = [np.array([B @ np.asarray(B @ own).T for own in block.gram]) for block in self.parts]
+        parts = tuple(replace(block, gram=gram) for block, gram in zip(self.parts, grams, strict=True))
+        return ReducedReadings(
+            self.kinds, parts, {key: np.asarray(B @ R.T).T for key, R in self.factors.items()}
+        )
+
+    @property
+    def positions(self) -> Mask:
+        """Return which kinds are positions, (kinds,)."""
+        return np.isin(self.kinds, POSITIONS)
+
+    @property
+    def counts(self) -> Array:
+        """Return the number of equations of every kind in all parts, (kinds,)."""
+        return np.asarray(sum(part.counts for part in self.parts))
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """Hold the state where equations are linearised, and their weights."""
+
+    unknowns: Unknowns
+    state: ArmState
+    noise: Noise
+    loss: Loss = READINGS  #: Robust loss that weighs each reading.
+
+
+def reduce_series(
+    linearisation: Linearisation, series: Sequence[Series], blocks: Sequence[Ids] | None = None
+) -> ReducedReadings:
+    """Reduce all rows of absolute readings to triangular factors, per series and block of joint space.
+
+    Args:
+        linearisation: Where the equations are linearised.
+        series: The readings.
+        blocks: Block of joint space of every row of a series, (rows,) each, equal for all rows of a pose;
+            None for one block per series.
+
+    Returns:
+        The reduced equations.
+    """
+    blocks = [np.zeros(one.rows, dtype=int) for one in series] if blocks is None else blocks
+    kinds, parts, whole = kinds_of(series), [], TriangularFactors(linearisation.unknowns.size + 1)
+    for place, (one, block) in enumerate(zip(series, blocks, strict=True)):
+        numbers = 3 * whole.columns * (len(one.markers) + (one.rotation is not None))
+        for own in np.unique(block):
+            part = TriangularFactors(whole.columns)
+            for some in pose_batches(
+                np.where(block == own, 0, -1), one.pose, max(16, MAX_NUMBERS // numbers)
+            ):
+                part.take(
+                    *whitened_rows(linearisation, select_rows(one, some)), np.zeros(len(some), dtype=int)
+                )
+            factors = [part.factor(kind, [0]) for kind in kinds]
+            counts = np.array([part.equations[kind, 0] for kind in kinds])
+            parts.append(SeriesBlock(place, np.array([T.T @ T for T in factors]), counts))
+            whole.join(part)
+    return ReducedReadings(kinds, tuple(parts), {kind: whole.factor(kind, [0]) for kind in kinds})
+
+
+def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, Ids]:
+    """Compute whitened rows [A | y] of all unknowns; rows of one pose become their mean and differences.
+
+    Args:
+        linearisation: Where the equations are linearised, with noise and loss.
+        series: The readings.
+
+    Returns:
+        [A | y], (s, 3, size + 1, rows) [1], and the kind of every equation, (s, rows); -1 where nothing was
+        read.
+    """
+    A, rotation = (
+        series_rows(linearisation.unknowns, linearisation.state, series),
+        linearisation.state.frame(series).rotation,
+    )
+    # Weights by the loss, and the right-hand side for the unknowns themselves in place of steps.
+    _, pull = weights(series, linearisation.noise, rotation, A[:, :, -1], linearisation.loss)
+    A[:, :, -1] += np.einsum("sxcr,c->sxr", A[:, :, :-1], linearisation.unknowns.current(linearisation.state))
+    # Readings of one pose become a mean and differences, (abs-4), and are whitened.
+    groups = repeated_rows(series)
+    A, (W, kinds) = (
+        combine_rows(groups, A),
+        inverse_noise_roots(series, linearisation.noise, rotation, groups),
+    )
+    for group in groups:
+        pull[:, group] = pull[:, group].min(axis=2, keepdims=True)
+    W = W * np.sqrt(pull)[..., None, None]
+    isotropic = series.precision is None
+    A = A * W[:, None, None, :, 0, 0] if isotropic else np.einsum("srxy,sycr->sxcr", W, A)
+    read = np.concatenate([series.seen.T, series.turned[None]])[: len(kinds)]
+    return A, np.where(read, kinds, -1)
+
+
+def sum_gram(parts: Sequence[SeriesBlock]) -> Array:
+    """Sum the Gram matrices of several parts.
+
+    Args:
+        parts: The parts.
+
+    Returns:
+        The sum, (kinds, size + 1, size + 1).
+    """
+    return np.asarray(sum(part.gram for part in parts))

@@ -2,20 +2,49 @@
 
 A reading is a position of a target or an orientation, three numbers in base axes. A pair is the difference of
 two readings in one pose: only its compliances remain unknown, Eq. (13).
+
+Readings along lines: a dial gauge, a ballbar or a draw-wire reads one number of a marker's motion.
+
+A marker moves by d and the tool turns by w under a load. A gauge reads the plane face of the tool that its
+tip touches. The face has the unit normal u and turns with the tool: to second order the gauge reads
+
+    t = (u + w x u) . d
+
+A distance to a fixed point, at the length r along the unit vector u, changes by
+
+    t = (u + d' / (2 r)) . d,    d' = d - u (u . d)
+
+Both are rows u . A of the observation matrix, Eq. (12), with a direction that moves by milliradians. If u is
+known to a standard deviation a about each axis across it, a reading has the further variance a^2 |u x d|^2,
+and readings of one set-up share it. The tilt itself is not estimated: it is marginalised.
+
+d and w are predicted by the arm's folder after the readings have scaled its joints and its links. Any
+readings determine these few unknowns. A prior may be wrong by a factor of two. This prediction is wrong by
+about a tenth, which changes a standard deviation by a tenth and a direction by a part of a milliradian.
 """
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import nnls
 
-from testbench.data.dataset import Dataset, rotation_between
-from testbench.data.series import Series
-from testbench.errors import Array, Ids
-from testbench.identify.absolute.state import ArmState, JointEquilibrium, series_equilibrium
-from testbench.identify.absolute.unknowns import Unknowns
+from testbench.data.dataset import Dataset, Series, along_lines, rotation_between
+from testbench.errors import Array, BenchError, Ids
+from testbench.identify.absolute.state import (
+    ArmState,
+    JointEquilibrium,
+    Unknowns,
+    compliance_unknowns,
+    series_equilibrium,
+)
+from testbench.model.laws import model_for
 from testbench.model.load import Load, on_joints
+from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, cross, marker_points, parameter_rows, translation_rows
+
+# --- Jacobian of the readings, Eq. (3) and (12): their change with every unknown, and their residuals -------
 
 
 def jacobian(
@@ -218,3 +247,208 @@ def _separate_set_ups(A: Array, data: Dataset, runs: Ids, part: Ids) -> None:
                 C = share[own, k] @ share[own, k].T
                 np.fill_diagonal(C, 1.0)
                 A[k, 0][:, own] = np.linalg.solve(np.linalg.cholesky(C), A[k, 0][:, own].T).T
+
+
+# --- Readings along lines: a dial gauge, a ballbar or a draw-wire reads one number of a marker's motion -----
+
+ROUGH = 0.1
+"""Error of a model of scaled joints and links, over the RMS of the readings [1]."""
+UNSURE = 1.0
+"""Standard deviation of every scale about that of the arm's folder [1]."""
+BLOCK_RUNS = 384  #: Runs whose Jacobians are in memory at a time.
+
+
+def resolve_lines(vjm: Vjm, data: Dataset) -> Dataset:
+    """Turn directions of readings along lines with the loaded arm, and count their tilt as noise.
+
+    Mathematics: `obs-10`.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        data: The runs, in the base's frame.
+
+    Returns:
+        The runs with `slide`, directions and precisions; as they are if they have no readings along lines, or
+        have their slide already.
+    """
+    if data.direction is None or data.tilt is None or data.reach is None or data.slide is not None:
+        return data
+    d, turn = predicted_motion(vjm, data)
+    u, lines = data.direction, data.lines[..., None]
+    moved = np.where(lines, directions_under_load(u, data.reach, d, turn), 0.0)
+    # The reading, its variance and what its set-up shares of it.
+    slide = data.tilt[..., None] * np.cross(moved, d)
+    assert data.precision is not None
+    weight = np.trace(data.precision, axis1=2, axis2=3)
+    variance = np.where(data.lines, 1 / np.where(data.lines, weight, 1.0), 1.0) + (slide**2).sum(axis=2)
+    number = (u * data.deflection).sum(axis=2, keepdims=True)
+    return replace(
+        data,
+        direction=moved,
+        after=np.where(lines, data.before + moved * number, data.after),
+        precision=np.where(lines[..., None], along_lines(moved, np.sqrt(variance / 2)), data.precision),
+        slide=slide,
+    )
+
+
+def directions_under_load(u: Array, reach: Array, d: Array, turn: Array) -> Array:
+    """Compute the directions along which motions are read to second order.
+
+    Mathematics: `obs-9`.
+
+    Args:
+        u: Directions at the unloaded arm, unit vectors, (runs, m, 3) [1].
+        reach: Lengths of distances, 0 for a gauge on a face of the tool, (runs, m) [m].
+        d: Motion of every marker, (runs, m, 3) [m].
+        turn: Rotation of the tool, (runs, 3) [rad].
+
+    Returns:
+        u + w x u for a gauge, u + d' / (2 r) for a distance, as unit vectors, (runs, m, 3) [1].
+    """
+    across = d - (u * d).sum(axis=2, keepdims=True) * u
+    r = np.where(reach > 0, reach, 1.0)[..., None]
+    moved = np.where(reach[..., None] > 0, u + across / (2 * r), u + np.cross(turn[:, None], u))
+    return np.asarray(moved / np.maximum(np.linalg.norm(moved, axis=2, keepdims=True), np.finfo(float).tiny))
+
+
+def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
+    """Predict the motion of all markers by the arm's folder, its joints and its links scaled to the readings.
+
+    With the motion D_j of the markers by joint j alone, and D_0 by all links, the scales s >= 0 minimise
+
+        sum of |P (D s - y)|^2 / (ROUGH RMS(y))^2 + |s - 1|^2 / UNSURE^2
+
+    over all readings y, P the projection on what was read.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        data: The runs.
+
+    Returns:
+        Displacement of every marker, (runs, m, 3) [m], and rotation of the tool, (runs, 3) [rad].
+    """
+    points, parts, turns = marker_points(vjm, data.markers), [], []
+    for first in range(0, data.runs, BLOCK_RUNS):
+        some = slice(first, first + BLOCK_RUNS)
+        by_part = _parts(vjm, data, some, points)
+        parts.append(by_part[0])
+        turns.append(by_part[1])
+    D, W = np.concatenate(parts, axis=1), np.concatenate(turns, axis=1)
+    seen = data.seen
+    read = np.array([data.as_read(own)[seen] for own in D]).reshape(len(D), -1)
+    y = data.as_read(data.deflection)[seen].ravel()
+    rough = ROUGH * float(np.sqrt((y**2).mean())) or 1.0
+    rows = np.vstack([read.T / rough, np.eye(len(D)) / UNSURE])
+    s, _ = nnls(rows, np.concatenate([y / rough, np.full(len(D), 1 / UNSURE)]))
+    return np.tensordot(s, D, axes=1), np.tensordot(s, W, axes=1)
+
+
+def _parts(vjm: Vjm, data: Dataset, some: slice, points: Array) -> tuple[Array, Array]:
+    """Compute motions of markers, (n + 1, runs, m, 3) [m], and turns, (n + 1, runs, 3), of each part."""
+    state = nominal_chain(vjm, data.q[some], [Load(data.wrench[some], data.point[some])])
+    C, first = vjm.arm.C_theta, 6 * len(vjm.arm.links)
+    theta = C @ state.u[: len(C)]
+    J = translation_rows(state.chain, points)
+    each = [slice(0, first), *(slice(k, k + 1) for k in range(first, len(C)))]
+    runs = J.shape[-1]
+    D = [np.einsum("xtr,tr->rx", J[:, own], theta[own]).reshape(runs, len(points), 3) for own in each]
+    W = [np.einsum("xtr,tr->rx", state.chain.J_theta[3:, own], theta[own]) for own in each]
+    return np.array(D), np.array(W)
+
+
+# --- Readings of pairs one by one, weighted, so that single ones can be left out; and limits of datasets ----
+
+MAX_READING = 1e9
+"""Largest reading, load or coordinate [m, N, N m]: squares of larger ones may overflow."""
+MAX_READINGS = 5000
+"""Most readings in one program: about ten seconds and some hundred megabytes for 153 unknowns."""
+
+
+def check_runs(vjm: Vjm, data: Dataset) -> None:
+    """Refuse runs that cannot be reduced: none, no reading, another arm, or numbers that are too large.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        data: The runs.
+
+    Raises:
+        BenchError: When the dataset is one of these.
+    """
+    if data.runs == 0:
+        raise BenchError("dataset: expected at least one run, got none")
+    if not data.seen.any():
+        raise BenchError(f"dataset: expected readings, every target was lost in all of {data.runs} runs")
+    for name in ("before", "after", "wrench", "point"):
+        values = getattr(data, name)
+        largest = max(values.max(), -values.min())  # np.abs would copy the dataset
+        if largest > MAX_READING:
+            raise BenchError(f"{name}: expected SI numbers up to {MAX_READING:g}, got {largest:g}: too large")
+    if data.q.shape[1] != vjm.arm.n_joints:
+        raise BenchError(f"q: expected {vjm.arm.n_joints} joints, got {data.q.shape[1]}")
+
+
+@dataclass(frozen=True)
+class WeightedReadings:
+    """Hold rows of Eq. (13), reading by reading, in standard deviations."""
+
+    A: Array  #: Observation matrices, (readings, 3, n).
+    y: Array  #: Measured, (readings, 3) [1].
+    unit: Array  #: Standard deviation of each, sqrt(2) sigma if all axes are equal, (readings,) [m, rad].
+    numbers: Ids  #: How many numbers each has: 3, or 1 along a line, (readings,).
+    run: Ids  #: Index of its run in the dataset, (readings,).
+    marker: Ids  #: Index of its marker, -1 for the orientation, (readings,).
+
+
+def single_readings(vjm: Vjm, structure: Structure, data: Dataset) -> WeightedReadings:
+    """Compute the weighted equations (13) reading by reading; `reduce` has checked the dataset.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        structure: The unknowns, n of them.
+        data: The runs.
+
+    Returns:
+        Rows, readings and their units.
+
+    Raises:
+        BenchError: When there are more than `MAX_READINGS` readings.
+    """
+    each = len(data.markers) + (data.sigma_rotation is not None)
+    if data.runs * each > MAX_READINGS:
+        raise BenchError(f"robust fit: expected at most {MAX_READINGS} readings, got {data.runs * each}")
+    data = resolve_lines(vjm, data)
+    vjm = model_for(vjm, structure)
+    # Rows of every reading, whitened, without lost ones.
+    equilibrium = nominal_chain(vjm, data.q, [Load(data.wrench, data.point)])
+    rows, kinds = pair_rows(compliance_unknowns(vjm, structure), equilibrium, data, np.arange(data.runs))
+    A, marker = each_reading(rows, kinds), np.arange(each)
+    one = np.tile(np.eye(3)[None, :, :, None], (each, 1, 1, data.runs))
+    root = each_reading(one, whiten(one, data, np.arange(data.runs)))
+    marker[len(data.markers) :] = -1
+    used = (kinds >= 0).T.ravel()
+    lines = np.zeros((data.runs, each), dtype=bool)
+    lines[:, : len(data.markers)] = data.lines
+    lines = lines.ravel()[used]
+    # Size of a standard deviation: of a position the geometric mean of its axes.
+    size = np.abs(np.linalg.det(np.where(lines[:, None, None], np.eye(3), root))) ** (-1 / 3)
+    return WeightedReadings(
+        A=A[:, :, :-1],
+        y=A[:, :, -1],
+        unit=np.where(lines, 1 / np.where(lines, np.linalg.norm(root[:, 0], axis=1), 1.0), size),
+        numbers=np.where(lines, 1, 3),
+        run=np.repeat(np.arange(data.runs), each)[used],
+        marker=np.tile(marker, data.runs)[used],
+    )
+
+
+def each_reading(rows: Array, kinds: Ids) -> Array:
+    """Select the rows of readings that were not lost.
+
+    Args:
+        rows: Rows, (s, 3, c, runs).
+        kinds: Kind of every reading, (s, runs); -1 for lost ones.
+
+    Returns:
+        Rows reading by reading, (readings, 3, c).
+    """
+    return np.asarray(rows.transpose(3, 0, 1, 2).reshape(-1, *rows.shape[1:3])[(kinds >= 0).T.ravel()])

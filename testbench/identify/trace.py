@@ -31,12 +31,11 @@ from scipy.special import stdtrit
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify import batch
-from testbench.identify.certify import scaled_units
+from testbench.identify import interior
+from testbench.identify.conic import scaled_units
 from testbench.identify.estimate import Penalty
-from testbench.identify.fold import PartitionedRegression
 from testbench.identify.interior import TINY
-from testbench.identify.regression import Regression
+from testbench.identify.regression import PartitionedRegression, Regression
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -270,8 +269,8 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
     H = G[:, order][:, :, order] * np.outer(scale, scale)
     seen = _span(H[0])
 
-    def problems(some: slice) -> batch.Problems:
-        return batch.Problems(
+    def problems(some: slice) -> interior.Problems:
+        return interior.Problems(
             R=_roots(H[some], seen),
             g=G[some, order, -1] * scale / unit,
             half=G[some, -1, -1] / unit**2 / 2,
@@ -285,19 +284,19 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
         return pi
 
     if len(folds.out):  # choose by poses held out, then fit all readings with this weight alone
-        x, _ = batch.solve(problems(slice(1, None)), weights[1:])
+        x, _ = interior.solve(problems(slice(1, None)), weights[1:])
         found = np.concatenate([straight[1:, None], parameters(x)], axis=1)
         held = np.array([_squares(out, own) for out, own in zip(folds.out, found, strict=True)])
         k = _strongest(np.sqrt(held / (folds.equations[:, None] / 3)))
         best = straight[0]
         if k:
-            best = parameters(batch.solve(problems(slice(0, 1)), weights[k : k + 1])[0])[0, 0]
+            best = parameters(interior.solve(problems(slice(0, 1)), weights[k : k + 1])[0])[0, 0]
         left = float(_squares(folds.total, best))
     else:  # generalised cross-validation of all readings
         whole = problems(slice(0, 1))
-        x, multipliers = batch.solve(whole, weights[1:])
+        x, multipliers = interior.solve(whole, weights[1:])
         errors = _squares(folds.total, np.concatenate([straight[:1], parameters(x[0])]))
-        spent = np.r_[np.count_nonzero(straight[0]), batch.freedom(whole, x, multipliers)[0]]
+        spent = np.r_[np.count_nonzero(straight[0]), interior.freedom(whole, x, multipliers)[0]]
         k = int(np.nanargmin(errors / (folds.all_parts - spent) ** 2))
         left = float(errors[k])
     weights[0] *= WEIGHT_RATIO  # so that no rounding bends a link

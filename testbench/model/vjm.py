@@ -3,9 +3,17 @@
 `kinematics.py` gives joint placements and axes; from there every quantity is a product of arrays over all
 runs at once. Virtual joints are at zero unless theta is given: the linear model of Eq. (5), (6) and (10) to
 (13). Away from zero they serve the loaded stiffness of Eq. (7) in `loaded.py`.
+
+Rigid tool motion and rotation vectors: how joints move the tool, and how far orientations are apart.
+
+`correct` uses these for inverse kinematics and for the rotation part of its errors.
+
+Random poses inside the joint limits: the candidates that a measurement plan or a simulation draws from.
+
+Poses may be limited to a work area of the tool; a caller's check keeps them free of collision.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -14,8 +22,10 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Ids, check_array
+from testbench.errors import Array, BenchError, Ids, Mask, PoseError, check_array
 from testbench.model.structure import Structure
+
+# --- The virtual joint method on the kinematics of the rigid arm, batched over runs, Eq. (1) to (13) --------
 
 
 class Laws(Protocol):
@@ -541,3 +551,160 @@ def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
     u_b, u_a = u[b], u[a] * structure.mirrored[:, None]
     for row in J:
         yield row[a] * u_b + row[b] * u_a
+
+
+# --- Rigid tool motion and rotation vectors: how joints move the tool, and how far orientations are apart ---
+
+
+def turn_between(start: Array, end: Array) -> Array:
+    """Compute rotation vectors that take orientations to others, log(R_end R_start^T).
+
+    Args:
+        start: First orientations, world from tool, (points, 3, 3) [1].
+        end: Second orientations, world from tool, (points, 3, 3) [1].
+
+    Returns:
+        Rotation vectors, world axes, (points, 3) [rad]; zero for a turn of exactly 180 degrees, whose axis
+        the formula loses.
+    """
+    R = end @ start.swapaxes(1, 2)
+    sine = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
+    return _vectors(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
+
+
+def rotation_matrices(turn: Array) -> Array:
+    """Compute rotation matrices of rotation vectors by Rodrigues' formula, exp([r]_x).
+
+    Args:
+        turn: Rotation vectors r, (points, 3) [rad].
+
+    Returns:
+        Rotation matrices, (points, 3, 3) [1].
+    """
+    angle = np.linalg.norm(turn, axis=1)[:, None, None]
+    K = skew(turn)
+    half = np.sinc(angle / (2 * np.pi))
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + half**2 / 2 * K @ K)
+
+
+def turn_of_axis(start: Array, end: Array) -> Array:
+    """Compute rotation vectors of the shortest turns that take unit vectors to others.
+
+    Args:
+        start: First unit vectors, (points, 3) [1].
+        end: Second unit vectors, (points, 3) [1].
+
+    Returns:
+        Rotation vectors, (points, 3) [rad]; zero for opposite vectors, whose axis is undefined.
+    """
+    return _vectors(np.cross(start, end), np.einsum("px,px->p", start, end))
+
+
+def _vectors(sine: Array, cosine: Array) -> Array:
+    """Rotation vectors from axes times sines, (points, 3), and cosines, (points,)."""
+    size = np.linalg.norm(sine, axis=1)
+    angle = np.arctan2(size, cosine)
+    return np.asarray(sine * np.where(size > 0, angle / np.where(size > 0, size, 1), 1)[:, None])
+
+
+def tool_motion(vjm: Vjm, q: Array) -> tuple[Array, Array, Array]:
+    """Compute the tool's pose and the Jacobian of the actuated joints at its origin, the arm rigid.
+
+    Args:
+        vjm: Kinematics of the arm.
+        q: Actuated joints, (runs, n) [rad, m].
+
+    Returns:
+        Positions, world, (runs, 3) [m]; orientations, world from tool, (runs, 3, 3) [1]; and Jacobians,
+        translation rows first, world axes, (runs, 6, n) [m, 1].
+
+    Raises:
+        BenchError: When q has another shape or is not finite.
+    """
+    _, *bodies, (position, rotation) = body_poses(vjm, q)
+    J = np.zeros((6, vjm.arm.n_joints, len(q)))
+    for k, (joint, axis, (origin, R)) in enumerate(zip(vjm.arm.joints, vjm.axes, bodies, strict=True)):
+        along = (R @ axis).T
+        if joint.prismatic:
+            J[:3, k] = along
+        else:
+            J[:3, k], J[3:, k] = cross(along, (position - origin).T), along
+    return position, rotation, J.transpose(2, 0, 1)
+
+
+# --- Random poses inside the joint limits -------------------------------------------------------------------
+
+POSES_PER_BATCH = 4096  #: Poses drawn at a time.
+POSES_PER_CHECK = 512  #: Poses checked at a time; drawing stops after a piece that completes the count.
+MAX_BATCHES = 400  #: Batches drawn before the search is given up.
+
+
+@dataclass(frozen=True)
+class WorkArea:
+    """Describe where the tool must be and where its x axis must point."""
+
+    lower: tuple[float, float, float]  #: Lower corner of the tool's position, world, (3,) [m].
+    upper: tuple[float, float, float]  #: Upper corner, (3,) [m].
+    #: Unit vector that the tool's x axis follows, world, (3,).
+    direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    cone: float = np.pi  #: Largest angle between the two [rad].
+
+
+def in_area(vjm: Vjm, area: WorkArea, q: Array) -> Mask:
+    """Tell which poses have their tool in a work area, the arm rigid.
+
+    Args:
+        vjm: Kinematics of the arm.
+        area: The work area.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        True where position and direction both fit, (poses,).
+
+    Raises:
+        BenchError: When q has another shape or is not finite.
+    """
+    position, rotation = tool_pose(vjm, q)
+    inside = ((position >= area.lower) & (position <= area.upper)).all(axis=1)
+    cosine = rotation[:, :, 0] @ np.array(area.direction)
+    return np.asarray(inside & (cosine >= np.cos(area.cone)))
+
+
+def random_poses(
+    vjm: Vjm,
+    area: WorkArea | None,
+    count: int,
+    clear: Callable[[Array], Mask],
+    rng: np.random.Generator,
+) -> Array:
+    """Draw poses evenly over the joint limits; keep those in the work area that are clear of collision.
+
+    Args:
+        vjm: Nominal kinematics of the arm.
+        area: Where the tool must be; None for anywhere.
+        count: Number of poses to return.
+        clear: Function that tells which of the poses, (poses, n) [rad, m], are free of collision, (poses,).
+        rng: Source of the poses.
+
+    Returns:
+        Actuated joints, (count, n) [rad, m], in the order in which they were drawn.
+
+    Raises:
+        PoseError: When `MAX_BATCHES` times `POSES_PER_BATCH` draws yield too few; the message counts what
+            each condition left.
+    """
+    kept: list[Array] = []
+    drawn = reached = 0
+    for _ in range(MAX_BATCHES):
+        q = vjm.arm.drawn(rng, POSES_PER_BATCH)
+        drawn += len(q)
+        for piece in np.split(q, range(POSES_PER_CHECK, POSES_PER_BATCH, POSES_PER_CHECK)):
+            inside = piece if area is None else piece[in_area(vjm, area, piece)]
+            reached += len(inside)
+            kept.extend(inside[clear(inside)])
+            if len(kept) >= count:
+                return np.array(kept[:count])
+    raise PoseError(
+        f"found {len(kept)} of {count} poses: of {drawn} drawn {reached} put the tool in the work area "
+        f"and {len(kept)} are clear of collision; widen the area"
+    )

@@ -18,8 +18,8 @@ from functools import cached_property
 
 import numpy as np
 
+from testbench.arm.elastic import Material, check_compliance
 from testbench.arm.folder import Link
-from testbench.arm.stiffness import Material, check_compliance
 from testbench.errors import Array
 
 BEND = np.array([0.5, 0.5]), np.array([0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)])

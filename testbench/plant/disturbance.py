@@ -1,6 +1,6 @@
 """Effects in a true arm that the identified model does not contain: each disturbance is one switch.
 
-All are plain numbers in SI, so that a scenario or a manifest can hold them. `testbench.plant.disturbed`
+All are plain numbers in SI, so that a scenario or a manifest can hold them. `testbench.plant.true_arms`
 builds them into a plant.
 
 Gear errors of a joint: its true angle as a function of the commanded one, whatever the load.

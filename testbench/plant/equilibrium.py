@@ -12,28 +12,298 @@ differences.
 The result of a pose does not depend on the other poses of a batch. Each pose takes its own steps and stops by
 itself, and matrices multiply its vectors one by one, because BLAS rounds a product of two matrices by their
 sizes.
+
+A gravity compensator: a spring from link 1 to link 2 that supports joint 2.
+
+With length s, the strut pulls its ends together by F = rate (s_held - rest_length) + stiffness (s - s_held).
+s_held is its length in the held, undeflected pose.
+
+There are two slopes because a strut is driven in two ways. When joint 2 turns, it moves the piston, and only
+gas or coils push back. Under a payload it moves by tenths of a millimetre, and seal friction or a closed
+column of oil may make it far stiffer. Equal slopes, the default, are the plain spring. Joint 2 sees the
+equivalent stiffness K_eq = stiffness s'^2 + F s'', with derivatives by q_2. It nearly vanishes where the
+strut points at the axis, and is largest where the strut is perpendicular to its lever.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, fields, replace
 
+import mujoco
 import numpy as np
 
-from testbench.errors import Array, Ids, NoEquilibrium, check_array
+from testbench.arm.folder import Compensator
+from testbench.errors import Array, BenchError, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
-from testbench.plant.compensator import Strut, correct_for_strut, hinged_bodies, strut, strut_force
 from testbench.plant.disturbance import gear_error
 from testbench.plant.joint_law import Beyond, JointLaw, joint_rotation, tangent_compliance
-from testbench.plant.state import (
-    ArmsInRow,
-    BodyState,
-    body_motion,
-    evaluate,
-    generalised_force,
-    open_row,
-    point_position,
-)
 from testbench.progress import stepwise
+
+# --- Poses evaluated by MuJoCo, many at once, and generalised forces of loads on bodies ---------------------
+
+
+@dataclass(frozen=True)
+class BodyState:
+    """Hold gravity forces and Jacobians of some poses, and the poses of requested bodies, by their ids."""
+
+    weight: Array  #: Generalised force of the arm's own weight, (poses, nv) [N, N m].
+    #: Rotation, and motion at `centre`, per unit of every coordinate: MuJoCo's cdof, (poses, nv, 6) [1, m].
+    motion: Array
+    centre: Array  #: Its point of reference in the world, (poses, 3) [m].
+    position: dict[int, Array]  #: Of the bodies in the world, (poses, 3) each [m].
+    rotation: dict[int, Array]  #: World from body, (poses, 3, 3) each [1].
+
+
+@dataclass(frozen=True)
+class ArmsInRow:
+    """Hold the copies of the arm in one MuJoCo state; every call of `solve_equilibrium` has its own."""
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    qpos: Array  #: Configuration of every arm, (arms, nv) [m, rad].
+    motion: Array  #: As in `BodyState`, (arms, nv, 6).
+    centre: Array  #: As in `BodyState`, (arms, 3).
+    position: Array  #: Of every body but the world: body b is at b - 1, (arms, bodies, 3) [m].
+    rotation: Array  #: World from body, (arms, bodies, 3, 3) [1].
+
+
+def open_row(plant: Plant) -> ArmsInRow:
+    """Make the MuJoCo model with copies of the plant's arm in a row, which are evaluated together.
+
+    Args:
+        plant: The plant.
+
+    Returns:
+        The model with views of its arrays, one row per copy.
+    """
+    model, data = plant.abreast, mujoco.MjData(plant.abreast)
+    nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
+    return ArmsInRow(
+        model=model,
+        data=data,
+        qpos=data.qpos.reshape(-1, nv),
+        motion=data.cdof.reshape(-1, nv, 6),
+        centre=data.subtree_com[1:].reshape(-1, bodies, 3)[:, root - 1],
+        position=data.xpos[1:].reshape(-1, bodies, 3),
+        rotation=data.xmat[1:].reshape(-1, bodies, 3, 3),
+    )
+
+
+def evaluate(row: ArmsInRow, qpos: Array, bodies: Collection[int] = ()) -> BodyState:
+    """Evaluate configurations in MuJoCo, as many at a time as there are arms in the row.
+
+    Velocities are zero, so of MuJoCo's forward pass only kinematics and the bias force are needed.
+
+    Args:
+        row: The arms.
+        qpos: Configurations, (poses, nv) [m, rad].
+        bodies: Ids of the bodies whose places are wanted; without any, `motion` and `centre` are left out.
+
+    Returns:
+        Places of the bodies, and the generalised force of the arm's own weight.
+    """
+    model, data, (arms, nv) = row.model, row.data, row.qpos.shape
+    poses, room = len(qpos), -(-len(qpos) // arms) * arms
+    bias = np.empty((room, nv))
+    placed = room if bodies else 0
+    motion, centre = np.empty((placed, nv, 6)), np.empty((placed, 3))
+    position = {body: np.empty((room, 3)) for body in bodies}
+    rotation = {body: np.empty((room, 3, 3)) for body in bodies}
+    # One call of MuJoCo for each row of arms; the last row is filled up.
+    for start in range(0, room, arms):
+        some = slice(start, start + arms)
+        row.qpos[: poses - start] = qpos[some]
+        mujoco.mj_fwdKinematics(model, data)
+        mujoco.mj_rne(model, data, 0, bias[some].reshape(-1))
+        if bodies:
+            motion[some], centre[some] = row.motion, row.centre
+        for body in bodies:
+            position[body][some], rotation[body][some] = row.position[:, body - 1], row.rotation[:, body - 1]
+    return BodyState(
+        weight=-bias[:poses],
+        motion=motion[:poses],
+        centre=centre[:poses],
+        position={body: p[:poses] for body, p in position.items()},
+        rotation={body: R[:poses] for body, R in rotation.items()},
+    )
+
+
+def point_position(state: BodyState, body: int, point: Array) -> Array:
+    """Compute the world position of a point of a body in every pose.
+
+    Args:
+        state: The poses.
+        body: Number of the body.
+        point: Point in the body's frame, (3,) or (poses, 3) [m].
+
+    Returns:
+        Position, (poses, 3) [m].
+    """
+    return np.asarray(state.position[body] + np.matvec(state.rotation[body], point))
+
+
+def generalised_force(plant: Plant, state: BodyState, body: int, wrench: Array, point: Array) -> Array:
+    """Compute the generalised force J^T w of a wrench on a body at a world point.
+
+    Args:
+        plant: The arm.
+        state: Its poses.
+        body: The body's id.
+        wrench: Force and moment, world axes, (poses, 6) [N, N m].
+        point: Point where the force acts, world axes, (poses, 3) [m].
+
+    Returns:
+        (poses, nv) [N, N m].
+    """
+    force, moment = wrench[:, :3], wrench[:, 3:]
+    about_centre = moment + _cross(point - state.centre, force)
+    Q = np.matvec(state.motion, np.concatenate([about_centre, force], axis=1))
+    return np.asarray(Q * plant.carries[body])
+
+
+def body_motion(plant: Plant, state: BodyState, body: int, theta: Array) -> tuple[Array, Array]:
+    """Compute how a body's origin moves and how the body rotates under small deflections, J theta.
+
+    Args:
+        plant: The arm.
+        state: Its poses.
+        body: The body's id.
+        theta: Deflection in MuJoCo's coordinates, (poses, nv) [m, rad].
+
+    Returns:
+        Translation [m] and rotation vector [rad], world axes, (poses, 3) each.
+    """
+    twist = np.vecmat(theta * plant.carries[body], state.motion)
+    turn, shift = twist[:, :3], twist[:, 3:]
+    return shift + _cross(turn, state.position[body] - state.centre), turn
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Compute vector products a x b, (poses, 3): np.cross takes five times as long."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+# --- A gravity compensator: a spring from link 1 to link 2 that supports joint 2 ----------------------------
+
+
+@dataclass(frozen=True)
+class Strut:
+    """Hold the compensator in some poses; arguments `some` are indices of them."""
+
+    spring: Compensator
+    slope: float  #: Change of force over change of length as the arm deflects [N/m].
+    ends: tuple[int, int]  #: Ids of the bodies on which it is hinged.
+    length_fixed: Array  #: Length in the held poses, theta = 0, (poses,) [m].
+    C_g: Array  #: C g with g = ds / dqpos in the held poses, (poses, nv).
+    share: Array  #: k g / (1 + k g C_g), k the slope, (poses, nv).
+
+
+def hinged_bodies(plant: Plant) -> tuple[int, int]:
+    """Find the bodies that the compensator connects: links 1 and 2.
+
+    Args:
+        plant: The plant.
+
+    Returns:
+        Their ids in MuJoCo.
+
+    Raises:
+        BenchError: If the arm has fewer than two joints, or joint 2 is prismatic.
+    """
+    links = plant.arm.links
+    if len(links) < 3:
+        raise BenchError(
+            f"compensator: expected an arm with links 1 and 2, {plant.arm.name} has {len(links)} links"
+        )
+    if plant.arm.joints[1].prismatic:
+        raise BenchError(
+            f"compensator: expected a hinge between links 1 and 2 of {plant.arm.name}, got a slide"
+        )
+    return plant.model.body(links[1].name).id, plant.model.body(links[2].name).id
+
+
+def strut(compensator: Compensator, plant: Plant, state: BodyState) -> Strut:
+    """Compute the gravity compensator in held poses, theta = 0.
+
+    Args:
+        compensator: The compensator.
+        plant: The plant that it is attached to.
+        state: The held poses.
+
+    Returns:
+        The compensator with what the solver needs of these poses.
+    """
+    ends = hinged_bodies(plant)
+    hinges = _hinges(compensator, ends, state)
+    held = _length(hinges)
+    g = _pull(plant, ends, state, hinges, np.full(len(held), -1.0))
+    C_g = np.matvec(plant.C, g)
+    k = compensator.rate if compensator.stiffness is None else compensator.stiffness
+    share = (k / (1 + k * np.vecdot(g, C_g)))[:, None] * g
+    return Strut(compensator, k, ends, held, C_g, share)
+
+
+def strut_force(strut: Strut, plant: Plant, state: BodyState, some: Ids) -> Array:
+    """Compute the generalised force of the compensator in the present poses.
+
+    Mathematics: `law-10`.
+
+    Args:
+        strut: The compensator.
+        plant: The plant.
+        state: The present poses.
+        some: Places of the poses that are wanted, (poses,).
+
+    Returns:
+        Force on every degree of freedom, (some, nv) [N, N m].
+    """
+    spring, held = strut.spring, strut.length_fixed[some]
+    hinges = _hinges(spring, strut.ends, state)
+    force = spring.rate * (held - spring.rest_length) + strut.slope * (_length(hinges) - held)
+    return _pull(plant, strut.ends, state, hinges, force)
+
+
+def correct_for_strut(strut: Strut, step: Array, some: Ids) -> Array:
+    """Correct steps of the arm's own springs for the stiffness of the compensator.
+
+    It applies the inverse of C (C^-1 + k g g^T) of the held pose, by Sherman and Morrison.
+
+    Args:
+        strut: The compensator.
+        step: Steps without it, (some, nv) [m, rad].
+        some: Places of the poses, (poses,).
+
+    Returns:
+        Steps with it, (some, nv) [m, rad].
+    """
+    along = np.vecdot(strut.share[some], step)
+    return np.asarray(step - along[:, None] * strut.C_g[some])
+
+
+def _hinges(spring: Compensator, ends: tuple[int, int], state: BodyState) -> tuple[Array, Array]:
+    """Compute foot and head in the world, (poses, 3) [m]."""
+    return point_position(state, ends[0], np.array(spring.foot)), point_position(
+        state, ends[1], np.array(spring.head)
+    )
+
+
+def _length(hinges: tuple[Array, Array]) -> Array:
+    return np.asarray(np.linalg.norm(hinges[1] - hinges[0], axis=1))
+
+
+def _pull(
+    plant: Plant, ends: tuple[int, int], state: BodyState, hinges: tuple[Array, Array], force: Array
+) -> Array:
+    """Compute the generalised force of a pull between both ends, (poses, nv) [N, N m]."""
+    along = (force / _length(hinges))[:, None] * (hinges[1] - hinges[0])
+    Q = np.zeros(state.weight.shape)
+    for body, point, pulled in zip(ends, hinges, (along, -along), strict=True):
+        wrench = np.concatenate([pulled, np.zeros_like(pulled)], axis=1)
+        Q += generalised_force(plant, state, body, wrench, point)
+    return Q
+
+
+# --- Static equilibrium of the elastic arm in many poses ----------------------------------------------------
 
 POSES_AT_ONCE = 512
 """Poses per batch: enough for numpy, few for memory."""

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, Ids, Mask, check_array
 from testbench.plant.build import Plant
-from testbench.plant.collide import VISUAL_GROUPS
-from testbench.plant.site import Site
+from testbench.plant.site import VISUAL_GROUPS, Site
 
 Kind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]
 

@@ -55,11 +55,10 @@ def write_run(out: Path, run_request: RunRequest, report: Report, page: PageCont
     """
     import testbench.report.figure_docs  # noqa: F401 - before any figure
     from testbench.report.figure import save  # here: matplotlib and rerun take half a second, and not
-    from testbench.report.figures_map import error_map, silhouette
     from testbench.report.page.page import write_page  # every command leaves a folder
     from testbench.report.recording.run import write_run
     from testbench.report.recording.stream import RecordingHeader
-    from testbench.report.run_figure import overview
+    from testbench.report.run_figure import error_map, overview, silhouette
 
     with whole_folder(out) as folder:
         found = (run_request.more(folder) if run_request.more else None) or {}

@@ -138,7 +138,7 @@ def draw_prediction(made: Predicted, ellipsoids: Sequence[Row]) -> draw.PageCont
 
     Args:
         made: The prediction.
-        ellipsoids: See `workflows.ellipsoids`.
+        ellipsoids: See `workflows.program_numbers`.
 
     Returns:
         The content.

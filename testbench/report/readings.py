@@ -11,17 +11,15 @@ from testbench.identify.registered import RegisteredDataset
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report import scene as draw
 from testbench.report.colours import GCO, MEASURED, NOMINAL, SERIES, Look
-from testbench.report.columns import columns
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.report import Report, bullets, say
 from testbench.report.scene import loads, read_along, trackers
-from testbench.report.schema import NUMBER, Table, plain, show, written_out
+from testbench.report.schema import NUMBER, Table, columns, plain, show, written_out
 from testbench.report.table import Row
 from testbench.workflows import calibration_numbers as counted
 from testbench.workflows.absolute import Calibrated
 from testbench.workflows.cell import Cell
-from testbench.workflows.file_contents import farthest_off, nominal_targets, shown_runs
-from testbench.workflows.read_runs import registration_notes
+from testbench.workflows.read_runs import farthest_off, nominal_targets, registration_notes, shown_runs
 from testbench.workflows.rows import MM, UM
 
 MAX_LISTED = 6  #: Loads and names that are listed.

@@ -17,7 +17,6 @@ from pydantic import JsonValue
 from testbench.errors import InputError
 from testbench.report.badge import Badge
 from testbench.report.colours import Look
-from testbench.report.columns import columns
 from testbench.report.markdown import (
     MAX_STATEMENTS,
     Markdown,
@@ -28,7 +27,7 @@ from testbench.report.markdown import (
     listed,
     titled,
 )
-from testbench.report.schema import Table, TableColumn, looks, show, written_out
+from testbench.report.schema import Table, TableColumn, columns, looks, show, written_out
 from testbench.report.table import DRAWN, SPREAD, TRIAL, Row, Trials, find, plain, rows
 from testbench.runs.manifest import read_plain
 from testbench.runs.spread import Spread, middle

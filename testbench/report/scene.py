@@ -76,7 +76,7 @@ def ellipsoid_layer(rows: Sequence[Row], force: float) -> tuple[float, Layer]:
     """Make a layer of the ellipsoids over which a force moves the tool, and say how much it is magnified.
 
     Args:
-        rows: Along a path, see `workflows.ellipsoids`.
+        rows: Along a path, see `workflows.program_numbers`.
         force: Size of the force [N].
     """
     axes = np.array([np.array(row.semi_axes_mm)[:, None] / 1e3 * np.array(row.directions) for row in rows])

@@ -2,15 +2,20 @@
 
 import math
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from testbench.errors import Array
+from testbench.plant.true_arms import CALLED
 from testbench.report.colours import Look, Modelled, look_of
 from testbench.runs.spread import Number, Share, Spread, median_interval, middle, spans
+
+# --- Columns of tables, declared once for terminal, report.md, figures and recording alike ------------------
 
 
 @dataclass(frozen=True)
@@ -339,3 +344,38 @@ def best_of(values: Mapping[str, Number], alike: float = ALIKE) -> Best:
     least = min(known.values())
     first = sorted((n for n, v in known.items() if v <= (1 + alike) * least), key=lambda n: known[n])
     return Best(tuple(first), least)
+
+
+# --- The quantities of tables: columns.toml declares each once, by its key: heading, unit, format -----------
+
+WORDS = """
+    method status interval quantity values rows number truth what verdict why prediction
+    solver split fit joint load way unit instrument arm campaign series
+"""
+COUNTS = "datasets seeds poses run task line pose seed cases trials readings row"
+"""Keys of words and of counts that are their own headings."""
+NAMES = {"true_arm": CALLED}  #: What readers call the words of a column.
+
+
+DECLARED = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
+EVERY = (
+    *(TableColumn(key, key.replace("_", " ")) for key in WORDS.split()),
+    *(TableColumn(key, key.replace("_", " "), form="d") for key in COUNTS.split()),
+    *(TableColumn(key, **{"called": NAMES.get(key, {}), **own}) for key, own in DECLARED.items()),
+)
+KNOWN = {column.key: column for column in EVERY}
+ROUNDING_UM = KNOWN["rms_um"].rounding  #: Errors below are rounding.
+
+
+def columns(keys: str, *, paper: bool = True) -> tuple[TableColumn, ...]:
+    """Look up columns by their keys, blanks between.
+
+    Args:
+        keys: The keys.
+        paper: Whether they show the paper's numbers where it has such.
+
+    Returns:
+        The columns.
+    """
+    found = tuple(KNOWN[key] for key in keys.split())
+    return found if paper else tuple(replace(column, paper="") for column in found)

@@ -10,14 +10,13 @@ from testbench.files.write import csv_text
 from testbench.identify import Estimate
 from testbench.identify.estimate import DeflectionErrors, all_deflections, score
 from testbench.model.structure import JOINTS, Constraint
-from testbench.report.columns import columns
-from testbench.report.schema import Table, best_of
+from testbench.report.schema import Table, best_of, columns
 from testbench.report.table import Row, Trials, merged, nested
 from testbench.runs.rows import finite
 from testbench.runs.spread import span
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, IN_PAPER
 from testbench.workflows.cell import Campaign, Cell
-from testbench.workflows.fit_details import (
+from testbench.workflows.fit_numbers import (
     COMPLIANCES,
     eigenvalues,
     link_compliances,
@@ -25,8 +24,7 @@ from testbench.workflows.fit_details import (
     residual_histograms,
     sag_by_part,
 )
-from testbench.workflows.model_selection import DEFAULT
-from testbench.workflows.models import EstimatorFailed, Model, failed_row, fit_or_rigid, has_failed
+from testbench.workflows.models import DEFAULT, EstimatorFailed, Model, failed_row, fit_or_rigid, has_failed
 from testbench.workflows.rows import (
     FAILED,
     NO_ERRORS,
@@ -140,7 +138,7 @@ def details(trials: Trials, compared: Sequence[str], taken: str) -> Row:
 
     Returns:
         `residuals` at all measured runs, `predictions` over the workspace, and `eigenvalues`, by model, and
-        `compliances` of one model: see `workflows.fit_details`; nothing where no fit was kept.
+        `compliances` of one model: see `workflows.fit_numbers`; nothing where no fit was kept.
     """
     first = trials.where(seed=trials["seed"][0])
     kept = {name: k for k, name in enumerate(first["name"].tolist()) if first["drawn.wrong_m"][k] is not None}

@@ -27,10 +27,10 @@ from testbench.errors import Array, BenchError, check_array
 from testbench.identify import cone
 from testbench.identify.conic import scale_program, sensitivity_units, solve_clarabel
 from testbench.identify.estimate import Estimate
-from testbench.identify.least_squares import complete_conservatively, minimum_norm
 from testbench.identify.metric import PriorScaling, weighted_rows
 from testbench.identify.posterior import Intervals, check_confidence, linearise
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term
+from testbench.identify.solve import complete_conservatively, minimum_norm
 
 TOLERANCE = 1e-8  #: Feasibility and gap asked of the solver, of functionals of length one in the metric.
 CEILING = 10.0  #: Most that a block may exceed the prior.

@@ -6,7 +6,7 @@ Every study has its headline in the same words: the numbers behind its badge, an
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -16,8 +16,9 @@ import typer
 from pydantic import TypeAdapter
 from rich.console import Console
 
-from testbench.errors import InputError
+from testbench.errors import BenchError, InputError, Interrupted
 from testbench.files.model_folder import digests
+from testbench.progress import tell
 from testbench.report import terminal
 from testbench.report.badge import Badge
 from testbench.report.figure import Figure, headed, save
@@ -29,15 +30,59 @@ from testbench.report.scene import PageContent, typical_first
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row, Trials
 from testbench.runs import manifest as files
-from testbench.runs.engine import Backend, run_study
-from testbench.runs.place import claim_folder
+from testbench.runs.cluster import check_address, check_certificates, on_cluster
+from testbench.runs.engine import Backend, on_cores, run_study
+from testbench.runs.interrupt import RESULTS_KEPT
 from testbench.runs.spread import MIN_PERCENTILE_TRIALS, middle
 from testbench.runs.store import TrialPlan, open_store, write_parquet
-from testbench.runs.whole import whole_folder
+from testbench.runs.whole import claim_folder, whole_folder
 from testbench.studies.study import AnyStudy, Everywhere, P, Run
-from testbench.workflows.backend import choose_backend, show_progress
 from testbench.workflows.options import Common, takes
 from testbench.workflows.own_estimator import EstimatorOptions, digests_of
+
+# --- Trials of a command: where they run, and a bar that shows how many are done ----------------------------
+
+
+def choose_backend(common: Common) -> Backend:
+    """Choose the backend that a command line asks for.
+
+    Raises:
+        BenchError: When it asks for both, or the cluster's address or certificates are refused.
+    """
+    if common.cluster is None:
+        return partial(on_cores, workers=common.workers)
+    if common.workers is not None:
+        raise BenchError("--workers counts processes of this machine: expected it without --cluster")
+    check_address(common.cluster, insecure=common.insecure)
+    check_certificates(common.cluster)
+    return partial(on_cluster, address=common.cluster, insecure=common.insecure)
+
+
+def show_progress(counts: Iterator[int], total: int, words: str, *, kept: bool = True) -> None:
+    """Run a study; whoever follows is told how many trials are done.
+
+    Args:
+        counts: Yields the number of finished trials.
+        total: Number of all trials.
+        words: Kind of trial.
+        kept: Whether finished trials are stored.
+
+    Raises:
+        Interrupted: After Ctrl-C; says what is stored, where trials are `kept`.
+    """
+    done = next(counts, 0)
+    try:
+        tell(words, done, total)
+        for done in counts:
+            tell(words, done, total)
+    except KeyboardInterrupt as err:
+        if not done or not kept:
+            raise
+        stored = f"at least {done} of {total} {words} are stored: --resume goes on with them"
+        raise Interrupted(f"{RESULTS_KEPT}; {stored}") from err
+
+
+# --- The command of a study: trials on the engine, then its report and every view of it, all or nothing -----
 
 NO_ESTIMATORS = EstimatorOptions()  #: No estimator of one's own.
 PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.

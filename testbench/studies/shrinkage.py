@@ -21,11 +21,9 @@ from testbench.identify import cone, least_squares, reduce
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import EXACT_FIT, norms_below, solve_gco
 from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.fold import reduce_parts
 from testbench.identify.interior import BlockProgram, interior
-from testbench.identify.metric import Case, PriorScaling, WeightedPrior, weighted_rows
-from testbench.identify.prior import Strength
-from testbench.identify.regression import Regression, f_m
+from testbench.identify.metric import Case, PriorScaling, Strength, WeightedPrior, weighted_rows
+from testbench.identify.regression import Regression, f_m, reduce_parts
 from testbench.identify.solve import solve_with_prior
 from testbench.identify.trace import Fold, divide_poses, folds
 from testbench.model.structure import Structure

@@ -18,9 +18,8 @@ from testbench.report.scene import PageContent
 from testbench.report.table import Trials
 from testbench.studies.shrinkage import clipped, ridge
 from testbench.workflows.cell import Cell
-from testbench.workflows.model_selection import FILLED
-from testbench.workflows.models import WITHOUT_CONE, Model, equal_fit, named_models
-from testbench.workflows.own_process import EstimatorSource
+from testbench.workflows.models import FILLED, WITHOUT_CONE, Model, equal_fit, named_models
+from testbench.workflows.own_estimator import EstimatorSource
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")

@@ -9,15 +9,22 @@ from typing import TypeVar
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.series import Series, select_rows
+from testbench.data.dataset import Series, select_rows
 from testbench.errors import Array, BenchError, Ids, InputError, sheet_of, stem_of
 from testbench.files.read_series import read_series
-from testbench.identify.absolute.align import Misfit, align_all, too_few, typical_distance
+from testbench.identify.absolute.align import (
+    OUTLIER_WEIGHT,
+    Misfit,
+    Outliers,
+    align_all,
+    outliers,
+    residuals,
+    too_few,
+    typical_distance,
+)
 from testbench.identify.absolute.fit import Calibration, CalibrationOptions, calibrate
-from testbench.identify.absolute.inseparable import LEVEL, undetermined_frames
 from testbench.identify.absolute.posterior import inside_ellipsoid, locate_series, predict, with_known_frame
-from testbench.identify.absolute.scatter import OUTLIER_WEIGHT, Outliers, outliers, residuals
-from testbench.identify.absolute.state import nominal_state, torque_scale
+from testbench.identify.absolute.state import LEVEL, nominal_state, torque_scale, undetermined_frames
 from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.diagnosis.diagnose import unplaced_series
@@ -25,8 +32,8 @@ from testbench.identify.diagnosis.gravity import by_own_weight
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.screens import check_order
+from testbench.identify.metric import cad_prior
 from testbench.identify.posterior import Posterior
-from testbench.identify.prior import cad_prior
 from testbench.identify.registration import MIN_POSES, NOMINAL_DEVIATION
 from testbench.identify.robust_loss import READINGS
 from testbench.model.load import read_weights

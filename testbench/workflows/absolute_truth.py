@@ -11,12 +11,10 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from testbench.data.dataset import Dataset, in_order
-from testbench.data.series import Series
+from testbench.data.dataset import Dataset, Series, in_order
 from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.plant.build import Plant
 from testbench.plant.disturbance import TYPICAL, Disturbances, GearErrors, Gears
-from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.tracker import (
     LaserTracker,
@@ -26,6 +24,7 @@ from testbench.plant.tracker import (
     read_positions,
     trial_rng,
 )
+from testbench.plant.true_arms import disturb
 from testbench.workflows.cell import Cell, LoadedPoses, clear_poses, poses_with_weight
 from testbench.workflows.plan_input import Place
 

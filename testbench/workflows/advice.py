@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.identify.certify import TIE_BREAK
+from testbench.identify.conic import TIE_BREAK
 from testbench.identify.estimate import Estimate, ModelAverage
-from testbench.identify.huber import NO_OUTLIERS, REJECTION_THRESHOLD
-from testbench.identify.least_squares import COMPLETED_METHOD
 from testbench.identify.metric import WeightedPrior
+from testbench.identify.solve import COMPLETED_METHOD, NO_OUTLIERS, REJECTION_THRESHOLD
 from testbench.model.structure import PAPER_GCO
 
 MISFIT = 2.0  #: F_M over its floor beyond which noise is no explanation.

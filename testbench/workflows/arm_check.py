@@ -3,20 +3,353 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from testbench.arm.elastic import LinkEntry, read_elastic
+from testbench.arm.elastic import Elastic, LinkEntry, read_elastic
 from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, Doubt
-from testbench.model.vjm import body_poses, chain, generalised_load
+from testbench.model.vjm import Vjm, body_poses, chain, generalised_load
 from testbench.plant.shapes import RING
-from testbench.workflows.arm_doubts import UPRIGHT, ArmContext, arm_warnings, base_stance, tool_sag
-from testbench.workflows.cell import build_cell, check_agreement
+from testbench.plant.tracker import trial_rng
+from testbench.workflows.cell import Cell, build_cell, check_agreement
 from testbench.workflows.rows import rms
+
+# --- Plausibility of an arm that can be read: the tool's sag under the payload, and likely mistakes ---------
+
+DRAWN_POSES = 96  #: Poses drawn over the joint limits.
+#: Clear ones of them; with fewer all count, for the collision shapes do not say which are.
+MIN_CLEAR_POSES = 16
+FULL_ROTATION = np.pi  #: A joint that turns farther than once is drawn over one turn [rad].
+LENGTH = 2.0  #: Of a tube over the distance of its joints, or the other way round [1].
+CLOSE = 0.1  #: Distances below this share of the reach say nothing [1].
+ANGLE = 45.0  #: Between a beam axis and the way to the next joint [deg].
+THICK = 3.0  #: Diameter over length of a tube [1].
+MAX_DIAMETER_RATIO = 2.0  #: Diameter of a tube over the width of the drawn link [1].
+NEIGHBOURS = 100.0  #: Compliance of a joint over that of the next one [1].
+SAGS = 1e-4, 0.03  #: Median deflection of a tool under the rated payload [m].
+BEHIND = 0.02  #: Distance of a point behind the flange over the reach [1].
+INSIDE = 0.05  #: The same of a tool behind the end of the last link; one between fingers lies there [1].
+MAX_POINT_DISTANCE = 0.5  #: Distance of a point of the tool from its origin over the reach [1].
+MASS = 0.5, 500.0  #: Of an arm over the cube of its reach [kg/m^3].
+NOTHING = 1e-4  #: Mass of a link over that of the arm [1].
+ALL = 0.8  #: The same [1].
+UPRIGHT = 2.0  #: Angle of the first turning joint against the vertical [deg].
+GUESSED = "so from payload and reach"  #: Ends the note of a diameter that no shape tells, see `new_arm`.
+COINCIDE = 0.02
+"""Distance of joints below which they coincide, as a share of the reach [1]."""
+PARALLEL = 0.1
+"""Sine of the angle below which two directions count as parallel [1]."""
+FLAT = 0.05  #: Markers on a line: their spread across it is less than this share of that along it [1].
+PAYLOAD_OFF = 3.0  #: A guess of a payload misses one arm in ten by more than this factor [1].
+
+
+@dataclass(frozen=True)
+class ToolSag:
+    """Hold deflections of the tool under a hung weight, linear and without the arm's own weight."""
+
+    q: Array  #: Poses, (poses, n) [rad, m].
+    parts: Array  #: What each link, then each joint, moves the tool, (parts, poses, 3) [m/kg].
+    turn: Array  #: Rotation of the tool, (poses, 3) [rad/kg].
+
+    @cached_property
+    def whole(self) -> Array:
+        """Sum up the deflection, (poses, 3) [m/kg]."""
+        return np.asarray(self.parts.sum(axis=0))
+
+    @cached_property
+    def size(self) -> Array:
+        """Compute the length of the deflection, (poses,) [m/kg]."""
+        return np.asarray(np.linalg.norm(self.whole, axis=1))
+
+    @cached_property
+    def shares(self) -> Array:
+        """Compute the share of each link, then each joint, along the deflection, all poses, (parts,) [1]."""
+        along = np.einsum("kpx,px->k", self.parts, self.whole)
+        return np.asarray(along / along.sum())
+
+
+def tool_sag(cell: Cell) -> ToolSag:
+    """Compute the sag of an arm per kilogram of payload, at poses drawn evenly over its joint limits."""
+    q = work_area(cell)
+    where, n = chain(cell.vjm, q), len(q)
+    wrench = np.tile([0, 0, -GRAVITY, 0, 0, 0], (n, 1))
+    load = generalised_load(where, wrench, np.tile(cell.vjm.load, (n, 1)))
+    theta = cell.arm.C_theta @ load
+    links = 6 * len(cell.arm.links)
+    parts = [
+        *(slice(k, k + 6) for k in range(0, links, 6)),
+        *(slice(k, k + 1) for k in range(links, len(theta))),
+    ]
+    moved = [np.einsum("xtp,tp->px", where.J_theta[:3, own], theta[own]) for own in parts]
+    return ToolSag(q, np.array(moved), np.einsum("xtp,tp->px", where.J_theta[3:], theta))
+
+
+def work_area(cell: Cell) -> Array:
+    """Draw poses over the joint limits, clear of collision where shapes can tell, (poses, n) [rad, m]."""
+    from testbench.plant.site import collisions
+
+    lower, upper = cell.arm.limits
+    turning = np.array([not joint.prismatic for joint in cell.arm.joints], dtype=bool)
+    lower = np.where(turning, np.maximum(lower, np.minimum(upper - FULL_ROTATION, -FULL_ROTATION)), lower)
+    upper = np.where(turning, np.minimum(upper, np.maximum(lower + FULL_ROTATION, FULL_ROTATION)), upper)
+    q = cell.arm.followed(trial_rng(0).uniform(lower, upper, (DRAWN_POSES, cell.arm.n_joints)))
+    clear = q[[pair is None for pair in collisions(cell.room, q)]]
+    return np.asarray(clear if len(clear) >= MIN_CLEAR_POSES else q)
+
+
+@dataclass(frozen=True, eq=False)
+class ArmContext:
+    """Hold an arm and what its doubts are judged by."""
+
+    cell: Cell  #: The arm.
+    elastic: Elastic  #: Its elastic.toml, with the origin of every number.
+    sag: ToolSag  #: Of its tool over the work area.
+
+    @property
+    def vjm(self) -> Vjm:
+        """Return its kinematics."""
+        return self.cell.vjm
+
+
+def arm_warnings(looked: ArmContext) -> list[Doubt]:
+    """List everything that looks wrong, the geometry first."""
+    looks = {
+        "tube length": _tube_lengths,
+        "beam axis": _beam_axes,
+        "tube diameter": _diameters,
+        "tube shape": _fragments,
+        "joint compliance": _neighbours,
+        "sag": _sags,
+        "payload": _payloads,
+        "points of the tool": _points,
+        "flange": _behind,
+        "mass": _masses,
+        "base": _base,
+    }
+    return [Doubt(name, sentence) for name, look in looks.items() for sentence in look(looked)]
+
+
+def _tube_lengths(arm: ArmContext) -> Iterator[str]:
+    """A tube as long as the way to the next joint."""
+    for link, step in zip(arm.elastic.link, arm.vjm.steps, strict=True):
+        if link.tube is not None:
+            length, distance = link.tube.length.value, float(np.linalg.norm(step))
+            if distance < length <= link.tube.outer_diameter.value:
+                continue  # a stub, where joints meet in one point
+            small, large = sorted((length, distance))
+            if large > LENGTH * small and large - small > CLOSE * arm.vjm.reach:
+                yield f"{link.name}: its tube is {length:.3g} m long, its frames are {distance:.3g} m apart"
+
+
+def _beam_axes(arm: ArmContext) -> Iterator[str]:
+    """A beam that points to the next joint."""
+    for link, step in zip(arm.cell.arm.links, arm.vjm.steps, strict=True):
+        distance = float(np.linalg.norm(step))
+        if distance > CLOSE * arm.vjm.reach:
+            cosine = float(np.clip(link.frame[:, 0] @ step / distance, -1, 1))
+            angle = np.rad2deg(np.arccos(cosine))
+            if angle > ANGLE:
+                way = f"{distance:.3g} m away"
+                yield f"{link.name}: its beam axis points {angle:.0f} deg off the next frame, {way}"
+
+
+def _diameters(arm: ArmContext) -> Iterator[str]:
+    """A tube neither a disc nor thicker than the link is drawn."""
+    widths = {
+        k: float(np.ptp(own @ arm.cell.arm.links[k].frame[:, 1:], axis=0).max())
+        for k, own in _drawn(arm.cell).items()
+    }
+    for k, link in enumerate(arm.elastic.link):
+        if link.tube is None:
+            continue
+        outer, length = link.tube.outer_diameter.value, link.tube.length.value
+        if outer > THICK * length:
+            yield f"{link.name}: its tube is {outer:.3g} m thick and {length:.3g} m long"
+        if k in widths and outer > MAX_DIAMETER_RATIO * widths[k]:
+            yield f"{link.name}: its tube is {outer:.3g} m thick, its drawn shape {widths[k]:.3g} m wide"
+
+
+def _fragments(arm: ArmContext) -> Iterator[str]:
+    """Tubes of a thickness that their drawn links tell."""
+    links: dict[str, list[str]] = {}
+    for link in arm.elastic.link:
+        if link.tube is not None and (outer := link.tube.outer_diameter).origin == "estimated":
+            why, guessed, _ = outer.note.partition(GUESSED)
+            if guessed:
+                links.setdefault(why, []).append(link.name)
+    for why, names in links.items():
+        yield f"{', '.join(names)}: {why}so the diameter of the tube is only estimated"
+
+
+def _drawn(cell: Cell) -> dict[int, Array]:
+    """Corners of every link that is drawn, in its frame, (c, 3) [m]."""
+    from testbench.plant.shapes import corners, drawn_shapes
+
+    names, shapes, found = cell.room.names, drawn_shapes(cell.room), {}
+    for k, link in enumerate(cell.arm.links):
+        own = [corners(shape) for shape in shapes if names[shape.body] == link.name]
+        if own:
+            found[k] = np.concatenate(own)
+    return found
+
+
+def _neighbours(arm: ArmContext) -> Iterator[str]:
+    """Joints of one kind whose compliances are of one class."""
+    for a, b in pairwise(arm.elastic.joint):
+        if a.compliance.unit != b.compliance.unit:
+            continue
+        soft, hard = sorted((a, b), key=lambda joint: -joint.compliance.value)
+        ratio = soft.compliance.value / hard.compliance.value
+        if ratio > NEIGHBOURS:
+            yield f"{soft.name} is {ratio:.3g} times as soft as its neighbour {hard.name}"
+
+
+def _sags(arm: ArmContext) -> Iterator[str]:
+    """A rated payload that moves the tool by what arms do."""
+    payload, (low, high) = arm.cell.arm.payload, SAGS
+    if payload is not None:
+        moved = payload * float(np.median(arm.sag.size))
+        if not low <= moved <= high:
+            expected = f"{1e3 * low:g} to {1e3 * high:g} mm"
+            yield f"its {payload:g} kg move the tool by {1e3 * moved:.3g} mm (median), expected {expected}"
+
+
+def _payloads(arm: ArmContext) -> Iterator[str]:
+    """A payload that somebody has stated."""
+    payload = arm.elastic.payload
+    if payload is not None and payload.origin == "estimated":
+        off = f"one in ten such estimates is off by more than a factor of {PAYLOAD_OFF:g}"
+        yield f"its payload of {payload.value:g} kg is only estimated, {off}: enter the rated one"
+
+
+def _behind(arm: ArmContext) -> Iterator[str]:
+    """Tool beyond the last link as drawn; load point and markers beyond its end, or the tool in it."""
+    vjm, links = arm.vjm, arm.cell.arm.links
+    if len(links) == 1:
+        return
+    com = arm.cell.room.model.body(links[-1].name).ipos
+    way = flange_axis(vjm.axes[-1], vjm.placements[-1], vjm.tool, com, COINCIDE * vjm.reach)
+    tool, end = float(vjm.steps[-1] @ way), 0.0
+    if (drawn := _drawn(arm.cell).get(len(links) - 1)) is not None:
+        end = float((drawn @ way).max())
+    if end - tool > INSIDE * vjm.reach:
+        inside = f"{1e3 * (end - tool):.0f} mm behind the end of {links[-1].name} as drawn"
+        yield f"{arm.cell.arm.tool} is {inside}: is that where the tool is?"
+    names = arm.cell.arm.load, *arm.cell.arm.markers
+    for name, place in zip(names, (vjm.load, *vjm.markers), strict=True):
+        hidden = min(tool, end) - tool - float(way @ vjm.tool[:3, :3] @ place)
+        if hidden > BEHIND * vjm.reach:
+            yield f"{name} is {1e3 * hidden:.0f} mm behind the flange: is it where the tool carries it?"
+
+
+def _points(arm: ArmContext) -> Iterator[str]:
+    """Load point and markers near the tool, markers not on a line."""
+    vjm, names = arm.vjm, arm.cell.arm.markers
+    for name, place in zip((arm.cell.arm.load, *names), (vjm.load, *vjm.markers), strict=True):
+        distance = float(np.linalg.norm(place))
+        if distance > MAX_POINT_DISTANCE * arm.vjm.reach:
+            yield f"{name} is {distance:.3g} m from the tool, the whole arm reaches {arm.vjm.reach:.3g} m"
+    if len(names) > 1 and on_a_line(vjm.markers):
+        yield f"markers {', '.join(names)} lie on a line: a turn about it is not seen"
+
+
+def _masses(arm: ArmContext) -> Iterator[str]:
+    """Links that weigh something, an arm that weighs as arms of its size do."""
+    model = arm.cell.room.model
+    weights = np.array([model.body(link.name).mass[0] for link in arm.cell.arm.links])
+    whole, (low, high) = float(weights.sum()), MASS
+    if not low <= whole / arm.vjm.reach**3 <= high:
+        expected = f"{low * arm.vjm.reach**3:.2g} to {high * arm.vjm.reach**3:.2g} kg"
+        yield f"its links weigh {whole:.3g} kg at a reach of {arm.vjm.reach:.3g} m, expected {expected}"
+    yield from _densities(arm.cell, weights)
+    for link, mass in zip(arm.cell.arm.links[1:], weights[1:], strict=True):
+        if mass < NOTHING * whole:
+            yield f"{link.name} weighs {mass:.2g} kg, the whole arm {whole:.3g} kg"
+        elif mass > ALL * whole and len(weights) > 3:
+            yield f"{link.name} weighs {mass:.3g} of the arm's {whole:.3g} kg"
+
+
+def _densities(cell: Cell, weights: Array) -> Iterator[str]:
+    """Masses that fit the hulls of what collides, as far as the links have them."""
+    from testbench.files.robot.meshes import PLAUSIBLE, hull_volume
+    from testbench.plant.shapes import corners, solid_shapes
+
+    names, volumes = cell.room.names, dict.fromkeys((link.name for link in cell.arm.links), 0.0)
+    for shape in solid_shapes(cell.room):
+        if names[shape.body] in volumes:
+            volumes[names[shape.body]] += hull_volume(corners(shape))
+    volume = np.array(list(volumes.values()))
+    mass, (low, high) = float(weights[volume > 0].sum()), PLAUSIBLE
+    if volume.any() and not low <= mass / volume.sum() <= high:
+        inside = f"its {mass:.4g} kg are {mass / volume.sum():.0f} kg/m^3 inside of what collides"
+        yield f"{inside}, expected {low:g} to {high:g}"
+
+
+def _base(arm: ArmContext) -> Iterator[str]:
+    """A base that stands upright: gravity acts along the world's -z."""
+    turning, tilt, below = base_stance(arm.cell)
+    weight = "Weight acts along the world's -z"
+    if turning is None:
+        return
+    if tilt > UPRIGHT:
+        yield f"the first turning joint is {tilt:.0f} deg off the vertical: is the base tilted? {weight}"
+    elif below > CLOSE * arm.vjm.reach:
+        yield f"the arm hangs {below:.2g} m below its base: is it overhead? {weight}"
+
+
+def base_stance(cell: Cell) -> tuple[int | None, float, float]:
+    """Find the first hinge, its angle against the vertical [deg], and how far the arm hangs then [m]."""
+    turning = next((k for k, joint in enumerate(cell.arm.joints) if not joint.prismatic), None)
+    if turning is None:
+        return None, 0.0, 0.0
+    bodies = body_poses(cell.vjm, np.zeros((1, cell.arm.n_joints)))
+    axis = bodies[turning + 1][1][0] @ cell.vjm.axes[turning]
+    tilt = float(np.rad2deg(np.arccos(min(1.0, abs(axis[2])))))
+    return turning, tilt, float(bodies[0][0][0, 2] - bodies[turning + 2][0][0, 2])
+
+
+def flange_axis(axis: Array, pose: Array, tool: Array, com: Array, least: float) -> Array:
+    """Find the direction of the flange: along the last joint's axis, away from the joint before.
+
+    If the joints coincide, it points to the tool; if the tool coincides too, along the axis of its frame that
+    is parallel to the joint's; else to the part's mass.
+
+    Args:
+        axis: Axis of the last joint, in its part, (3,) [1].
+        pose: Pose of the part in the one before, (4, 4) [m].
+        tool: Pose of the tool in the part, (4, 4) [m].
+        com: Centre of mass of the part, (3,) [m].
+        least: Distance below which points coincide [m].
+
+    Returns:
+        Unit vector, (3,) [1].
+    """
+    way, distance = tool[:3, 3], float(np.linalg.norm(tool[:3, 3]))
+    sides = [float(axis @ pose[:3, :3].T @ pose[:3, 3]), float(axis @ way)]
+    side = next((s for s in sides if abs(s) > least), 0.0)
+    if not side and distance > least:  # the last joint turns across
+        return np.asarray(way / distance)
+    if not side:
+        along = tool[:3, :3].T @ axis
+        side = float(along[np.abs(along).argmax()])
+        side = side if abs(side) > 1 - PARALLEL else float(axis @ com)
+    return axis if side >= 0 else -axis
+
+
+def on_a_line(positions: Array) -> bool:
+    """Tell whether markers, (m, 3) [m], are fewer than three or lie on a line."""
+    if len(positions) < 3:
+        return True
+    along, across, *_ = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False)
+    return bool(across <= FLAT * along)
+
+
+# --- An arm looked at as a whole: what must be confirmed, by its effect on the sag, and what may be wrong ---
 
 UNSURE = ("estimated", "assumed")  #: Origins that want to be confirmed.
 SPOKES = 4  #: Lines along a drawn tube.
@@ -33,7 +366,7 @@ class Item(NamedTuple):
 
 def to_confirm(arm: ArmContext) -> list[Item]:
     """List everything estimated or assumed, the largest effect on the tool's deflection first."""
-    return sorted([*_numbers(arm), *_points(arm)], key=lambda item: -item.share)
+    return sorted([*_numbers(arm), *_point_items(arm)], key=lambda item: -item.share)
 
 
 def _numbers(arm: ArmContext) -> Iterator[Item]:
@@ -70,7 +403,7 @@ def _tube(link: LinkEntry) -> str:
     return f"{', '.join(unsure)}, {' and '.join(sorted(set(unsure.values())))}"
 
 
-def _points(arm: ArmContext) -> Iterator[Item]:
+def _point_items(arm: ArmContext) -> Iterator[Item]:
     """Load point and markers: what 10 mm aside change."""
     elastic, cell, names = arm.elastic, arm.cell, arm.elastic.to_confirm
     if elastic.load in names:

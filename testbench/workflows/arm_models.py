@@ -16,22 +16,19 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from testbench.arm.document import Strict
 from testbench.arm.folder import Arm, find_arm, load_arm
-from testbench.data.dataset import Dataset
-from testbench.data.series import Series
+from testbench.data.dataset import Dataset, Series
 from testbench.errors import Array, BenchError, InputError, check_array, check_type, read_bytes, read_text
 from testbench.files.model_folder import ARM, DOCUMENT, FITS, MAX_BYTES, MAX_ROOT, POSTERIOR, copy_arm
+from testbench.identify.absolute.align import EQUATION_KINDS, Noise
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import model_of
-from testbench.identify.absolute.scatter import EQUATION_KINDS, Noise
-from testbench.identify.absolute.state import ArmState, Mount
-from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.absolute.state import ArmState, Mount, Unknowns
 from testbench.identify.arm_model import ArmModel, ModelOrigin
 from testbench.identify.metric import WeightedPrior
 from testbench.identify.posterior import Posterior
 from testbench.identify.registration import Frame
-from testbench.model.joint_errors import JointErrors
 from testbench.model.joint_laws import STRUT, joint_laws
-from testbench.model.kinematics import build_vjm
+from testbench.model.kinematics import JointErrors, build_vjm
 from testbench.model.laws import model_for, with_laws
 from testbench.model.load import Load, Weights, resultant, weights_known
 from testbench.model.structure import Structure, all153, labels_of

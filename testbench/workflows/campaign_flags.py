@@ -12,7 +12,7 @@ from testbench.errors import BenchError, shell_word
 from testbench.plant.true_arms import FAMILY, true_arms
 from testbench.runs.interrupt import SESSION
 from testbench.workflows.cell import Scenario, Truth, of_arm
-from testbench.workflows.masses import read_mass
+from testbench.workflows.options import read_mass
 
 
 def mass(text: str) -> float:

@@ -1,25 +1,32 @@
 """Numbers of fits to a user's runs: residuals, half widths over the workspace, what the runs tell."""
 
 from collections.abc import Mapping, Sequence
+from statistics import NormalDist
 
 import numpy as np
 
+from testbench.arm.folder import Arm
 from testbench.correct.predicted import predict
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, NoEquilibrium, PoseError
-from testbench.identify.estimate import all_deflections
-from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.conic import scaled_units
+from testbench.identify.estimate import MIN_RESIDUALS, Estimate, all_deflections, lilliefors
+from testbench.identify.metric import Prior, Strength, aggregate, cad_prior, weighted_rows
+from testbench.identify.posterior import CONFIDENCE, linearise
+from testbench.identify.regression import Regression
 from testbench.model.joint_laws import STRUT, joint_laws
+from testbench.model.laws import for_load_history, model_for
 from testbench.model.load import Load
-from testbench.model.vjm import tool_pose
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm, chain, cross, generalised_load, tool_pose
 from testbench.plant.tracker import trial_rng
 from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell, clear_poses
-from testbench.workflows.fit_details import fit_details
 from testbench.workflows.fits import IdentifyResult
 from testbench.workflows.identifiability import (
     DECIDED,
     Identifiability,
+    any_metric,
     explained_variance,
     of_regression,
     unseen_poses,
@@ -27,6 +34,335 @@ from testbench.workflows.identifiability import (
 from testbench.workflows.models import JOINTS
 from testbench.workflows.rows import MM, UM
 from testbench.workflows.workspace_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
+
+# --- Details of fits that figures show ----------------------------------------------------------------------
+
+BINS = 24  #: Bars of a histogram.
+MAX_POINTS = 400  #: Predictions of a model that are kept.
+DIGITS = 5  #: Digits of a number that is drawn.
+COMPLIANCES = "reference", "estimate", "half"  #: Matrices of a link: see `link_compliances`.
+ROUNDING = 1e-9  #: Share of the largest eigenvalue of a block below which one is zero.
+
+
+def residual_histogram(residuals: Array, reach_um: float) -> Row:
+    """Count the components of residuals, and test whether they are normal: Fig. 5 of the paper.
+
+    Args:
+        residuals: Readings minus predictions along x, y and z, of any shape [m].
+        reach_um: Largest residual that the bars reach, the same for models that are compared [um].
+
+    Returns:
+        `n`, `mean_um`, `deviation_um`, `lilliefors_p` (None of too few), edges of the bars `edges_um` and
+        their `counts`.
+    """
+    x = UM * np.ravel(residuals)
+    counts, edges = np.histogram(x, BINS, (-reach_um, reach_um))
+    enough = len(x) >= MIN_RESIDUALS and np.ptp(x) > 0
+    return Row(
+        n=len(x),
+        mean_um=float(x.mean()),
+        deviation_um=float(x.std(ddof=1)) if enough else None,
+        lilliefors_p=lilliefors(x) if enough else None,
+        edges_um=edges.tolist(),
+        counts=counts.tolist(),
+    )
+
+
+def residual_histograms(residuals: Mapping[str, Array]) -> list[Row]:
+    """Count the residuals of several models in the same bars; nothing where there are none.
+
+    Args:
+        residuals: Readings minus predictions by model, of any shape [m].
+    """
+    reach = max((UM * float(np.abs(x).max(initial=0.0)) for x in residuals.values()), default=0.0)
+    if not reach:
+        return []
+    return [Row(residual_histogram(x, reach), name=name) for name, x in residuals.items()]
+
+
+def predictions(measured: Array, residuals: Mapping[str, Array]) -> Row:
+    """Set lengths of predicted deflections beside those that were measured, of some targets evenly.
+
+    Args:
+        measured: Deflections, (points, 3) [m].
+        residuals: Measured minus predicted by model, (points, 3) each [m].
+
+    Returns:
+        `measured_mm`, and by model `predicted_mm`.
+    """
+    some = np.unique(np.linspace(0, len(measured) - 1, min(len(measured), MAX_POINTS)).round().astype(int))
+    return Row(
+        measured_mm=_lengths(measured[some]),
+        predicted_mm={name: _lengths((measured - x)[some]) for name, x in residuals.items()},
+    )
+
+
+def _lengths(vectors: Array) -> list[float]:
+    return rounded(MM * np.linalg.norm(vectors, axis=-1))
+
+
+def rounded(values: Array) -> list[float]:
+    """Round numbers (n,) to the digits that are kept."""
+    return [float(f"{x:.{DIGITS}g}") for x in np.ravel(values).tolist()]
+
+
+def eigenvalues(arm: Arm, structure: Structure, C_theta: Array) -> list[Row]:
+    """Compute the eigenvalues of every link's compliance, and the compliance of every joint.
+
+    A translation counts as the rotation that causes it on an arm of `certify.LENGTH`, so that all have one
+    unit. That changes sizes; it changes no sign.
+
+    Args:
+        arm: The arm.
+        structure: The unknowns.
+        C_theta: Aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N].
+
+    Returns:
+        A row for each part: its name and `urad_per_Nm`, ascending; rounding is zero.
+    """
+    s = scaled_units(structure)
+    X = UM * C_theta / np.outer(s, s)
+    links, first = len(arm.links), 6 * len(arm.links)
+    blocks = [X[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(links)]
+    values = [np.linalg.eigvalsh((block + block.T) / 2) for block in blocks]
+    values += [X[k : k + 1, k] for k in range(first, arm.n_theta)]
+    names = part_names(arm)
+    return [
+        Row(part=name, urad_per_Nm=rounded(np.where(np.abs(x) > ROUNDING * np.abs(x).max(), x, 0.0)))
+        for name, x in zip(names, values, strict=True)
+    ]
+
+
+def part_names(arm: Arm) -> list[str]:
+    """Name the links from the base on, then the joints."""
+    return [*(link.name for link in arm.links), *(joint.name for joint in arm.joints)]
+
+
+def sag_by_part(vjm: Vjm, estimate: Estimate, data: Dataset) -> list[Row]:
+    """Split the deflection of the loaded point by the link or joint that causes it, Eq. (6).
+
+    A part counts by what it moves the point along the whole deflection, so that the parts of a run sum to it.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        estimate: The identified compliances.
+        data: Gives poses and loads.
+
+    Returns:
+        A row for each part, the largest first: `share_percent` of the deflection, the median of the runs,
+        with its `least_percent` and `most_percent`.
+    """
+    vjm, arm = model_for(vjm, estimate.structure), vjm.arm
+    where = chain(for_load_history(vjm, data.taken_off), data.q)
+    theta = estimate.C_theta @ generalised_load(where, data.wrench, data.point)
+    arm_of_load = np.einsum("rxy,ry->xr", where.rotation, data.point)[:, None]
+    moved = (where.J_theta[:3] + cross(where.J_theta[3:], arm_of_load)) * theta  # (3, n_theta, runs)
+    links, joints = len(arm.links), arm.n_joints
+    owner = np.r_[np.repeat(np.arange(links), 6), links + np.arange(joints)]
+    if vjm.laws is not None:
+        owner = np.r_[owner, links + vjm.laws.joints]
+    whole = moved.sum(axis=1)
+    size = np.linalg.norm(whole, axis=0)
+    bent = size > 0
+    along = 100 * np.einsum("xkr,xr->kr", moved[:, :, bent], whole[:, bent]) / size[bent] ** 2
+    shares = [along[owner == k].sum(axis=0) for k in range(links + joints)]
+    rows = [
+        Row(
+            part=name,
+            share_percent=float(np.median(own)),
+            least_percent=float(own.min()),
+            most_percent=float(own.max()),
+        )
+        for name, own in zip(part_names(arm), shares, strict=True)
+        if own.size
+    ]
+    return sorted(rows, key=lambda row: -float(row.share_percent))
+
+
+def singular_values(vjm: Vjm, regression: Regression, prior: Prior, uncertainty: float) -> list[float]:
+    """Compute what the readings tell of each direction over what the prior tells, the largest first [1].
+
+    They are singular values of the readings' rows in standard deviations, in the metric of the prior times
+    its uncertainty: above one the readings decide a direction, below it the prior does.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        regression: The reduced readings.
+        prior: In whose metric directions have one unit.
+        uncertainty: Its relative standard deviation [1].
+
+    Returns:
+        The singular values [1].
+    """
+    rows = weighted_rows(regression, any_metric(prior, vjm, regression.structure))[0]
+    return rounded(np.asarray(uncertainty * np.linalg.svd(rows, compute_uv=False), dtype=np.float64))
+
+
+def joint_stiffness(vjm: Vjm, estimate: Estimate, prior: Prior, uncertainty: float) -> list[Row]:
+    """Compare the stiffness of every joint with what was assumed of it, both with 95 % intervals.
+
+    A joint counts with the turn of the link before it about its axis: to readings both are one.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        estimate: With a prior or without.
+        prior: Compliances that were assumed.
+        uncertainty: Their relative standard deviation [1].
+
+    Returns:
+        A row for each joint whose compliance is positive: its `unit`, and of `prior` and `posterior` the
+        ends `low`, `high` and the `middle`; an end that has no bound is None.
+    """
+    plain, spread = (
+        estimate.of_compliances.structure,
+        NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * uncertainty,
+    )
+    assumed = plain.entries(aggregate(prior.C_theta, vjm, plain))
+    L, known, rows = any_metric(prior, vjm, plain).L, linearise(estimate), []
+    for k, joint in enumerate(vjm.arm.joints):
+        before, after = (joint_functional(vjm, own, k) for own in (plain, estimate.structure))
+        compliances = float(before @ assumed), float(after @ estimate.pi)
+        if min(compliances) <= 0:
+            continue
+        half = (
+            spread * float(np.linalg.norm(before @ L)),
+            float(known.half_widths(after[None], CONFIDENCE)[0]),
+        )
+        prior_ends, posterior_ends = map(_stiffness, compliances, half)
+        unit = "N/um" if joint.prismatic else "MN m/rad"
+        rows.append(Row(joint=joint.name, unit=unit, prior=prior_ends, posterior=posterior_ends))
+    return rows
+
+
+def link_compliances(vjm: Vjm, estimate: Estimate, reference: Array, sag: Sequence[Row]) -> list[Row]:
+    """Set the compliance of every link, its joint included, beside a reference, with 95 % half widths.
+
+    The joint at the end of a link counts to the link, C + c a a^T: to readings both are one.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        estimate: With a prior or without.
+        reference: Aggregated compliance of the true arm or of the arm's folder, (n_theta, n_theta).
+        sag: Shares of the parts in the deflection, see `sag_by_part`.
+
+    Returns:
+        A row for each link from the base on: `part`, its `joint` (None of the last link), their
+        `share_percent` of the deflection, and 6x6 in the link's frame `reference`, `estimate` and `half`,
+        each [m/N, rad/N, rad/(N m)]. Of an entry that the model keeps zero or that has no bound the half
+        width is None.
+    """
+    links, joints, structure = vjm.arm.links, vjm.arm.joints, estimate.structure
+    share = {row.part: float(row.share_percent) for row in sag}
+    first, upper = 6 * len(links), structure.mirrored
+    functionals = np.zeros((len(links), 6, 6, structure.n))
+    rows = []
+    for k, link in enumerate(links):
+        own = (structure.a // 6 == k) & (structure.a < first)
+        a, b, p = structure.a[own] % 6, structure.b[own] % 6, np.flatnonzero(own)
+        functionals[k, a, b, p] = 1.0
+        functionals[k, b[upper[own]], a[upper[own]], p[upper[own]]] = 1.0
+        block = reference[6 * k : 6 * k + 6, 6 * k : 6 * k + 6].copy()
+        if k < len(joints):
+            v = _axis_in_link(vjm, k)
+            springs = (structure.a == structure.b) & (structure.a == first + k)
+            functionals[k][:, :, springs] += np.outer(v, v)[:, :, None]
+            block += reference[first + k, first + k] * np.outer(v, v)
+        rows.append(
+            Row(
+                part=link.name,
+                joint=joints[k].name if k < len(joints) else None,
+                share_percent=sum(
+                    share.get(name, 0.0) for name in (link.name, *(joint.name for joint in joints[k : k + 1]))
+                ),
+                reference=_square(block),
+            )
+        )
+    half = linearise(estimate).half_widths(functionals.reshape(-1, structure.n), CONFIDENCE)
+    half = np.where(functionals.any(axis=-1), half.reshape(-1, 6, 6), np.nan)
+    return [
+        Row(row, estimate=_square(own @ estimate.pi), half=_square(width))
+        for row, own, width in zip(rows, functionals, half, strict=True)
+    ]
+
+
+def _square(block: Array) -> list[list[float | None]]:
+    """Round a matrix to the digits that are kept, row by row; None where there is no number."""
+    return [[finite(x) for x in rounded(row)] for row in block]
+
+
+def _axis_in_link(vjm: Vjm, k: int) -> Array:
+    """Return what joint k moves of the virtual joint of the link before it, a unit vector, (6,)."""
+    v = np.zeros(6)
+    v[(0 if vjm.arm.joints[k].prismatic else 3) + np.arange(3)] = vjm.beam_axes[k]
+    return v
+
+
+def joint_functional(vjm: Vjm, structure: Structure, k: int) -> Array:
+    """Return what a joint and the link before it yield about the joint's axis, per unit of pi.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        structure: The unknowns.
+        k: Place of the joint, from 0.
+
+    Returns:
+        The linear functional v^T C v + c, with v the axis in the link's frame, (n,).
+    """
+    links, v = 6 * len(vjm.arm.links), np.zeros(structure.n_theta)
+    v[6 * k : 6 * k + 6] = _axis_in_link(vjm, k)
+    a, b = structure.a, structure.b
+    return np.asarray(v[a] * v[b] * np.where(a == b, 1.0, 2.0) + ((a == b) & (a == links + k)))
+
+
+def _stiffness(compliance: float, half: float) -> Row:
+    """Turn a compliance [rad/(N m), m/N] and its half width into a stiffness with ends [MN m/rad, N/um]."""
+    low, middle, high = compliance + half, compliance, compliance - half
+    return Row(
+        low=1 / (UM * low) if np.isfinite(low) else None,
+        middle=1 / (UM * middle),
+        high=1 / (UM * high) if np.isfinite(high) and high > 0 else None,
+    )
+
+
+def fit_details(
+    vjm: Vjm,
+    runs: Dataset,
+    estimates: Mapping[str, Estimate],
+    residuals: Mapping[str, Array],
+    prior: Prior,
+    uncertainty: float,
+) -> Row:
+    """Collect what the figures of `identify` show beside its tables.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        runs: All runs of the user.
+        estimates: By the name of the model, those that are compared; the model to take is the last one.
+        residuals: Readings minus predictions by model, (runs, m, 3) [m].
+        prior: That of the arm's folder.
+        uncertainty: How well it is taken to be known [1].
+
+    Returns:
+        `residuals`, `predictions`, `eigenvalues`, `sag`, `compliances`, `singular_values` and `joints`, as
+        the functions of this module have them.
+    """
+    seen, taken = runs.seen, [*estimates.values()][-1]
+    sag = sag_by_part(vjm, taken, runs)
+    left = {name: residuals[name][seen] for name in estimates}
+    return Row(
+        residuals=residual_histograms(left),
+        predictions=predictions(runs.deflection[seen], left),
+        eigenvalues={
+            name: eigenvalues(vjm.arm, own.structure, own.C_theta) for name, own in estimates.items()
+        },
+        sag=sag,
+        compliances=link_compliances(vjm, taken, prior.C_theta, sag),
+        singular_values=singular_values(vjm, taken.of_compliances, prior, uncertainty),
+        joints=joint_stiffness(vjm, taken, prior, uncertainty),
+    )
+
+
+# --- Numbers of fits to a user's runs: residuals, half widths over the workspace, what the runs tell --------
 
 PLACES = 200  #: Poses over the workspace.
 USUAL = Strength(0.3)  #: Of the prior that readings are compared with.

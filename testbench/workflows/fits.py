@@ -15,7 +15,6 @@ from testbench.errors import Array, BenchError, Doubt
 from testbench.files.readings import SIGMA
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.estimate import DeflectionErrors, deflections, score
-from testbench.identify.fold import BLOCK_RUNS, PartitionedRegression, with_poses
 from testbench.identify.hierarchy import (
     ALL_JOINTS,
     UndeterminedParts,
@@ -23,21 +22,30 @@ from testbench.identify.hierarchy import (
     undetermined_parts,
 )
 from testbench.identify.metric import LearntScale, scale_by_prior
-from testbench.identify.regression import ZERO_COLUMN, Regression
+from testbench.identify.regression import (
+    BLOCK_RUNS,
+    ZERO_COLUMN,
+    PartitionedRegression,
+    Regression,
+    with_poses,
+)
 from testbench.model.laws import law_unit, model_for, sizes_of
 from testbench.model.vjm import chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell
 from testbench.workflows.identifiability import set_aside
-from testbench.workflows.model_selection import (
+from testbench.workflows.models import (
+    EstimatorFailed,
+    Model,
     Recommendation,
     default_name,
+    failed_row,
+    fit_model,
     reason_for,
     recommend,
     reduce_runs,
 )
-from testbench.workflows.models import EstimatorFailed, Model, failed_row, fit_model
 from testbench.workflows.read_runs import MeasuredRuns
 from testbench.workflows.rows import MM, error_row, fit_row
 

@@ -7,7 +7,7 @@ variance that the prior leaves it, linear and Gaussian.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,22 +15,35 @@ import numpy as np
 from testbench.data.dataset import Dataset
 from testbench.design.rows import marker_motion
 from testbench.errors import Array, Ids
-from testbench.identify.fold import reduce
-from testbench.identify.metric import PriorScaling, precision_root, scale_by_prior, weighted_rows
+from testbench.identify.absolute.posterior import FURTHER_ROWS, AddedInformation, Structural, structural
+from testbench.identify.absolute.state import Unknowns
+from testbench.identify.metric import (
+    Prior,
+    PriorScaling,
+    Strength,
+    aggregate,
+    precision_root,
+    scale_by_prior,
+    weighted_rows,
+)
 from testbench.identify.observability import (
     Direction,
+    HiddenQuantity,
+    ObservedQuantity,
     directions,
+    hidden_quantities,
     null_space,
     participants,
     participation,
     zero_columns,
 )
 from testbench.identify.posterior import Posterior
-from testbench.identify.prior import Prior, Strength, aggregate
-from testbench.identify.regression import Regression, check_symmetric, generic_rows, rank
-from testbench.model.structure import Structure
+from testbench.identify.regression import Regression, check_symmetric, generic_rows, rank, reduce
+from testbench.model.structure import TEMPLATE, Structure
 from testbench.model.vjm import Vjm, chain, marker_points, observation
 from testbench.runs.rows import Row
+
+# --- Identifiability of a structure from runs, before any fit, and what else to measure ---------------------
 
 RANDOM_POSES = 60
 """Random poses under the loads of the data: what these do not see, no pose under these loads shows."""
@@ -457,3 +470,252 @@ def _with_marker(vjm: Vjm, points: Array, name: str) -> Vjm:
     away = np.linalg.svd(points - centre)[2][-1]
     arm = replace(vjm.arm, markers=(*vjm.arm.markers, name))
     return replace(vjm, arm=arm, markers=np.vstack([vjm.markers, centre + OFFSET * away]))
+
+
+# --- Quantities of a calibration that readings do not determine, and what they hide behind, in sentences ----
+
+FREE_DEVIATION = 0.01
+"""Standard deviation of what has no prior, frames and mounts [m, rad]: much more than readings leave of it,
+and not so much that rounding would hide the rest."""
+SINGLE = {"ratio": "gear ratio", "play": "play", "stiffening": "stiffening"}
+STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling beyond a beam"
+ERROR = "'s error of "  #: Between a joint and the orders of its periodic errors.
+MAX_NAMED_BANDS = 2  #: Bands of one joint's errors that are named one by one.
+
+
+def unobservable(
+    unknowns: Unknowns, information: Array, prior: Array, pull: AddedInformation
+) -> tuple[str, ...]:
+    """Say what readings leave unknown of a calibration, in few sentences.
+
+    Args:
+        unknowns: Whose columns they are.
+        information: Of the readings, no prior, (size, size).
+        prior: Covariance, (size, size), zero of what is taken to be zero.
+        pull: What further poses would tell, `pull_of`.
+
+    Returns:
+        The sentences.
+    """
+    on, L = np.flatnonzero(np.diag(prior)), np.zeros_like(prior)
+    L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
+    every = structural(unknowns, L, pull)
+    d, every_one = np.diag(L), (information, *pull.turned, pull.everywhere)
+    plain = np.count_nonzero(L) == np.count_nonzero(d)  # a root of variances alone is no product of matrices
+    M, *more = (d[:, None] * one * d if plain else np.asarray(L.T @ one @ L) for one in every_one)
+    found = hidden_quantities(quantities(unknowns), L, M, every.directions, more)
+    names = [joint.name for joint in unknowns.vjm.arm.joints]
+    return (*structure_words(every, names, unknowns.structure.n), *sentences(found, names))
+
+
+def structure_words(found: Structural, joints: Sequence[str], compliances: int) -> Iterator[str]:
+    """Say what no pose could show.
+
+    Args:
+        found: Directions that no pose shows.
+        joints: Names of the joints.
+        compliances: Number of directions of compliances.
+
+    Yields:
+        Sentences.
+    """
+    if found.geometry:
+        shared = [f"{name} ({count})" for name, count in zip(joints, found.shared, strict=True) if count > 0]
+        left = found.geometry - sum(found.shared)
+        yield (
+            f"{found.geometry} directions of geometry, frames and mounts are structural: no pose separates "
+            "them, and none moves a target. A turn about a joint's axis, or a shift along it, may belong to "
+            f"the link before or behind it: {', '.join(shared)}"
+            f"{f'; {left} concern several links' if left else ''}"
+        )
+    if found.idle:
+        idle = " and ".join(joints[j] for j in found.idle)
+        yield f"The joint errors of {idle} are structural: no target moves with them"
+    if found.elastic:
+        yield (
+            f"{found.elastic} of {compliances} directions of compliance are structural: under these loads "
+            "they move no target in any pose"
+        )
+
+
+def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[str, ...]:
+    """Write one sentence per advice for what is not seen, one for errors of a joint among themselves.
+
+    Args:
+        found: Hidden quantities.
+        joints: Names of the joints.
+
+    Returns:
+        The sentences.
+    """
+    behind = [hidden_quantity for hidden_quantity in found if hidden_quantity.behind]
+    said = [
+        _words(hidden_quantity, joints)
+        for hidden_quantity in behind
+        if not _among_themselves(hidden_quantity)
+    ]
+    said += [
+        _mutual(own, joints)
+        for own in _grouped(
+            [hidden_quantity for hidden_quantity in behind if _among_themselves(hidden_quantity)]
+        )
+    ]
+    unseen = [hidden_quantity for hidden_quantity in found if not hidden_quantity.behind]
+    for advice in dict.fromkeys(hidden_quantity.helps for hidden_quantity in unseen):
+        said.append(
+            _unseen(
+                [hidden_quantity for hidden_quantity in unseen if hidden_quantity.helps == advice], joints
+            )
+        )
+    return tuple(said)
+
+
+def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
+    left = f"{100 * hidden_quantity.share:.0f} % of its prior variance left"
+    if not hidden_quantity.behind:
+        return f"{hidden_quantity.name} is not seen ({left}){_advice(hidden_quantity, joints)}"
+    behind = " and ".join(filter(None, [", ".join(hidden_quantity.behind[:-1]), hidden_quantity.behind[-1]]))
+    return (
+        f"{hidden_quantity.name} hides behind {behind} (correlation {hidden_quantity.correlation:.2f}, "
+        f"{left}){_advice(hidden_quantity, joints)}"
+    )
+
+
+def _advice(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
+    """What would show it; nothing where that was not asked for."""
+    if hidden_quantity.helps is None:
+        return ""
+    if hidden_quantity.helps < 0:
+        return f": {FURTHER_ROWS} more poses hardly help, another load may"
+    return (
+        f": turn {joints[hidden_quantity.helps]} more"
+        if hidden_quantity.helps < len(joints)
+        else ": turn several joints together"
+    )
+
+
+def _joint(name: str) -> str:
+    """The joint of a periodic error, nothing for other quantities."""
+    return name.split(ERROR)[0] if ERROR in name else ""
+
+
+def _among_themselves(hidden_quantity: HiddenQuantity) -> bool:
+    """Whether a joint's error hides behind others of the same joint alone."""
+    return bool(_joint(hidden_quantity.name)) and all(
+        _joint(name) == _joint(hidden_quantity.name) for name in hidden_quantity.behind
+    )
+
+
+def _grouped(found: Sequence[HiddenQuantity]) -> list[list[HiddenQuantity]]:
+    """By joint and advice, in their order."""
+    keys = dict.fromkeys((_joint(hidden_quantity.name), hidden_quantity.helps) for hidden_quantity in found)
+    return [
+        [
+            hidden_quantity
+            for hidden_quantity in found
+            if (_joint(hidden_quantity.name), hidden_quantity.helps) == key
+        ]
+        for key in keys
+    ]
+
+
+def _mutual(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
+    if len(own) == 1:
+        return _words(own[0], joints)
+    orders = ", ".join(
+        hidden_quantity.name.split(ERROR)[1].removeprefix("orders ").removeprefix("order ")
+        for hidden_quantity in own
+    )
+    joint = _joint(own[0].name)
+    return (
+        f"{joint}'s errors of orders {orders} hide behind each other ({_left(own)}){_advice(own[0], joints)}"
+    )
+
+
+def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
+    if len(own) == 1:
+        return _words(own[0], joints)
+    names: list[str] = []
+    for group in _grouped(own):
+        if not _joint(group[0].name) or len(group) <= MAX_NAMED_BANDS:
+            names += [hidden_quantity.name for hidden_quantity in group]
+        else:
+            names.append(f"{len(group)} bands of {_joint(group[0].name)}'s errors")
+    return f"{', '.join(names)} are not seen ({_left(own)}){_advice(own[0], joints)}"
+
+
+def _left(own: Sequence[HiddenQuantity]) -> str:
+    shares = [100 * hidden_quantity.share for hidden_quantity in own]
+    return f"{min(shares):.0f} to {max(shares):.0f} % of their prior variance left"
+
+
+def quantities(unknowns: Unknowns) -> tuple[ObservedQuantity, ...]:
+    """List all quantities, in the order of the columns."""
+    return (*_set_ups(unknowns), *_lengths(unknowns), *_bands(unknowns), *_springs(unknowns))
+
+
+def _of(unknowns: Unknowns, name: str, columns: Ids) -> ObservedQuantity:
+    """One whose numbers are columns themselves."""
+    return ObservedQuantity(name, np.eye(unknowns.size)[columns])
+
+
+def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+    every = np.eye(unknowns.size)
+    keys = [*(("frame", name) for name in unknowns.frames), *(("mount", name) for name in unknowns.mounts)]
+    for kind, name in keys:
+        yield ObservedQuantity(
+            f"the {kind} of {name}", every[unknowns.columns(f"{kind} {name}")], of_the_arm=False
+        )
+
+
+def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+    """Of every inner link the offset of the joint behind it, its other turns and its shifts."""
+    arm, first = unknowns.vjm.arm, unknowns.starts["geometry"]
+    for k in range(1, arm.n_joints):
+        link, joint, axis = arm.links[k].name, arm.joints[k], unknowns.vjm.beam_axes[k]
+        own = np.eye(unknowns.size)[first + 6 * (k - 1) + np.arange(6)]
+        shift, turn = own[:3], own[3:]
+        across = np.linalg.svd(axis[None])[2][1:]  # two axes at right angles to the joint's
+        along, other = (shift, turn) if joint.prismatic else (turn, shift)
+        kinds = ("shift", "turn") if joint.prismatic else ("turn", "shift")
+        yield ObservedQuantity(f"{joint.name}'s offset", axis[None] @ along)
+        yield ObservedQuantity(f"{link}'s {kinds[0]}", across @ along)
+        yield ObservedQuantity(f"{link}'s {kinds[1]}", other)
+
+
+def _bands(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+    errors, first = unknowns.errors, unknowns.starts["errors"]
+    orders = np.tile(errors.orders, 2)
+    kinds, bands = np.array(errors.kinds), errors.bands
+    for j, joint in enumerate(unknowns.vjm.arm.joints):
+        own = first + j * errors.size
+        for band in np.unique(bands[bands >= 0]) if not joint.prismatic else ():
+            at = np.flatnonzero(bands == band)
+            low, high = orders[at].min(), orders[at].max()
+            name = f"error of order {low}" if low == high else f"error of orders {low} to {high}"
+            yield _of(unknowns, f"{joint.name}'s {name}", own + at)
+        for kind in kinds[bands < 0]:
+            name = f"{joint.name}'s {SINGLE[kind]}"
+            yield _of(unknowns, name, own + np.flatnonzero(kinds == kind))
+
+
+def _springs(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
+    arm, structure, first = unknowns.vjm.arm, unknowns.structure, unknowns.starts["elastic"]
+    links = 6 * len(arm.links)
+    kind = np.array([_kind(a % 6, b % 6) for a, b in zip(structure.a, structure.b, strict=True)])
+    for k, link in enumerate(arm.links):
+        for name in (STRETCH, TWIST, BENDING, COUPLING):
+            own = np.flatnonzero((structure.a // 6 == k) & (structure.a < links) & (kind == name))
+            if len(own):
+                yield _of(unknowns, f"{link.name}'s {name}", first + own)
+    for k in np.flatnonzero(structure.a >= links).tolist():
+        name = arm.joints[structure.a[k] - links].name
+        yield _of(unknowns, f"{name}'s compliance", first + np.array([k]))
+
+
+def _kind(a: int, b: int) -> str:
+    """What an entry of a link's compliance stands for."""
+    a, b = min(a, b), max(a, b)
+    if (a, b) not in TEMPLATE:
+        return COUPLING
+    return {(0, 0): STRETCH, (3, 3): TWIST}.get((a, b), BENDING)

@@ -13,8 +13,15 @@ import numpy as np
 from testbench.data.dataset import Dataset, along_lines, in_order, join_rows
 from testbench.errors import Array, BenchError, InputError
 from testbench.model.vjm import marker_points, tool_points, tool_pose
-from testbench.plant.instruments import BALLBAR, DRAW_WIRE, DistanceMeter, Gauge
-from testbench.plant.tracker import Tracker, read_orientations, read_positions
+from testbench.plant.tracker import (
+    BALLBAR,
+    DRAW_WIRE,
+    DistanceMeter,
+    Gauge,
+    Tracker,
+    read_orientations,
+    read_positions,
+)
 from testbench.workflows.cell import Cell, LoadedPoses, Truth, settle_both
 
 if TYPE_CHECKING:

@@ -18,11 +18,11 @@ from testbench.data.dataset import Dataset, in_order
 from testbench.errors import Array, BenchError, InputError
 from testbench.files.names import WHEN, columns_of
 from testbench.files.write import columns
-from testbench.identify.prior import Prior
+from testbench.identify.metric import Prior
 from testbench.plant.true_arms import TRUTHS
 from testbench.runs.tables import Cells, read_table, write_table
 from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
-from testbench.workflows.perturbed_prior import PRIORS, prior_of
+from testbench.workflows.models import PRIORS, prior_of
 
 ARM = "kr500_l480"  #: Which of ours is measured, in its campaign of section 6.
 SCENARIO = Scenario(arm=ARM, workspace_poses=100)

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.series import Series, select_rows
+from testbench.data.dataset import Series, select_rows
 from testbench.design import absolute
 from testbench.design.absolute import JointUnknowns
 from testbench.design.baselines import error_after, observability
 from testbench.design.criteria import criterion_of
-from testbench.design.exchange import greedy
+from testbench.design.exchange import Feasibility, Search, greedy
 from testbench.design.forecast import Forecast, forecast_on, inflate_intervals, unbounded_rows, without_bound
 from testbench.design.gauges import Gauges
 from testbench.design.planning import (
@@ -28,29 +28,26 @@ from testbench.design.planning import (
     place_gauges,
 )
 from testbench.design.planning import choose_poses as search_best
-from testbench.design.refine import Feasibility, Search
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array, check_type
 from testbench.identify.absolute.posterior import model_of, pull_of
-from testbench.identify.absolute.state import Mount, nominal_state
-from testbench.identify.absolute.unknowns import unknowns_of
+from testbench.identify.absolute.state import Mount, nominal_state, unknowns_of
 from testbench.identify.arm_model import ArmModel
-from testbench.identify.metric import scale_by_prior
-from testbench.identify.prior import cad_prior
+from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.identify.registration import Frame
-from testbench.model.joint_errors import JointErrors
+from testbench.model.kinematics import JointErrors
 from testbench.model.load import Load, read_weights, weight
 from testbench.model.vjm import Vjm
 from testbench.plant.site import build_site, contacts
 from testbench.plant.tracker import Station, trial_rng
 from testbench.workflows.absolute import Calibrated
-from testbench.workflows.candidates import Candidates, PoseConditions, build_checks, feasible, find
 from testbench.workflows.cell import Cell
+from testbench.workflows.identifiability import FREE_DEVIATION, unobservable
+from testbench.workflows.plan_input import Candidates, PoseConditions, build_checks, feasible, find
 from testbench.workflows.plan_settings import HIGHEST_ORDER, PlanSettings, structure
 from testbench.workflows.predicted_error import linear_fit_after
 from testbench.workflows.rows import MM, UM
-from testbench.workflows.unobservable import FREE_DEVIATION, unobservable
 
 WORKSPACE = 200  #: Poses that stand for the workspace.
 STEP, SLIDE_STEP = math.radians(5), 0.02

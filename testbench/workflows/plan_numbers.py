@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm, ArmJoint
-from testbench.data.series import Series
+from testbench.data.dataset import Series
 from testbench.design import absolute
 from testbench.design.baselines import (
     RANDOM_PLANS,
@@ -27,7 +27,7 @@ from testbench.design.forecast import Forecast, error_on, forecast_on, inflate_i
 from testbench.design.planning import Plan, forecast_errors
 from testbench.design.rows import deflection_rows, loads_of, task_rows
 from testbench.errors import Array, Ids
-from testbench.identify.prior import Prior, cad_prior
+from testbench.identify.metric import Prior, cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.plant.site import has_surroundings

@@ -13,18 +13,24 @@ from testbench.design.criteria import check_criterion
 from testbench.errors import BenchError, in_flags, of_flag
 from testbench.files.readings import SIGMA_RANGE
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
-from testbench.identify.prior import UNCERTAINTY_RANGE
-from testbench.model.poses import WorkArea
+from testbench.identify.metric import UNCERTAINTY_RANGE
 from testbench.model.structure import Structure
+from testbench.model.vjm import WorkArea
 from testbench.plant.site import Payload
 from testbench.plant.tracker import Station
 from testbench.workflows.absolute import Calibrated, File, calibrate_with_masses, read_all
 from testbench.workflows.campaign_flags import ArmName, MapFile, mass
-from testbench.workflows.candidates import PoseConditions
 from testbench.workflows.cell import Cell
-from testbench.workflows.masses import payload_of
 from testbench.workflows.models import ALL_UNKNOWNS, arm_model_names, canonical_name, named_models, plain_name
-from testbench.workflows.plan_input import LOAD_RANGE, PULL_RANGE, Place, parse_work_area, place
+from testbench.workflows.options import payload_of
+from testbench.workflows.plan_input import (
+    LOAD_RANGE,
+    PULL_RANGE,
+    Place,
+    PoseConditions,
+    parse_work_area,
+    place,
+)
 from testbench.workflows.rows import UM
 
 HIGHEST = 1000.0  #: Height of a floor, up or down [m]; beyond it a unit is a slip.

@@ -15,16 +15,14 @@ from testbench.design.forecast import BROAD, Forecast, LinearFit, error_on, fit_
 from testbench.design.planning import Plan
 from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_rows, loads_of
 from testbench.errors import Array, Ids, Mask
-from testbench.identify.metric import precision_root, scale_by_prior
+from testbench.identify.metric import Prior, Strength, cad_prior, precision_root, scale_by_prior
 from testbench.identify.posterior import CONFIDENCE
-from testbench.identify.prior import Prior, Strength, cad_prior
 from testbench.model.laws import for_load_history, with_joint_laws, with_laws
 from testbench.model.load import Load, on_joints
 from testbench.model.structure import Structure, all153, joints_only
 from testbench.model.vjm import Vjm, chain, tool_pose
 from testbench.workflows.cell import Cell
-from testbench.workflows.model_selection import FILLED
-from testbench.workflows.models import JOINTS, arm_model_name, named_models
+from testbench.workflows.models import FILLED, JOINTS, arm_model_name, named_models
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.rows import MM
 from testbench.workflows.workspace_errors import (

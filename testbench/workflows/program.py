@@ -8,33 +8,58 @@ from typing import TypeVar
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.correct.compensated import Compensated, Refusal, compensate
-from testbench.correct.inverse import Reached, configurations, joints_along
+from testbench.correct.compensated import (
+    Compensated,
+    Reached,
+    Refusal,
+    compensate,
+    configurations,
+    joints_along,
+)
 from testbench.correct.newton import Aim, Hold
 from testbench.correct.newton import Asked as Meant
-from testbench.correct.predicted import Extent, Prediction, extent, predict
-from testbench.correct.stiffness import Stiffness, compliance_half_widths, process_wrench, stiffness
+from testbench.correct.predicted import (
+    Extent,
+    Prediction,
+    Stiffness,
+    compliance_half_widths,
+    extent,
+    predict,
+    process_wrench,
+    stiffness,
+)
 from testbench.data.dataset import in_order
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
 from testbench.files.languages import known_languages, language_of
-from testbench.files.motion import CSV, Motion, format_of, turn_flags, write_moves
-from testbench.files.motion_read import changed_texts, files_of, with_mark
-from testbench.files.program import Program, read_poses, read_program, refuse_joint_jumps, unread_columns
-from testbench.files.robot_program import (
+from testbench.files.motion import (
+    CSV,
+    Motion,
+    changed_texts,
+    files_of,
+    format_of,
+    turn_flags,
+    with_mark,
+    write_moves,
+)
+from testbench.files.program import (
+    Program,
     RobotMotions,
     changed_numbers,
     flags_agree,
+    read_poses,
+    read_program,
+    refuse_joint_jumps,
     refuse_other_configurations,
+    unread_columns,
 )
 from testbench.files.table import read_table
 from testbench.files.write import write_program
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load, weight
-from testbench.model.poses import WorkArea
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import WorkArea, tool_pose
 from testbench.plant.site import Site
 from testbench.plant.tracker import trial_rng
-from testbench.runs.place import Kind, inside
+from testbench.runs.whole import Kind, inside
 from testbench.workflows.cell import Cell, clear_poses
 from testbench.workflows.plan_input import place, read_loads
 

@@ -10,15 +10,13 @@ from scipy.special import ndtr
 from testbench.arm.folder import ArmJoint
 from testbench.correct import uncertainty
 from testbench.correct.newton import equilibrium
-from testbench.correct.predicted import extent
-from testbench.correct.stiffness import stiffness
+from testbench.correct.predicted import extent, stiffness
 from testbench.errors import Array, Ids
 from testbench.files.program import unread_columns
 from testbench.files.table import as_cell
 from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.model.vjm import joint_law_rotations, tool_pose
 from testbench.runs.rows import Row, finite
-from testbench.workflows.ellipsoids import ellipsoids, some_poses
 from testbench.workflows.program import (
     DEFAULT_FORCE,
     CorrectedProgram,
@@ -28,6 +26,51 @@ from testbench.workflows.program import (
 )
 from testbench.workflows.rows import MM
 from testbench.workflows.workspace_errors import Meaning, bounded_mm, error_places, places_at
+
+# --- Stiffness ellipsoids along a path: over which a force of any direction moves the loaded tool -----------
+
+COUNT = 8  #: Poses along a path that have an ellipsoid, at most.
+
+
+def some_poses(count: int) -> Ids:
+    """Pick poses evenly, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, COUNT)).round().astype(int))
+
+
+def ellipsoids(
+    compliance: Array, lever: Array, position: Array, labels: Sequence[str], force: float
+) -> list[Row]:
+    """Describe the ellipsoids over which a force of any direction moves a point of the tool.
+
+    The point p is at r from the tool's origin. By a force f it moves by T C T^T f with T = [I, -[r]x].
+
+    Args:
+        compliance: Compliance C at the tool's origin, twist = C @ wrench, world axes, (poses, 6, 6)
+            [m/N, rad/N, rad/(N m)].
+        lever: r, world axes, (poses, 3) [m].
+        position: Where the point is, (poses, 3) [m].
+        labels: What the poses are called.
+        force: Size of the force [N].
+
+    Returns:
+        A row for each pose: its `label`, `at_m`, `semi_axes_mm` from the longest to the shortest, and their
+        unit vectors `directions`, one per row.
+    """
+    turned = np.cross(lever[:, None], np.eye(3))
+    T = np.concatenate([np.broadcast_to(np.eye(3), turned.shape), turned], axis=2)
+    directions, give, _ = np.linalg.svd(T @ compliance @ T.transpose(0, 2, 1))
+    return [
+        Row(
+            label=label,
+            at_m=at.tolist(),
+            semi_axes_mm=(MM * force * sizes).tolist(),
+            directions=axes.T.tolist(),
+        )
+        for label, at, sizes, axes in zip(labels, position, give, directions, strict=True)
+    ]
+
+
+# --- Numbers of a corrected program, point by point, and of a prediction: poses that move most, a map -------
 
 MRAD = 1e3
 MIN_FITTED, MAX_FITTED = 4, 200  #: Points to which a frame is fitted at least, and at most, evenly picked.

@@ -89,7 +89,7 @@ def fit_row(name: str, estimate: "Estimate", seconds: float | None, *, prior: bo
     Returns:
         The row.
     """
-    from testbench.identify.certify import total_trace  # here: reports need the rows without the methods
+    from testbench.identify.conic import total_trace  # here: reports need the rows without the methods
     from testbench.workflows.advice import advice
 
     certificate, regression = estimate.certificate, estimate.of_compliances

@@ -11,8 +11,7 @@ from testbench.files.robot.chain import read_chain
 from testbench.files.robot.meshes import Meshes
 from testbench.files.robot.write import DENSITY, drawn_mesh
 from testbench.workflows.cell import build_cell
-from testbench.workflows.new_arm import sentence, write_arm
-from testbench.workflows.propose import UserInputs
+from testbench.workflows.new_arm import UserInputs, sentence, write_arm
 
 ARMS = {
     light_urdf: (mujoco_urdf, "tool0", "a1 a2 a3 a4 a5 a6 a7"),

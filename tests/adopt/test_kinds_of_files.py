@@ -7,11 +7,11 @@ import pytest
 
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import InputError
-from testbench.files.meaning import joint_family, unread_column_warnings
+from testbench.files.names import joint_family, unread_column_warnings
 from testbench.files.propose_map import map_text, propose
 from testbench.files.read_pairs import read_export
 from testbench.files.read_series import read_series
-from testbench.files.targets import read_log
+from testbench.files.rearranged import read_log
 
 ARM = load_arm(find_arm("kr500_l480"))
 N = 12

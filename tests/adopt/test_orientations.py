@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import find_arm, load_arm
 from testbench.errors import InputError
-from testbench.files.orientation import clear_fit, fits_of, notations
+from testbench.files.beside import clear_fit, fits_of, notations
 from testbench.files.propose_map import map_text, propose
 from testbench.files.read_series import read_series
 from testbench.model.kinematics import build_vjm

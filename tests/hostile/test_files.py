@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from spoil import Spoil, holds, instead, link, sparse
 
-from testbench.files import model_folder, text, workbook
-from testbench.files.robot import meshes, source
+from testbench.files import model_folder, text
+from testbench.files.robot import meshes, robot
 
 MANY = 16_000_000  #: Bytes of a large file.
 
@@ -50,8 +50,8 @@ def test_the_security_page_states_the_limits_of_the_readers():
     page = (Path(__file__).parents[2] / "SECURITY.md").read_text(encoding="utf-8")
     said = [
         f"a table {text.MAX_BYTES // 10**6} MB and {text.MAX_LINES // 10**6} million lines",
-        f"a workbook {workbook.MAX_UNPACKED // 10**6} MB when unpacked",
-        f"a robot file {source.MAX_BYTES // 10**6} MB and {source.MOST_OF['joint']} joints",
+        f"a workbook {text.MAX_UNPACKED // 10**6} MB when unpacked",
+        f"a robot file {robot.MAX_BYTES // 10**6} MB and {robot.MOST_OF['joint']} joints",
         f"a mesh {meshes.MAX_BYTES // 10**6} MB",
         f"the arrays of a model {model_folder.MAX_ROOT // 10**6} MB",
     ]

@@ -13,7 +13,7 @@ from testbench.errors import Doubt
 from testbench.identify.diagnosis.diagnose import diagnose, unplaced_runs
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.hypothesis import Submission
-from testbench.identify.prior import Prior
+from testbench.identify.metric import Prior
 from testbench.model.vjm import tool_pose
 
 POSES = 12  #: Of a set-up in which the tracker moves by half a millimetre.

@@ -14,14 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset
-from testbench.identify.prior import Prior, cad_prior, perturbed
-from testbench.model.poses import WorkArea
+from testbench.identify.metric import Prior, cad_prior, perturbed
+from testbench.model.vjm import WorkArea
 from testbench.plant.build import with_model
 from testbench.plant.disturbance import TYPICAL, Disturbances
-from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.tracker import trial_rng
-from testbench.plant.true_arms import TRUTHS
+from testbench.plant.true_arms import TRUTHS, disturb
 from testbench.workflows.cell import Cell, LoadedPoses, clear_poses, true_cell
 
 PAYLOAD = {"kr500_l480": 460.3, "arm_6r": 20.0}

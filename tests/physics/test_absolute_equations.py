@@ -9,22 +9,11 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 from unsure import unsure_everywhere
 
-from testbench.data.series import Series, select_rows
+from testbench.data.dataset import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
-from testbench.identify.absolute.align import align_all
-from testbench.identify.absolute.evidence import ErrorScales
-from testbench.identify.absolute.fit import LEAST_OF_ONE, ON_THE_WAY, CalibrationOptions, calibrate, subsample
-from testbench.identify.absolute.inner import moved_frame, moved_mount, solve_step
-from testbench.identify.absolute.pattern import Pattern, basis, find_pattern, shift_waves, wave_columns
-from testbench.identify.absolute.posterior import (
-    deviations_root,
-    locate_series,
-    posterior_of,
-    predict,
-    with_known_frame,
-)
-from testbench.identify.absolute.scatter import (
+from testbench.identify.absolute.align import (
     Noise,
+    align_all,
     combine_rows,
     expected_of,
     inverse_noise_roots,
@@ -32,24 +21,44 @@ from testbench.identify.absolute.scatter import (
     scatter,
     single_reading_noise,
 )
-from testbench.identify.absolute.state import Mount, joint_equilibrium, nominal_state, series_equilibrium
-from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.absolute.evidence import ErrorScales, moved_frame, moved_mount, solve_step
+from testbench.identify.absolute.fit import LEAST_OF_ONE, ON_THE_WAY, CalibrationOptions, calibrate, subsample
+from testbench.identify.absolute.posterior import (
+    deviations_root,
+    locate_series,
+    posterior_of,
+    predict,
+    with_known_frame,
+)
+from testbench.identify.absolute.state import (
+    Mount,
+    Pattern,
+    Unknowns,
+    find_pattern,
+    joint_equilibrium,
+    nominal_state,
+    pattern_basis,
+    series_equilibrium,
+    shift_waves,
+    unknowns_of,
+    wave_columns,
+)
 from testbench.identify.arm_model import ArmModel, ModelOrigin
-from testbench.identify.evidence import STUDENT_DOF, STUDENT_SCALE
-from testbench.identify.fold import Linearisation, ReducedReadings, SeriesBlock, whitened_rows
+from testbench.identify.hierarchy import STUDENT_DOF, STUDENT_SCALE
+from testbench.identify.metric import Strength, cad_prior
 from testbench.identify.posterior import Posterior
-from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.registration import Frame
+from testbench.identify.regression import Linearisation, ReducedReadings, SeriesBlock, whitened_rows
 from testbench.identify.robust_loss import READINGS, SQUARE
 from testbench.identify.rows import series_rows
-from testbench.model.joint_errors import BACKLASH_SMOOTHING, BANDS, JointErrors
-from testbench.model.joint_errors import basis as errors_of
+from testbench.model.kinematics import BACKLASH_SMOOTHING, BANDS, JointErrors
+from testbench.model.kinematics import basis as errors_of
 from testbench.model.load import Load, read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
 from testbench.workflows.absolute import DRIFT, with_drift
 from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
-from testbench.workflows.named_parameters import functionals
+from testbench.workflows.calibration_numbers import functionals
 
 PAIRS = AbsoluteCampaign(
     poses=25, masses=(0.0, 230.0, 460.0), orientations=True, sigma_rotation=1e-4, disturbances=REAL_ARM
@@ -344,7 +353,7 @@ def test_waves_are_the_pattern_turned_and_mirrored_and_differences_that_add_up_t
     """Whatever joints without the pattern, low orders and other unknowns are."""
     pattern = Pattern(tuple(PLACED), *map(tuple, zip(*PLACED.values(), strict=True)))
     first, size = 7, 7 + 4 * ERRORS.size + 5
-    B, z = basis(pattern, ERRORS, first, size).toarray(), rng.normal(size=size)
+    B, z = pattern_basis(pattern, ERRORS, first, size).toarray(), rng.normal(size=size)
     np.testing.assert_allclose((B.T @ B) / np.diag(B.T @ B), np.eye(size), atol=1e-12)
     at = first + ERRORS.size * np.arange(4)[:, None] + wave_columns(ERRORS)
     x, rest = B @ z, np.setdiff1d(np.arange(size), at[list(PLACED)])
@@ -401,7 +410,7 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
     pattern = Pattern((0, 1), (0.0, 1.1), (1, -1))
     errors = JointErrors(tuple(range(1, 5)))
     size = 2 * errors.size
-    B, A, y = basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
+    B, A, y = pattern_basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
     deviation, factor = np.r_[rng.uniform(0.5, 2.0, size - 3), [np.inf] * 3], 1.7
     own = SimpleNamespace(
         rigid=size, columns=np.arange(size), elastic=None, unknowns=SimpleNamespace(size=size, basis=B)

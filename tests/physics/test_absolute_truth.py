@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from testbench import BenchError, cad_prior
-from testbench.data.series import select_rows
+from testbench.data.dataset import select_rows
 from testbench.identify.absolute import choose
 from testbench.identify.absolute import state as absolute
 from testbench.identify.absolute.evidence import LOOSE_STRENGTH, ErrorScales, solve_active
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.state import nominal_state, series_equilibrium
-from testbench.model.joint_errors import JointErrors
+from testbench.model.kinematics import JointErrors
 from testbench.model.load import read_weights
 from testbench.model.vjm import chain
 from testbench.plant.build import build_plant

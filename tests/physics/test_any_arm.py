@@ -12,18 +12,16 @@ from serial_arms import turned_arm, write_arm
 
 from testbench import cad_prior, least_squares, read_series
 from testbench.errors import BenchError, InputError
-from testbench.identify.absolute.align import align_all
-from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.state import nominal_state
 from testbench.model.load import read_weights
 from testbench.model.structure import mgco147
 from testbench.plant.disturbance import NOMINAL, TYPICAL
-from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
+from testbench.plant.true_arms import disturb
 from testbench.workflows.cell import Scenario, build_cell, measure_markers, poses_with_weight, simulate
 from testbench.workflows.fits import MeasuredRuns, fit_models
-from testbench.workflows.model_selection import default_models, default_name
-from testbench.workflows.models import named_models, plain_name
+from testbench.workflows.models import default_models, default_name, named_models, plain_name
 
 
 @pytest.mark.parametrize("turned", ['zaxis="0 0 -1"', 'xyaxes="0 0 2 0 -1 0"', 'euler="0 0 1.57"', ""])

@@ -12,8 +12,7 @@ from testbench.cli.check import report
 from testbench.files.robot.chain import read_chain
 from testbench.model.vjm import chain
 from testbench.workflows.arm_check import check
-from testbench.workflows.new_arm import elastic_toml
-from testbench.workflows.propose import UserInputs, propose
+from testbench.workflows.new_arm import UserInputs, elastic_toml, propose
 
 MODELS = Path(__file__).parents[2] / "models"
 TOML, XML = "elastic.toml", "rigid.xml"

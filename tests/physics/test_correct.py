@@ -10,8 +10,7 @@ from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_e
 from testbench import Load, compensate, predict
 from testbench.arm.mjcf import GRAVITY
 from testbench.correct.newton import MIN_SINGULAR_VALUE, Aim, Target, equilibrium, target_of
-from testbench.correct.predicted import extent
-from testbench.correct.stiffness import compliance_half_widths, stiffness
+from testbench.correct.predicted import compliance_half_widths, extent, stiffness
 from testbench.correct.uncertainty import (
     LoadedPoses,
     fitted_half_widths,
@@ -20,7 +19,7 @@ from testbench.correct.uncertainty import (
     rows_between,
 )
 from testbench.errors import BenchError, NoEquilibrium
-from testbench.identify.absolute.scatter import Noise
+from testbench.identify.absolute.align import Noise
 from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
 from testbench.identify.posterior import CURVATURE_COUNT, Posterior
 from testbench.model.load import no_weights, read_weights, resultant

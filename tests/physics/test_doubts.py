@@ -25,8 +25,7 @@ from testbench.identify.diagnosis.hypotheses import HYPOTHESES, describe
 from testbench.identify.diagnosis.hypothesis import MAX_ROUNDS, Issue, Submission, score_test, undo_one_by_one
 from testbench.identify.diagnosis.kinematics import Observations, best_hypothesis
 from testbench.identify.diagnosis.moves import chance
-from testbench.identify.metric import scale_by_prior
-from testbench.identify.prior import cad_prior
+from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.identify.registered import RegisteredDataset, register_dataset
 from testbench.model.loaded import displacement
 from testbench.model.structure import all153

@@ -18,23 +18,21 @@ from testbench.identify import (
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import all_deflections, deflections
-from testbench.identify.least_squares import NO_CONSERVATIVE_FIT, complete_conservatively
-from testbench.identify.prior import cad_prior
+from testbench.identify.metric import cad_prior
 from testbench.identify.regression import f_m
-from testbench.identify.solve import solve
+from testbench.identify.solve import NO_CONSERVATIVE_FIT, complete_conservatively, solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
 from testbench.plant.tracker import trial_rng
 from testbench.studies.campaign import grids as fits
 from testbench.studies.campaign.grids import CellGrid, Clean, expected
 from testbench.studies.campaign.trial import reread
 from testbench.studies.paper import factorised
-from testbench.studies.paper.search import BOX, Budget, explore, trial_points
+from testbench.studies.paper.factorised import BOX, Budget, explore, trial_points
 from testbench.studies.shrinkage import RIDGES, clipped, ridge
 from testbench.workflows.advice import advice
-from testbench.workflows.cell import Scenario, draw_poses, simulate_at
+from testbench.workflows.cell import FullPose, Scenario, draw_poses, simulate_at, simulate_full_pose
 from testbench.workflows.cell import simulate as calibrate
 from testbench.workflows.identifiability import without_readings
-from testbench.workflows.pose_campaign import FullPose, simulate
 
 SECTION_5_2 = FullPose(arm="arm_6r", least=9e-3, most=41e-3, check_runs=10)
 
@@ -47,7 +45,7 @@ def both(cell, structure, data):
 @pytest.mark.parametrize(("make", "seed"), [(template56, 1), (mgco147, 2)])
 def test_of_section_5_2_the_nearest_conservative_model_of_equal_fit_is_found(arm_6r, make, seed):
     """Dykstra's alternating projections on the models of equal fit and on the cone end at the same one."""
-    data, s = simulate(arm_6r, SECTION_5_2, seed).identification, make(arm_6r.arm)
+    data, s = simulate_full_pose(arm_6r, SECTION_5_2, seed).identification, make(arm_6r.arm)
     plain, filled = both(arm_6r, s, data)
     assert (plain.conservative, filled.conservative) == (False, True)
     assert (filled.status, filled.constraint) == ("solved", "free")
@@ -102,7 +100,7 @@ def deflected(cell, structure, pi):
 def test_it_takes_no_prior_and_looks_for_outliers_as_least_squares_does(arm_6r):
     with pytest.raises(BenchError, match="with a prior no direction is free"):
         with_prior(completed_least_squares, cad_prior(arm_6r.arm))
-    structure, data = mgco147(arm_6r.arm), simulate(arm_6r, SECTION_5_2, 1).identification
+    structure, data = mgco147(arm_6r.arm), simulate_full_pose(arm_6r, SECTION_5_2, 1).identification
     data = replace(data, after=data.after + 0.01 * (data.run == 8)[:, None, None])
     methods = robust(least_squares), robust(completed_least_squares)
     plain, filled = (method(arm_6r.vjm, structure, data) for method in methods)
@@ -160,7 +158,7 @@ TINY = Budget(population=2, generations=3, trial_points=40, stage_one_points=10)
 
 @pytest.fixture(scope="module")
 def data(arm_6r):
-    return simulate(arm_6r, PRECISE, 1).identification
+    return simulate_full_pose(arm_6r, PRECISE, 1).identification
 
 
 @pytest.fixture(scope="module")

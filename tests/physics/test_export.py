@@ -14,16 +14,12 @@ from own_urdf import own_urdf
 from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
 
-from testbench.arm.urdf_text import STAMP
 from testbench.errors import BenchError, InputError
-from testbench.files.export import draft_new, draft_robot_urdf, export
-from testbench.files.export_controller import export_offsets
-from testbench.files.export_geometry import frame_distance, nominal_rigid, random_joints, tool_poses
-from testbench.files.export_left import best_offsets
+from testbench.files.export import best_offsets, draft_new, draft_robot_urdf, export, export_offsets
+from testbench.files.export_own import STAMP, frame_distance, nominal_rigid, random_joints, tool_poses
 from testbench.identify.absolute.state import nominal_state
 from testbench.identify.arm_model import elastic_state
-from testbench.model.joint_errors import JointErrors
-from testbench.model.kinematics import build_vjm
+from testbench.model.kinematics import JointErrors, build_vjm
 from testbench.model.laws import with_joint_laws
 from testbench.model.load import read_weights
 from testbench.model.vjm import chain, generalised_load, plain_load

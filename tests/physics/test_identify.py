@@ -9,9 +9,8 @@ from loads import SIGMA, SIGMA_ROTATION, axis_loads, rotation_observation
 from testbench import BenchError, Scenario, simulate
 from testbench.data.dataset import in_order
 from testbench.identify import gco, least_squares, reduce
-from testbench.identify.certify import gradient_dual
-from testbench.identify.metric import scale_by_prior, weighted_rows
-from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.conic import gradient_dual
+from testbench.identify.metric import Strength, cad_prior, scale_by_prior, weighted_rows
 from testbench.identify.regression import RANK_TOLERANCE, f_m, generic_rows, rank
 from testbench.model.structure import Structure, all153, free36, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.model.vjm import chain, observation

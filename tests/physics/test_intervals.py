@@ -19,25 +19,21 @@ from testbench.correct.newton import equilibrium, target_of
 from testbench.data.dataset import in_order
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import posterior_of
-from testbench.identify.metric import WeightedPrior, scale_by_prior
+from testbench.identify.metric import Prior, Strength, WeightedPrior, aggregate, cad_prior, scale_by_prior
 from testbench.identify.posterior import Posterior, linearise
-from testbench.identify.prior import Prior, Strength, aggregate, cad_prior
 from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant.disturbance import GearErrors
 from testbench.plant.tracker import trial_rng
-from testbench.studies.absolute.beside import true_state
-from testbench.studies.absolute.simulated import check
+from testbench.studies.absolute.simulated import check, true_state
 from testbench.studies.campaign.coverage import draw_conservative
 from testbench.studies.intervals import bootstrap, bounds, fit_set, resampler
-from testbench.workflows import named_parameters
+from testbench.workflows import calibration_numbers
 from testbench.workflows.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
-from testbench.workflows.cell import Scenario, clear_poses, simulate
+from testbench.workflows.cell import FullPose, Scenario, clear_poses, simulate, simulate_full_pose
 from testbench.workflows.fits import fit_models
 from testbench.workflows.models import named_models
-from testbench.workflows.pose_campaign import FullPose
-from testbench.workflows.pose_campaign import simulate as simulate_full_pose
 from testbench.workflows.read_runs import MeasuredRuns
 
 LEVEL, DRAWS = 1e-6, 300  #: Of false alarms; truths drawn.
@@ -174,7 +170,7 @@ def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students
 @pytest.mark.study
 def test_intervals_have_names_and_the_units_of_people(arms):
     *_, own = arms[0]
-    by_name = {(one.part, one.name): one for one in named_parameters.intervals(own)}
+    by_name = {(one.part, one.name): one for one in calibration_numbers.intervals(own)}
     shift = by_name["geometry", "link_2 shift y"]
     assert (shift.unit, shift.value) == ("mm", pytest.approx(1e3 * own.state.theta_0[13]))
     at = own.active.columns.tolist().index(own.active.unknowns.starts["geometry"] + 13 - 6)

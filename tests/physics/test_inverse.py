@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from serial_arms import write_arm
 
-from testbench.correct.inverse import POSE_TOLERANCE, joints_along, solve_poses
+from testbench.correct.compensated import POSE_TOLERANCE, joints_along, solve_poses
 from testbench.correct.newton import Target
 from testbench.model.vjm import rotation, tool_pose
 from testbench.workflows.cell import build_cell

@@ -14,10 +14,10 @@ from unsure import normal
 import testbench as tb
 from testbench.arm.folder import ArmJoint
 from testbench.arm.joint_map import build_map
-from testbench.correct.inverse import joints_along
+from testbench.correct.compensated import joints_along
 from testbench.correct.newton import Aim
-from testbench.data.series import series_of
-from testbench.design.refine import Feasibility, Search
+from testbench.data.dataset import series_of
+from testbench.design.exchange import Feasibility, Search
 from testbench.errors import InputError
 from testbench.files.export import draft_new, export
 from testbench.files.languages import known_languages
@@ -28,18 +28,17 @@ from testbench.files.write import write_program, write_series
 from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
 from testbench.model.load import read_weights
 from testbench.model.structure import all153
-from testbench.model.tool_motion import turn_between
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_pose, turn_between
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.shapes import rigid_frames
 from testbench.plant.tracker import trial_rng
 from testbench.workflows.cell import build_cell
+from testbench.workflows.new_arm import UserInputs
 from testbench.workflows.new_arm import write_arm as write_own
 from testbench.workflows.plan import nearest_turn, search
 from testbench.workflows.plan import workspace_poses as workspace
 from testbench.workflows.plan_numbers import numbers, write_poses
 from testbench.workflows.program import correct_program, more_columns
-from testbench.workflows.propose import UserInputs
 
 SETTINGS = tb.PlanSettings(loads_kg=(60.0,), poses=4, candidates_wanted=30)
 ROUND_TRIP = 1e-12  #: Of joints from files to the chain and back [rad, m].

@@ -16,10 +16,9 @@ from testbench.data.dataset import in_order
 from testbench.identify import gco, intervals, least_squares, robust, with_prior
 from testbench.identify.arm_model import model_of_estimate
 from testbench.identify.estimate import ModelAverage
-from testbench.identify.fold import reduce
 from testbench.identify.hierarchy import evidence_model
-from testbench.identify.metric import scale_by_prior
-from testbench.identify.prior import Prior, cad_prior
+from testbench.identify.metric import Prior, cad_prior, scale_by_prior
+from testbench.identify.regression import reduce
 from testbench.model import joint_laws as shapes
 from testbench.model import laws
 from testbench.model.joint_laws import LAW_PRIOR, joint_laws
@@ -27,13 +26,12 @@ from testbench.model.load import read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import chain, plain_load
 from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
-from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import solve_equilibrium, solve_unloaded_and_loaded
 from testbench.plant.tracker import trial_rng
+from testbench.plant.true_arms import disturb
 from testbench.studies.campaign.disturbed import disturbed
 from testbench.workflows.cell import Scenario, simulate
-from testbench.workflows.model_selection import with_priors
-from testbench.workflows.models import named_models
+from testbench.workflows.models import named_models, with_priors
 
 SCENARIO = Scenario(
     arm="kr500_l480", truth="linear", noise=False, identification_poses=8, identification_runs=16

@@ -10,15 +10,19 @@ from scipy.spatial.transform import Rotation
 from testbench.data.dataset import along_lines, select
 from testbench.errors import BenchError
 from testbench.identify import least_squares, reduce
-from testbench.identify.absolute.unknowns import compliance_unknowns
-from testbench.identify.lines import directions_under_load, predicted_motion, resolve_lines
-from testbench.identify.rows import nominal_chain, pair_rows
-from testbench.identify.weighed import single_readings
+from testbench.identify.absolute.state import compliance_unknowns
+from testbench.identify.rows import (
+    directions_under_load,
+    nominal_chain,
+    pair_rows,
+    predicted_motion,
+    resolve_lines,
+    single_readings,
+)
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import marker_points
-from testbench.plant.instruments import DistanceMeter, Gauge, face_travel
-from testbench.plant.tracker import Tracker, trial_rng
+from testbench.plant.tracker import DistanceMeter, Gauge, Tracker, face_travel, trial_rng
 from testbench.workflows.cell import poses_with_weight
 from testbench.workflows.instruments import Mounted, read_instruments
 

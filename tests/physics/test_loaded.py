@@ -18,9 +18,8 @@ from testbench.model.load import own_weight, read_weights
 from testbench.model.structure import template56
 from testbench.model.vjm import chain, observation
 from testbench.plant.build import weightless
-from testbench.plant.equilibrium import Batch, solve_equilibrium
+from testbench.plant.equilibrium import Batch, open_row, solve_equilibrium
 from testbench.plant.equilibrium import tangent as plant_tangent
-from testbench.plant.state import open_row
 from testbench.workflows.absolute import of_masses
 
 HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}

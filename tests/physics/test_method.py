@@ -10,33 +10,50 @@ from loads import axis_loads
 from testbench import BenchError, Scenario, score, simulate
 from testbench.identify import (
     gco,
-    huber,
     least_squares,
     make_estimate,
     paper_gco,
     reduce,
     robust,
-    weighed,
     with_prior,
 )
 from testbench.identify.estimate import TOOL_MARKER
 from testbench.identify.hierarchy import learn_prior
-from testbench.identify.huber import REJECTION_THRESHOLD, reject_iteratively, without_outliers
 from testbench.identify.interior import least_squares as psd_least_squares
 from testbench.identify.method import ROBUST_UNCERTAINTY
-from testbench.identify.metric import WeightedPrior, precision_root, rescale_to_data, scale_by_prior
-from testbench.identify.prior import Strength, cad_prior, perturbed
+from testbench.identify.metric import (
+    Strength,
+    WeightedPrior,
+    cad_prior,
+    perturbed,
+    precision_root,
+    rescale_to_data,
+    scale_by_prior,
+)
 from testbench.identify.robust_loss import PAIRS
-from testbench.identify.solve import solve, solve_with_prior
-from testbench.identify.weighed import single_readings
+from testbench.identify.rows import single_readings
+from testbench.identify.solve import (
+    REJECTION_THRESHOLD,
+    reject_iteratively,
+    solve,
+    solve_with_prior,
+    without_outliers,
+)
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import tool_pose
 from testbench.studies.campaign.noise import spoil
 from testbench.studies.campaigns import identify
 from testbench.workflows.advice import advice
 from testbench.workflows.fits import MeasuredRuns, fit_models
-from testbench.workflows.model_selection import DEFAULT, choose_model, default_models, recommend
-from testbench.workflows.models import Model, fit_model, named_models
+from testbench.workflows.models import (
+    DEFAULT,
+    Model,
+    choose_model,
+    default_models,
+    fit_model,
+    named_models,
+    recommend,
+)
 
 HALF = Strength(0.5)
 
@@ -295,7 +312,8 @@ def test_too_many_rejections_too_few_left_and_a_search_that_did_not_converge_are
     with pytest.raises(BenchError, match="45 of 45 readings rejected"):
         robustly(kr500, s, flipped, "psd", units)
     monkeypatch.setattr(
-        huber, "solve_with_prior", lambda *args: replace(solve_with_prior(*args), status="not solved: why")
+        "testbench.identify.solve.solve_with_prior",
+        lambda *args: replace(solve_with_prior(*args), status="not solved: why"),
     )
     s = template56(kr500.arm)
     fit = robustly(kr500, s, readings(kr500, 4), "none", rough(kr500, s, 4))
@@ -326,6 +344,6 @@ def test_spoiling_moves_as_many_readings_as_asked_and_bad_input_is_refused(kr500
     for share, size, said in ((1.2, 1e-3, "share: expected 0 to 1"), (0.1, np.inf, "size")):
         with pytest.raises(BenchError, match=said):
             spoil(data, share, size, rng)
-    monkeypatch.setattr(weighed, "MAX_READINGS", 44)
+    monkeypatch.setattr("testbench.identify.rows.MAX_READINGS", 44)
     with pytest.raises(BenchError, match="expected at most 44 readings, got 45"):
         robustly(kr500, s, data, "none")

@@ -8,7 +8,7 @@ from serial_arms import write_arm
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.diagnosis.gravity import DOWN, angle, by_own_weight, mounted, towards
 from testbench.identify.diagnosis.hypotheses import describe
-from testbench.identify.prior import cad_prior
+from testbench.identify.metric import cad_prior
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import build_cell
 

@@ -17,14 +17,12 @@ from testbench.model.laws import law_kinds, model_for, sizes_of, with_joint_laws
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, plain_load
 from testbench.plant.disturbance import Disturbances
-from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
-from testbench.plant.true_arms import true_arms, true_plant
+from testbench.plant.true_arms import disturb, true_arms, true_plant
 from testbench.runs import manifest
 from testbench.workflows.campaign_flags import true_arm_name
 from testbench.workflows.cell import Scenario, simulate, true_cell
-from testbench.workflows.model_selection import with_priors
-from testbench.workflows.models import named_models
+from testbench.workflows.models import named_models, with_priors
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 FILE = re.compile(r"`(\w+)/([\w.]+)`[^\n]*:?\n\n```\w+\n(.*?)```", re.DOTALL)

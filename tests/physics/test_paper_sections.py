@@ -15,9 +15,9 @@ from testbench.runs.spread import spread
 from testbench.studies.campaigns import identify
 from testbench.studies.paper import EQ_22, EQ_23, SECTION_6
 from testbench.studies.paper import single_link as trial
+from testbench.workflows.cell import FullPose, random_wrenches, simulate_full_pose
 from testbench.workflows.cell import simulate as calibrate
 from testbench.workflows.models import named_models
-from testbench.workflows.pose_campaign import FullPose, random_wrenches, simulate
 
 STUDY = trial.SingleLinkSettings()
 LOADS = np.diag([10.0] * 6)
@@ -125,7 +125,7 @@ PAPER = {"arm": "arm_6r", "least": 9e-3, "most": 41e-3}
 
 
 def test_campaign_is_that_of_section_5_2_its_noise_root_two_of_a_readings(arm_6r):
-    campaign = simulate(arm_6r, FullPose(**PAPER), 1)
+    campaign = simulate_full_pose(arm_6r, FullPose(**PAPER), 1)
     data = campaign.identification
     assert (data.runs, len(np.unique(data.pose)), campaign.check.runs) == (108, 18, 120)
     for pose in np.unique(data.pose):
@@ -137,7 +137,7 @@ def test_campaign_is_that_of_section_5_2_its_noise_root_two_of_a_readings(arm_6r
     assert len(np.unique(campaign.check.q, axis=0)) == 120
     assert campaign.drawn >= 120
     scenario = FullPose(**PAPER, check_runs=1000, sigma=40e-6, sigma_rotation=300e-6)
-    campaign = simulate(arm_6r, scenario, 3)
+    campaign = simulate_full_pose(arm_6r, scenario, 3)
     error = campaign.check.deflection - campaign.truth.deflection
     true, read = (Rotation.from_rotvec(own.rotation) for own in (campaign.truth, campaign.check))
     turn = (true.inv() * read).as_rotvec()
@@ -150,7 +150,7 @@ def test_true_check_deflections_are_those_of_the_same_runs_without_noise(kr500, 
     """Of section 6 and of 5.2; the noise hides nothing but itself in the error against readings."""
     for cell, made, scenario in (
         (kr500, calibrate, Scenario(arm="kr500_l480", workspace_poses=1)),
-        (arm_6r, simulate, FullPose(**PAPER)),
+        (arm_6r, simulate_full_pose, FullPose(**PAPER)),
     ):
         noisy, calm = (made(cell, scenario.model_copy(update={"noise": n}), 3) for n in (True, False))
         np.testing.assert_array_equal(noisy.check_true.deflection, calm.check.deflection)
@@ -166,7 +166,7 @@ def test_true_check_deflections_are_those_of_the_same_runs_without_noise(kr500, 
 def test_random_wrenches_have_their_magnitudes_and_deflections_out_of_reach_are_counted(arm_6r, rng):
     said = "found 0 of 120 check runs with a deflection of 900 to 1000 mm among"
     with pytest.raises(PoseError, match=said):
-        simulate(arm_6r, FullPose(arm="arm_6r", least=0.9), 1)
+        simulate_full_pose(arm_6r, FullPose(arm="arm_6r", least=0.9), 1)
     wrench = random_wrenches(2000, 100.0, 7.0, rng)
     np.testing.assert_allclose(np.linalg.norm(wrench[:, :3], axis=1), 100, rtol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(wrench[:, 3:], axis=1), 7, rtol=1e-12)

@@ -15,7 +15,7 @@ from testbench.design import absolute
 from testbench.design import rows as plans
 from testbench.design.baselines import error_after
 from testbench.design.criteria import CRITERIA, criterion_of
-from testbench.design.exchange import exchange, greedy
+from testbench.design.exchange import Feasibility, Search, exchange, greedy
 from testbench.design.forecast import fit_of, forecast, forecast_on
 from testbench.design.gauges import Gauges, gauge_rows
 from testbench.design.planning import (
@@ -27,28 +27,25 @@ from testbench.design.planning import (
     make_plan,
     place_gauges,
 )
-from testbench.design.refine import Feasibility, Search
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
 from testbench.identify.absolute.posterior import information as told_by
 from testbench.identify.absolute.posterior import model_of, pull_of
 from testbench.identify.absolute.state import series_equilibrium
-from testbench.identify.metric import precision_root, scale_by_prior, weighted_rows
+from testbench.identify.metric import Strength, cad_prior, precision_root, scale_by_prior, weighted_rows
 from testbench.identify.observability import hidden_quantities
-from testbench.identify.prior import Strength, cad_prior
-from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
-from testbench.plant.instruments import Gauge
+from testbench.model.vjm import WorkArea, random_poses
 from testbench.plant.site import collisions
-from testbench.plant.tracker import trial_rng
+from testbench.plant.tracker import Gauge, trial_rng
 from testbench.workflows import predicted_error
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.workflows.candidates import PoseConditions, build_checks, find
 from testbench.workflows.cell import Scenario, measure_markers, poses_with_weight
+from testbench.workflows.identifiability import quantities, unobservable
 from testbench.workflows.instruments import Mounted, read_instruments
 from testbench.workflows.plan import undetermined_by, union_after, union_of
+from testbench.workflows.plan_input import PoseConditions, build_checks, find
 from testbench.workflows.plan_numbers import joint_coverage
 from testbench.workflows.predicted_error import open_laws
-from testbench.workflows.unobservable import quantities, unobservable
 
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
 

@@ -12,9 +12,8 @@ from loads import hung, random_q
 
 from testbench.arm.folder import Compensator, load_arm
 from testbench.errors import BenchError, InputError, NoEquilibrium
-from testbench.files.elastic_mjcf import write_elastic
+from testbench.files.robot.write import write_elastic
 from testbench.plant.build import build_plant, plant_of
-from testbench.plant.compensator import correct_for_strut, hinged_bodies, strut, strut_force
 from testbench.plant.disturbance import (
     FOUNDATION,
     KR500_COMPENSATOR,
@@ -23,15 +22,20 @@ from testbench.plant.disturbance import (
     GearErrors,
     GeometryErrors,
 )
-from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import (
+    correct_for_strut,
+    evaluate,
     fixed_configurations,
+    hinged_bodies,
+    open_row,
     solve_equilibrium,
     solve_linear_equilibrium,
     solve_unloaded_and_loaded,
+    strut,
+    strut_force,
 )
 from testbench.plant.joint_law import Beyond, Follows, JointLaw, joint_rotation, tangent_compliance
-from testbench.plant.state import evaluate, open_row
+from testbench.plant.true_arms import disturb, exactly_loaded
 
 
 def unbalanced(plant, q, theta, wrench, point):

@@ -26,13 +26,17 @@ from testbench.identify import average, hierarchy
 from testbench.identify import posterior as posteriors
 from testbench.identify.average import average_models, average_two_priors, stiffness_scatter, with_scatter
 from testbench.identify.estimate import ModelAverage, make_estimate
-from testbench.identify.evidence import evidence_hessian, evidence_posterior, maximise_evidence
+from testbench.identify.hierarchy import evidence_hessian, evidence_posterior, maximise_evidence
 from testbench.identify.metric import (
+    Prior,
+    Strength,
     WeightedPrior,
+    cad_prior,
     precision_root,
     rescale_to_data,
     scale_by_prior,
     weighted_rows,
+    with_weaker_coupling,
 )
 from testbench.identify.posterior import (
     CURVATURE_COUNT,
@@ -41,7 +45,6 @@ from testbench.identify.posterior import (
     linearise,
     second_order_deflection,
 )
-from testbench.identify.prior import Prior, Strength, cad_prior, with_weaker_coupling
 from testbench.identify.regression import f_m, parameter_places, restrict_to, scatter_to
 from testbench.identify.solve import solve, solve_with_prior
 from testbench.identify.trace import FOLDS, Candidate, divide_poses, unless_beaten
@@ -50,12 +53,10 @@ from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
 from testbench.studies import shrinkage
-from testbench.workflows.advice import of_average
 from testbench.workflows.cell import true_cell
 from testbench.workflows.fits import of_scale
-from testbench.workflows.model_selection import with_priors
-from testbench.workflows.models import named_models
-from testbench.workflows.perturbed_prior import prior_of
+from testbench.workflows.models import named_models, prior_of, with_priors
+from testbench.workflows.rows import of_average
 
 
 def runs(cell, seed, **changes):

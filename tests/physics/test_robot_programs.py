@@ -15,10 +15,8 @@ from testbench.correct.newton import Aim
 from testbench.errors import BenchError, InputError
 from testbench.files.languages import FLAGS, known_languages, language_of, read_language
 from testbench.files.mapping import Controller
-from testbench.files.motion import Motion, write_moves
-from testbench.files.motion_read import MARK, changed_texts, read_motions, with_mark
-from testbench.files.program import read_program
-from testbench.files.robot_program import changed_numbers, read_robot_program
+from testbench.files.motion import MARK, Motion, changed_texts, read_motions, with_mark, write_moves
+from testbench.files.program import changed_numbers, read_program, read_robot_program
 from testbench.identify.arm_model import ModelOrigin, elastic_state, model_of_compliances
 from testbench.model.load import read_weights
 from testbench.model.structure import all153

@@ -9,17 +9,8 @@ from programs import NASTY, random_regression, with_random_prior
 
 from testbench import BenchError, Scenario, build_cell, deflections, simulate
 from testbench.data.dataset import in_order
-from testbench.identify import (
-    certify,
-    cone,
-    conic,
-    interior,
-    least_squares,
-    make_estimate,
-    paper_gco,
-    reduce,
-)
-from testbench.identify.certify import (
+from testbench.identify import certify, cone, conic, interior, least_squares, make_estimate, paper_gco, reduce
+from testbench.identify.conic import (
     default_trace_bounds,
     gradient_dual,
     lower_bound_certificate,
@@ -28,8 +19,14 @@ from testbench.identify.certify import (
     total_trace,
 )
 from testbench.identify.estimate import Dual
-from testbench.identify.metric import Case, WeightedPrior, rescale_to_data, scale_by_prior
-from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.metric import (
+    Case,
+    Strength,
+    WeightedPrior,
+    cad_prior,
+    rescale_to_data,
+    scale_by_prior,
+)
 from testbench.identify.regression import Term, f_m, regression_of
 from testbench.identify.solve import solve, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco47, mgco68, template56

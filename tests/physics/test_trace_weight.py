@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from testbench import BenchError, Scenario, deflections, score, simulate
-from testbench.identify import batch, certify, cone, gco, least_squares, paper_gco, reduce, trace
-from testbench.identify.fold import reduce_parts
+from testbench.identify import certify, cone, gco, interior, least_squares, paper_gco, reduce, trace
+from testbench.identify.regression import reduce_parts
 from testbench.identify.trace import _strongest, divide_poses, learn_trace_weight, trace_penalty
 from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
 from testbench.workflows.cell import true_cell
@@ -89,20 +89,20 @@ def test_a_weaker_weight_has_to_predict_better_in_pose_after_pose():
 
 def test_all_folds_and_weights_are_solved_as_if_one_by_one(kr500, campaign, monkeypatch):
     """And all readings with the chosen weight alone; coarse answers fit the readings as proven ones do."""
-    s, calls, whole = all153(kr500.arm), [], batch.solve
+    s, calls, whole = all153(kr500.arm), [], interior.solve
 
     def spied(problems, weights):
         calls.append((problems, weights, whole(problems, weights)))
         return calls[-1][2]
 
-    monkeypatch.setattr(batch, "solve", spied)
+    monkeypatch.setattr(interior, "solve", spied)
     [parts] = reduce_parts(kr500.vjm, [s], campaign.identification, divide_poses(campaign.identification))
     taken = learn_trace_weight(kr500.vjm, parts)
     (folds, weights, (x, _)), (_, [rate], _) = calls
     assert x.shape[:2] == (8, 5)  # joint stiffness only needs no program
     assert np.isfinite(x).all()
     for k, i in ((0, 4), (3, 0), (7, 2)):
-        own = batch.Problems(
+        own = interior.Problems(
             folds.R[k : k + 1], folds.g[k : k + 1], folds.half[k : k + 1], folds.c, folds.sizes
         )
         [[alone]], _ = whole(own, weights[i : i + 1])

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 from testbench import MODELS, BenchError, cad_prior, deflections
-from testbench.arm import stiffness
+from testbench.arm import elastic
 from testbench.model.structure import TEMPLATE
 from testbench.plant import true_arms
 from testbench.plant.cast import (
@@ -22,9 +22,9 @@ from testbench.plant.cast import (
 )
 from testbench.plant.tracker import trial_rng
 from testbench.workflows.cell import Scenario, simulate, true_cell
-from testbench.workflows.perturbed_prior import PRIORS, WRONG_FACTOR, WRONG_ROTATION, prior_of, wrong_prior
+from testbench.workflows.models import PRIORS, WRONG_FACTOR, WRONG_ROTATION, prior_of, wrong_prior
 
-TUBE = stiffness.tube_compliance(stiffness.Tube(1.3, 0.34, 0.31, 1.1e11, 0.26))
+TUBE = elastic.tube_compliance(elastic.Tube(1.3, 0.34, 0.31, 1.1e11, 0.26))
 OFF = {"off_10": 0.1, "off_20": 0.2, "off_40": 0.4}
 TRUE = {**true_arms.TRUTHS, **true_arms.HELD_OUT}
 SEEDS = range(20)
@@ -80,7 +80,7 @@ def test_every_truth_is_conservative_and_new_for_every_seed_and_comes_again(kr50
     for seed in seeds:
         own, again = (drawn(kr500, name, seed) for _ in range(2))
         for link in own.links:
-            stiffness.check_compliance(link.compliance, name)
+            elastic.check_compliance(link.compliance, name)
         np.testing.assert_array_equal(own.C_theta, again.C_theta)
         seen.add(tuple(np.ravel(own.C_theta)))
         assert name in true_arms.HELD_OUT or (own.joints == kr500.arm.joints) == (name != "joints")
@@ -155,15 +155,15 @@ def test_priors_are_wrong_as_their_names_say(kr500):
 
 def test_turning_a_beam_turns_its_compliance(rng):
     """About its own axis a tube does not change; there and back it is what it was."""
-    scale = stiffness.eigenvalue_scale(TUBE)
+    scale = elastic.eigenvalue_scale(TUBE)
     axis = rng.standard_normal(3)
-    about = stiffness.rotated_compliance(TUBE, np.array([1.0, 0, 0]), 0.7)
-    back = stiffness.rotated_compliance(
-        stiffness.rotated_compliance(TUBE, axis, WRONG_ROTATION), axis, -WRONG_ROTATION
+    about = elastic.rotated_compliance(TUBE, np.array([1.0, 0, 0]), 0.7)
+    back = elastic.rotated_compliance(
+        elastic.rotated_compliance(TUBE, axis, WRONG_ROTATION), axis, -WRONG_ROTATION
     )
     for C in (about, back):
         np.testing.assert_allclose(C / np.outer(scale, scale), TUBE / np.outer(scale, scale), atol=1e-12)
-    quarter = stiffness.rotated_compliance(TUBE, np.array([0, 0, 1.0]), np.pi / 2)  # along y now
+    quarter = elastic.rotated_compliance(TUBE, np.array([0, 0, 1.0]), np.pi / 2)  # along y now
     assert quarter[1, 1] == pytest.approx(TUBE[0, 0])
     assert quarter[2, 3] == pytest.approx(-TUBE[2, 4])  # phi_y of before is -phi_x
 
@@ -227,7 +227,7 @@ def test_the_family_gives_every_seed_the_next_kind_and_an_unknown_name_is_answer
             find(kr500, "rubber", 1)
 
 
-STEEL = stiffness.Material(2.1e11, 0.3)
+STEEL = elastic.Material(2.1e11, 0.3)
 
 
 def box(width, height, thickness=(0.01,) * 4):
@@ -254,7 +254,7 @@ def straight(length, section, segments=3):
 
 def assert_same(C, expected, rtol):
     """To a share of the diagonal."""
-    scale = stiffness.eigenvalue_scale(expected)
+    scale = elastic.eigenvalue_scale(expected)
     unit = np.outer(scale, scale)
     np.testing.assert_allclose(C / unit, expected / unit, rtol=0, atol=rtol)
 

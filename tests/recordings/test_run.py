@@ -13,11 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from testbench.identify.registered import register_dataset
 from testbench.model.vjm import tool_pose
-from testbench.plant.instruments import DRAW_WIRE, Gauge
+from testbench.plant.tracker import DRAW_WIRE, Gauge
 from testbench.report.colours import GREY, SCALE, hexadecimal, look
 from testbench.report.page.page import seen_plain
-from testbench.report.recording.figure_panes import _seen
-from testbench.report.recording.run import write_run
+from testbench.report.recording.run import _seen, write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.run_figure import overview
 from testbench.report.scene import (

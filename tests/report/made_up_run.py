@@ -4,11 +4,11 @@ import numpy as np
 
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.colours import GCO, MEASURED, Look
-from testbench.report.columns import columns as quantities
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report
 from testbench.report.scene import Layer, ModelLine, PageContent, PlaceMap, PoseGroup, RunChart, Scene
 from testbench.report.schema import Table
+from testbench.report.schema import columns as quantities
 from testbench.report.table import Row
 
 POSES, PLACES = 5, 7

@@ -9,8 +9,7 @@ from reports import check, check_forest, place_of, table_of
 from testbench.report.colours import GCO, LEAST_SQUARES
 from testbench.report.table import find
 from testbench.studies.absolute import simulated as s
-from testbench.studies.absolute.beside import Held
-from testbench.studies.absolute.simulated import BY, LOOKS, OPTIMUM, figures, report
+from testbench.studies.absolute.simulated import BY, LOOKS, OPTIMUM, Held, figures, report
 
 SEEDS, NUMBERS = range(300, 306), (50, 200)
 ALONE = (s.REAL, s.ABSOLUTE)

@@ -6,8 +6,7 @@ from legible import check_legible
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.studies.bench.study import errors, figures, overall, report, standings
-from testbench.studies.bench.tasks import (
+from testbench.studies.bench.study import (
     DEFAULT,
     DONE,
     JOINTS,
@@ -15,7 +14,12 @@ from testbench.studies.bench.tasks import (
     BenchSettings,
     EntryRow,
     covariance,
+    errors,
+    figures,
     half_widths,
+    overall,
+    report,
+    standings,
 )
 from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow
 

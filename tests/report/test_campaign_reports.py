@@ -13,18 +13,18 @@ from reports import check, table_of
 
 from testbench.plant.true_arms import CALLED, HELD_OUT
 from testbench.report.badge import LEAST_SQUARES
-from testbench.report.columns import KNOWN
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.report import read
 from testbench.report.scene import PageContent
+from testbench.report.schema import KNOWN
 from testbench.report.table import SHARED
 from testbench.runs.spread import Spread, middle
 from testbench.studies.campaign import family, grids
 from testbench.studies.campaign.presets.regimes import FREE, KINDS, pays
 from testbench.studies.campaign.report import RIVALS
 from testbench.studies.run import headed_figures
-from testbench.workflows.perturbed_prior import PRIORS
+from testbench.workflows.models import PRIORS
 
 SEEDS = range(1, 7)
 SCORES = {"rms_mm", "p95_mm", "max_mm"}

@@ -11,15 +11,30 @@ from reports import check, table_of
 from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
 from testbench.report.colours import CHOICE, JOINTS
 from testbench.report.table import Row, find
-from testbench.studies.compensation import settings as s
-from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, IDENTIFIED, LINEAR, NOWHERE, REAL
 from testbench.studies.compensation.study import LOOKS, figures, report
-from testbench.studies.compensation.trial import JobsRow
+from testbench.studies.compensation.trial import (
+    ADVISED,
+    ARMS,
+    DEFAULT,
+    IDEAL,
+    IDENTIFIED,
+    LEAST_SQUARES,
+    LINEAR,
+    MODELS,
+    NOMINAL,
+    NOWHERE,
+    PERFECT,
+    PRIOR,
+    REAL,
+    WEIGHT,
+    CompensationSettings,
+    JobsRow,
+)
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
 
-SETTINGS, SEEDS, POINTS = s.CompensationSettings("kr500_l480", 300), range(300, 306), 10
-LEFT = {s.PERFECT: 1e-8, DEFAULT: 0.02, "Joints": 0.08, s.NOMINAL: 0.3, s.PRIOR: 0.7}
-TIMES = {REAL: 5, LINEAR: 2, s.WEIGHT: 3}  #: As much is left.
+SETTINGS, SEEDS, POINTS = CompensationSettings("kr500_l480", 300), range(300, 306), 10
+LEFT = {PERFECT: 1e-8, DEFAULT: 0.02, "Joints": 0.08, NOMINAL: 0.3, PRIOR: 0.7}
+TIMES = {REAL: 5, LINEAR: 2, WEIGHT: 3}  #: As much is left.
 
 
 def row(rng, seed, arm, way, name):
@@ -39,8 +54,8 @@ def made(spoil=lambda row: row):
 
     def rows(seed):
         rng = np.random.default_rng(seed)
-        for arm in s.ARMS:
-            for way, name in itertools.product((NOWHERE, *SETTINGS.ways(arm)), s.MODELS):
+        for arm in ARMS:
+            for way, name in itertools.product((NOWHERE, *SETTINGS.ways(arm)), MODELS):
                 if (name in IDENTIFIED) == (way != NOWHERE):
                     own = row(rng, seed, arm, way, name)
                     named = (seed, arm, way, name) == (SEEDS[0], REAL, ADVISED, DEFAULT)
@@ -87,7 +102,7 @@ def test_the_default_is_judged_beside_the_strongest_rival_by_what_is_left(found)
     found, trials = found
     check(found, ["short"])
     left = {name: np.median(points(trials, name, "after_mm"), axis=1) for name in IDENTIFIED}
-    rivals = {name: np.median(left[name]) for name in (s.LEAST_SQUARES, "Joints", DEFAULT_WITHOUT_CONE)}
+    rivals = {name: np.median(left[name]) for name in (LEAST_SQUARES, "Joints", DEFAULT_WITHOUT_CONE)}
     strongest = min(rivals, key=rivals.get)
     assert (found.badge.winner, found.badge.rival, found.badge.verdict) == (DEFAULT, strongest, "holds")
     assert found.badge.factor == pytest.approx(np.median(left[strongest] / left[DEFAULT]))

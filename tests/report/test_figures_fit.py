@@ -11,11 +11,10 @@ from scipy.stats import kstest, norm
 from testbench.data.dataset import in_order
 from testbench.errors import BenchError
 from testbench.identify import gco, least_squares, with_prior
-from testbench.identify.certify import LENGTH
-from testbench.identify.estimate import all_deflections
-from testbench.identify.normality import lilliefors
+from testbench.identify.conic import LENGTH
+from testbench.identify.estimate import all_deflections, lilliefors
+from testbench.identify.metric import aggregate, cad_prior
 from testbench.identify.posterior import linearise
-from testbench.identify.prior import aggregate, cad_prior
 from testbench.model.structure import Structure, all153, template56
 from testbench.model.vjm import chain, generalised_load, joint_law_rotations
 from testbench.report.badge import ratios
@@ -29,7 +28,7 @@ from testbench.report.schema import Table, TableColumn
 from testbench.report.table import plain
 from testbench.runs.rows import Row
 from testbench.workflows.cell import Scenario, simulate
-from testbench.workflows.fit_details import fit_details, joint_functional, link_compliances, sag_by_part
+from testbench.workflows.fit_numbers import fit_details, joint_functional, link_compliances, sag_by_part
 
 TAKEN = "ALL153 + prior"
 LOOKS = {

@@ -9,7 +9,7 @@ from made_up_run import made_up_run
 from matplotlib.colors import to_hex
 
 from testbench.report.colours import look
-from testbench.report.figures_map import error_map, silhouette, slice_of
+from testbench.report.run_figure import error_map, silhouette, slice_of
 from testbench.report.scene import ModelLine, PageContent, PlaceMap
 
 RNG = np.random.default_rng(3)

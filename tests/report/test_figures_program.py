@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from legible import check_legible
 
-from testbench.report.figures_program import SEMI_AXES, stiffness_figure
 from testbench.report.report import rows
+from testbench.report.run_figure import SEMI_AXES, stiffness_figure
 from testbench.report.scene import ellipsoid_layer
 from testbench.report.table import plain
-from testbench.workflows.ellipsoids import ellipsoids, some_poses
+from testbench.workflows.program_numbers import ellipsoids, some_poses
 
 FORCE, COUNT = 1500.0, 5
 

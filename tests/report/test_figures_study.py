@@ -6,7 +6,7 @@ from legible import check_legible
 
 from testbench.identify.posterior import Posterior
 from testbench.report.figure import one_line
-from testbench.report.figures_study import coverage_figure, joint_error_figure
+from testbench.report.figures_fit import coverage_figure, joint_error_figure
 from testbench.runs.rows import Row
 from testbench.workflows.calibration_numbers import joint_curve
 

@@ -12,28 +12,39 @@ from testbench.plant.true_arms import CALLED
 from testbench.report.markdown import grid
 from testbench.runs.spread import ends, spread
 from testbench.studies.campaigns import CampaignRow
-from testbench.studies.planning import settings as s
-from testbench.studies.planning.settings import BARE, FITS, INCUMBENT, PLANNED, WHOLE
 from testbench.studies.planning.study import LOOKS, figures, report
-from testbench.studies.planning.trial import PlanErrorRow
+from testbench.studies.planning.trial import (
+    AWAY,
+    BARE,
+    FITS,
+    HOME,
+    INCUMBENT,
+    PLANNED,
+    WHOLE,
+    PlanErrorRow,
+    PlannedRow,
+    PlanningScene,
+    PlanningSettings,
+    Scope,
+)
 from testbench.workflows.predicted_error import Expected
 
 CRITERIA, POSES, SEEDS = ("test", "I", "D"), (8, 12), range(4, 7)
 NAMES = (*CRITERIA, "random")
-SCOPE = s.Scope(poses=POSES, fewer=POSES, criteria=CRITERIA, candidates=30, tasks=4, workspace=5)
+SCOPE = Scope(poses=POSES, fewer=POSES, criteria=CRITERIA, candidates=30, tasks=4, workspace=5)
 
 
-def plan(criterion="test", poses=12, fit=PLANNED, ground=s.HOME):
+def plan(criterion="test", poses=12, fit=PLANNED, ground=HOME):
     rng = np.random.default_rng([poses, *map(ord, criterion + fit + ground.name)])
     own = {"criterion": criterion, "fit": fit, "ground": ground.name}
-    return of_one_trial(s.PlannedRow, rng, poses=poses, q_rad=(), **own)
+    return of_one_trial(PlannedRow, rng, poses=poses, q_rad=(), **own)
 
 
-HERE = s.PlanningScene(
+HERE = PlanningScene(
     plans=(*(plan(name, n) for name in CRITERIA for n in POSES), *(plan(fit=fit) for fit in FITS[1:])),
 )
-AWAY = s.PlanningScene(plans=tuple(plan(fit=fit, ground=s.AWAY) for fit in FITS))
-ASKED = s.PlanningSettings("kr500_l480", 4, SCOPE, HERE, AWAY)
+ELSEWHERE = PlanningScene(plans=tuple(plan(fit=fit, ground=AWAY) for fit in FITS))
+ASKED = PlanningSettings("kr500_l480", 4, SCOPE, HERE, ELSEWHERE)
 
 
 def rows(seed, factors):
@@ -54,7 +65,7 @@ def rows(seed, factors):
 
     for name, n, fit in [(name, n, fit) for fit in FITS for name in NAMES for n in POSES]:
         yield row("measured", name, n, fit, **featured(name) if (n, fit) == (12, PLANNED) else {})
-    for ground in (s.HOME, s.AWAY):
+    for ground in (HOME, AWAY):
         on = {"ground": ground.name}
         yield from (row("ground", name, 12, fit, **on) for fit in FITS for name in ("test", "random"))
         on |= {"truth": str(rng.choice(["tubes", "cast"])), "prior": str(rng.choice(["right", "link"]))}

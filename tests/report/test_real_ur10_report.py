@@ -8,7 +8,7 @@ from checks import at, check_spread, tables_of
 from made_up import of_one_trial
 from reports import check, check_forest, place_of, table_of
 
-from testbench.data.series import Series
+from testbench.data.dataset import Series
 from testbench.identify.absolute.state import Mount, nominal_state
 from testbench.identify.registration import Frame
 from testbench.model.load import read_weights
@@ -17,7 +17,6 @@ from testbench.report import colours
 from testbench.report.markdown import as_markdown, grid
 from testbench.report.schema import show
 from testbench.report.table import find
-from testbench.studies.absolute.joint_effects import approach, drift
 from testbench.studies.absolute.real import (
     BLOCKS,
     DRAW,
@@ -31,6 +30,8 @@ from testbench.studies.absolute.real import (
     WAVES,
     RealFitRow,
     RealSettings,
+    approach,
+    drift,
     figures,
     report,
 )

@@ -13,8 +13,7 @@ from reports import check_forest
 from testbench.report import figure as figures
 from testbench.report.colours import look
 from testbench.report.figure import forest, headed, log_ticks, page, say
-from testbench.report.figure_arm import outlines
-from testbench.report.run_figure import overview
+from testbench.report.run_figure import outlines, overview
 from testbench.report.scene import loads, scale_of
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row

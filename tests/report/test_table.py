@@ -9,10 +9,9 @@ from checks import UNITS, unit_of
 from reports import table_of
 
 from testbench.report import table
-from testbench.report.columns import EVERY, KNOWN, columns
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, read, say
-from testbench.report.schema import Table
+from testbench.report.schema import EVERY, KNOWN, Table, columns
 from testbench.report.table import Row, Trials, aligned, matched, merged, plain
 from testbench.runs.rows import columns as row_columns
 from testbench.runs.rows import tabled

@@ -17,11 +17,9 @@ from strangers import write_stl
 
 import testbench as tb
 from testbench.arm.folder import load_arm
-from testbench.identify.absolute.align import align_all
+from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.posterior import RegisteredSeries, predict, without_series
-from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.state import nominal_state
-from testbench.identify.absolute.unknowns import unknowns_of
+from testbench.identify.absolute.state import nominal_state, unknowns_of
 from testbench.identify.posterior import Posterior
 from testbench.identify.rows import series_rows
 from testbench.plant.build import build_plant

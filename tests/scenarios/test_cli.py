@@ -21,14 +21,14 @@ from run_here import do, fine, heed_ctrl_c, refused
 from testbench import __version__
 from testbench.cli.program import COMMANDS
 from testbench.files.write import write_csv
-from testbench.identify.prior import cad_prior
+from testbench.identify.metric import cad_prior
 from testbench.report.recording.run import write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.scene import PageContent
 from testbench.workflows.campaign_flags import mass
 from testbench.workflows.cell import Scenario, build_cell, simulate
-from testbench.workflows.masses import read_masses
-from testbench.workflows.model_selection import asked_models
+from testbench.workflows.models import asked_models
+from testbench.workflows.options import read_masses
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"

@@ -12,9 +12,9 @@ from run_here import check_folder, do, fine, refused
 
 from testbench.arm.folder import find_arm
 from testbench.files.model_folder import digests
-from testbench.report.columns import columns as quantities
 from testbench.report.join import differ
 from testbench.report.schema import Table
+from testbench.report.schema import columns as quantities
 from testbench.report.table import Trials, merged
 from testbench.runs import manifest as files
 from testbench.runs.rows import columns, tabled

@@ -18,8 +18,8 @@ from testbench.correct.compensated import Refusal
 from testbench.correct.newton import Aim
 from testbench.files.program import read_program
 from testbench.identify.estimate import make_estimate
-from testbench.identify.fold import reduce
-from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.metric import Strength, cad_prior
+from testbench.identify.regression import reduce
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose
 from testbench.plant.equilibrium import solve_equilibrium
@@ -28,8 +28,7 @@ from testbench.runs import manifest as files
 from testbench.workflows.arm_models import load_model, write_stiffness
 from testbench.workflows.cell import Scenario, simulate
 from testbench.workflows.fits import MeasuredRuns, fit_models
-from testbench.workflows.model_selection import with_priors
-from testbench.workflows.models import Model, named_models
+from testbench.workflows.models import Model, named_models, with_priors
 from testbench.workflows.program import correct_program
 from testbench.workflows.program_numbers import correction_numbers
 

@@ -9,19 +9,18 @@ import numpy as np
 import pytest
 from run_here import app_of_study, check_files, quick_study
 
-from testbench.correct.stiffness import tangents
+from testbench.correct.predicted import tangents
 from testbench.files.read_pairs import read_csv
 from testbench.identify.arm_model import model_of_estimate
 from testbench.model.load import on_joints, read_weights
 from testbench.model.vjm import chain, tool_pose
 from testbench.plant.disturbance import TYPICAL
-from testbench.plant.disturbed import disturb
 from testbench.plant.tracker import trial_rng
-from testbench.studies.compensation import settings, trial
-from testbench.studies.compensation.settings import ADVISED, BOTH, DEFAULT, IDEAL, PERFECT, REAL
+from testbench.plant.true_arms import disturb
+from testbench.studies.compensation import trial
+from testbench.studies.compensation.trial import ADVISED, BOTH, DEFAULT, IDEAL, PERFECT, REAL
 from testbench.workflows.cell import build_cell
-from testbench.workflows.model_selection import ChosenModel, with_priors
-from testbench.workflows.models import named_models
+from testbench.workflows.models import ChosenModel, named_models, with_priors
 
 APP = app_of_study("compensation")
 
@@ -38,11 +37,11 @@ def undisputed(cell, data, prior):
 
 
 LESS = {
-    "settings.QUICK_CANDIDATES": 14,
-    "settings.make_plan": first_poses,
+    "trial.QUICK_CANDIDATES": 14,
+    "trial.make_plan": first_poses,
     "trial.choose_model": undisputed,
-    "settings.HOLES": (3, 2),
-    "settings.STEPS": 16,
+    "trial.HOLES": (3, 2),
+    "trial.STEPS": 16,
 }
 
 
@@ -66,11 +65,11 @@ quick, report, rows = quick_study(APP, "--seed", 4, "--seeds", 1, less=less_work
 @pytest.fixture(scope="module")
 def asked(cell):
     """The program, and poses that need no search."""
-    q = np.array(settings.START) + 0.3 * trial_rng(6).uniform(-1, 1, (12, 6))
-    plan = settings.CompensationPlanRow(BOTH, 12, tuple(q.ravel().tolist()), tuple(range(2)) * 6)
-    program = [tuple(own) for job in settings.jobs() for own in settings.program(cell, job)]
-    scene = settings.CompensationScene(candidates=tuple(map(tuple, q)), program=tuple(program), plans=(plan,))
-    return settings.CompensationSettings("kr500_l480", 4, (12,), 12, scene)
+    q = np.array(trial.START) + 0.3 * trial_rng(6).uniform(-1, 1, (12, 6))
+    plan = trial.CompensationPlanRow(BOTH, 12, tuple(q.ravel().tolist()), tuple(range(2)) * 6)
+    program = [tuple(own) for job in trial.jobs() for own in trial.program(cell, job)]
+    scene = trial.CompensationScene(candidates=tuple(map(tuple, q)), program=tuple(program), plans=(plan,))
+    return trial.CompensationSettings("kr500_l480", 4, (12,), 12, scene)
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick, report, blank_panes, cell):
@@ -96,31 +95,31 @@ def test_the_loop_is_exact_where_the_arm_is_as_the_model_and_not_where_it_is_dis
 
 
 def test_a_pull_from_the_side_is_what_the_default_needs(rows):
-    milled = [np.median(left(rows, DEFAULT, IDEAL, loads)[6:]) for loads in (BOTH, settings.WEIGHT)]
+    milled = [np.median(left(rows, DEFAULT, IDEAL, loads)[6:]) for loads in (BOTH, trial.WEIGHT)]
     assert milled[0] < 0.05 < milled[1]
 
 
 def test_a_hung_weight_never_loads_joint_1_and_the_pull_does(cell):
     q = trial_rng(3).uniform(*cell.arm.limits, (20, 6))
     first = cell.arm.n_theta - 6
-    for load, loaded in zip(settings.loads(cell), (False, True), strict=True):
+    for load, loaded in zip(trial.loads(cell), (False, True), strict=True):
         torque = on_joints(chain(cell.vjm, q), [load.over(20)])[first]
         assert (np.abs(torque) > 1e-6 * np.abs(load.wrench).max()).any() == loaded
 
 
 def test_forces_resist_the_feed_and_the_spindle_and_keep_their_size(cell, asked):
-    work, drilled = trial.tasks_of(asked, 4), len(settings.jobs()[0].position)
-    for job, part in zip(settings.jobs(), (slice(drilled), slice(drilled, None)), strict=True):
+    work, drilled = trial.tasks_of(asked, 4), len(trial.jobs()[0].position)
+    for job, part in zip(trial.jobs(), (slice(drilled), slice(drilled, None)), strict=True):
         force = work.load.wrench[part, :3]
         size = np.linalg.norm(force, axis=1)
         assert size == pytest.approx(size[0], rel=5e-3)  # a chord is not quite at right angles to the spindle
         assert 1e3 < size[0] < 3e3
         assert ((force * job.axis).sum(axis=1) < -0.1 * size).all()
         feed = tangents(job.position, np.ones(len(force), dtype=bool))
-        if job.name == settings.MILLING:
+        if job.name == trial.MILLING:
             assert ((force * feed).sum(axis=1) < -0.1 * size).all()
         position, rotation = tool_pose(cell.vjm, work.q[part])
-        assert np.allclose(position + rotation @ settings.TIP, job.position, atol=1e-8)
+        assert np.allclose(position + rotation @ trial.TIP, job.position, atol=1e-8)
         assert np.allclose(rotation[:, :, 0], job.axis, atol=1e-8)
 
 

@@ -12,8 +12,8 @@ from own_urdf import own_urdf
 from run_here import do, fine, held, refused
 
 from testbench.arm.folder import load_arm
-from testbench.files.export_controller import STAMP
-from testbench.identify.absolute.scatter import Noise
+from testbench.files.export import STAMP
+from testbench.identify.absolute.align import Noise
 from testbench.identify.absolute.state import nominal_state
 from testbench.identify.arm_model import ArmModel, ModelOrigin
 from testbench.identify.posterior import Posterior

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from run_here import app_of_study, check_files, here, numbers_alone, quick_study
 
-from testbench.model.poses import WorkArea
 from testbench.model.structure import joints_only
-from testbench.model.vjm import chain, observation
+from testbench.model.vjm import WorkArea, chain, observation
 from testbench.studies.paper.loaded_stiffness import joints_alone
 from testbench.workflows.cell import clear_poses
 

@@ -14,8 +14,7 @@ from testbench.model.vjm import chain, marker_points, observation
 from testbench.workflows.arm_models import write_stiffness
 from testbench.workflows.cell import Scenario, simulate
 from testbench.workflows.fits import MeasuredRuns, fit_models
-from testbench.workflows.model_selection import with_priors
-from testbench.workflows.models import named_models
+from testbench.workflows.models import named_models, with_priors
 
 FORCE = 460.3 * 9.81  #: Of section 6 [N].
 

@@ -17,12 +17,17 @@ from run_here import ROOT, app_of_study, check_files, fine, here, is_refused
 
 import testbench as tb
 from testbench.errors import BenchError
-from testbench.identify.prior import Prior
+from testbench.identify.metric import Prior
 from testbench.model.structure import all153
 from testbench.report.colours import look
-from testbench.studies.bench.tasks import covariance
-from testbench.workflows.own_estimator import estimator_models, parameters_of
-from testbench.workflows.own_process import EstimatorSource, Limits, call_estimator
+from testbench.studies.bench.study import covariance
+from testbench.workflows.own_estimator import (
+    EstimatorSource,
+    Limits,
+    call_estimator,
+    estimator_models,
+    parameters_of,
+)
 
 APP = app_of_study("gravity_calibration")
 PAGE = (ROOT / "docs" / "own_estimator.md").read_text()
@@ -129,7 +134,7 @@ def dies(*_):
     os._exit(0)
 """
 ASKS = """
-from testbench.workflows.own_process import Limits, EstimatorSource, call_estimator
+from testbench.workflows.own_estimator import Limits, EstimatorSource, call_estimator
 
 if __name__ == "__main__":
     call_estimator(EstimatorSource("slow", {file!r}, "slow", Limits(600.0)), (1, 2, 3, 4))

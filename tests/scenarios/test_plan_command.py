@@ -15,8 +15,7 @@ from testbench.files.read_pairs import read_csv
 from testbench.identify import least_squares
 from testbench.model.load import weight
 from testbench.model.loaded import load_jacobian
-from testbench.model.poses import in_area
-from testbench.model.vjm import chain
+from testbench.model.vjm import chain, in_area
 from testbench.plant.site import collisions
 from testbench.plant.tracker import Station
 from testbench.workflows.cell import Scenario, build_cell, measure_markers, poses_with_weight

@@ -22,8 +22,7 @@ from testbench.report.schema import show
 from testbench.workflows.arm_models import write_stiffness
 from testbench.workflows.cell import Scenario, settle_both, simulate
 from testbench.workflows.fits import MeasuredRuns, fit_models
-from testbench.workflows.model_selection import with_priors
-from testbench.workflows.models import named_models
+from testbench.workflows.models import named_models, with_priors
 from testbench.workflows.program import predict_file, read_pose_file
 from testbench.workflows.program_numbers import write_predictions
 

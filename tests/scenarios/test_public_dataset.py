@@ -15,7 +15,7 @@ import testbench as tb
 from testbench.plant.true_arms import TRUTHS
 from testbench.workflows.cell import build_cell, draw_poses, simulate_at, true_cell
 from testbench.workflows.load_dataset import GRID, ROUNDS, SCENARIO, TABLES, kind_of, split_of
-from testbench.workflows.perturbed_prior import PRIORS, prior_of
+from testbench.workflows.models import PRIORS, prior_of
 
 SAMPLE = ROOT / "docs/dataset_sample"
 CODE = re.findall(r"```python\n(.*?)```", (ROOT / "docs/dataset.md").read_text(encoding="utf-8"), re.DOTALL)

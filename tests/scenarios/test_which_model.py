@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from run_here import app_of_study, check_files, quick_study
 
-from testbench.identify.prior import cad_prior
+from testbench.identify.metric import cad_prior
 from testbench.plant.true_arms import TRUTHS
 from testbench.studies.campaign import family
 from testbench.studies.campaign.family import POSES, RUNS, FamilySettings, pairs, read, scenario
 from testbench.studies.campaign.trial import cover, covers
 from testbench.workflows.cell import draw_poses, simulate_at, true_cell
-from testbench.workflows.model_selection import choose_model
-from testbench.workflows.perturbed_prior import PRIORS, prior_of, wrong_link
+from testbench.workflows.models import PRIORS, choose_model, prior_of, wrong_link
 
 LINKS = [f"link_{k}" for k in range(7)]
 JOINTS = [f"joint_{k}" for k in range(1, 7)]

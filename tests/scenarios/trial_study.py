@@ -15,7 +15,7 @@ from testbench.runs import command, interrupt
 from testbench.runs.engine import run_study
 from testbench.runs.store import TrialPlan, open_store, write_parquet
 from testbench.runs.whole import claimed, whole_folder
-from testbench.workflows.backend import choose_backend, show_progress
+from testbench.studies.run import choose_backend, show_progress
 from testbench.workflows.options import Common, takes
 
 FIRST = 5  # seed of the first trial

@@ -8,21 +8,20 @@ import pytest
 from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
 
-from testbench.data.series import select_rows
+from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
-from testbench.identify.absolute.align import align, align_all, common_targets
+from testbench.identify.absolute.align import align, align_all, common_targets, outliers, residuals
 from testbench.identify.absolute.fit import (
     CalibrationOptions,
     calibrate,
     linearise_readings,
     select_and_solve,
 )
-from testbench.identify.absolute.scatter import outliers, residuals
 from testbench.identify.absolute.state import nominal_state
 from testbench.identify.diagnosis.diagnose import unplaced_series
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.screens import check_order
-from testbench.identify.prior import cad_prior
+from testbench.identify.metric import cad_prior
 from testbench.model.load import read_weights
 from testbench.workflows.absolute import calibrate_with_masses, raise_explanation
 from testbench.workflows.absolute_truth import AbsoluteCampaign, simulate_series

@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, BenchError, PoseError
-from testbench.model.poses import WorkArea
+from testbench.model.vjm import WorkArea
 from testbench.plant.shapes import rigid_frames
 from testbench.plant.site import Payload, contacts, hidden
 from testbench.plant.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
-from testbench.workflows.candidates import (
+from testbench.workflows.plan_input import (
     ADVICE,
     BLOCKED,
     OFF_AREA,

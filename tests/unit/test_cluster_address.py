@@ -12,8 +12,7 @@ from testbench.errors import BenchError
 from testbench.runs.cluster import check_address, on_cluster
 from testbench.runs.engine import on_cores
 from testbench.studies.campaign.presets.gravity_calibration import STUDY
-from testbench.studies.run import app
-from testbench.workflows.backend import choose_backend
+from testbench.studies.run import app, choose_backend
 from testbench.workflows.options import Common
 
 SAFE = """tls://cluster.example:8786 tls://[2001:db8::1]:8786 tcp://127.1.2.3:8786 tcp://[::1]:8786
@@ -84,7 +83,7 @@ def test_certificates_are_asked_for_whatever_there_is_to_do(tmp_path):
 
 def test_a_study_of_one_chunk_goes_to_the_cluster_that_is_asked_for(tmp_path, monkeypatch):
     """It was done here, in silence, however wrong the address; nobody listens there."""
-    monkeypatch.setattr("testbench.workflows.backend.on_cluster", partial(on_cluster, patience=0.3))
+    monkeypatch.setattr("testbench.studies.run.on_cluster", partial(on_cluster, patience=0.3))
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         nobody = f"tcp://127.0.0.1:{free.getsockname()[1]}"

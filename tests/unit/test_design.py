@@ -17,12 +17,10 @@ from testbench.design.criteria import (
     grown,
     mean_square,
 )
-from testbench.design.exchange import exchange, greedy
+from testbench.design.exchange import Feasibility, Search, ascend_poses, exchange, greedy, refine_plan, relax
 from testbench.design.forecast import forecast
 from testbench.design.gauges import Gauges, choose_gauges, choose_places
 from testbench.design.planning import CandidateSet, choose_greedily, joint_travel, round_trip, shortest_path
-from testbench.design.refine import Feasibility, Search, ascend_poses, refine_plan
-from testbench.design.relaxation import relax
 from testbench.design.rows import DesignProblem, information
 from testbench.errors import BenchError
 

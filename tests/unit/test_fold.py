@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from testbench.identify import fold
-from testbench.identify.fold import TriangularFactors, pose_batches, reduce
+from testbench.identify import regression
+from testbench.identify.regression import TriangularFactors, pose_batches, reduce
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
 from testbench.workflows.cell import Scenario, simulate
@@ -81,7 +81,7 @@ def test_runs_that_come_in_several_blocks_are_each_counted_once(kr500, monkeypat
     data, structure = simulate(kr500, asked, 3).identification, joints_only(kr500.arm)
     A = observation(chain(kr500.vjm, data.q), structure, data.wrench, data.point, kr500.vjm.markers)
     rows = np.column_stack([A.reshape(-1, structure.n), data.deflection.ravel()])
-    monkeypatch.setattr(fold, "SORTED_RUNS", 8)
+    monkeypatch.setattr(regression, "SORTED_RUNS", 8)
     found = np.column_stack(reduce(kr500.vjm, structure, data).rows) * np.sqrt(2) * asked.sigma
     expected = (rows.T @ rows)[:-1]  # but for the readings' own sum, a part of which is no row
     np.testing.assert_allclose((found.T @ found)[:-1], expected, rtol=1e-9, atol=1e-12 * expected.max())

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from testbench.report.badge import decide
-from testbench.report.columns import columns
-from testbench.report.schema import Table
+from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials
 from testbench.runs.spread import spread
 from testbench.studies.run import FEW, NOTHING, headline, warnings

@@ -8,15 +8,14 @@ import pytest
 from run_here import do
 
 from testbench.cli.calibrate import report
-from testbench.data.series import select_rows
+from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute import evidence
+from testbench.identify.absolute.align import residuals
 from testbench.identify.absolute.evidence import LOOSE_STRENGTH, ActiveUnknowns, ErrorScales, solve_active
 from testbench.identify.absolute.fit import CalibrationOptions, linearise_readings
-from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import Mount, nominal_state
-from testbench.identify.metric import scale_by_prior
-from testbench.identify.prior import cad_prior
+from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.identify.registration import Frame
 from testbench.model.load import read_weights
 from testbench.model.structure import all153

@@ -7,9 +7,7 @@ import pytest
 from testbench.plant.true_arms import FAMILY
 from testbench.studies.campaign.trial import covers
 from testbench.workflows.cell import Scenario, draw_poses
-from testbench.workflows.model_selection import with_priors
-from testbench.workflows.models import ALL_UNKNOWNS, named_models
-from testbench.workflows.perturbed_prior import wrong_prior
+from testbench.workflows.models import ALL_UNKNOWNS, named_models, with_priors, wrong_prior
 
 
 def test_coverage_at_every_scale_is_that_of_intervals_scaled_one_by_one(rng):

@@ -10,11 +10,10 @@ from testbench.errors import BenchError
 from testbench.files.read_pairs import read_csv, read_export
 from testbench.files.write import write_csv
 from testbench.identify.registered import register_dataset
-from testbench.plant.instruments import DRAW_WIRE, Gauge
-from testbench.plant.tracker import Tracker, trial_rng
+from testbench.plant.tracker import DRAW_WIRE, Gauge, Tracker, trial_rng
 from testbench.workflows.cell import poses_with_weight
-from testbench.workflows.file_contents import contents
 from testbench.workflows.instruments import Mounted, mounted, read_instruments
+from testbench.workflows.read_runs import contents
 
 HEAD = "run,marker,joint_1_deg,joint_2_deg,joint_3_deg,joint_4_deg,joint_5_deg,joint_6_deg,mass_kg"
 POSE = "10,-60,80,5,30,0,460"

@@ -5,16 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.correct.inverse import solve_poses
+from testbench.correct.compensated import solve_poses
 from testbench.correct.newton import Target
-from testbench.data.series import select_rows
+from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
-from testbench.identify.absolute.align import align_all
+from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.fit import CalibrationOptions
-from testbench.identify.absolute.inseparable import level_frame, undetermined_frames
 from testbench.identify.absolute.posterior import model_of
-from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.state import nominal_state
+from testbench.identify.absolute.state import level_frame, nominal_state, undetermined_frames
 from testbench.model.load import read_weights
 from testbench.model.vjm import tool_pose
 from testbench.workflows.absolute import calibrate_with_masses, position_errors

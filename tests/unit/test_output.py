@@ -11,8 +11,15 @@ import pytest
 import testbench
 from testbench.errors import InputError
 from testbench.runs.manifest import PACKAGE, ROOT, git_commit, write_manifest
-from testbench.runs.place import PNG, check_file, check_folder, claim_folder
-from testbench.runs.whole import new_folder, whole_file, whole_folder
+from testbench.runs.whole import (
+    PNG,
+    check_file,
+    check_folder,
+    claim_folder,
+    new_folder,
+    whole_file,
+    whole_folder,
+)
 
 OURS, OTHER = "testbench identify", "testbench plan"
 PICTURE = b"\x89PNG\r\n\x1a\n"

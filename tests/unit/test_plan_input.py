@@ -11,7 +11,7 @@ from testbench.arm.folder import ArmJoint
 from testbench.errors import BenchError
 from testbench.files.program import read_poses
 from testbench.model.load import weight
-from testbench.workflows.masses import overload_warnings
+from testbench.workflows.options import overload_warnings
 from testbench.workflows.plan import nearest_turn
 from testbench.workflows.plan_input import parse_work_area, place, read_loads, read_tasks
 from testbench.workflows.plan_settings import PlanSettings

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.correct.stiffness import process_wrench, tangents
+from testbench.correct.predicted import process_wrench, tangents
 from testbench.errors import BenchError
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tables import write_table
 
-from testbench.correct.inverse import joints_along
-from testbench.correct.stiffness import process_wrench
+from testbench.correct.compensated import joints_along
+from testbench.correct.predicted import process_wrench
 from testbench.errors import InputError
 from testbench.files.program import read_program, unread_columns
 from testbench.files.write import write_program

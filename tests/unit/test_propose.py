@@ -16,8 +16,15 @@ from testbench.files.robot.robot import (
     ImportedSite,
     pose_of,
 )
-from testbench.workflows.new_arm import SPREAD, elastic_toml
-from testbench.workflows.propose import UserInputs, joint_compliance, outer_diameter, propose, triangles
+from testbench.workflows.new_arm import (
+    SPREAD,
+    UserInputs,
+    elastic_toml,
+    joint_compliance,
+    outer_diameter,
+    propose,
+    triangles,
+)
 
 Z = np.array([0.0, 0.0, 1.0])
 KNOWN = [  # payload [kg], stretched reach [m], joints counted from 0 and their compliances [1e-6 rad/(N m)]

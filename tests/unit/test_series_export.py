@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from workbooks import packed, parts
 
 from testbench.arm.folder import load_arm
-from testbench.data.dataset import Dataset
-from testbench.data.series import Series, series_of
+from testbench.data.dataset import Dataset, Series, series_of
 from testbench.errors import BenchError, InputError
 from testbench.files.program import read_poses
 from testbench.files.read_pairs import read_csv
@@ -513,6 +512,6 @@ def test_any_cut_of_a_workbook_and_one_that_unpacks_to_too_much_are_refused_in_o
         del made[name]
         file.write_bytes(packed(made))
         assert "expected a workbook" in refused(one_of, file)
-    monkeypatch.setattr("testbench.files.workbook.MAX_UNPACKED", 2000)
+    monkeypatch.setattr("testbench.files.text.MAX_UNPACKED", 2000)
     file.write_bytes(whole)
     assert "expected a workbook: at most 2000 bytes when unpacked" in refused(one_of, file)

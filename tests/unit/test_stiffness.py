@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.arm.stiffness import Tube, check_compliance, eigenvalue_scale, tube_compliance
+from testbench.arm.elastic import Tube, check_compliance, eigenvalue_scale, tube_compliance
 from testbench.errors import Array, BenchError
 from testbench.plant.cast import BeamSegments, beam_compliance
 

@@ -15,8 +15,15 @@ import pytest
 from testbench.errors import InputError
 from testbench.report.terminal import plain_console
 from testbench.runs import manifest as files
-from testbench.runs.place import claim_folder
-from testbench.runs.whole import claimed, new_folder, reading, restore, whole_files, whole_folder
+from testbench.runs.whole import (
+    claim_folder,
+    claimed,
+    new_folder,
+    reading,
+    restore,
+    whole_files,
+    whole_folder,
+)
 from testbench.studies.paper import single_link
 from testbench.studies.run import run
 from testbench.workflows.options import Common

@@ -8,7 +8,7 @@ import pytest
 from workbooks import packed, parts
 
 from testbench.arm.folder import load_arm
-from testbench.data.series import series_of
+from testbench.data.dataset import series_of
 from testbench.errors import InputError
 from testbench.files.names import OTHER_NAMES, UNITS
 from testbench.files.read_pairs import read_export

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.arm.urdf_text import BEGINS, STAMP, origin_of, rpy_of, with_origins
 from testbench.errors import InputError
+from testbench.files.export_own import BEGINS, STAMP, origin_of, rpy_of, with_origins
 
 TEXT = (
     '<?xml version="1.0"?>\r\n<!-- mine -->\r\n<robot name="r" xmlns:xacro="x">\r\n'

@@ -12,21 +12,26 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import Array, InputError, shorten
-from testbench.files.robot.couple import Rows, chain_map, map_of
-from testbench.files.robot.equalities import Coupling
 from testbench.files.robot.meshes import combined
 from testbench.files.robot.mjcf import read_mjcf
 from testbench.files.robot.robot import (
     Body,
+    Coupling,
     ImportedChain,
     ImportedShape,
     ImportedSite,
     Note,
     Robot,
+    Rows,
+    Tip,
+    chain_map,
+    map_of,
+    named_tips,
+    path_to,
+    read_xml,
     transform_points,
+    usual_tip,
 )
-from testbench.files.robot.source import read_xml
-from testbench.files.robot.tip import Tip, named_tips, path_to, usual_tip
 from testbench.files.robot.urdf import read_urdf
 from testbench.files.robot.write import weigh
 

@@ -18,7 +18,6 @@ import numpy as np
 
 from testbench.arm.document import inside
 from testbench.errors import Array, InputError
-from testbench.files.robot.equalities import couplings_of
 from testbench.files.robot.meshes import (
     MAX_ALL_FACES,
     MeshError,
@@ -31,6 +30,7 @@ from testbench.files.robot.meshes import (
     stl_bytes,
 )
 from testbench.files.robot.robot import (
+    MAX_ELEMENTS,
     Body,
     ImportedJoint,
     ImportedMesh,
@@ -38,13 +38,14 @@ from testbench.files.robot.robot import (
     ImportedSite,
     Note,
     Robot,
+    couplings_of,
     pose_of,
+    read_xml,
     substitute_limits,
 )
-from testbench.files.robot.source import MAX_ELEMENTS, read_xml
 from testbench.plant.build import HULL_CORNERS, REFUSED
-from testbench.plant.collide import VISUAL_GROUPS, body_name
 from testbench.plant.shapes import GEOM_KINDS, geom_rgba, rotation_of
+from testbench.plant.site import VISUAL_GROUPS, body_name
 
 KEPT = frozenset(
     "mujoco compiler default worldbody body frame inertial joint freejoint geom site".split()

@@ -22,7 +22,6 @@ import pinocchio as pin
 from testbench.arm.document import inside, place_of, unique
 from testbench.arm.mjcf import numbers
 from testbench.errors import Array, InputError
-from testbench.files.robot.equalities import Coupling
 from testbench.files.robot.meshes import (
     MAX_MESH_SIZE,
     VISIBLE,
@@ -33,17 +32,19 @@ from testbench.files.robot.meshes import (
     primitive,
 )
 from testbench.files.robot.robot import (
+    ARM_JOINTS,
+    UP,
     Body,
+    Coupling,
     ImportedJoint,
     ImportedMesh,
     ImportedShape,
     Note,
     Robot,
+    packages,
     pose_of,
     substitute_limits,
 )
-from testbench.files.robot.source import UP, packages
-from testbench.files.robot.tip import ARM_JOINTS
 from testbench.plant.shapes import Kind
 
 MOVING = ("revolute", "continuous", "prismatic")

@@ -5,6 +5,7 @@ Each part has few small files: one mesh that is drawn, and hulls and primitives 
 Estimates of masses that a file does not state, from the volume of its shapes.
 """
 
+import os
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -14,8 +15,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from testbench.arm.mjcf import GRAVITY
-from testbench.errors import Array, BenchError, InputError
+from testbench.arm.folder import Arm
+from testbench.arm.mjcf import GRAVITY, MAX_BYTES, assets, read_meshes, read_mjcf
+from testbench.errors import Array, BenchError, InputError, read_bytes
 from testbench.files.robot.meshes import (
     PLAUSIBLE,
     Weighed,
@@ -42,8 +44,11 @@ from testbench.files.robot.robot import (
     pose_of,
     visible_shapes,
 )
-from testbench.plant.build import REFUSED, check_geoms
-from testbench.plant.collide import collide
+from testbench.plant.build import REFUSED, check_geoms, elastic_mjcf
+from testbench.plant.site import collide
+from testbench.runs.whole import whole_files
+
+# --- Writer of an imported robot's rigid.xml in the strict dialect, and of its meshes -----------------------
 
 DENSITY = 1200.0
 """Mass of an arm over the volume of the convex hulls of its colliding shapes [kg/m^3]. Twelve arms of known
@@ -369,3 +374,38 @@ def _always_touching(chain: ImportedChain, xml: str, meshes: dict[str, bytes]) -
         pairs = model.geom_bodyid[data.contact.geom[data.contact.dist < 0]]
         seen.update({(model.body(int(a)).name, model.body(int(b)).name) for a, b in np.sort(pairs, axis=1)})
     return sorted(pair for pair, count in seen.items() if count > MAX_CONTACT_SHARE * CHECKED_POSES)
+
+
+# --- The elastic arm as MJCF: a file with its virtual joints, and copies of its meshes ----------------------
+
+
+def write_elastic(arm: Arm, file: Path) -> None:
+    """Write the elastic arm as plain MJCF that MuJoCo's own viewer opens.
+
+    Mesh files are copied beside it.
+
+    Args:
+        arm: The arm.
+        file: The MJCF to write; its folder is made where it does not exist.
+
+    Raises:
+        InputError: When a file cannot be read or written, or would replace another one.
+    """
+    source = arm.rigid.parent
+    if file.resolve().is_relative_to(source.resolve()):
+        raise InputError(file, "", "expected a place outside the arm's own folder")
+    text = elastic_mjcf(arm)
+    meshes = read_meshes({name: source / name for name in assets(arm.rigid, read_mjcf(arm.rigid))})
+    for name, content in meshes.items():
+        _check_mesh(content, file.parent / name, file.parent)
+    with whole_files([*(file.parent / name for name in meshes), file]) as parts:
+        for content, part in zip((*meshes.values(), text.encode()), parts, strict=True):
+            part.write_bytes(content)
+
+
+def _check_mesh(content: bytes, copy: Path, folder: Path) -> None:
+    """Refuse a copy of a mesh outside of the folder, or in place of another file."""
+    if not Path(os.path.realpath(copy)).is_relative_to(os.path.realpath(folder)):
+        raise InputError(copy, "", f"expected a mesh inside of {folder}")
+    if os.path.lexists(copy) and not (copy.is_file() and read_bytes(copy, MAX_BYTES) == content):
+        raise InputError(copy, "", "is not the arm's mesh; choose another folder, or move it away")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.series import Series
+from testbench.data.dataset import Series
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.evidence import (
     LOOSE_STRENGTH,
@@ -22,12 +22,10 @@ from testbench.identify.absolute.evidence import (
     learn_scales,
     solve_active,
 )
-from testbench.identify.absolute.pattern import find_pattern, wave_columns
-from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.absolute.state import Unknowns, find_pattern, wave_columns
 from testbench.identify.estimate import Constraint
-from testbench.identify.fold import ReducedReadings, SeriesBlock, sum_gram
-from testbench.identify.metric import PriorScaling, WeightedPrior
-from testbench.identify.prior import Strength
+from testbench.identify.metric import PriorScaling, Strength, WeightedPrior
+from testbench.identify.regression import ReducedReadings, SeriesBlock, sum_gram
 from testbench.identify.trace import paired
 from testbench.progress import stepwise
 

@@ -11,10 +11,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.series import Series, select_rows
+from testbench.data.dataset import Series, select_rows
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_items, check_type
-from testbench.identify.absolute.align import align_all, check_fits, common_targets
+from testbench.identify.absolute.align import (
+    Noise,
+    align_all,
+    check_fits,
+    common_targets,
+    distance,
+    expected_of,
+    pulls_of,
+    scatter,
+    single_reading_noise,
+    whitening_units,
+)
 from testbench.identify.absolute.choose import (
     GEOMETRY,
     ErrorCandidate,
@@ -29,30 +40,20 @@ from testbench.identify.absolute.evidence import (
     ActiveUnknowns,
     ErrorScales,
     activate,
+    apply_step,
     default_scales,
     gram_of_active,
     learn_scales,
+    solve_step,
 )
-from testbench.identify.absolute.inner import apply_step, solve_step
-from testbench.identify.absolute.scatter import (
-    Noise,
-    distance,
-    expected_of,
-    pulls_of,
-    scatter,
-    single_reading_noise,
-    whitening_units,
-)
-from testbench.identify.absolute.state import ArmState, nominal_state, torque_scale
-from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.absolute.state import ArmState, Unknowns, nominal_state, torque_scale, unknowns_of
 from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.moves import settled
 from testbench.identify.diagnosis.screens import check_last_joint, check_order
 from testbench.identify.estimate import Constraint, Estimate
-from testbench.identify.fold import Linearisation, ReducedReadings, reduce_series
-from testbench.identify.metric import PriorScaling, scale_by_prior
-from testbench.identify.prior import Prior, Strength
-from testbench.model.joint_errors import ERROR_KINDS, JointErrors
+from testbench.identify.metric import Prior, PriorScaling, Strength, scale_by_prior
+from testbench.identify.regression import Linearisation, ReducedReadings, reduce_series
+from testbench.model.kinematics import ERROR_KINDS, JointErrors
 from testbench.model.load import Weights, read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm

@@ -15,14 +15,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
-from testbench.data.series import Series, select_rows
+from testbench.data.dataset import Series, select_rows
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.align import align_all, too_few
-from testbench.identify.absolute.evidence import default_scales
-from testbench.identify.absolute.inner import moved_frame, moved_mount
-from testbench.identify.absolute.scatter import EQUATION_KINDS, Noise, inverse_noise_roots, residuals, weights
-from testbench.identify.absolute.state import ROWS_AT_ONCE, ArmState
-from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.absolute.align import (
+    EQUATION_KINDS,
+    Noise,
+    align_all,
+    inverse_noise_roots,
+    residuals,
+    too_few,
+    weights,
+)
+from testbench.identify.absolute.evidence import default_scales, moved_frame, moved_mount
+from testbench.identify.absolute.state import ROWS_AT_ONCE, ArmState, Unknowns, unknowns_of
 from testbench.identify.arm_model import ArmModel, ModelOrigin
 from testbench.identify.posterior import Posterior
 from testbench.identify.rows import series_rows

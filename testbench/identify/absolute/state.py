@@ -5,20 +5,48 @@
 Everything is a virtual joint. Constants theta_0 of the inner links are errors of geometry; those of the first
 and of the last link are the frame (base in the tracker's frame) and the mount (targets in the tool's frame)
 of each series.
+
+Frames and mounts that readings cannot separate, and the prior that then determines them.
+
+A target m on the tool is read at R_s (R_r m + p_r) + t_s. If the tool keeps one orientation R_r, along a line
+or a surface, only the sum of R_s R_r m and t_s matters: three directions of frame and mount change no
+reading. If the line is straight, neither does a rotation of the frame about it. A prior determines what is
+undetermined. Another series of the same mount or frame, in which the tool rotates, makes the prior
+unnecessary.
+
+Error pattern of several joints: gears or encoders of one make share an error, shifted or mirrored.
+
+    error_j(q) = s_j f(s_j q + phi_j) + individual error of joint j,    s_j = 1 or -1
+
+f is periodic. If the waves of each joint are shifted back by phi_j, their mean is the pattern, and their
+differences (Helmert) are individual errors; both have a Gaussian prior. Angles that one joint was not read in
+may be covered by the others.
+
+Unknowns of a calibration, and their columns in the linear equations.
+
+In order: frames, mounts, errors of geometry, joint errors, compliances. Frames and mounts are steps from
+their current values; all others are absolute, so that a Gramian remains one in every step.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.linalg import helmert
+from scipy.sparse import coo_array, csr_array
 
-from testbench.data.series import Series
+from testbench.data.dataset import Series
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, NoEquilibrium
-from testbench.identify.registration import Frame
-from testbench.model.joint_errors import JointErrors, basis
+from testbench.errors import Array, BenchError, Ids, NoEquilibrium
+from testbench.identify.closed_form import kabsch
+from testbench.identify.registration import ASSUMED_NOISE, NOMINAL_DEVIATION, Frame
+from testbench.model.kinematics import BANDS, JointErrors, basis
 from testbench.model.load import Load, Weights, on_joints, own_weight
-from testbench.model.vjm import Chain, Vjm, chain
+from testbench.model.structure import Structure
+from testbench.model.vjm import Chain, Vjm, chain, tool_pose
+
+# --- State of a calibrated arm (geometry --------------------------------------------------------------------
 
 ROWS_AT_ONCE = 500
 """Rows whose Jacobian is in memory at a time."""
@@ -232,3 +260,451 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
             total += (u[-vjm.arm.n_joints :] ** 2).sum(axis=1)
     scale = np.sqrt(total / sum(one.rows for one in series))
     return np.where(scale > 1e-6 * scale.max(initial=0), scale, 0.0)
+
+
+# --- Frames and mounts that readings cannot separate, and the prior that then determines them ---------------
+
+MAX_ROWS = 300
+"""Rows of a series that are evaluated, evenly spaced."""
+PRIOR_DEVIATIONS = 10.0, 1.0, 100.0
+"""Prior standard deviations of a target, of rotations, and of a frame's origin [m, rad, m]."""
+LEVEL = 0.05
+"""Standard deviation of a tracker from upright, and the largest one of a frame's rotation that counts as
+determined [rad]."""
+
+
+def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
+    """Find the frames and mounts that the readings leave undetermined, for the nominal geometry.
+
+    A mount is undetermined if a target's standard deviation exceeds `NOMINAL_DEVIATION`, a frame if that of
+    its rotation exceeds `LEVEL`.
+
+    Mathematics: `abs-7`.
+
+    Args:
+        vjm: The arm.
+        series: All readings; they may share frames and mounts.
+
+    Returns:
+        Names, "frame NAME" and "mount NAME".
+    """
+    frames = tuple(dict.fromkeys(one.frame for one in series))
+    mounts: dict[str, int] = {}
+    read: dict[str, set[int]] = {}  # targets of every mount that were ever read: others have no information
+    for one in series:
+        mounts[one.target] = max(len(one.markers), mounts.get(one.target, 0))
+        read.setdefault(one.target, set()).update(np.flatnonzero(one.seen.any(axis=0)).tolist())
+    starts = np.cumsum([6 * len(frames), *(3 * m + 3 for m in mounts.values())])
+    first = dict(zip(mounts, starts.tolist(), strict=False))
+    # Information of all readings about frames, then mounts.
+    M = np.zeros((starts[-1],) * 2)
+    for one in series:
+        f, m = 6 * frames.index(one.frame), first[one.target]
+        at = np.r_[f : f + 6, m : m + 3 * len(one.markers), m + 3 * mounts[one.target] + np.arange(3)]
+        J = _rows(vjm, one)
+        M[np.ix_(at, at)] += J.T @ J / ASSUMED_NOISE**2
+    # Posterior covariance with wide priors.
+    before = np.full(len(M), PRIOR_DEVIATIONS[0])
+    for k in range(len(frames)):
+        before[6 * k : 6 * k + 6] = np.repeat(PRIOR_DEVIATIONS[1:], 3)
+    for name, m in mounts.items():
+        before[first[name] + 3 * m :][:3] = PRIOR_DEVIATIONS[1]
+    covariance = np.linalg.inv(M + np.diag(before**-2.0))
+    turns = [covariance[6 * k :, 6 * k :][:3, :3] for k in range(len(frames))]
+    found = {f"frame {name}" for name, own in zip(frames, turns, strict=True) if _largest(own) > LEVEL}
+    for name, some in read.items():
+        ends = [first[name] + 3 * k for k in some]
+        if any(_largest(covariance[k : k + 3, k : k + 3]) > NOMINAL_DEVIATION for k in ends):
+            found.add(f"mount {name}")
+    return frozenset(found)
+
+
+def _largest(covariance: Array) -> float:
+    """Compute the largest standard deviation along any direction of a covariance, (3, 3)."""
+    return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+
+
+def _rows(vjm: Vjm, series: Series) -> Array:
+    """Differentiate readings by frame (rotation, origin), targets and rotation of the mount, (e, k)."""
+    seen = np.flatnonzero(series.seen.any(axis=1))
+    some = seen[np.linspace(0, len(seen) - 1, min(MAX_ROWS, len(seen))).astype(int)]
+    position, rotation = tool_pose(vjm, series.q[some])
+    m, n = len(series.markers), len(some)
+    J = np.zeros((n, m + 1, 3, 6 + 3 * m + 3))
+    for k in range(m):
+        J[:, k, :, :3] = np.cross(np.eye(3), position[:, None]).swapaxes(1, 2)
+        J[:, k, :, 3:6] = np.eye(3)
+        J[:, k, :, 6 + 3 * k : 9 + 3 * k] = rotation
+    J[:, m, :, :3], J[:, m, :, 6 + 3 * m :] = np.eye(3), rotation
+    there = np.column_stack([series.seen[some], series.turned[some]])
+    return np.asarray(J[there].reshape(-1, J.shape[3]))
+
+
+def level_frame(points: Array, read: Array) -> Frame:
+    """Fit the frame that takes points to readings; the frame is upright as far as the points leave that open.
+
+    Least squares (Kabsch) with two further points along the vertical: they count as much as a direction known
+    to `LEVEL` in comparison with readings known to `ASSUMED_NOISE`.
+
+    Args:
+        points: Points in base axes, (n, 3) [m].
+        read: Their readings in tracker axes, (n, 3) [m].
+
+    Returns:
+        The frame: tracker from base.
+    """
+    up = (ASSUMED_NOISE / LEVEL) * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) / np.sqrt(2)
+    R, _ = kabsch(np.vstack([points - points.mean(axis=0), up]), np.vstack([read - read.mean(axis=0), up]))
+    return Frame(R, read.mean(axis=0) - R @ points.mean(axis=0))
+
+
+# --- Error pattern of several joints: gears or encoders of one make share an error, shifted or mirrored -----
+
+FIRST = 3
+"""Lowest order of a pattern: errors of an axis' position look like orders 1 and 2."""
+MIN_LOG_ODDS = 10.0
+"""Least log odds of a joint's shift against any other shift, and against no pattern."""
+RIVALS = 8
+"""Shifts that are compared, each a local maximum."""
+SENSES = (1, -1)
+TURNS: Array = np.radians(np.arange(0, 360, 1.0))
+"""Shifts that are tried [rad]."""
+FINER: Array = np.radians(np.linspace(-1, 1, 41))
+"""Finer shifts around the best one [rad]."""
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Describe joints that share a pattern."""
+
+    #: Indices of the joints, two or more; the pattern is a function of the first joint's angle.
+    joints: tuple[int, ...]
+    turns: tuple[float, ...]  #: Shift phi of each joint [rad].
+    senses: tuple[int, ...]  #: Sign s of each joint.
+
+
+def wave_columns(errors: JointErrors) -> Ids:
+    """List the Fourier coefficients of a joint that a pattern may have.
+
+    Args:
+        errors: The arm's joint errors.
+
+    Returns:
+        Places of the sines, then of the cosines, (2 k,).
+    """
+    return np.flatnonzero(np.tile(errors.orders, 2) >= FIRST)
+
+
+def shift_waves(f: Array, turn: Array | float, sense: int, orders: Ids) -> Array:
+    """Compute the Fourier coefficients of s f(s q + phi) from those of f.
+
+    Mathematics: `abs-11`.
+
+    Args:
+        f: Coefficients of f, sines first, (..., 2 k).
+        turn: phi [rad], one number or (...).
+        sense: s, 1 or -1.
+        orders: Orders of the waves, (k,).
+
+    Returns:
+        The coefficients, (..., 2 k).
+    """
+    (a, b), angle = np.split(f, 2, axis=-1), np.asarray(turn, dtype=float)[..., None] * orders
+    c, s = np.cos(angle), np.sin(angle)
+    return np.concatenate([a * c - b * s, sense * (a * s + b * c)], axis=-1)
+
+
+def pattern_basis(pattern: Pattern, errors: JointErrors, first: int, size: int) -> csr_array:
+    """Make the basis in which joints have a shared pattern, and differences from it.
+
+    Args:
+        pattern: The pattern. It replaces the waves of its first joint; differences replace those of the
+            others.
+        errors: Errors of the joints.
+        first: First column of the joint errors among all unknowns.
+        size: Number of unknowns.
+
+    Returns:
+        Unknowns in SI units by those in the basis, (size, size).
+    """
+    n, own, k = len(pattern.joints), wave_columns(errors), len(wave_columns(errors)) // 2
+    # Columns: the pattern, in place of the mean, then the differences between joints.
+    mix = helmert(n, full=True).T
+    mix[:, 0] = 1.0
+    at = first + errors.size * np.array(pattern.joints)[:, None] + own
+    where = np.concatenate([np.setdiff1d(np.arange(size), at)] * 2).reshape(2, -1)
+    entries, places = [np.ones(where.shape[1])], [where]
+    orders = np.array(errors.orders)[own[:k]]
+    # Waves of joint i: each column, shifted and mirrored to its angle.
+    for i in range(n):
+        R = shift_waves(np.eye(2 * k), pattern.turns[i], pattern.senses[i], orders).T
+        row, column = np.nonzero(R)
+        for j in np.flatnonzero(mix[i]):
+            entries.append(mix[i, j] * R[row, column])
+            places.append(np.stack([at[i, row], at[j, column]]))
+    return csr_array(coo_array((np.concatenate(entries), tuple(np.hstack(places))), (size, size)))
+
+
+@dataclass(frozen=True)
+class _PatternInformation:
+    """Hold the information of one joint's readings about the pattern; its individual error is eliminated."""
+
+    W: Array  #: Precision of the pattern's waves, (2 k, 2 k).
+    g: Array  #: Its product with the most probable waves, (2 k,).
+    alone: float  #: Log odds of individual waves of full size against those of individual size.
+
+
+def find_pattern(
+    told: Sequence[tuple[Array, Array]], own: Array, shared: Array, orders: Ids
+) -> Pattern | None:
+    """Find the pattern that some joints share.
+
+    The two joints with the best agreement start; others are added in the order of their odds. In the end the
+    odds of each joint, given all others, must exceed `MIN_LOG_ODDS`.
+
+    Mathematics: `abs-11`.
+
+    Args:
+        told: For every joint the precision of its waves from the readings, (2 k, 2 k), and its product with
+            the most probable waves, (2 k,); zero for a joint without readings.
+        own: Variance of waves that are individual to a joint, (2 k,).
+        shared: Variance of the waves of the pattern, (2 k,).
+        orders: Orders of the waves, (k,).
+
+    Returns:
+        The pattern; None if no two joints share one.
+    """
+    every = [_pattern_information(*one, own, own + shared) for one in told]
+
+    def best(j: int, others: dict[int, tuple[float, int]]) -> tuple[float, int, float, int]:
+        """Find the best shift and sign of a joint's pattern, given those of others.
+
+        Args:
+            j: The joint.
+            others: Shift [rad] and sign of the joints that have the pattern.
+
+        Returns:
+            Shift [rad], sign, log odds, and the joint.
+        """
+        P, b = np.diag(1 / shared), np.zeros(len(shared))
+        for i, (turn, sense) in others.items():
+            R = shift_waves(np.eye(len(b)), turn, sense, orders)
+            P, b = P + R @ every[i].W @ R.T, b + R @ every[i].g
+        return (*_best(every[j], P, b, orders), j)
+
+    # Start with the joint whose odds with the others are best.
+    joints = range(len(every))
+    pairs = [[best(j, {i: (0.0, 1)})[2] for j in joints if j != i] for i in joints]
+    found = {int(np.argmax([np.maximum(own, 0).sum() for own in pairs])): (0.0, 1)}
+    # Add the joint with the best odds, as long as they suffice.
+    while len(found) < len(every):
+        turn, sense, odds, j = max((best(j, found) for j in joints if j not in found), key=lambda one: one[2])
+        if odds < MIN_LOG_ODDS:
+            break
+        found[j] = turn, sense
+    # Remove joints whose odds, given all others, do not suffice.
+    while len(found) > 1:
+        again = [best(j, {i: at for i, at in found.items() if i != j}) for j in found]
+        worst = min(again, key=lambda one: one[2])
+        if worst[2] >= MIN_LOG_ODDS:
+            return _of_first({j: (turn, sense) for turn, sense, _, j in again})
+        del found[worst[3]]
+    return None
+
+
+def _pattern_information(precision: Array, pull: Array, own: Array, whole: Array) -> _PatternInformation:
+    solved = np.linalg.solve(precision + np.diag(1 / own), np.column_stack([precision, pull]))
+    alone, none = (_log_sum(precision + np.diag(1 / d), pull) - np.log(d).sum() / 2 for d in (whole, own))
+    return _PatternInformation(
+        precision - precision @ solved[:, :-1], pull - precision @ solved[:, -1], alone - none
+    )
+
+
+def _best(
+    pattern_information: _PatternInformation, P: Array, b: Array, orders: Ids
+) -> tuple[float, int, float]:
+    """Find the shift and sign in which a joint has a pattern, and the log odds against all alternatives.
+
+    Args:
+        pattern_information: Information of the joint's readings.
+        P: Precision of the pattern by the other joints, (2 k, 2 k).
+        b: Its product with the most probable pattern, (2 k,).
+        orders: Orders of the waves, (k,).
+    """
+    f = np.asarray(np.linalg.solve(P, b), dtype=float)
+    before = _log_sum(P, b)
+
+    def likely(turns: Array, sense: int) -> Array:
+        """Compute the log-likelihood of the most probable pattern at many shifts.
+
+        Args:
+            turns: Shifts, (s,) [rad].
+            sense: Sign of the pattern.
+
+        Returns:
+            Log-likelihoods up to a constant, (s,).
+        """
+        x = shift_waves(f, turns, sense, orders)
+        return np.asarray(x @ pattern_information.g - ((x @ pattern_information.W) * x).sum(axis=1) / 2)
+
+    every = np.stack([likely(TURNS, sense) for sense in SENSES])
+    # Local maxima of the likelihood over the shift.
+    peaks = (every > np.roll(every, 1, axis=1)) & (every >= np.roll(every, -1, axis=1))
+    rivals, odds = (
+        np.argwhere(peaks)[np.argsort(-every[peaks], kind="stable")[:RIVALS]],
+        [pattern_information.alone],
+    )
+    # Evidence of each, the pattern integrated out.
+    for way, k in rivals:
+        R = shift_waves(np.eye(len(f)), TURNS[k], SENSES[way], orders)
+        odds.append(_log_sum(P + R @ pattern_information.W @ R.T, b + R @ pattern_information.g) - before)
+    first, *others = np.argsort(odds)[::-1]
+    if not first:
+        return 0.0, 1, odds[others[0]] - pattern_information.alone if others else 0.0
+    way, k = rivals[first - 1]
+    finer = TURNS[k] + FINER
+    return float(finer[likely(finer, SENSES[way]).argmax()]), SENSES[way], odds[first] - odds[others[0]]
+
+
+def _log_sum(P: Array, b: Array) -> float:
+    """Compute the logarithm of the integral of exp(b x - x P x / 2), up to a constant."""
+    return float(b @ np.linalg.solve(P, b) - np.linalg.slogdet(P)[1]) / 2
+
+
+def _of_first(found: dict[int, tuple[float, int]]) -> Pattern:
+    """Express the pattern in the angle of the first joint that has it."""
+    joints = tuple(sorted(found))
+    start, way = found[joints[0]]
+    turns = tuple(float((way * (found[j][0] - start) + np.pi) % (2 * np.pi) - np.pi) for j in joints)
+    return Pattern(joints, turns, tuple(way * found[j][1] for j in joints))
+
+
+# --- Unknowns of a calibration, and their columns in the linear equations -----------------------------------
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """List the unknowns of a calibration."""
+
+    vjm: Vjm  #: The arm.
+    frames: tuple[str, ...]  #: Names of the tracker frames.
+    #: Number of targets of every mount, and whether one has an orientation.
+    mounts: Mapping[str, tuple[int, bool]]
+    errors: JointErrors  #: Kinds of joint errors.
+    structure: Structure  #: Structure of the compliances.
+    geometry: bool = True  #: Whether geometry is unknown; it cancels in deflections.
+    #: Frames and mounts that the readings leave undetermined: they have a prior.
+    held: frozenset[str] = frozenset()
+    #: Error pattern that joints share; their waves are then expressed in its `basis`.
+    pattern: Pattern | None = None
+
+    @cached_property
+    def inner(self) -> slice:
+        """Return the virtual joints whose constants are errors of geometry: all links but first and last."""
+        return slice(6, 6 * max(1, self.vjm.arm.n_joints) if self.geometry else 6)
+
+    @cached_property
+    def starts(self) -> dict[str, int]:
+        """Return the first column of every frame, every mount, geometry, errors, compliances, and the end."""
+        sizes = {f"frame {name}": 6 for name in self.frames}
+        sizes |= {f"mount {name}": 3 * m + 3 * turned for name, (m, turned) in self.mounts.items()}
+        sizes |= {"geometry": self.inner.stop - self.inner.start}
+        sizes |= {"errors": self.vjm.arm.n_joints * self.errors.size, "elastic": self.structure.n, "end": 0}
+        ends = np.cumsum(list(sizes.values()))
+        return {key: int(end - size) for (key, size), end in zip(sizes.items(), ends, strict=True)}
+
+    @property
+    def size(self) -> int:
+        """Count the unknowns."""
+        return self.starts["end"]
+
+    def columns(self, name: str) -> slice:
+        """Return the columns of one group of unknowns.
+
+        Args:
+            name: "frame NAME", "mount NAME", "geometry", "errors" or "elastic".
+
+        Returns:
+            The columns.
+        """
+        keys = list(self.starts)
+        return slice(self.starts[name], self.starts[keys[keys.index(name) + 1]])
+
+    @cached_property
+    def groups(self) -> tuple[tuple[str, Ids], ...]:
+        """Return the columns that share a prior, with their kind.
+
+        A band of orders is shared by all joints: if one joint has turned through a part of its range only,
+        the others determine how large its errors in the rest may be.
+        """
+        geometry = np.arange(self.size)[self.columns("geometry")].reshape(-1, 6)
+        found = [("geometry shift", geometry[:, :3].ravel()), ("geometry turn", geometry[:, 3:].ravel())]
+        first = self.starts["errors"]
+        of = first + np.arange(self.vjm.arm.n_joints * self.errors.size).reshape(
+            self.vjm.arm.n_joints, self.errors.size
+        )
+        kinds, bands = np.array(self.errors.kinds), self.errors.bands
+        alike = np.full(len(of), self.pattern is not None)  # where the pattern is, and waves as large as it
+        alike[list(self.pattern.joints[1:]) if self.pattern else []] = False
+        for kind, some in (("harmonics", ~alike), ("pattern", alike)):
+            for band in np.unique(bands[bands >= 0]):
+                these = some if BANDS[band] >= FIRST else np.full(len(of), kind == "harmonics")
+                if these.any():
+                    found.append((kind, of[these][:, bands == band].ravel()))
+        found += [(kind, of[:, kinds == kind].ravel()) for kind in dict.fromkeys(kinds[bands < 0])]
+        return tuple(found)
+
+    @cached_property
+    def basis(self) -> csr_array | None:
+        """Return unknowns in SI units by those of the equations, (size, size); None without a pattern."""
+        if self.pattern is None:
+            return None
+        return pattern_basis(self.pattern, self.errors, self.starts["errors"], self.size)
+
+    def current(self, state: ArmState) -> Array:
+        """Return the values of all unknowns in a state; frames and mounts are steps, thus zero.
+
+        Args:
+            state: The arm's state.
+
+        Returns:
+            The values, (size,).
+        """
+        x = np.zeros(self.size)
+        x[self.columns("geometry")] = state.theta_0[self.inner]
+        x[self.columns("errors")] = state.n.ravel()
+        x[self.columns("elastic")] = self.structure.entries(state.C_theta)
+        return x
+
+
+def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, structure: Structure) -> Unknowns:
+    """Make the list of all unknowns of some series.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: The readings.
+        errors: Joint errors.
+        structure: The compliances.
+
+    Returns:
+        The unknowns.
+    """
+    mounts: dict[str, tuple[int, bool]] = {}
+    for one in series:
+        turned = one.rotation is not None or mounts.get(one.target, (0, False))[1]
+        mounts[one.target] = len(one.markers), turned
+    frames = tuple(dict.fromkeys(one.frame for one in series))
+    return Unknowns(vjm, frames, mounts, errors, structure, held=undetermined_frames(vjm, series))
+
+
+def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:
+    """Make the unknowns of pairs, compliances only: all others cancel in a difference.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        structure: The compliances.
+
+    Returns:
+        The unknowns.
+    """
+    return Unknowns(vjm, (), {}, JointErrors(), structure, geometry=False)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.series import Series
+from testbench.data.dataset import Series
 from testbench.errors import Array
 from testbench.model.load import Weights, weight_columns
 from testbench.model.vjm import Vjm, chain, generalised_load

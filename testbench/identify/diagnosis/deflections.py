@@ -15,7 +15,7 @@ import numpy as np
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, BenchError, Mask
-from testbench.identify.absolute.unknowns import compliance_unknowns
+from testbench.identify.absolute.state import compliance_unknowns
 from testbench.identify.diagnosis.gravity import (
     DOWN,
     TILTED,
@@ -32,13 +32,18 @@ from testbench.identify.diagnosis.hypothesis import (
     score_test,
     undo_one_by_one,
 )
-from testbench.identify.evidence import evidence_posterior, maximise_evidence
-from testbench.identify.fold import reduce
-from testbench.identify.hierarchy import evidence_model
+from testbench.identify.hierarchy import evidence_model, evidence_posterior, maximise_evidence
 from testbench.identify.metric import PriorScaling
-from testbench.identify.rows import jacobian, nominal_chain, whiten
-from testbench.identify.weighed import WeightedReadings, each_reading, single_readings
-from testbench.model.joint_errors import JointErrors
+from testbench.identify.regression import reduce
+from testbench.identify.rows import (
+    WeightedReadings,
+    each_reading,
+    jacobian,
+    nominal_chain,
+    single_readings,
+    whiten,
+)
+from testbench.model.kinematics import JointErrors
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, marker_points

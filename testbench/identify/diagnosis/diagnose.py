@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, select
-from testbench.data.series import Series
+from testbench.data.dataset import Dataset, Series, select
 from testbench.errors import Array
 from testbench.identify.diagnosis.deflections import Loads, deflection_scale, load_issues
 from testbench.identify.diagnosis.gravity import (
@@ -33,10 +32,9 @@ from testbench.identify.diagnosis.kinematics import (
     of_series,
 )
 from testbench.identify.diagnosis.timeline import Timeline
-from testbench.identify.metric import scale_by_prior
-from testbench.identify.prior import Prior
+from testbench.identify.metric import Prior, scale_by_prior
 from testbench.identify.registered import RegisteredDataset
-from testbench.identify.weighed import MAX_READINGS, check_runs
+from testbench.identify.rows import MAX_READINGS, check_runs
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, marker_points
 from testbench.progress import stepwise

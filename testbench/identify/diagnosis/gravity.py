@@ -23,19 +23,17 @@ from itertools import chain as joined
 import numpy as np
 
 from testbench.arm.mjcf import angle_unit, find_body, read_mjcf
-from testbench.data.dataset import Dataset
-from testbench.data.series import Series, select_rows
+from testbench.data.dataset import Dataset, Series, select_rows
 from testbench.errors import Array, BenchError, InputError
 from testbench.identify.absolute.align import align_all
 from testbench.identify.absolute.fit import Calibration, first_fit
 from testbench.identify.absolute.state import ArmState, nominal_state, torque_scale
 from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.diagnosis.kinematics import FreeParameters, Observations, fit
-from testbench.identify.metric import PriorScaling, scale_by_prior
-from testbench.identify.prior import Prior
+from testbench.identify.metric import Prior, PriorScaling, scale_by_prior
 from testbench.identify.registered import RegisteredDataset
 from testbench.identify.registration import Frame
-from testbench.identify.weighed import single_readings
+from testbench.identify.rows import single_readings
 from testbench.model.kinematics import body_pose
 from testbench.model.load import own_weight, read_weights
 from testbench.model.loaded import displacement

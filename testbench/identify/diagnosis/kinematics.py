@@ -11,13 +11,12 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.data.series import Series
+from testbench.data.dataset import Series
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.closed_form import kabsch
 from testbench.identify.diagnosis.hypothesis import Change, Hypothesis, Issue
 from testbench.identify.registration import Frame
-from testbench.model.tool_motion import rotation_matrices
-from testbench.model.vjm import Chain, Vjm, chain, skew, translation_rows
+from testbench.model.vjm import Chain, Vjm, chain, rotation_matrices, skew, translation_rows
 
 PRECISE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
 ORIGIN = Frame(np.eye(3), np.zeros(3))

@@ -17,9 +17,9 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import fdtrc
 
-from testbench.data.series import Series, select_rows
+from testbench.data.dataset import Series, select_rows
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.align import read_only
+from testbench.identify.absolute.align import Noise, read_only, weights
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import (
     LOOSE_STRENGTH,
@@ -29,13 +29,11 @@ from testbench.identify.absolute.evidence import (
     active_prior,
     default_scales,
 )
-from testbench.identify.absolute.scatter import Noise, weights
-from testbench.identify.absolute.state import ArmState
-from testbench.identify.absolute.unknowns import unknowns_of
+from testbench.identify.absolute.state import ArmState, unknowns_of
 from testbench.identify.diagnosis.hypothesis import Issue, Score, score_test, undo_one_by_one
 from testbench.identify.metric import PriorScaling
 from testbench.identify.rows import series_rows
-from testbench.model.joint_errors import JointErrors
+from testbench.model.kinematics import JointErrors
 
 ORDERS = 8  #: Highest order of periodic errors that the poses of a part of a series may share.
 LACKING = 3.0  #: Prior size of errors beside a step, over their usual size [1]: how much is left is unknown.

@@ -21,10 +21,9 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from testbench.data.series import Series, select_rows
+from testbench.data.dataset import Series, select_rows
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.align import Misfit
-from testbench.identify.absolute.scatter import Noise
+from testbench.identify.absolute.align import Misfit, Noise
 from testbench.identify.absolute.state import ArmState
 from testbench.identify.diagnosis.kinematics import (
     BETTER,

@@ -10,8 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, evenly, in_order
-from testbench.data.series import Series, select_rows, series_of
+from testbench.data.dataset import Dataset, Series, evenly, in_order, select_rows, series_of
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.fit import first_fit
@@ -25,8 +24,7 @@ from testbench.identify.diagnosis.moves import (
     places,
     with_shift,
 )
-from testbench.identify.metric import scale_by_prior
-from testbench.identify.prior import Prior
+from testbench.identify.metric import Prior, scale_by_prior
 from testbench.model.load import Weights, read_weights
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_points

@@ -19,12 +19,17 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, gco, intervals, reduce, with_prior
 from testbench.identify.conic import solve_gco
-from testbench.identify.least_squares import minimum_norm
-from testbench.identify.metric import PriorScaling, WeightedPrior, scale_by_prior
+from testbench.identify.metric import (
+    PriorScaling,
+    Strength,
+    WeightedPrior,
+    aggregate,
+    cad_prior,
+    scale_by_prior,
+)
 from testbench.identify.posterior import Intervals, linearise
-from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regression import Regression
-from testbench.identify.solve import METHODS, solve
+from testbench.identify.solve import METHODS, minimum_norm, solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.plant.tracker import trial_rng
@@ -36,21 +41,18 @@ from testbench.workflows.campaign_flags import CampaignOptions
 from testbench.workflows.cell import (
     Campaign,
     Cell,
+    FullPose,
     Scenario,
     Truth,
     build_cell,
     draw_poses,
     simulate,
     simulate_at,
+    simulate_full_pose,
     true_cell,
 )
-from testbench.workflows.model_selection import with_priors
-from testbench.workflows.models import JOINTS, Model, named_models
-from testbench.workflows.own_estimator import estimator_models
-from testbench.workflows.own_process import EstimatorSource
-from testbench.workflows.perturbed_prior import prior_of, wrong_prior
-from testbench.workflows.pose_campaign import FullPose
-from testbench.workflows.pose_campaign import simulate as simulate_full_pose
+from testbench.workflows.models import JOINTS, Model, named_models, prior_of, with_priors, wrong_prior
+from testbench.workflows.own_estimator import EstimatorSource, estimator_models
 from testbench.workflows.rows import UM
 
 QUICK_WORKSPACE = 40

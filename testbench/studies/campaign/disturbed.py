@@ -19,10 +19,9 @@ from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.plant.disturbance import STIFF_COMPENSATOR, TYPICAL, Disturbances
-from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import solve_unloaded_and_loaded
 from testbench.plant.tracker import trial_rng
-from testbench.plant.true_arms import FAMILY, HELD_OUT, true_arm_of_seed, true_arms
+from testbench.plant.true_arms import FAMILY, HELD_OUT, disturb, exactly_loaded, true_arm_of_seed, true_arms
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Cover,
@@ -36,8 +35,7 @@ from testbench.studies.campaign.trial import (
 )
 from testbench.workflows.campaign_flags import ArmFlag, TrueArmFlag
 from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, simulate, true_cell
-from testbench.workflows.model_selection import DEFAULT, FILLED
-from testbench.workflows.models import JOINTS, Model
+from testbench.workflows.models import DEFAULT, FILLED, JOINTS, Model
 from testbench.workflows.own_estimator import Models, UserEstimator
 from testbench.workflows.rows import UM, rms
 

@@ -17,8 +17,7 @@ from testbench.data.dataset import Dataset, select
 from testbench.identify import Estimate, least_squares
 from testbench.identify.estimate import all_deflections
 from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_parts
-from testbench.identify.metric import scale_by_prior
-from testbench.identify.prior import Prior
+from testbench.identify.metric import Prior, scale_by_prior
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import TRUTHS
 from testbench.report.table import Cells, Trials
@@ -36,17 +35,24 @@ from testbench.studies.campaign.trial import (
 from testbench.studies.study import plain_models, without_cone
 from testbench.workflows.campaign_flags import ArmFlag
 from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
-from testbench.workflows.model_selection import choose_model, with_priors
-from testbench.workflows.models import JOINTS, MODELS, Model
+from testbench.workflows.models import (
+    JOINTS,
+    MODELS,
+    PRIORS,
+    Model,
+    choose_model,
+    prior_of,
+    with_priors,
+    wrong_link,
+)
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.perturbed_prior import PRIORS, prior_of, wrong_link
 from testbench.workflows.rows import UM
 
 POSES = (8, 12, 20)  #: From how many is identified; the last one is how many there are.
 CHECK_POSES = 3
 RUNS = 2  #: In every pose.
 QUICK_WORKSPACE = 40
-CHOSEN = "default"  #: What `workflows.model_selection` chooses from the readings.
+CHOSEN = "default"  #: What `workflows.models` chooses from the readings.
 MODELS_WITHOUT_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68")
 SAID = ("doubted", "told", "unchecked", "otherwise", "either")  #: Columns of what is said of a prior.
 SHOWN = "cast"  #: The true arm whose readings are left as a dataset.

@@ -21,11 +21,16 @@ from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify import Estimate, reduce
 from testbench.identify.estimate import all_deflections
-from testbench.identify.least_squares import complete_conservatively, free_directions
-from testbench.identify.metric import WeightedPrior, rescale_to_data, scale_by_prior
-from testbench.identify.prior import Prior, Strength, cad_prior
+from testbench.identify.metric import (
+    Prior,
+    Strength,
+    WeightedPrior,
+    cad_prior,
+    rescale_to_data,
+    scale_by_prior,
+)
 from testbench.identify.regression import RANK_TOLERANCE, Regression, regression_of
-from testbench.identify.solve import solve
+from testbench.identify.solve import complete_conservatively, free_directions, solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
 from testbench.plant.tracker import trial_rng
@@ -39,11 +44,18 @@ from testbench.studies.campaign.trial import (
     reread,
     score_cases,
 )
-from testbench.workflows.cell import Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
+from testbench.workflows.cell import (
+    Cell,
+    FullPose,
+    Scenario,
+    build_cell,
+    draw_poses,
+    simulate_at,
+    simulate_full_pose,
+    true_cell,
+)
 from testbench.workflows.models import Model
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.pose_campaign import FullPose
-from testbench.workflows.pose_campaign import simulate as simulate_full_pose
 from testbench.workflows.rows import UM
 
 Kind = Literal["gravity", "full_pose"]

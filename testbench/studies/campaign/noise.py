@@ -31,12 +31,19 @@ from testbench.studies.campaign.trial import (
     with_wrong_priors,
 )
 from testbench.workflows.campaign_flags import TrueArmFlag
-from testbench.workflows.cell import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, true_cell
-from testbench.workflows.model_selection import DEFAULT
-from testbench.workflows.models import JOINTS, Model
+from testbench.workflows.cell import (
+    Campaign,
+    Cell,
+    FullPose,
+    Scenario,
+    build_cell,
+    draw_poses,
+    simulate_at,
+    simulate_full_pose,
+    true_cell,
+)
+from testbench.workflows.models import DEFAULT, JOINTS, Model
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.pose_campaign import FullPose
-from testbench.workflows.pose_campaign import simulate as simulate_full_pose
 from testbench.workflows.rows import UM
 
 FLAT, WEIGHTED, UNWEIGHTED = "flat 50 um", "weighted", "flat weights"

@@ -14,8 +14,7 @@ import typer
 from testbench.arm.folder import find_arm, load_arm
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
-from testbench.identify.metric import rescale_to_data, scale_by_prior
-from testbench.identify.prior import Prior
+from testbench.identify.metric import Prior, rescale_to_data, scale_by_prior
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 from testbench.runs.spread import Number
@@ -41,9 +40,8 @@ from testbench.workflows.cell import (
     simulate,
     simulate_at,
 )
-from testbench.workflows.models import JOINTS, Model, named_models
+from testbench.workflows.models import JOINTS, SCALE, Model, named_models, wrong_prior
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.perturbed_prior import SCALE, wrong_prior
 
 SIX_DOF = "arm_6r"  #: The arm of section 5.2: the data see all its predictions.
 MODELS_WITHOUT_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68")

@@ -11,12 +11,10 @@ from testbench.design.gauges import Gauges, choose_gauges, gauge_rows
 from testbench.design.planning import candidate_set
 from testbench.design.rows import MeasurementSetup, Specification, Tasks, workspace_rows
 from testbench.errors import Array
-from testbench.identify.metric import scale_by_prior
-from testbench.identify.prior import cad_prior
+from testbench.identify.metric import cad_prior, scale_by_prior
 from testbench.model.load import weight
 from testbench.model.structure import all153
-from testbench.plant.instruments import BALLBAR, DRAW_WIRE, Gauge
-from testbench.plant.tracker import Tracker, trial_rng
+from testbench.plant.tracker import BALLBAR, DRAW_WIRE, Gauge, Tracker, trial_rng
 from testbench.plant.true_arms import FAMILY, true_arm_of_seed
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
@@ -38,10 +36,8 @@ from testbench.workflows.cell import (
     true_cell,
 )
 from testbench.workflows.instruments import CAMERA, PROBE, Mounted, read_instruments
-from testbench.workflows.model_selection import DEFAULT, with_priors
-from testbench.workflows.models import ALL_UNKNOWNS, JOINTS, named_models
+from testbench.workflows.models import ALL_UNKNOWNS, DEFAULT, JOINTS, named_models, with_priors, wrong_prior
 from testbench.workflows.own_estimator import Models
-from testbench.workflows.perturbed_prior import wrong_prior
 
 ARM = "kr500_l480"
 TRACKER, THREE, ONE = "tracker, 50 um", "three gauges, 5 um", "one gauge, moved"

@@ -12,16 +12,14 @@ import numpy as np
 
 from testbench.identify import Constraint
 from testbench.report.badge import incumbents, of_rivals
-from testbench.report.columns import KNOWN, columns
 from testbench.report.figure import Figure
 from testbench.report.markdown import Markdown, counted, listed
 from testbench.report.report import Report, say
-from testbench.report.schema import Table, best_of, pivot
+from testbench.report.schema import KNOWN, Table, best_of, columns, pivot
 from testbench.report.table import SHARED, TRIAL, Row, Trials, aligned, merged, number, shared
 from testbench.runs.spread import Number, Spread, middle, span, wins
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, Study, own_arm
-from testbench.workflows.model_selection import DEFAULT
-from testbench.workflows.models import JOINTS
+from testbench.workflows.models import DEFAULT, JOINTS
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")

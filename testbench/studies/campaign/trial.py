@@ -25,11 +25,16 @@ from testbench.plant.tracker import Tracker, read_orientations, read_positions
 from testbench.runs.spread import Share
 from testbench.studies.study import plain_models, without_cone
 from testbench.workflows.cell import Cell, Truth
-from testbench.workflows.model_selection import with_priors
-from testbench.workflows.models import Model, fit_or_rigid, has_failed, named_models
-from testbench.workflows.own_estimator import Models, estimator_models
-from testbench.workflows.own_process import EstimatorSource
-from testbench.workflows.perturbed_prior import with_wrong_prior, wrong_prior
+from testbench.workflows.models import (
+    Model,
+    fit_or_rigid,
+    has_failed,
+    named_models,
+    with_priors,
+    with_wrong_prior,
+    wrong_prior,
+)
+from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
 from testbench.workflows.rows import MM, NO_ERRORS, UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
 
 S = TypeVar("S")

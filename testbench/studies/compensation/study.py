@@ -11,28 +11,40 @@ from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.plant.true_arms import FAMILY, TRUTH_WORDS, TRUTHS, true_arm_of_seed
 from testbench.report.badge import of_rivals
 from testbench.report.colours import CHOICE, MEASURED, TASK, Look, look
-from testbench.report.columns import columns
 from testbench.report.figure import Figure, ranges
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
 from testbench.report.scene import Layer, PageContent, PoseGroup, RunChart, Scene, arrow_scale, loads
-from testbench.report.schema import Table, TableColumn, pivot
+from testbench.report.schema import Table, TableColumn, columns, pivot
 from testbench.report.table import Row, Trials
 from testbench.runs.spread import span, spread
 from testbench.studies.calibration_scene import with_errors
-from testbench.studies.compensation import settings as s
-from testbench.studies.compensation.settings import (
+from testbench.studies.compensation.trial import (
     ADVISED,
+    ARMS,
     DEFAULT,
+    DRAWN,
     FORCE_RANGE,
     IDEAL,
+    LEAST_SQUARES,
+    MODELS,
+    NAME,
     NOWHERE,
+    PAYLOAD,
+    PULL,
     REAL,
+    RUNS,
+    SIGMA,
+    CompensationOptions,
+    CompensationSettings,
+    JobsRow,
     Way,
     jobs,
     prepare,
+    settings,
+    tasks_of,
+    trials,
 )
-from testbench.studies.compensation.trial import JobsRow, tasks_of, trials
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, Run, Study
 from testbench.workflows.cell import build_cell, true_cell
@@ -42,7 +54,7 @@ from testbench.workflows.rows import MM, UM
 PART = 0.9  #: Share removed that cases are counted at.
 LOOKS = {
     JOINTS: look("Joints", "none"),
-    s.LEAST_SQUARES: look("MLS56", "none"),
+    LEAST_SQUARES: look("MLS56", "none"),
     "MGCO56": look("MGCO56", "psd"),
     DEFAULT_WITHOUT_CONE: look(WITHOUT_CONE, "none", prior=True),
     DEFAULT: CHOICE,
@@ -62,7 +74,7 @@ FOUND = (
 BY_ARM = "true_arm name trials removed_percent worst_percent worse after.median_mm covered_percent"
 
 
-def report(asked: s.CompensationSettings, seeds: range, trials: Trials) -> Report:
+def report(asked: CompensationSettings, seeds: range, trials: Trials) -> Report:
     """Report over all truths, and truth by truth for the campaign that is advised.
 
     Args:
@@ -82,10 +94,10 @@ def report(asked: s.CompensationSettings, seeds: range, trials: Trials) -> Repor
         seed=list(seeds) if len(seeds) > 1 else seeds[0],
         trials=len(seeds),
         arm=find_arm(asked.arm).resolve().name,
-        payload=s.PAYLOAD,
-        pull=s.PULL,
-        runs=s.RUNS,
-        sigma_um=UM * s.SIGMA,
+        payload=PAYLOAD,
+        pull=PULL,
+        runs=RUNS,
+        sigma_um=UM * SIGMA,
         force=FORCE_RANGE,
         points={job.name: len(job.position) for job in jobs()},
         featured=ADVISED.poses,
@@ -96,13 +108,13 @@ def report(asked: s.CompensationSettings, seeds: range, trials: Trials) -> Repor
             Row(g, true_arm=name) for name in met for g in _groups(asked, advised.where(true_arm=name))
         ],
         chosen=[Row(name=name, fits=chosen.count(name)) for name in sorted(set(chosen))],
-        dataset=Row(runs=s.RUNS * ADVISED.poses, points=ADVISED.poses, sigma_um=UM * s.SIGMA),
+        dataset=Row(runs=RUNS * ADVISED.poses, points=ADVISED.poses, sigma_um=UM * SIGMA),
     )
-    badge = of_rivals(left, DEFAULT, [s.LEAST_SQUARES, JOINTS, DEFAULT_WITHOUT_CONE], "left_mm")
+    badge = of_rivals(left, DEFAULT, [LEAST_SQUARES, JOINTS, DEFAULT_WITHOUT_CONE], "left_mm")
     way = (REAL, ADVISED.campaign, ADVISED.poses)
     ours = [g for g in f.groups if (g.arm, g.campaign, g.poses) == way]
     return Report(
-        scenario=s.NAME,
+        scenario=NAME,
         question=Markdown(
             "How much of the deflection under drilling and milling does a correction remove, by which model, "
             "from which campaign?"
@@ -127,21 +139,21 @@ def _error_columns(keys: str) -> tuple[TableColumn, ...]:
     return (*others, replace(left, heading="error after correction"))
 
 
-def _groups(asked: s.CompensationSettings, trials: Trials) -> list[Row]:
+def _groups(asked: CompensationSettings, trials: Trials) -> list[Row]:
     """By disturbance, campaign and model, in the order of the report."""
     groups = dict(trials.groups("arm", "by", "loads", "poses", "name"))
     return [
         _group(way, own)
-        for arm in s.ARMS
+        for arm in ARMS
         for way in (NOWHERE, *asked.ways(arm))
-        for name in (*s.MODELS, *user_estimator_names(trials))
+        for name in (*MODELS, *user_estimator_names(trials))
         if (own := groups.get((arm, *vars(way).values(), name)))
     ]
 
 
 def user_estimator_names(trials: Trials) -> list[str]:
     """Name the user's estimators."""
-    return [name for name in trials.values("name") if name not in s.MODELS]
+    return [name for name in trials.values("name") if name not in MODELS]
 
 
 def _group(way: Way, own: Trials) -> Row:
@@ -207,14 +219,14 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def seen(run: Run[s.CompensationSettings]) -> PageContent:
+def seen(run: Run[CompensationSettings]) -> PageContent:
     """Draw the jobs of the first trial: the tool without correction and with, the arm undisturbed."""
     seed, rows = run.seeds[0], run.first.where(arm=IDEAL, **vars(ADVISED))
     true, work = (
         true_cell(build_cell(find_arm(run.settings.arm)), true_arm_of_seed(FAMILY, seed), seed),
         tasks_of(run.settings, seed),
     )
-    every = [np.reshape(rows.where(name=name)["off_mm"][0], (2, -1, 1, 3)) / MM for name in s.DRAWN]
+    every = [np.reshape(rows.where(name=name)["off_mm"][0], (2, -1, 1, 3)) / MM for name in DRAWN]
     off = dict(zip(DRAWN_AS, (every[0][0], *(both[1] for both in every)), strict=True))
     before = off["no correction"]
     M = arrow_scale(before, LONGEST)
@@ -243,10 +255,10 @@ def seen(run: Run[s.CompensationSettings]) -> PageContent:
 
 
 STUDY = Study(
-    name=s.NAME,
+    name=NAME,
     about="Correct a drilling pattern and a milling path by identified models; judge them on the true arm.",
-    options=s.CompensationOptions,
-    settings=s.settings,
+    options=CompensationOptions,
+    settings=settings,
     seeds=(100, 6),
     arms=lambda settings: [find_arm(settings.arm)],
     row=JobsRow,

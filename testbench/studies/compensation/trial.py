@@ -2,20 +2,31 @@
 
 The corrected joints go to the true arm in MuJoCo. The error is where its loaded tool then is, minus where the
 unloaded tool is at the programmed joints.
+
+Settings of the study of corrections, and what is made once for all trials.
+
+Two jobs on a curved panel, the robot's program, and plans among candidate poses.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
+from typing import Annotated
 
 import numpy as np
+import typer
+from pydantic import Field
 
 from testbench.arm.folder import find_arm
-from testbench.correct.compensated import Compensated, compensate
+from testbench.correct.compensated import Compensated, compensate, joints_along
 from testbench.correct.newton import Aim
+from testbench.correct.predicted import process_wrench
 from testbench.data.dataset import Dataset, in_order
-from testbench.design.rows import Tasks
-from testbench.errors import Array, Ids, NoEquilibrium
+from testbench.design.exchange import Feasibility
+from testbench.design.planning import make_plan
+from testbench.design.rows import MeasurementSetup, Specification, Tasks
+from testbench.errors import Array, BenchError, Ids, NoEquilibrium
 from testbench.files.write import csv_text
 from testbench.identify.absolute.state import ArmState
 from testbench.identify.arm_model import (
@@ -25,18 +36,17 @@ from testbench.identify.arm_model import (
     model_of_compliances,
     model_of_estimate,
 )
+from testbench.identify.metric import Prior, scale_by_prior
 from testbench.identify.posterior import Posterior
-from testbench.identify.prior import Prior
-from testbench.model.load import read_weights
+from testbench.model.load import Load, read_weights, weight
 from testbench.model.structure import all153
+from testbench.model.vjm import WorkArea
 from testbench.plant.disturbance import TYPICAL
-from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import ArmEquilibrium, solve_unloaded_and_loaded
-from testbench.plant.tracker import trial_rng
-from testbench.plant.true_arms import FAMILY, TRUTHS, true_arm_of_seed
-from testbench.studies.compensation import settings as s
-from testbench.studies.compensation.settings import TIP, CompensationSettings, Way, drawn, jobs, loads, tasks
-from testbench.studies.study import without_cone
+from testbench.plant.site import Payload
+from testbench.plant.tracker import Station, trial_rng
+from testbench.plant.true_arms import FAMILY, TRUTHS, disturb, exactly_loaded, true_arm_of_seed
+from testbench.studies.study import DEFAULT_WITHOUT_CONE, Everywhere, without_cone
 from testbench.workflows.cell import (
     Cell,
     LoadedPoses,
@@ -46,15 +56,352 @@ from testbench.workflows.cell import (
     settle_both,
     true_cell,
 )
-from testbench.workflows.model_selection import choose_model, with_priors
-from testbench.workflows.models import Model, fit_or_rigid, named_models
-from testbench.workflows.own_estimator import Models, estimator_models
-from testbench.workflows.own_process import EstimatorSource
-from testbench.workflows.perturbed_prior import PRIORS, prior_of
+from testbench.workflows.models import (
+    JOINTS,
+    PRIORS,
+    UNCERTAINTY,
+    Model,
+    choose_model,
+    fit_or_rigid,
+    named_models,
+    prior_of,
+    with_priors,
+    wrong_prior,
+)
+from testbench.workflows.own_estimator import EstimatorSource, Models, estimator_models
+from testbench.workflows.plan_input import Checks, PoseConditions, build_checks, feasible, find
 from testbench.workflows.rows import FAILED, MM
 
+# --- Settings of the study of corrections, and what is made once for all trials -----------------------------
+
+NAME = "compensation"
+ARM = "kr500_l480"  #: The panel stands in its work area.
+PAYLOAD, PULL, SLING = 460.3, 3000.0, 0.5
+"""Hung mass [kg], pull of the rope along world y at the load point [N], and length of the sling [m]."""
+RUNS = 2  #: In every pose.
+SIGMA = 50e-6  #: Standard deviation of one reading along one axis [m].
+STATION = (4.5, -2.5, 1.6)  #: Of the tracker [m].
+AREA = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
+"""Where the panel stands: the work area of section 6."""
+PLANNED, RANDOM = "planned", "random"
+WEIGHT, BOTH = "weight", "weight and pull"
+"""What loads the arm while it is measured: in every pose the weight, or in every pose one of both."""
+FEATURED = 12  #: Poses that the bars are about, and those of all campaigns of a disturbed arm.
+IDEAL, LINEAR, REAL = "undisturbed", "linear joints", "disturbed"
+"""How a true arm is disturbed: not at all; in all but that its joints are linear springs; in all."""
+ARMS = (IDEAL, LINEAR, REAL)
+NUMBERS, QUICK_NUMBERS = (6, 12, 20), (FEATURED,)
+CANDIDATES, QUICK_CANDIDATES = 2000, 150
+NOMINAL, PRIOR, PERFECT = "nominal", "prior alone", "perfect"
+"""Not identified: the folder's values; the same as the prior has them, wrong; the true compliances."""
+DEFAULT = "default"  #: What `identify` takes by default.
+LEAST_SQUARES = "MLS56"
+MODELS_WITHOUT_PRIOR = (JOINTS, LEAST_SQUARES, "MGCO56")  #: Identified without a prior.
+IDENTIFIED = (*MODELS_WITHOUT_PRIOR, DEFAULT_WITHOUT_CONE, DEFAULT)
+MODELS = (NOMINAL, PRIOR, *IDENTIFIED, PERFECT)
+DRAWN = (JOINTS, DEFAULT)
+
+Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
+
+
+@dataclass(frozen=True)
+class CompensationPlanRow:
+    """Hold a planned campaign."""
+
+    loads: str  #: What loads the arm, WEIGHT or BOTH.
+    poses: int
+    q_rad: tuple[float, ...]  #: Joint angles, one pose after the other, (poses * n,) [rad].
+    load: tuple[int, ...]  #: Which of the loads acts in each, (poses,).
+
+
+@dataclass(frozen=True)
+class CompensationScene:
+    """Hold what all trials share."""
+
+    candidates: Angles = ()  #: Feasible poses to measure.
+    program: Angles = ()  #: Programmed joints of all jobs, one job after the other.
+    plans: tuple[CompensationPlanRow, ...] = ()
+
+
+@dataclass(frozen=True)
+class Way:
+    """Describe how a model is identified; one that is not has a campaign of no poses."""
+
+    by: str = ""  #: PLANNED or RANDOM.
+    loads: str = ""  #: WEIGHT or BOTH.
+    poses: int = 0
+
+    @property
+    def campaign(self) -> str:
+        """Describe the campaign in words."""
+        return f"{self.by}, {self.loads}" if self.by else "none"
+
+
+NOWHERE = Way()
+ADVISED = Way(PLANNED, BOTH, FEATURED)
+
+
+@dataclass(frozen=True)
+class CompensationOptions:
+    """Hold the flags of the study."""
+
+    arm: Annotated[str, typer.Option(metavar="ARM", help="Arm in front of the panel.")] = ARM
+
+
+@dataclass(frozen=True)
+class CompensationSettings:
+    """Describe what is tried."""
+
+    arm: str
+    seed: int  #: Root of the candidates and of the planner's prior.
+    numbers: tuple[int, ...] = NUMBERS  #: Poses of the campaigns.
+    candidates: int = CANDIDATES  #: Feasible poses to choose from.
+    #: Made of the rest by `prepare`; empty before.
+    scene: Annotated[CompensationScene, Field(exclude=True)] = CompensationScene()
+
+    def ways(self, arm: str) -> tuple[Way, ...]:
+        """List the campaigns of one of ARMS."""
+        if arm == LINEAR:
+            return (ADVISED,)
+        numbers = self.numbers if arm == IDEAL else (FEATURED,)
+        return tuple(Way(*one) for one in product((PLANNED, RANDOM), (WEIGHT, BOTH), numbers))
+
+
+def settings(options: CompensationOptions, quick: bool, seeds: range) -> CompensationSettings:
+    """Make the settings of the flags.
+
+    Args:
+        options: Flags of the command line.
+        quick: Whether the run is a small one.
+        seeds: Seeds of the trials.
+
+    Returns:
+        The settings.
+
+    Raises:
+        BenchError: When it is an arm that does not reach the panel.
+    """
+    if find_arm(options.arm).resolve().name != ARM:
+        raise BenchError(f"--arm: expected {ARM}, whose work area has the panel, got {options.arm!r}")
+    if quick:
+        return CompensationSettings(options.arm, seeds[0], QUICK_NUMBERS, QUICK_CANDIDATES)
+    return CompensationSettings(options.arm, seeds[0])
+
+
+START = (0.3, -1.2, 1.6, 0.1, -0.4, 0.0)  #: Joints near the panel [rad].
+AROUND = 50  #: Candidates that stand for the workspace, which no criterion here asks for.
+DRILLING, MILLING = "drilling", "milling"
+FORCE_RANGE = (1000.0, 3000.0)  #: Least and largest force of the process [N].
+TIP = (0.5, 0.0, 0.0)  #: Where the tool cuts, in the tool's frame [m].
+RADIUS, NEAREST, HEIGHT = 2.0, 2.4, 1.6
+"""Of the panel, a cylinder about a level axis along y: how far its nearest line is from the robot [m]."""
+HOLES, PATTERN = (6, 5), (0.6, 0.4)  #: Along y and up the panel, and half of the pattern's size [m].
+WINDOW, CORNER, STEPS = (0.5, 0.3), 0.1, 64
+"""Half of the milled window's size, the radius of its corners [m], and points of the path around it."""
+MIN_FORCE_COMPONENT = 0.3  #: Of a component of the milling force before scaling, over the largest.
+
+
+@dataclass(frozen=True)
+class Job:
+    """Hold points on the panel, in order, world axes, both (points, 3)."""
+
+    name: str
+    position: Array  #: [m].
+    axis: Array  #: Of the spindle, into the panel.
+    typical: Array  #: Direction of the force that a plan is made for: along the feed, across, axial, (3,).
+
+    @property
+    def rotation(self) -> Array:
+        """Compute the orientation, world from tool: x is the spindle, y level, (points, 3, 3)."""
+        y = np.cross([0.0, 0.0, 1.0], self.axis)
+        y /= np.linalg.norm(y, axis=1, keepdims=True)
+        return np.asarray(np.stack([self.axis, y, np.cross(self.axis, y)], axis=-1))
+
+
+def jobs() -> tuple[Job, Job]:
+    """Make both jobs; a drill is pushed back along its spindle alone."""
+    milled = np.array([-1.0, 1.0, -1.0]) / np.sqrt(3)
+    return _on_panel(DRILLING, _pattern(), np.array([0.0, 0.0, -1.0])), _on_panel(MILLING, _window(), milled)
+
+
+def _on_panel(name: str, at: Array, typical: Array) -> Job:
+    """A job at places of the panel, (points, 2) along y and up it [m]."""
+    angle = at[:, 1] / RADIUS
+    cosine, sine, level = np.cos(angle), np.sin(angle), np.zeros(len(at))
+    position = np.column_stack([NEAREST + RADIUS * (1 - cosine), at[:, 0], HEIGHT + RADIUS * sine])
+    return Job(name, position, np.column_stack([cosine, level, -sine]), typical)
+
+
+def _pattern() -> Array:
+    """Holes, row by row, there and back."""
+    y, s = (np.linspace(-half, half, n) for half, n in zip(PATTERN, HOLES, strict=True))
+    return np.array([(one, up) for k, up in enumerate(s) for one in (y if k % 2 == 0 else y[::-1])])
+
+
+def _window() -> Array:
+    """Points around a window with rounded corners, evenly spaced: straight and round parts in turn."""
+    a, b = (half - CORNER for half in WINDOW)
+    quarter = np.pi / 2 * CORNER
+    lengths = np.tile([2 * b, quarter, 2 * a, quarter], 2)
+    starts = np.cumsum(np.r_[0.0, lengths])
+    way = (np.arange(STEPS) + 0.5) * starts[-1] / STEPS
+    part = np.searchsorted(starts, way, side="right") - 1
+    gone, round_it = way - starts[part], part % 2 == 1
+    turn = np.pi / 2 * (part // 2) + np.where(round_it, gone / CORNER, 0.0)
+    straight = np.where(round_it, 0.0, gone - lengths[part])
+    cosine, sine = np.cos(turn), np.sin(turn)
+    centres = np.array([(a, b), (-a, b), (-a, -b), (a, -b)])[part // 2]
+    return np.asarray(
+        centres + np.column_stack([CORNER * cosine - straight * sine, CORNER * sine + straight * cosine])
+    )
+
+
+def drawn(job: Job, rng: np.random.Generator) -> Array:
+    """Draw forces of a trial along the feed, across it and along the spindle.
+
+    A mill is held back, pushed aside to either side and out of the panel.
+
+    Args:
+        job: The job.
+        rng: Source of randomness.
+
+    Returns:
+        Forces, (3,) [N].
+    """
+    size, parts, side = (
+        rng.uniform(*FORCE_RANGE),
+        rng.uniform(MIN_FORCE_COMPONENT, 1, 3),
+        rng.choice([-1.0, 1.0]),
+    )
+    milled = parts / np.linalg.norm(parts) * [-1.0, side, -1.0]
+    return np.asarray(size * (job.typical if job.name == DRILLING else milled))
+
+
+def tasks(q: Array, forces: Sequence[Array]) -> Tasks:
+    """Collect the points of all jobs, one job after the other, each job under forces of its own.
+
+    Args:
+        q: Programmed joints, (points, n) [rad].
+        forces: Along the feed, across it and along the spindle, a job each.
+
+    Returns:
+        The tasks.
+    """
+    wrench = np.concatenate(
+        [
+            process_wrench(np.tile(own, (len(job.position), 1)), job.position, job.axis)
+            for job, own in zip(jobs(), forces, strict=True)
+        ]
+    )
+    return Tasks(q, Load(wrench, np.array(TIP)).over(len(wrench)))
+
+
+def prepare(asked: CompensationSettings, everywhere: Everywhere) -> CompensationSettings:
+    """Make the scene; PoseError for too few feasible poses.
+
+    Args:
+        asked: Settings of the study.
+        everywhere: Does pieces of work on all cores.
+
+    Returns:
+        The settings with their scene.
+    """
+    cell = build_cell(find_arm(asked.arm))
+    found = find(_checks(cell), asked.candidates, trial_rng(asked.seed, 1)).q
+    q = np.concatenate([program(cell, job) for job in jobs()])
+    plain = [tuple(map(tuple, own.tolist())) for own in (found, q)]
+    scene = CompensationScene(candidates=plain[0], program=plain[1])
+    asked = replace(asked, scene=scene)
+    rows = everywhere(partial(plan_rows, asked), len(_planned(asked)), CompensationPlanRow, "plans")
+    return replace(asked, scene=replace(scene, plans=tuple(rows)))
+
+
+def _planned(asked: CompensationSettings) -> list[tuple[str, int]]:
+    return list(product((WEIGHT, BOTH), asked.numbers))
+
+
+def _checks(cell: Cell) -> Checks:
+    payload = Payload(PAYLOAD, SLING)
+    return build_checks(cell, PoseConditions(area=AREA, station=Station(STATION), payload=payload))
+
+
+def program(cell: Cell, job: Job) -> Array:
+    """Compute the joints that a controller takes which knows the drawing alone.
+
+    Args:
+        cell: The arm with its model and its truth.
+        job: The job.
+
+    Returns:
+        Joints, (points, n) [rad].
+
+    Raises:
+        BenchError: When a point is out of reach.
+    """
+    start, tip = np.array(START), np.array(TIP)
+    reached = joints_along(cell.vjm, job.position, job.rotation, start=start, point=tip)
+    if not reached.converged.all():
+        raise BenchError(
+            f"{job.name}: {cell.arm.name} does not reach point {np.argmin(reached.converged) + 1}"
+        )
+    return reached.q
+
+
+def loads(cell: Cell) -> tuple[Load, Load]:
+    """Make the hung weight, and the pull of the rope."""
+    return weight(cell.vjm, PAYLOAD), Load(np.array([0.0, PULL, 0.0, 0.0, 0.0, 0.0]), cell.vjm.load)
+
+
+def plan_rows(asked: CompensationSettings, numbers: Sequence[int]) -> list[list[CompensationPlanRow]]:
+    """Make plans by their numbers, one list each.
+
+    Args:
+        asked: Settings of the study.
+        numbers: Numbers of the plans.
+
+    Returns:
+        The plans.
+    """
+    cell = build_cell(find_arm(asked.arm))
+    reach, found = Feasibility(partial(feasible, _checks(cell))), []
+    for name, poses in map(_planned(asked).__getitem__, numbers):
+        spec = specify(cell, asked, name, poses)
+        best = make_plan(spec, "test", np.array(asked.scene.candidates), reach, trial_rng(asked.seed, 2))
+        found.append(
+            [CompensationPlanRow(name, poses, tuple(best.q.ravel().tolist()), tuple(best.load.tolist()))]
+        )
+    return found
+
+
+def specify(cell: Cell, asked: CompensationSettings, name: str, poses: int) -> Specification:
+    """Specify what a plan is for: the points of both jobs under forces of the middle of their range.
+
+    Args:
+        cell: The arm with its model and its truth.
+        asked: Settings of the study.
+        name: Name of the loads.
+        poses: Number of poses.
+
+    Returns:
+        The specification.
+    """
+    scaling = scale_by_prior(
+        wrong_prior(cell, asked.seed), cell.vjm, named_models(cell, ("ALL153",))[0].structure
+    )
+    return Specification(
+        experiment=MeasurementSetup(cell.vjm, scaling, cell.vjm.markers, SIGMA),
+        loads=loads(cell)[: 1 if name == WEIGHT else 2],
+        tasks=tasks(np.array(asked.scene.program), [np.mean(FORCE_RANGE) * job.typical for job in jobs()]),
+        workspace=np.array(asked.scene.candidates[:AROUND]),
+        uncertainty=UNCERTAINTY,
+        poses=poses,
+    )
+
+
+# --- One trial ----------------------------------------------------------------------------------------------
+
 AIM = Aim(point=TIP)  #: The whole pose of the tool is put right.
-SETUP = Setup(arm=s.ARM, truth="nonlinear", sigma=s.SIGMA)
+SETUP = Setup(arm=ARM, truth="nonlinear", sigma=SIGMA)
 DIGITS = 7  #: Of a distance in millimetres.
 HIDDEN, CHOSEN, PROCESS, NOISE = 20, 30, 50, 1000
 """Streams of a seed: disturbances, random poses, forces of the process, noise (plus the campaign)."""
@@ -68,9 +415,9 @@ class JobsRow:
     """Hold all jobs of one trial, corrected by one model."""
 
     true_arm: str
-    arm: str  #: How it is disturbed, one of s.ARMS.
-    by: str  #: How poses were chosen, s.PLANNED or s.RANDOM; empty for a model that is not identified.
-    loads: str  #: What loaded the arm, s.WEIGHT or s.BOTH; the same.
+    arm: str  #: How it is disturbed, one of ARMS.
+    by: str  #: How poses were chosen, PLANNED or RANDOM; empty for a model that is not identified.
+    loads: str  #: What loaded the arm, WEIGHT or BOTH; the same.
     poses: int  #: How many were measured; 0 for the same.
     name: str  #: Of the model.
     chosen: str | None  #: Of the default: what it chose.
@@ -120,7 +467,7 @@ def trials(
 def _trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> list[JobsRow]:
     truth, work, rows = true_arm_of_seed(FAMILY, seed), tasks_of(asked, seed), []
     true, prior = true_cell(cell, truth, seed), prior_in_turn(cell, seed)
-    for arm in s.ARMS:
+    for arm in ARMS:
         ways, (measured, working) = asked.ways(arm), true_arm(true, seed, arm)
         data = dict(zip(ways, measure(true, measured, asked, ways, seed), strict=True))
         fits = known(true, prior) + identified(true, data, prior, own(true, prior))
@@ -128,7 +475,7 @@ def _trial(cell: Cell, asked: CompensationSettings, seed: int, own: Models) -> l
         before, *after = execute(working, work, orders)
         for fit, command, off in zip(fits, orders, after, strict=True):
             row = row_of(fit, command, before, off)
-            shown = (seed, arm, fit.way) == (asked.seed, s.IDEAL, s.ADVISED) and fit.name in s.DRAWN
+            shown = (seed, arm, fit.way) == (asked.seed, IDEAL, ADVISED) and fit.name in DRAWN
             if shown:
                 off_mm = tuple(np.round(MM * np.stack([before, off]), DIGITS).ravel().tolist())
                 row = replace(row, off_mm=off_mm, data_file=csv_text(data[fit.way], cell.arm))
@@ -176,10 +523,10 @@ def true_arm(cell: Cell, seed: int, arm: str) -> tuple[Settle, Settle]:
     Returns:
         What settles the arm in both.
     """
-    if arm == s.IDEAL:
+    if arm == IDEAL:
         own = partial(settle_both, cell.plant, "nonlinear")
         return own, own
-    plant = disturb(cell.plant, LINEAR_JOINTS if arm == s.LINEAR else TYPICAL, trial_rng(seed, HIDDEN))
+    plant = disturb(cell.plant, LINEAR_JOINTS if arm == LINEAR else TYPICAL, trial_rng(seed, HIDDEN))
     return partial(solve_unloaded_and_loaded, plant), partial(
         solve_unloaded_and_loaded, exactly_loaded(plant)
     )
@@ -199,11 +546,11 @@ def chosen(asked: CompensationSettings, way: Way, seed: int) -> tuple[Array, Ids
         Poses, (poses, n) [rad], and loads, (poses,).
     """
     scene = asked.scene
-    if way.by == s.PLANNED:
+    if way.by == PLANNED:
         plan = next(p for p in scene.plans if (p.loads, p.poses) == (way.loads, way.poses))
         return np.array(plan.q_rad).reshape(way.poses, -1), np.array(plan.load)
     every = trial_rng(seed, CHOSEN).choice(len(scene.candidates), max(asked.numbers), replace=False)
-    load = np.zeros(way.poses, dtype=int) if way.loads == s.WEIGHT else np.arange(way.poses) % 2
+    load = np.zeros(way.poses, dtype=int) if way.loads == WEIGHT else np.arange(way.poses) % 2
     return np.array(scene.candidates)[every[: way.poses]], load
 
 
@@ -224,11 +571,11 @@ def measure(
     """
     wrench, point = (np.stack([getattr(one, key) for one in loads(cell)]) for key in ("wrench", "point"))
     every = [chosen(asked, way, seed) for way in ways]
-    q, load = (np.concatenate([np.repeat(own[k], s.RUNS, axis=0) for own in every]) for k in (0, 1))
-    pose = np.concatenate([np.repeat(np.arange(way.poses) + 1, s.RUNS) for way in ways])
+    q, load = (np.concatenate([np.repeat(own[k], RUNS, axis=0) for own in every]) for k in (0, 1))
+    pose = np.concatenate([np.repeat(np.arange(way.poses) + 1, RUNS) for way in ways])
     settled, first, found = settle(q, wrench[load], point[load]), 0, []
     for k, way in enumerate(ways):
-        runs = slice(first, first := first + s.RUNS * way.poses)
+        runs = slice(first, first := first + RUNS * way.poses)
         loaded = LoadedPoses(q[runs], pose[runs], wrench[load[runs]], point[load[runs]])
         before, after = (in_order(rest, runs) for rest in settled)
         found.append(read_markers(cell, SETUP, loaded, (before, after), trial_rng(seed, NOISE + k)))
@@ -246,9 +593,9 @@ def known(cell: Cell, prior: Prior) -> list[CorrectionModel]:
         The models.
     """
     weights = read_weights(cell.arm)
-    every = {s.NOMINAL: cell.arm.C_theta, s.PRIOR: prior.C_theta, s.PERFECT: cell.plant.arm.C_theta}
+    every = {NOMINAL: cell.arm.C_theta, PRIOR: prior.C_theta, PERFECT: cell.plant.arm.C_theta}
     return [
-        CorrectionModel(s.NOWHERE, name, certain_model(elastic_state(cell.vjm, C, weights), name))
+        CorrectionModel(NOWHERE, name, certain_model(elastic_state(cell.vjm, C, weights), name))
         for name, C in every.items()
     ]
 
@@ -286,7 +633,7 @@ def identified(
     """
     weights, correction_models = read_weights(cell.arm), []
     plain, filled = (
-        named_models(cell, s.MODELS_WITHOUT_PRIOR),
+        named_models(cell, MODELS_WITHOUT_PRIOR),
         with_priors(cell.arm, [without_cone(cell)], prior),
     )
     for model in (*plain, *filled, *more):
@@ -302,7 +649,7 @@ def identified(
         correction_models.append(
             CorrectionModel(
                 way,
-                s.DEFAULT,
+                DEFAULT,
                 model_of_estimate(cell.vjm, chosen_model.estimate, weights),
                 chosen_model.name,
                 chosen_model.estimate.status,
@@ -363,7 +710,7 @@ def row_of(fit: CorrectionModel, order: Compensated | None, before: Array, after
     Returns:
         The row.
     """
-    half = np.zeros((0, 3)) if order is None or fit.way == s.NOWHERE else order.half_width
+    half = np.zeros((0, 3)) if order is None or fit.way == NOWHERE else order.half_width
     bounded = np.isfinite(half)
     return JobsRow(
         **{"true_arm": "", "arm": "", **vars(fit.way), "name": fit.name, "chosen": fit.chosen},

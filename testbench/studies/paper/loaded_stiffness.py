@@ -20,18 +20,16 @@ from testbench.model.loaded import (
     loaded_deflection,
     secant,
 )
-from testbench.model.poses import WorkArea
 from testbench.model.structure import joints_only
-from testbench.model.vjm import chain, observation
+from testbench.model.vjm import WorkArea, chain, observation
 from testbench.plant.build import Plant, weightless
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.tracker import trial_rng
 from testbench.report.badge import Badge, of_rivals
 from testbench.report.colours import GCO, LEAST_SQUARES, NOMINAL, SERIES, Look, look
-from testbench.report.columns import ROUNDING_UM, columns
 from testbench.report.figure import Figure, sweeps
 from testbench.report.report import Report, say
-from testbench.report.schema import Table, pivot
+from testbench.report.schema import ROUNDING_UM, Table, columns, pivot
 from testbench.report.table import Row, Trials
 from testbench.studies import campaigns
 from testbench.studies.paper.verdicts import comparison, verdict_table

@@ -13,11 +13,10 @@ from scipy.special import chdtri
 from testbench.arm.folder import find_arm
 from testbench.identify import gco, paper_gco
 from testbench.report import badge
-from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report, say
 from testbench.report.scene import PageContent
-from testbench.report.schema import Table, best_of
+from testbench.report.schema import Table, best_of, columns
 from testbench.report.table import Row, Trials, aligned, merged
 from testbench.runs.spread import wins
 from testbench.studies import campaigns
@@ -35,11 +34,9 @@ from testbench.studies.paper.verdicts import (
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import Run, Study, plain_models
 from testbench.workflows.campaign_flags import ArmFlag
-from testbench.workflows.cell import Campaign, Cell, Truth, build_cell
+from testbench.workflows.cell import Campaign, Cell, FullPose, Truth, build_cell, simulate_full_pose
 from testbench.workflows.models import EQUAL_FIT, JOINTS, Model, named_models
-from testbench.workflows.own_estimator import estimator_models
-from testbench.workflows.own_process import EstimatorSource
-from testbench.workflows.pose_campaign import FullPose, simulate
+from testbench.workflows.own_estimator import EstimatorSource, estimator_models
 from testbench.workflows.rows import MM, UM
 
 MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")  #: The models of Table I, in the paper's order.
@@ -152,7 +149,7 @@ def models(cell: Cell) -> list[Model]:
 
 def _trial(cell: Cell, models: Sequence[Model], asked: SixDofSettings, seed: int) -> Iterator[SixDofRow]:
     for truth in TRUTHS:
-        campaign = simulate(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
+        campaign = simulate_full_pose(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
         results, linear = identify(cell, campaign, models, time.perf_counter), truth == "linear"
         for row in campaign_rows(cell, campaign, results, TUBES, placed=linear and seed == asked.first):
             yield SixDofRow(**vars(row), truth=truth)

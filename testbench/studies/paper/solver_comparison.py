@@ -21,10 +21,9 @@ from testbench.identify import Estimate, Estimator, certify, gco, make_estimate,
 from testbench.plant.tracker import trial_rng
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GCO, SERIES, Look
-from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report, say
-from testbench.report.schema import Table
+from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import most
 from testbench.studies import campaigns
@@ -32,23 +31,25 @@ from testbench.studies.campaigns import CampaignRow, campaign_rows, score_estima
 from testbench.studies.paper.factorised import (
     CLOSE,
     MAX_ORDER,
+    Budget,
     Factorised,
     Observe,
     costs,
+    cvxpy,
     descend,
     descents,
+    explore,
     factorise,
+    modelled,
     parameters,
     random_start,
 )
-from testbench.studies.paper.search import Budget, cvxpy, explore, modelled
 from testbench.studies.paper.six_dof_arm import TUBES
 from testbench.studies.paper.verdicts import statement_row, verdict_table
 from testbench.studies.run import READ, headline
 from testbench.studies.study import Study
-from testbench.workflows.cell import Campaign, Cell, build_cell
+from testbench.workflows.cell import Campaign, Cell, FullPose, build_cell, simulate_full_pose
 from testbench.workflows.models import Model, named_models
-from testbench.workflows.pose_campaign import FullPose, simulate
 
 ARM = "arm_6r"
 SIGMA = math.sqrt(0.5) * 25e-6  #: The paper's is that of a deflection, a difference of two readings [m].
@@ -258,7 +259,7 @@ def trials(asked: SolverSettings, seeds: Sequence[int]) -> list[list[SolverRow]]
 
 
 def _trial(cell: Cell, model: Model, asked: SolverSettings, seed: int) -> list[SolverRow]:
-    campaign = simulate(cell, SCENARIO, seed)
+    campaign = simulate_full_pose(cell, SCENARIO, seed)
     conic = _repeated("d", paper_gco, cell, model, campaign)
     solver_results = [*_factor_solvers(cell, model, asked, campaign), conic]
     if asked.scs:

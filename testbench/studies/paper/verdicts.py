@@ -12,8 +12,7 @@ The paper's numbers of sections 5.1, 5.2 and 6, to compare with ours.
 import numpy as np
 from scipy.stats import binomtest
 
-from testbench.report.columns import columns
-from testbench.report.schema import Table
+from testbench.report.schema import Table, columns
 from testbench.report.table import Row
 from testbench.runs.spread import Number, Share, Spread, ends
 

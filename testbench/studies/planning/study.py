@@ -10,8 +10,8 @@ import numpy as np
 from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.design.baselines import observability
+from testbench.design.exchange import Feasibility
 from testbench.design.planning import forecast_errors, make_plan
-from testbench.design.refine import Feasibility
 from testbench.design.rows import task_rows
 from testbench.model.vjm import chain
 from testbench.plant.site import Payload
@@ -19,32 +19,40 @@ from testbench.plant.tracker import Station, trial_rng
 from testbench.plant.true_arms import CALLED
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GREY, SERIES, Look
-from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest, sweeps
 from testbench.report.planned_poses import ORDER, OURS, UNSCALED, World
 from testbench.report.report import Report, say
 from testbench.report.scene import ModelLine, PageContent, PlaceMap, Scene
-from testbench.report.schema import Table
+from testbench.report.schema import Table, columns
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.spread import ends, independent, middle, span, wins
 from testbench.studies import campaigns
-from testbench.studies.planning import settings as s
 from testbench.studies.planning import trial
-from testbench.studies.planning.settings import (
+from testbench.studies.planning.trial import (
+    ANYWHERE,
+    AWAY,
     BARE,
     FITS,
+    HOME,
     INCUMBENT,
+    NAME,
     PLANNED,
     RANDOM,
     WHOLE,
+    PlannedRow,
+    PlanningOptions,
+    PlanningScene,
     PlanningSettings,
+    Scope,
+    elsewhere,
+    settings,
+    specify,
 )
-from testbench.studies.planning.trial import specify
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import Everywhere, Run, Study
-from testbench.workflows.candidates import PoseConditions, build_checks, feasible, find
 from testbench.workflows.cell import Cell, build_cell
-from testbench.workflows.perturbed_prior import SCALE, SHAPE, UNCERTAINTY, wrong_prior
+from testbench.workflows.models import SCALE, SHAPE, UNCERTAINTY, wrong_prior
+from testbench.workflows.plan_input import PoseConditions, build_checks, feasible, find
 from testbench.workflows.predicted_error import forecast_summary
 
 AWAY_STREAM = 20  #: Streams of the other ground, over those of the first.
@@ -65,31 +73,31 @@ def prepare(asked: PlanningSettings, everywhere: Everywhere) -> PlanningSettings
     """
     cell = build_cell(find_arm(asked.arm))
     asked = replace(asked, scene=_scene(cell, asked, 0))
-    asked = replace(asked, away=_scene(cell, s.elsewhere(asked), AWAY_STREAM))
-    rows = everywhere(partial(plan_rows, asked), len(_jobs(asked)), s.PlannedRow, "plans")
-    home, away = (tuple(row for row in rows if row.ground == ground.name) for ground in (s.HOME, s.AWAY))
+    asked = replace(asked, away=_scene(cell, elsewhere(asked), AWAY_STREAM))
+    rows = everywhere(partial(plan_rows, asked), len(_jobs(asked)), PlannedRow, "plans")
+    home, away = (tuple(row for row in rows if row.ground == ground.name) for ground in (HOME, AWAY))
     return replace(asked, scene=replace(asked.scene, plans=home), away=replace(asked.away, plans=away))
 
 
-def _scene(cell: Cell, asked: PlanningSettings, first: int) -> s.PlanningScene:
+def _scene(cell: Cell, asked: PlanningSettings, first: int) -> PlanningScene:
     """Candidates, tasks and workspace of a ground; the streams of their randomness begin at `first`."""
     scope, rng = asked.scope, trial_rng(asked.seed, first)
     drawn = (
         (_conditions(scope), scope.candidates, trial_rng(asked.seed, first + 1)),
         (PoseConditions(area=scope.ground.area), scope.tasks, rng),
-        (PoseConditions(area=s.ANYWHERE), scope.workspace, rng),
+        (PoseConditions(area=ANYWHERE), scope.workspace, rng),
     )
     found = (find(build_checks(cell, conditions), count, own).q for conditions, count, own in drawn)
     candidates, tasks, workspace = (tuple(map(tuple, q.tolist())) for q in found)
-    return s.PlanningScene(candidates, tasks, workspace)
+    return PlanningScene(candidates, tasks, workspace)
 
 
-def _conditions(scope: s.Scope) -> PoseConditions:
+def _conditions(scope: Scope) -> PoseConditions:
     return PoseConditions(station=Station(scope.ground.station), payload=Payload(scope.payload))
 
 
 def _jobs(asked: PlanningSettings) -> list[Job]:
-    scope, there = asked.scope, s.elsewhere(asked)
+    scope, there = asked.scope, elsewhere(asked)
     grounds = [*((asked, fit) for fit in FITS if fit != PLANNED), *((there, fit) for fit in FITS)]
     return [
         *((asked, PLANNED, name, poses) for name in scope.criteria for poses in scope.numbers(name)),
@@ -97,7 +105,7 @@ def _jobs(asked: PlanningSettings) -> list[Job]:
     ]
 
 
-def plan_rows(asked: PlanningSettings, numbers: Sequence[int]) -> list[list[s.PlannedRow]]:
+def plan_rows(asked: PlanningSettings, numbers: Sequence[int]) -> list[list[PlannedRow]]:
     """Make plans by their numbers, one list each; `asked` holds the scene.
 
     Args:
@@ -111,13 +119,13 @@ def plan_rows(asked: PlanningSettings, numbers: Sequence[int]) -> list[list[s.Pl
     return [[_plan_row(cell, jobs[k])] for k in numbers]
 
 
-def _plan_row(cell: Cell, job: Job) -> s.PlannedRow:
+def _plan_row(cell: Cell, job: Job) -> PlannedRow:
     there, fit, criterion, poses = job
     spec = replace(specify(cell, there, wrong_prior(cell, there.seed), fit), poses=poses)
     start, checks = time.perf_counter(), build_checks(cell, _conditions(there.scope))
     reach, q = Feasibility(lambda q: feasible(checks, q)), np.array(there.scene.candidates)
     best = make_plan(spec, criterion, q, reach, trial_rng(there.seed, 2))
-    return s.PlannedRow(
+    return PlannedRow(
         ground=there.scope.ground.name,
         fit=fit,
         criterion=criterion,
@@ -170,7 +178,7 @@ def report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
         columns(CRITERIA), f.criteria, f"{n} poses by criterion", headline="tasks_mm", looks=LOOKS
     )
     return Report(
-        scenario=s.NAME,
+        scenario=NAME,
         question=say("Which {n} poses, to predict best where the robot works?", n=n),
         title=say(
             "{arm} under {payload_kg:g} kg, noise {dataset.sigma_um:g} um, {study.candidates} candidates; "
@@ -352,10 +360,10 @@ def write(run: Run[PlanningSettings]) -> PageContent:
 
 
 STUDY = Study(
-    name=s.NAME,
+    name=NAME,
     about="Plan 4 to 40 poses by six criteria, measure them, identify, and judge where the robot works.",
-    options=s.PlanningOptions,
-    settings=s.settings,
+    options=PlanningOptions,
+    settings=settings,
     seeds=(100, 2),
     row=trial.PlanErrorRow,
     trials=trial.trials,

@@ -7,10 +7,10 @@ import numpy as np
 
 from testbench.arm.folder import find_arm
 from testbench.report.colours import look
-from testbench.report.columns import KNOWN
 from testbench.report.figure import Figure, forest
-from testbench.report.figures_study import coverage_figure
+from testbench.report.figures_fit import coverage_figure
 from testbench.report.report import Report
+from testbench.report.schema import KNOWN
 from testbench.report.table import Row, Trials
 from testbench.studies.campaign import priors
 from testbench.studies.campaign.coverage import CONFIDENCE, LEVELS

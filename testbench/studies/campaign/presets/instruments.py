@@ -3,15 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from testbench.report.columns import columns
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
+from testbench.report.schema import columns
 from testbench.report.table import Trials
 from testbench.studies.campaign import read_by
 from testbench.studies.campaign.read_by import THREE, TRACKER, USUAL
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable
-from testbench.workflows.model_selection import DEFAULT
-from testbench.workflows.models import JOINTS
+from testbench.workflows.models import DEFAULT, JOINTS
 
 
 def tables(_: read_by.Settings) -> Mapping[str, TrialTable]:

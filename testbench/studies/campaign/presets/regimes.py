@@ -7,10 +7,9 @@ import numpy as np
 
 from testbench.arm.folder import find_arm
 from testbench.report.colours import look
-from testbench.report.columns import columns
 from testbench.report.figure import Figure, ranges
 from testbench.report.report import Report
-from testbench.report.schema import Table
+from testbench.report.schema import Table, columns
 from testbench.report.table import SHARED, TRIAL, Row, Trials, matched, number
 from testbench.runs.spread import SAME_ERROR, Number, ends, middle
 from testbench.studies.campaign import grids

@@ -7,9 +7,9 @@ import numpy as np
 
 from testbench.plant.true_arms import CALLED, TRUTHS
 from testbench.report.colours import CHOICE
-from testbench.report.columns import KNOWN, columns
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
+from testbench.report.schema import KNOWN, columns
 from testbench.report.table import SHARED, TRIAL, Cells, Row, Trials, matched, number
 from testbench.studies.campaign import family
 from testbench.studies.campaign.family import (
@@ -22,8 +22,7 @@ from testbench.studies.campaign.family import (
     said_of_prior,
 )
 from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, by_case
-from testbench.workflows.models import JOINTS
-from testbench.workflows.perturbed_prior import PRIORS, UNPERTURBED
+from testbench.workflows.models import JOINTS, PRIORS, UNPERTURBED
 
 MARGIN = 0.05  #: Share by which an error must exceed that of joints alone for a method to lose.
 MOVES = 0.05  #: Share of the true deflection over the workspace from which a link is said to move it.
