@@ -129,14 +129,8 @@ def expected() -> str:
     for what, key in (("held-out poses", "blocks, mm"), ("series A, fitted to C", "C to A, mm")):
         ours, springs, least = (real[f"+ {name}"][key] for name in names)
         rows.append([f"real UR10, {what}", ours, "", springs, "", least])
-    heads = [
-        "",
-        "default",
-        "default without cone",
-        "joint stiffness only",
-        "LS of beams, prior",
-        "LS of beams",
-    ]
+    alone = "joint stiffness only"
+    heads = ["", "default", "default without cone", alone, "LS of links, prior", "LS of links"]
     won = float(models[DEFAULT_WITHOUT_CONE]["conservative"].rstrip(" %")) / 100
     names = ("Joints", DEFAULT_WITHOUT_CONE, DEFAULT, "MGCO56", "MGCO56 (paper)", "Ridge", "MLS56")
     joints, same, cone, gco, papers, ridge, least = (
@@ -145,9 +139,9 @@ def expected() -> str:
     said = (
         "**The prior and the structure bring the gain; the cone keeps the model conservative.** With the "
         f"same prior and unknowns, the error of LS is {same} mm, that of GCO {cone} mm. GCO is conservative "
-        f"on all arms, LS on {share(won, '100')}. Without a prior, GCO of beams with a learnt trace weight has "
-        f"{gco} mm, joint stiffness only {joints} mm, ridge regression {ridge} mm, LS {least} mm. GCO without "
-        f"the weight, as in the paper, has {papers} mm."
+        f"on all arms, LS on {share(won, '100')}. Without a prior, GCO of beams with a learnt trace weight "
+        f"has {gco} mm, {alone} {joints} mm, ridge regression {ridge} mm, LS {least} mm. GCO "
+        f"without the weight, as in the paper, has {papers} mm."
     )
     return f"{lines(heads, rows)}\n\n{said}"
 
