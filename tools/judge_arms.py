@@ -317,7 +317,7 @@ def main():
     flags.add_argument("--seed", type=int, default=780001, help="first seed")
     flags.add_argument("--seeds", type=int, default=100, help="arms of each kind; 0 for tables alone")
     flags.add_argument("--kind", action="append", choices=KINDS, help="again for more; all if none")
-    flags.add_argument("--into", type=Path, help="folder for the tables as CSV, such as docs/judged")
+    flags.add_argument("--into", type=Path, help="page for tables: see `write`")
     asked = flags.parse_args()
     with threadpool_limits(1):
         run(asked.files[0], asked.kind or KINDS, range(asked.seed, asked.seed + asked.seeds))
@@ -326,9 +326,22 @@ def main():
     refused = [f"{row['kind']} {row['seed']}" for row in rows if "refused" in row]
     shown = (markdown.lines(heads, body) for heads, *body in found.values())
     print(*shown, f"Refused: {', '.join(refused) or 'none'}.", sep="\n\n")
-    for name, cells in found.items() if asked.into else ():
-        with (asked.into / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows(cells)
+    if asked.into:
+        write(found, asked.into)
+
+
+def write(found, page):
+    """Put each table between its marks `<!-- judged NAME -->` of a page, or into judged/NAME.csv beside it."""
+    text = page.read_text(encoding="utf-8")
+    for name, (heads, *body) in found.items():
+        before, mark, rest = text.partition(f"<!-- judged {name} -->\n")
+        if mark:
+            _, end, after = rest.partition("<!-- end -->")
+            text = f"{before}{mark}{markdown.lines(heads, body)}\n\n{end}{after}"
+        else:
+            with (page.parent / "judged" / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows([heads, *body])
+    page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
