@@ -331,7 +331,7 @@ def main():
 
 
 def write(found, page):
-    """Put each table between its marks `<!-- judged NAME -->` of a page, or into judged/NAME.csv beside it."""
+    """Put each table between its marks `<!-- judged NAME -->` of a page, or into judged/NAME.csv beside."""
     text = page.read_text(encoding="utf-8")
     for name, (heads, *body) in found.items():
         before, mark, rest = text.partition(f"<!-- judged {name} -->\n")
