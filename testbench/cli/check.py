@@ -58,7 +58,7 @@ def command(asked: CheckOptions) -> None:
         console = plain_console()
         console.print(first, soft_wrap=True)
         lines = [
-            "\nPlease confirm these numbers, by their contribution to the deflection:",
+            "\nPlease confirm these numbers, each with its contribution to the deflection:",
             *(f"{row.hangs_percent:5.0f} %  {row.number}" for row in said.numbers["confirm"]),
             f"         {len(checked.items) - len(said.numbers['confirm'])} more below 1 %",
             "\nRead from the folder:",
