@@ -150,12 +150,10 @@ def contents(checked: Checked) -> list[str]:
             for row, joint in zip(rows, arm.joints, strict=True)
             if row != f"{joint.name} = {joint.name}"
         ]
-    points = zip((arm.load, *arm.markers), (vjm.load, *vjm.markers), strict=True)
-    lines.append(
-        f"  tool {arm.tool!r}: {_place(vjm.tool[:3, 3])} m from {arm.links[-1].name}; in the tool's axes:"
-    )
-    lines.append(f"  load point {arm.load}, markers {', '.join(arm.markers)}")
-    return lines + [f"    {name}: {_place(place)} m" for name, place in points]
+    names = f"load point {arm.load}", *(f"marker {name}" for name in arm.markers)
+    points = zip(names, (vjm.load, *vjm.markers), strict=True)
+    lines.append(f"  {arm.tool}, on {arm.links[-1].name}: {_place(vjm.tool[:3, 3])} m in its frame")
+    return lines + [f"  {name}: {_place(place)} m in the tool's frame" for name, place in points]
 
 
 def _link(link: LinkEntry) -> str:
