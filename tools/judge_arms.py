@@ -27,7 +27,7 @@ from threadpoolctl import threadpool_limits
 from testbench.errors import BenchError
 from testbench.identify import average, gco, intervals
 from testbench.identify.estimate import deflections, score
-from testbench.identify.trace import paired
+from testbench.identify.trace import SELECTION_PROBABILITY, paired
 from testbench.model.structure import template56
 from testbench.plant.tracker import trial_rng
 from testbench.plant.true_arms import CALLED, FAMILY, true_arm_of_seed, true_arms
@@ -54,11 +54,8 @@ SCALES = np.linspace(0.6, 1.4, 17)  #: Factors on half widths whose coverage eve
 SHOWN = (2, 4, 6, 8, 12)  #: Those of them that the table has.
 MEANS, WORST = (92.0, 97.0), 80.0  #: Where the mean coverage should be, and the least of the worst tenth [%].
 ANSWERS = ("passed", "unsure", "failed")
-#: Of eight poses, standard errors above which links count that the evidence doubts, and those that change.
-DOUBTED, CHANGING = (
-    float(stdtrit(7, p)) for p in (average.DOUBTED_PROBABILITY, average.CHANGING_PROBABILITY)
-)
-THRESHOLDS = (-np.inf, 1.0, CHANGING, DOUBTED, 4.0, np.inf)
+SURE = float(stdtrit(7, SELECTION_PROBABILITY))  #: Of eight poses, how sure links have to be.
+THRESHOLDS = (-np.inf, 1.0, SURE, 3.0, 4.0, np.inf)
 STIFF = ("stiffer_10", "stiffer_30", "stiffer_100")
 
 
@@ -191,7 +188,7 @@ def tables(rows):
     scales = [f"{SCALES[k]:.1f}" for k in SHOWN]
     return {
         "default": table(
-            "true arms|n|default, mm|Joints-only, mm|loses|least squares with the prior, mm|loses|covered, %"
+            "true arms|n|default, mm|Joints-only, mm|loses to it|LS with the prior, mm|loses to it|covered, %"
             "|worst tenth, %|half width over the narrowest".split("|"),
             [beside(kind, own[kind]) for kind in kinds],
         ),
@@ -201,7 +198,7 @@ def tables(rows):
         ),
         "scales": table(["true arms", "n", *scales, "both bars met"], scaled(own)),
         "thresholds": table(
-            "doubted links count above|loses, links 10, 30, 100 times stiffer|loses, worst other kind"
+            "links count above|loses, links 10, 30, 100 times stiffer|loses, worst other kind"
             "|over 5 % worse than the default|over 5 % better|largest rise of a median".split("|"),
             [threshold(own, least) for least in THRESHOLDS] if own else [],
         ),
@@ -268,7 +265,7 @@ def threshold(own, least):
     worst = max(own, key=rise.get)
     called = {-np.inf: "always", np.inf: "never where asked"}.get(least, f"{least:.1f}")
     return [
-        called + (" (default)" if least == DOUBTED else ""),
+        called + (" (default)" if least == SURE else ""),
         of(stiff),
         of(others[-1:]),
         f"{(moved > CLEARLY).sum()} of {len(moved)}",
@@ -278,15 +275,13 @@ def threshold(own, least):
 
 
 def decided(row, least):
-    """Error [mm] if links that the evidence doubts count only above so many standard errors."""
-    doubted = row["gain"] is not None and row["evidence"] <= average.CERTAIN_LOG_EVIDENCE
-    if not (doubted or row["changes"]):
+    """Error [mm] if links count only above so many standard errors, where the evidence leaves doubt."""
+    if row["gain"] is None or not (row["changes"] or row["evidence"] <= average.CERTAIN_LOG_EVIDENCE):
         return row["passed"]
     gain, error_ = row["gain"]
-    sure = least if doubted else CHANGING
-    if gain > sure * error_:
+    if gain > least * error_:
         return row["passed"]
-    return row["unsure" if gain > -abs(sure) * error_ else "failed"]
+    return row["unsure" if gain > -SURE * error_ else "failed"]
 
 
 def middle(errors):

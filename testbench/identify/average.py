@@ -51,7 +51,7 @@ from testbench.identify.regression import (
     triangular_factor,
 )
 from testbench.identify.solve import solve
-from testbench.identify.trace import paired
+from testbench.identify.trace import SELECTION_PROBABILITY, paired
 from testbench.model.laws import with_ties, without_ties
 from testbench.model.laws import without_laws as linear
 from testbench.model.structure import Structure
@@ -204,14 +204,6 @@ CERTAIN_LOG_EVIDENCE = 15.0
 few: of 16 arms of the family, cast and coupled ones two do not predict them surely better, and err 2.5 times
 as much without links; their log evidence is 30 to 136. Of five arms with links 10 times stiffer that lose to
 joints alone it is 4, 5, 7, 12 and 23 (`kr500_l480`, seeds 793001 to 793006, 770015 to 770044, 8 poses)."""
-DOUBTED_PROBABILITY, CHANGING_PROBABILITY = 0.99, 0.95
-"""Probability with which links have to predict poses better that are left out: where their log evidence is at
-most `CERTAIN_LOG_EVIDENCE`, and where it is above, which is asked only if they change with the pose.
-
-The first was chosen on 700 arms of 14 kinds (seeds 780001 on): with 0.95 for it the default loses more than
-5 % to joints alone on 6 of 100 arms whose links are 10 times stiffer than the folder's, with it on 1. On
-1,400 other arms (seeds 800001 to 800100) neither loses there, and 11 err over 5 % more with it
-(`kr500_l480`, 8 poses)."""
 NEGLIGIBLE_WEIGHT = 0.01  #: Weight below which joints alone are left out.
 EVIDENCE_EXPONENT = 0.5
 """Power with which odds of models count in widths, even beforehand: of few readings Laplace's evidence is not
@@ -259,11 +251,8 @@ def average_two_priors(
     changing = _with_changing_links(r, constraint, (prior, softened), estimate)
     mean = changing or estimate
     rivals = links_and_joints(r, mean, prior)
-    changes = changing is not None
-    if rivals is None or rivals.certain:
-        weight = RIGID if changes else 0.0
-    else:
-        weight = links_or_joints(rivals.errors, rivals.probability, changes=changes)
+    errors = None if rivals is None or rivals.certain else rivals.errors
+    weight = links_or_joints(errors, changes=changing is not None)
     return steadied(r, constraint, prior, mean, weight)
 
 
@@ -317,12 +306,6 @@ class LinksAndJoints:
     def certain(self) -> bool:
         """Tell whether the evidence leaves no doubt of links that do not change."""
         return self.likeliest.regression.wander is None and self.log_evidence > CERTAIN_LOG_EVIDENCE
-
-    @property
-    def probability(self) -> float:
-        """Return the probability with which links have to predict poses better that are left out."""
-        doubted = self.log_evidence <= CERTAIN_LOG_EVIDENCE
-        return DOUBTED_PROBABILITY if doubted else CHANGING_PROBABILITY
 
     @cached_property
     def errors(self) -> tuple[Array, Array]:
@@ -391,25 +374,27 @@ def _left_out(poses: tuple[Array, ...], weighed: tuple[Array, ...], belief: Weig
     return np.array(errors)
 
 
-def links_or_joints(held_out: tuple[Array, Array], probability: float, *, changes: bool) -> float:
+def links_or_joints(held_out: tuple[Array, Array] | None, *, changes: bool) -> float:
     """Choose the weight of joints alone by what they and links predict of poses that were left out.
 
     Mathematics: `prior-14`.
 
     Args:
-        held_out: Errors of the likeliest model and of joints alone, (poses,) each.
-        probability: With which links have to predict these poses better [1].
+        held_out: Errors of the likeliest model and of joints alone, (poses,) each; None to keep the average.
         changes: Whether links change with the pose.
 
     Returns:
         Where links surely predict these poses better, 0, or `RIGID` if they change; else 1, or
         `RIGID_IF_UNSURE` if they change and are not surely worse [1].
     """
+    better = RIGID if changes else 0.0
+    if held_out is None:
+        return better
     own, alone = np.log(np.maximum(held_out, TINY))
     gain, error = paired(alone - own)
-    sure = float(stdtrit(len(own) - 1, probability)) * error
+    sure = float(stdtrit(len(own) - 1, SELECTION_PROBABILITY)) * error
     if gain > sure:
-        return RIGID if changes else 0.0
+        return better
     return RIGID_IF_UNSURE if changes and gain > -sure else 1.0
 
 

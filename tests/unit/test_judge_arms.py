@@ -4,7 +4,6 @@ import judge_arms as judge
 import numpy as np
 import pytest
 
-from testbench.identify import average
 from testbench.plant.true_arms import FAMILY
 from testbench.studies.campaign.trial import covers
 from testbench.workflows.cell import Scenario, draw_poses
@@ -50,8 +49,8 @@ def test_every_row_of_every_table_has_a_cell_under_each_heading():
     lost = {
         cells[0]: cells[1:3] for cells in (judge.threshold(_by_kind(rows), own) for own in judge.THRESHOLDS)
     }
-    assert lost["1.9"] == ["1 of 10", "1 of 10"]
-    assert lost["3.0 (default)"] == ["0 of 10", "0 of 10"]
+    assert lost["1.9 (default)"] == ["1 of 10", "1 of 10"]
+    assert lost["3.0"] == ["0 of 10", "0 of 10"]
 
 
 def _by_kind(rows):
@@ -66,11 +65,9 @@ def test_at_the_default_s_threshold_a_line_holds_the_default_s_error(kr500, kind
     readings, truth = judge.measured(kr500, poses, kind, seed)
     [default] = with_priors(kr500.arm, named_models(kr500, (ALL_UNKNOWNS,)), wrong_prior(kr500, seed))
     row = judge.of_default(kr500, default, readings, truth)
-    assert judge.decided(row, judge.DOUBTED) == pytest.approx(row["default"], rel=1e-9)
+    assert judge.decided(row, judge.SURE) == pytest.approx(row["default"], rel=1e-9)
     assert judge.decided(row, -np.inf) == row["passed"]
-    doubted = row["evidence"] <= average.CERTAIN_LOG_EVIDENCE
-    assert doubted == (kind == "stiffer_10")
-    assert judge.decided(row, np.inf) == (row["failed"] if doubted else row["default"])
+    assert judge.decided(row, np.inf) == row["unsure" if row["changes"] else "failed"]
     assert len({row["passed"], row["failed"]}) == 2
     assert row["covered_at"][8] == row["covered"]
 
