@@ -11,6 +11,7 @@ import numpy as np
 import typer
 
 from testbench.arm.folder import find_arm
+from testbench.data.dataset import numbers_per_target
 from testbench.errors import BenchError, PoseError
 from testbench.identify.absolute import fit
 from testbench.identify.absolute.posterior import model_of
@@ -186,7 +187,8 @@ def report(
         The report.
     """
     f, chosen = counted.numbers(found, left, more), found.calibration.chosen
-    plain_mm, own_mm = (MM * np.sqrt(3) * x for x in chosen.held_out)
+    length = np.sqrt(numbers_per_target(found.series))
+    plain_mm, own_mm = (MM * length * x for x in chosen.held_out)
     rival = (chosen.plain or "as drawn", plain_mm)
     alone, every = f.held_out_mm or (f.total_before.rms_mm, f.total_after.rms_mm)
     answer = "RMS error at held-out readings: {every:.3f} mm calibrated, {alone:.3f} mm with geometry only."

@@ -117,7 +117,9 @@ def _shown_as_poses(console: Console, cell: Cell, dataset: Path, mapping: Path |
 
     def poses(own: Path | Map | None) -> bool:
         series = read_series(dataset, cell.arm, own).series
-        return not any(one.wrench.any() for one in series) and any(one.turned.any() for one in series)
+        distances = any(one.distance is not None for one in series)
+        unloaded = not any(one.wrench.any() for one in series)
+        return distances or (unloaded and any(one.turned.any() for one in series))
 
     with contextlib.suppress(InputError):
         if poses(mapping):

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from testbench.arm.folder import find_arm
+from testbench.data.dataset import Series
 from testbench.errors import BenchError, Ids, InputError
 from testbench.files.write import write_csv, write_series
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
@@ -112,8 +113,6 @@ def command(asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
     kind = READINGS if absolute.absolute else DATASET
     for path in _files(asked.out, absolute.series):
         check_file(path, kind, inputs=inputs, force=asked.force)
-    if absolute.absolute and asked.instrument:
-        raise BenchError("--instrument: expected no --absolute with it")
     cell = build_cell(asked.arm)
     if absolute.absolute:
         _read_absolutely(cell, asked, absolute)
@@ -122,21 +121,35 @@ def command(asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
 
 
 def _read_absolutely(cell: Cell, asked: SimulateOptions, absolute: AbsoluteReadingOptions) -> None:
-    from testbench.workflows.absolute_truth import simulate_series  # here: few runs are absolute
+    # here: few runs are absolute
+    from testbench.workflows.absolute_truth import simulate_distances, simulate_series
 
     console = plain_console()
     masses = _one_after_the_other(cell, asked)
     q = given_poses(cell, asked.file, asked.mapping, asked.poses, len(masses) * absolute.series)
     _say_overload(console, cell, masses)
-    found, _ = simulate_series(cell, _campaign(cell, asked, absolute, masses), asked.seed, q)
-    paths = _files(asked.out, absolute.series)
+    campaign, paths = _campaign(cell, asked, absolute, masses), _files(asked.out, absolute.series)
+    if asked.instrument:
+        if asked.tracker or asked.sigma_um is not None or absolute.orientations or absolute.series > 1:
+            others = "--tracker, --sigma-um, --orientations or --series"
+            raise BenchError(f"--instrument: expected no {others} with it")
+        found, _ = simulate_distances(cell, campaign, [*map(mounted, asked.instrument)], asked.seed, q)
+        files = [found]  # all fixed points in one
+    else:
+        found, _ = simulate_series(cell, campaign, asked.seed, q)
+        files = [(series,) for series in found]
     with whole_files(paths) as parts:
-        for path, part, series in zip(paths, parts, found, strict=True):
-            name = path.stem  # of the frame and the mount too
-            write_series(part, cell.arm, replace(series, name=name, frame=name, target=name))
-    for path, series in zip(paths, found, strict=True):
+        for path, part, every in zip(paths, parts, files, strict=True):
+            write_series(part, cell.arm, [_named(one, path.stem, alone=len(every) == 1) for one in every])
+    for path, (series, *_) in zip(paths, files, strict=True):
         poses, targets = len(np.unique(series.pose)), ", ".join(series.markers)
         console.print(f"{path}: {series.rows} rows in {poses} poses, targets {targets}", soft_wrap=True)
+
+
+def _named(series: Series, stem: str, *, alone: bool) -> Series:
+    """Name a series, its frame and its mount after the file."""
+    name = stem if alone else f"{stem} {series.name}"
+    return replace(series, name=name, frame=name, target=stem)
 
 
 def _files(out: Path, series: int) -> list[Path]:

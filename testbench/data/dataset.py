@@ -384,6 +384,9 @@ def split(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:
 
 # --- Absolute readings as arrays: targets on the tool in a tracker's frame, one pose and load per row -------
 
+NOMINAL_FIXED = 0.02
+"""Least standard deviation of a stated fixed point along each axis [m]: that of a nominal target."""
+
 
 @dataclass(frozen=True, repr=False)
 class Series(Displayed):
@@ -415,6 +418,11 @@ class Series(Displayed):
     torque: Array | None = None  #: Torques of the actuated joints, (rows, n) [N m, N].
     temperature: Array | None = None  #: Temperature, (rows,) [degree Celsius].
     time: Array | None = None  #: Time from any start, (rows,) [s].
+    #: Distance of every target from the fixed point, (rows, m) [m]; positions are then zeros. None of
+    #: positions.
+    distance: Array | None = None
+    fixed: tuple[float, float, float] | None = None  #: Stated fixed point of distances, world axes [m].
+    fixed_sigma: float = NOMINAL_FIXED  #: Standard deviation of the fixed point along each axis [m].
     #: Name and unit of every joint's column in the file that it was read from, in the arm's order.
     joints: tuple[tuple[str, str], ...] = ()
 
@@ -437,12 +445,36 @@ class Series(Displayed):
         if (self.rotation is None) != (self.sigma_rotation is None):
             raise BenchError("orientations: expected rotation and sigma together, or none")
         own: Shapes = {"position [m]": (rows, m, 3), "temperature": (rows,), "time": (rows,)}
-        own["torque [N m, N]"] = np.shape(self.q)
+        own |= {"torque [N m, N]": np.shape(self.q), "distance [m]": (rows, m)}
         check_rows(self, rows, ("row", "pose"), own)
+        if (self.distance is None) != (self.fixed is None):
+            raise BenchError("distances: expected them and a fixed point together, or none")
+        if self.distance is not None:
+            self._check_distances(self.distance)
         if self.rotation is not None:
             if self.rotation.shape != (rows, 3, 3):
                 raise BenchError(f"rotation: expected shape {(rows, 3, 3)}, got {self.rotation.shape}")
             check_array(self.rotation[self.turned], (None, 3, 3), "rotation")
+
+    def _check_distances(self, distance: Array) -> None:
+        """Refuse distances that no instrument reads, and what cannot stand beside them, by BenchError."""
+        if self.rotation is not None or self.position.any():
+            raise BenchError("distances: expected neither positions nor orientations beside them")
+        if not 0 < self.fixed_sigma < np.inf:
+            raise BenchError(f"fixed_sigma [m]: expected more than 0, got {self.fixed_sigma}")
+        least = distance[self.seen].min(initial=np.inf)
+        if least <= 0:
+            raise BenchError(f"distance [m]: expected more than 0, got {least:g}")
+
+    @property
+    def equations(self) -> int:
+        """Count the numbers that were read: three per position and orientation, one per distance."""
+        return (3 if self.distance is None else 1) * int(self.seen.sum()) + 3 * int(self.turned.sum())
+
+    @property
+    def quantile_95(self) -> float:
+        """Return the 95 % quantile of chi squared of a reading's numbers."""
+        return 7.8147 if self.distance is None else 3.8415
 
     @property
     def rows(self) -> int:
@@ -462,6 +494,19 @@ class Series(Displayed):
         if self.rotation is None:
             return np.zeros(self.rows, dtype=bool)
         return np.asarray(np.isfinite(self.rotation).all(axis=(1, 2)))
+
+
+def numbers_per_target(series: Sequence[Series]) -> float:
+    """Compute how many numbers a reading of a target has: three of a position, one of a distance; the mean.
+
+    Args:
+        series: The readings.
+
+    Returns:
+        The mean number [1].
+    """
+    read = [(one.distance is None, int(one.seen.sum())) for one in series]
+    return sum((3 if position else 1) * n for position, n in read) / sum(n for _, n in read)
 
 
 select_rows = in_order  #: The rows of a mask, or of their places, (rows,).

@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.document import is_decimal
 from testbench.arm.folder import Arm
+from testbench.data.dataset import NOMINAL_FIXED
 from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.files.columns import Columns, ReadColumn
 from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
@@ -319,6 +320,40 @@ def read_lines(columns: Columns) -> FileLines | None:
     return FileLines(number, gauge, meter, direction, tilt, fixed, fixed_sigma, tuple(notes))
 
 
+@dataclass(frozen=True)
+class FixedPoints:
+    """Hold the fixed points of distances in absolute readings."""
+
+    place: Array  #: Where each is stated, world axes, (rows, 3) [m].
+    sigma: Array  #: Standard deviation along each axis, (rows,) [m].
+    notes: tuple[str, ...]  #: Assumptions that were made.
+
+
+def read_fixed_points(columns: Columns) -> FixedPoints:
+    """Read the fixed point of every distance of absolute readings.
+
+    A calibration finds the point: in the axes of its model it is millimetres from where the base has it. So
+    its standard deviation is at least `NOMINAL_FIXED`.
+
+    Args:
+        columns: The columns of the file.
+
+    Returns:
+        The fixed points.
+
+    Raises:
+        InputError: If a row has none, or an uncertainty is absurd.
+    """
+    fixed, names = _triple(columns, "fixed")
+    if not names:
+        raise columns.lack([*columns_of("fixed")])
+    blank = np.asarray(np.isnan(fixed).any(axis=1))
+    columns.table.refuse(blank, names[0], "expected the fixed point of this distance, got ''")
+    notes = list[str]()
+    sigma = _deviation(columns, "fixed_sigma", ~blank, (NOMINAL_FIXED, MAX_FIXED), notes)
+    return FixedPoints(fixed, np.maximum(sigma, NOMINAL_FIXED), tuple(notes))
+
+
 def _numbers(columns: Columns, what: str) -> Array:
     """Read a quantity unloaded and loaded, (2, rows) [m]; a gauge without unloaded readings was zeroed."""
     loaded, unloaded = columns.get(Slot(what, when="after")), columns.get(Slot(what, when="before"))  # type: ignore[arg-type]
@@ -345,7 +380,8 @@ def _deviation(columns: Columns, what: str, own: Mask, usual: tuple[float, float
     stated = columns.values(source) if isinstance(source, ReadColumn) else np.full(len(own), source or np.nan)
     stated = np.full(len(own), 0.0) if source == 0.0 else stated
     if (missing := own & np.isnan(stated)).any():
-        words = {"tilt": "0.5 deg of direction", "fixed_sigma": "1 mm of a fixed point"}[what]
+        point = f"{1e3 * usual[0]:g} mm of a fixed point"
+        words = {"tilt": "0.5 deg of direction", "fixed_sigma": point}[what]
         notes.append(f"no column gives the uncertainty in {missing.sum()} rows: {words} is assumed")
     values = np.where(own, np.where(np.isnan(stated), usual[0], stated), 0.0)
     name = source.name if isinstance(source, ReadColumn) else what

@@ -252,7 +252,7 @@ def series_names(arm: Arm) -> dict[str, Slot]:
     Returns:
         Quantities by squeezed name, without unit.
     """
-    found = {"payload": Slot("mass"), "timestamp": Slot("time")}
+    found = {"payload": Slot("mass"), "timestamp": Slot("time"), "distance": Slot("distance")}
     found |= {name: Slot(name) for name in ("series", "series_frame", "series_target")}
     for unit in ("", "_c", "_degc", "[c]", "[°c]", "[degc]", "(c)", "(°c)", "(degc)"):
         found |= {f"temperature{unit}": Slot("temperature")}

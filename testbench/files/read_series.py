@@ -3,6 +3,7 @@
 Readings of several targets at one time form one row of a series.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +15,9 @@ from testbench.data.dataset import Series, select_rows, series_of
 from testbench.errors import Array, Ids, check_type, stem_of
 from testbench.files.beside import (
     NOTATIONS,
+    FixedPoints,
     UnclearNotation,
+    read_fixed_points,
     read_rotations,
     read_temperature,
     read_time,
@@ -30,6 +33,7 @@ from testbench.files.readings import (
     Scatter,
     average_shots,
     markers_only,
+    read_distances,
     read_readings,
     read_scatter,
     readings_by_group,
@@ -48,6 +52,8 @@ TURNED_APART = 1e-6
 MAX_LISTED_LINES = 5  #: Most lines that a note lists.
 SERIES_QUANTITIES: tuple[What, ...] = ("time", "temperature", "torque", *ROTATIONS)
 """Quantities of absolute readings that pairs do not have."""
+Point = tuple[float, float, float] | None
+"""A fixed point [m]; None of positions."""
 NAMES: tuple[What, ...] = ("series", "station", "series_frame", "series_target")
 """Columns that divide a file into series, or name what series share."""
 
@@ -105,6 +111,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     """Convert the columns of a table to series."""
     if any(c.slot.when for c in columns.all_of("reading")):
         return _pairs(columns, arm, sigma)
+    meters = _of_distances(columns)
     # Drop points that are no markers, and average shots.
     columns, notes = markers_only(columns)
     columns, shots = average_shots(columns)
@@ -119,17 +126,31 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     if alone:
         arm = replace(arm, markers=(ALONE,))
         notes.append(f"no column says a marker: all readings are of one, called {ALONE!r}")
-    read = read_readings(columns, arm, conditions.loaded)
-    if alone:
+    read = (read_distances if meters else read_readings)(columns, arm, conditions.loaded)
+    if alone and not meters:
         _check_alone(columns, conditions, read)
     # One series of all rows, then one per station.
     scatter = read_scatter(columns, sigma)
     fit = _fitted_notation(columns, arm, conditions, read)
     whole, first, lost, more = _assembled(columns, arm, (conditions, read, scatter), fit)
+    fixed = read_fixed_points(columns) if meters else None
     notes += [*columns.warnings, *shots, *conditions.notes, *scatter.notes, *more]
+    notes += [] if fixed is None else fixed.notes
     if columns.names.map.frame == "base":
         notes.append("the map says that readings are in the base's frame: the frame is fitted all the same")
-    return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes), lost, fit)
+    parts = _parted(columns, whole, first, scatter, fixed)
+    return SeriesExport(parts, columns, tuple(notes), lost, fit)
+
+
+def _of_distances(columns: Columns) -> bool:
+    """Tell whether the readings are distances to fixed points; refuse positions and distances in one file."""
+    fixed, distances, others = (
+        columns.all_of(*what) for what in (("fixed",), ("distance",), ("reading", *ROTATIONS))
+    )
+    if fixed and distances and others:
+        problem = "expected distances, or positions and orientations, got both; use a file for each"
+        raise columns.table.header_error(problem)
+    return bool(fixed or distances) and not others
 
 
 def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
@@ -249,8 +270,8 @@ def _grouped(columns: Columns, conditions: RowConditions, read: FileReadings) ->
     table = columns.table
     marker = np.empty(table.rows, dtype=int)
     marker[read.row] = read.marker
-    found = (columns.get(Slot(what)) for what in ("series", "series_frame", "series_target", "state"))
-    words = (np.array(table.texts(column.index)) for column in found if column is not None)
+    found = columns.all_of("series", "series_frame", "series_target", "state", "fixed")
+    words = (np.array(table.texts(column.index)) for column in found)
     # Equal conditions form a group; a repeated marker starts a new reading.
     own = conditions
     code = number_rows(own.wrench, own.point, own.pose, own.run, own.station, *words)
@@ -285,26 +306,43 @@ def _one_each(columns: Columns, rotation: Array, code: Ids, first: Ids) -> Array
     return found
 
 
-def _parted(columns: Columns, whole: Series, first: Ids, scatter: Scatter) -> tuple[Series, ...]:
-    """Divide the rows of a file by its columns of series and stations.
+def _parted(
+    columns: Columns, whole: Series, first: Ids, scatter: Scatter, fixed: FixedPoints | None
+) -> tuple[Series, ...]:
+    """Divide the rows of a file by its columns of series and stations, and by fixed points.
 
     Args:
         columns: The columns of the file.
-        whole: All rows as one series.
+        whole: All rows as one series; of distances the first numbers of its positions.
         first: Row of the table of each.
         scatter: Noise of every row of the table.
+        fixed: Fixed point of every row of the table; None of positions.
     """
     said, stem = columns.names.map.series, stem_of(columns.table.path)
     texts = [_texts(columns, what, first) for what in NAMES]
-    keys = list(zip(*texts, strict=True))
+    points: list[Point] = [None] * len(first)
+    if fixed is not None:
+        points = [(x, y, z) for x, y, z in fixed.place[first].tolist()]
+    keys = list(zip(points, *texts, strict=True))
     found = []
     for key in dict.fromkeys(keys):
         rows = np.array([k == key for k in keys])
         part = select_rows(whole, rows)
         own, turn = scatter.sigma[first[rows]], scatter.sigma_rotation[first[rows]]
         even = scatter.covariance is None and (own == own[0]).all() and part.seen.all()
-        series, station, frame, target = key
-        place, turned = " ".join(filter(None, (series, station))), bool(part.turned.any())
+        point, series, station, frame, target = key
+        number = ""
+        if fixed is not None:
+            number = _number_of(point, [own for own, *rest in keys if rest[:2] == [series, station]])
+        place, turned = " ".join(filter(None, (series, station, number))), bool(part.turned.any())
+        if fixed is not None:
+            part = replace(
+                part,
+                position=np.zeros_like(part.position),
+                distance=part.position[:, :, 0],
+                fixed=point,
+                fixed_sigma=float(fixed.sigma[first[rows]].max()),
+            )
         found.append(
             replace(
                 part,
@@ -318,6 +356,12 @@ def _parted(columns: Columns, whole: Series, first: Ids, scatter: Scatter) -> tu
             )
         )
     return tuple(found)
+
+
+def _number_of(point: Point, every: Sequence[Point]) -> str:
+    """Name a fixed point by its place among those of a series; empty if it is the only one."""
+    others = list(dict.fromkeys(every))
+    return f"point {others.index(point) + 1}" if len(others) > 1 else ""
 
 
 def _texts(columns: Columns, what: What, first: Ids) -> list[str]:

@@ -271,6 +271,34 @@ def read_readings(columns: Columns, arm: Arm, loaded: Mask, lines: FileLines | N
     return FileReadings(kept, row, marker, loaded, position, long, paired)
 
 
+def read_distances(columns: Columns, arm: Arm, loaded: Mask) -> FileReadings:
+    """Read distances to fixed points, one per row.
+
+    Args:
+        columns: The columns of the file.
+        arm: The arm.
+        loaded: Whether the row has a load, (rows,); it gives the state if no column does.
+
+    Returns:
+        The readings; the first number of a position is the distance, the others are zero.
+
+    Raises:
+        InputError: Names line and column.
+    """
+    column = columns.get(Slot("distance"))
+    if column is None:
+        raise columns.lack(["distance_m"], "; absolute readings have one distance per row, loaded or not")
+    distance, names = columns.values(column), _markers(columns, arm)
+    columns.table.refuse(
+        distance <= 0, column.name, lambda row: f"expected more than 0, got {distance[row]:g} m"
+    )
+    kept = tuple(dict.fromkeys(names))
+    marker = np.array([kept.index(name) for name in names])
+    position = np.column_stack([distance, np.zeros((len(names), 2))])
+    every = np.arange(columns.table.rows)
+    return FileReadings(kept, every, marker, _states(columns, loaded), position, long=True, paired=False)
+
+
 def _blocks(columns: Columns) -> dict[tuple[str, str], list[ReadColumn]]:
     """List the three columns of every marker and state."""
     found: dict[tuple[str, str], dict[int, ReadColumn]] = {}

@@ -359,8 +359,13 @@ def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
     joints = [joint.column for joint in arm.file_joints]
     own |= _cells(n, [*_conditions(joints, arm.to_file(s.q), s), *beside], shown)
     own |= _cells(n, [(["temperature"], s.temperature)], _rounded(decimals and 2))
-    places = np.where(lost, np.nan, s.position.reshape(-1, 3))
-    return own | _cells(n, [(columns_of("reading"), places)], shown)
+    if s.distance is None:
+        blocks: list[Block] = [(columns_of("reading"), np.where(lost, np.nan, s.position.reshape(-1, 3)))]
+    else:
+        length = np.where(lost, np.nan, s.distance.reshape(-1, 1))
+        blocks = [(["distance_m"], length), (columns_of("fixed"), np.tile(np.array(s.fixed), (n, 1)))]
+        blocks.append((["fixed_sigma_m"], np.full(n, s.fixed_sigma)))
+    return own | _cells(n, blocks, shown)
 
 
 def _torques(arm: Arm, s: Series) -> Array | None:

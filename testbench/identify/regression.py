@@ -662,7 +662,9 @@ def reduce_series(
                     *whitened_rows(linearisation, select_rows(one, some)), np.zeros(len(some), dtype=int)
                 )
             factors = [part.factor(kind, [0]) for kind in kinds]
-            counts = np.array([part.equations[kind, 0] for kind in kinds])
+            counts = np.array([part.equations[kind, 0] for kind in kinds]) // (
+                1 if one.distance is None else 3
+            )
             parts.append(SeriesBlock(place, np.array([T.T @ T for T in factors]), counts))
             whole.join(part)
     return ReducedReadings(kinds, tuple(parts), {kind: whole.factor(kind, [0]) for kind in kinds})

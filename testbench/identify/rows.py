@@ -119,8 +119,32 @@ def series_rows(unknowns: Unknowns, state: ArmState, series: Series) -> Array:
     )
     A[:m] *= series.seen.T[:, None, None]
     A[m:] *= series.turned
+    if series.distance is not None:
+        # A distance changes by the part along its beam; its fixed point has no axes that could turn.
+        u, _ = beams(state, series, equilibrium)
+        A[:, :, unknowns.columns(f"frame {series.frame}")][:, :, 3:] = 0
+        A = u[:, :, None] * np.einsum("sxr,sxcr->scr", u, A)[:, None]
     A[:, :, -1] = series_residuals(state, series, equilibrium)
     return A
+
+
+def beams(state: ArmState, series: Series, equilibrium: JointEquilibrium) -> tuple[Array, Array]:
+    """Compute unit vectors from the fixed point of a series of distances to its targets, and the lengths.
+
+    Mathematics: `abs-14`.
+
+    Args:
+        state: The model; the origin of the series' frame is the fixed point.
+        series: Distances.
+        equilibrium: The arm at rest in every row.
+
+    Returns:
+        Unit vectors in base axes, (m, 3, rows) [1], and lengths, (m, rows) [m].
+    """
+    frame = state.frame(series)
+    beam = equilibrium.chain.points(state.mount(series).points) + frame.translation @ frame.rotation
+    length = np.linalg.norm(beam, axis=2)
+    return (beam / length[..., None]).transpose(1, 2, 0), length.T
 
 
 def series_residuals(state: ArmState, series: Series, equilibrium: JointEquilibrium) -> Array:
@@ -136,6 +160,9 @@ def series_residuals(state: ArmState, series: Series, equilibrium: JointEquilibr
     Returns:
         (s, 3, rows) [m, rad]; zero where nothing was read.
     """
+    if series.distance is not None:
+        u, length = beams(state, series, equilibrium)
+        return np.asarray(u * ((series.distance.T - length) * series.seen.T)[:, None])
     frame, mount = state.frame(series), state.mount(series)
     x = equilibrium.chain.points(mount.points)
     position = ((series.position - frame.translation) @ frame.rotation - x) * series.seen[..., None]

@@ -361,15 +361,37 @@ class DistanceMeter:
         Returns:
             Readings unloaded and loaded, (2, runs) [m]; NaN out of range.
         """
-        true = stated + self.fixed * rng.standard_normal(3)
-        length = np.linalg.norm(np.array(places) - true, axis=-1)
-        read = length + self.sigma * rng.standard_normal(length.shape)
+        read, length = self._lengths(stated, np.array(places), rng)
         return np.where(np.abs(length[1] - length[0]) <= self.travel, read, np.nan)
+
+    def read_absolute(self, stated: Array, places: Array, rng: np.random.Generator) -> Array:
+        """Read the distance in any poses; the middle of its range is that of the distances.
+
+        Args:
+            stated: Where the fixed point is said to be, (3,) [m].
+            places: The marker in every pose, (runs, 3) [m].
+            rng: Source of the fixed point's error, the same in all runs, and of noise.
+
+        Returns:
+            Readings, (runs,) [m]; NaN out of range.
+        """
+        read, length = self._lengths(stated, places, rng)
+        middle = (length.min() + length.max()) / 2
+        return np.where(np.abs(length - middle) <= self.travel, read, np.nan)
+
+    def _lengths(self, stated: Array, places: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Read distances from a fixed point that is not quite where it is stated, and the true ones."""
+        true = stated + self.fixed * rng.standard_normal(3)
+        length = np.linalg.norm(places - true, axis=-1)
+        return length + self.sigma * rng.standard_normal(length.shape), length
 
 
 BALLBAR = DistanceMeter(sigma=1e-6, fixed=1e-3, travel=1e-3)
 """A telescoping ballbar. Makers state about 1 um and a range of 1 mm to either side [assumed]; the fixed ball
 is placed with a tape or a square, to a millimetre [assumed]."""
+LONG_BAR = DistanceMeter(sigma=10e-6, fixed=1e-3, travel=1.0)
+"""A bar that telescopes by a metre to either side, or an interferometer that follows its reflector: 10 um are
+usual [assumed]."""
 DRAW_WIRE = DistanceMeter(sigma=50e-6, fixed=2e-3, travel=1.0)
 """A draw-wire encoder of 2 m. Makers state a repeatability of some hundredths of a millimetre [assumed]; its
 outlet is known to two millimetres [assumed]."""

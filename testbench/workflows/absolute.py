@@ -149,7 +149,8 @@ def _check_new(path: Path, series: Sequence[Series], before: Sequence[Series]) -
 
 def _readings(series: Series) -> list[bytes]:
     """Joints and positions of every row that was read."""
-    rows = np.hstack([series.q, series.wrench[:, :3], series.position.reshape(series.rows, -1)])
+    read = series.position if series.distance is None else series.distance
+    rows = np.hstack([series.q, series.wrench[:, :3], read.reshape(series.rows, -1)])
     return [row.tobytes() for row in rows[series.seen.any(axis=1)].round(9) + 0.0]
 
 
@@ -240,6 +241,13 @@ def of_held(calibration: Calibration) -> list[str]:
     """Say what every series leaves open of its frame and mount, and what holds it."""
     vjm, every, words = calibration.state.vjm, calibration.active.unknowns.held, []
     for series in calibration.series:
+        if series.distance is not None:
+            found = -calibration.state.frame(series).translation
+            off = 1e3 * float(np.linalg.norm(found - np.array(series.fixed)))
+            words.append(
+                f"{series.name}: its fixed point is found at {', '.join(f'{x:.4f}' for x in found)} m, "
+                f"{off:.1f} mm from where it is stated; distances do not show how the base is turned about it"
+            )
         alone, mount, frame = (
             undetermined_frames(vjm, (series,)),
             f"mount {series.target}",
@@ -375,7 +383,7 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
             raise BenchError(f"{one.name}: no rows are left beside the {len(placed.rows)} of its frame")
         left, covariance = predict(model, placed, rest)
         far.append(1e3 * np.linalg.norm(left, axis=2)[rest.seen])
-        within.append(inside_ellipsoid(left, covariance)[rest.seen])
+        within.append(inside_ellipsoid(left, covariance, one.quantile_95)[rest.seen])
     return PositionErrors(
         **distance_statistics(np.concatenate(far)), coverage_95=float(np.concatenate(within).mean())
     )

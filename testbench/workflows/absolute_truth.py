@@ -11,12 +11,13 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from testbench.data.dataset import Dataset, Series, in_order
+from testbench.data.dataset import NOMINAL_FIXED, Dataset, Series, in_order
 from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.plant.build import Plant
 from testbench.plant.disturbance import TYPICAL, Disturbances, GearErrors, Gears
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.tracker import (
+    DistanceMeter,
     LaserTracker,
     Tracker,
     precision,
@@ -26,6 +27,7 @@ from testbench.plant.tracker import (
 )
 from testbench.plant.true_arms import disturb
 from testbench.workflows.cell import Cell, LoadedPoses, clear_poses, poses_with_weight
+from testbench.workflows.instruments import Mounted, check_markers
 from testbench.workflows.plan_input import Place
 
 MAX_POSES = 20_000
@@ -175,6 +177,57 @@ def simulate_series(
         position = position + _off(absolute_campaign, truth.outliers[k], strays)
         clean = _series(cell, absolute_campaign, k, rows, (position, rotation))
         found.append(_noisy(clean, noise) if absolute_campaign.noise else clean)
+    return tuple(found), truth
+
+
+def simulate_distances(
+    cell: Cell,
+    absolute_campaign: AbsoluteCampaign,
+    mounted: Sequence[Mounted],
+    seed: int = 1,
+    q: Array | None = None,
+) -> tuple[tuple[Series, ...], Truth]:
+    """Read the distances of markers from fixed points, in the poses and of the arm of `simulate_series`.
+
+    Args:
+        cell: The arm; its plant has the true compliances.
+        absolute_campaign: What to measure: one series of all markers.
+        mounted: Distance meters, each of one marker.
+        seed: Root of all randomness.
+        q: Poses, (poses, n) [rad, m]; None for random ones that the arm can take.
+
+    Returns:
+        A series per instrument, with one mount, and the truth.
+
+    Raises:
+        BenchError: When an instrument reads no distances, or the arm lacks its marker.
+    """
+    check_markers(cell, mounted)
+    every = {"noise": False, "targets": len(cell.arm.markers), "series": 1, "orientations": False}
+    (exact,), truth = simulate_series(cell, absolute_campaign.model_copy(update=every), seed, q)
+    [station], rng = truth.stations, trial_rng(seed, 3)
+    world = (exact.position - station.position) @ station.rotation
+    used = [name for name in cell.arm.markers if name in {own.marker for own in mounted}]
+    found = []
+    for k, own in enumerate(mounted, 1):
+        if not isinstance(own.instrument, DistanceMeter) or own.fixed is None:
+            raise BenchError("--instrument: expected ballbar, bar or wire with --absolute")
+        read = own.instrument.read_absolute(own.fixed, world[:, cell.arm.markers.index(own.marker)], rng)
+        seen = np.isfinite(read)[:, None] & np.equal(used, own.marker)
+        found.append(
+            replace(
+                exact,
+                name=f"point {k}",
+                frame=f"point {k}",
+                markers=tuple(used),
+                position=np.zeros((exact.rows, len(used), 3)),
+                sigma=own.instrument.sigma,
+                precision=None if seen.all() else seen[..., None, None] * np.eye(3) / own.instrument.sigma**2,
+                distance=np.where(seen, read[:, None], 0.0),
+                fixed=tuple(own.fixed.tolist()),
+                fixed_sigma=max(own.instrument.fixed, NOMINAL_FIXED),
+            )
+        )
     return tuple(found), truth
 
 

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.folder import ArmJoint
-from testbench.data.dataset import Series, select_rows
+from testbench.data.dataset import Series, numbers_per_target, select_rows
 from testbench.errors import Array, Ids
 from testbench.identify.absolute.align import align_all, residuals
 from testbench.identify.absolute.choose import SelectionStep
@@ -211,7 +211,7 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
         ],
         total_before=distance_statistics(MM * every[0]),
         total_after=distance_statistics(MM * every[1]),
-        steps=[_step(step) for step in calibration.chosen.steps],
+        steps=[_step(step, math.sqrt(numbers_per_target(series))) for step in calibration.chosen.steps],
         places=[row for k, joint in enumerate(vjm.arm.joints) for row in _ranges(joint, q[:, k], q, *every)],
         spectrum=list(_spectrum(calibration)),
         pattern=_pattern(calibration.active.unknowns),
@@ -234,7 +234,9 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
     f |= _validated(f)
     f["models"] = [_model(estimate, f)]
     f["rejected"] = _rejected(f, *(_nearest(x) for x in every))
-    f["pressed"] = calibration.cone_pressure > max(PRESSED[0], PRESSED[1] * 3 * f.total_after.n)
+    f["pressed"] = calibration.cone_pressure > max(
+        PRESSED[0], PRESSED[1] * sum(one.equations for one in series)
+    )
     f["more"] = more and Row(poses=FURTHER, now_mm=MM * more[0], after_mm=MM * more[1])
     f["doubts"] = [f"{name}: {text}" for name, text in calibration_doubts(f)]
     return f
@@ -341,14 +343,18 @@ def _model(estimate: Estimate | None, f: Row) -> Row:
     )
 
 
-def _step(step: SelectionStep) -> Row:
+def _step(step: SelectionStep, length: float) -> Row:
     """A kind of error beside those kept before it: RMS distances of readings that were held out.
 
     Blocks of joint space, and whole series realigned: the latter None of a single series, the former where
     poses are too few to hold any out.
+
+    Args:
+        step: The trial of the kind.
+        length: RMS distance of a reading over its RMS along an axis [1].
     """
     every = (step.before, step.after, step.series_before, step.series_after)
-    mm = [MM * math.sqrt(3) * x if math.isfinite(x) else None for x in every]  # root mean squares of an axis
+    mm = [MM * length * x if math.isfinite(x) else None for x in every]  # root mean squares of an axis
     keys = ("before_mm", "after_mm", "series_before_mm", "series_after_mm")
     return Row(zip(keys, mm, strict=True), name=step.name, kept=step.kept)
 

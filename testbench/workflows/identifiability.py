@@ -663,9 +663,11 @@ def _set_ups(unknowns: Unknowns) -> Iterator[ObservedQuantity]:
     every = np.eye(unknowns.size)
     keys = [*(("frame", name) for name in unknowns.frames), *(("mount", name) for name in unknowns.mounts)]
     for kind, name in keys:
-        yield ObservedQuantity(
-            f"the {kind} of {name}", every[unknowns.columns(f"{kind} {name}")], of_the_arm=False
-        )
+        columns = np.arange(unknowns.size)[unknowns.columns(f"{kind} {name}")]
+        point = kind == "frame" and name in unknowns.fixed
+        words = f"the fixed point of {name}" if point else f"the {kind} of {name}"
+        own = np.setdiff1d(columns, unknowns.turns_of_points)
+        yield ObservedQuantity(words, every[own], of_the_arm=False)
 
 
 def _lengths(unknowns: Unknowns) -> Iterator[ObservedQuantity]:

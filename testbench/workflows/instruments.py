@@ -16,6 +16,7 @@ from testbench.model.vjm import marker_points, tool_points, tool_pose
 from testbench.plant.tracker import (
     BALLBAR,
     DRAW_WIRE,
+    LONG_BAR,
     DistanceMeter,
     Gauge,
     Tracker,
@@ -56,6 +57,7 @@ KINDS: dict[str, Instrument] = {
     "probe": PROBE,
     "gauge": Gauge(),
     "ballbar": BALLBAR,
+    "bar": LONG_BAR,
     "wire": DRAW_WIRE,
 }
 """Instruments by name."""
@@ -66,7 +68,8 @@ AXES = {
 """Directions by name."""
 ON_TOOL = "tool_"  #: Before the name of a direction in the tool's axes.
 FORMS = (
-    "gauge:MARKER:z, ballbar:MARKER:X,Y,Z, wire:MARKER:X,Y,Z, tracker, camera or probe, then :5um or :0.5deg"
+    "gauge:MARKER:z, ballbar:MARKER:X,Y,Z, the same of bar or wire, tracker, camera or probe, then :5um or "
+    ":0.5deg"
 )
 """Forms of an instrument's text."""
 
@@ -166,10 +169,7 @@ def read_instruments(
     Raises:
         BenchError: When a marker is none of the arm's, or a probe of orientations is not the only instrument.
     """
-    for own in mounted:
-        if own.marker and own.marker not in cell.arm.markers:
-            have = ", ".join(cell.arm.markers)
-            raise BenchError(f"instrument: no marker {own.marker!r} in {cell.arm.name}; markers are {have}")
+    check_markers(cell, mounted)
     probes = [own for own in mounted if isinstance(own.instrument, Tracker) and own.instrument.sigma_rotation]
     if not mounted or (probes and len(mounted) > 1):
         raise BenchError("instruments: expected at least one, a probe of orientations alone")
@@ -181,6 +181,19 @@ def read_instruments(
         data = join_rows([_with_lines(part) for part in parts])
     order = np.argsort(np.tile(np.arange(len(loaded.q)), len(parts)), kind="stable")
     return replace(in_order(data, order), run=np.arange(data.runs) + 1)
+
+
+def check_markers(cell: Cell, mounted: Sequence[Mounted]) -> None:
+    """Refuse an instrument of a marker that the arm does not have, by BenchError.
+
+    Args:
+        cell: The arm.
+        mounted: The instruments.
+    """
+    for own in mounted:
+        if own.marker and own.marker not in cell.arm.markers:
+            have = ", ".join(cell.arm.markers)
+            raise BenchError(f"instrument: no marker {own.marker!r} in {cell.arm.name}; markers are {have}")
 
 
 def _layers(cell: Cell, mounted: Sequence[Mounted]) -> list[list[Mounted]]:

@@ -197,7 +197,9 @@ def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
     )
     groups = [("play", free + np.arange(small))]
     groups += [("harmonics", free + small + k * large + np.arange(large)) for k in range(2)]
-    unknowns = SimpleNamespace(groups=groups, size=count, held=frozenset(), starts={"geometry": free})
+    unknowns = SimpleNamespace(
+        groups=groups, size=count, held=frozenset(), fixed={}, starts={"geometry": free}
+    )
     own = SimpleNamespace(rigid=count, columns=np.arange(count), elastic=None, unknowns=unknowns)
     unit = np.r_[np.ones(free), np.full(small, play), np.full(2 * large, band)]
     x = unit * rng.normal(size=count) * np.repeat([1, 3, 0.4, 1.5], (free, small, large, large))

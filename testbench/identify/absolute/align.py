@@ -32,7 +32,15 @@ from testbench.identify.closed_form import FrameLayout, mean_readings, nearest_r
 from testbench.identify.closed_form import residuals as left_by
 from testbench.identify.diagnosis.hypothesis import Issue
 from testbench.identify.registered import MAX_NOMINAL_DISTANCE
-from testbench.identify.registration import MIN_POSES, Frame, arm_reach, moving_joints, register
+from testbench.identify.registration import (
+    ASSUMED_NOISE,
+    MIN_POSES,
+    NOMINAL_DEVIATION,
+    Frame,
+    arm_reach,
+    moving_joints,
+    register,
+)
 from testbench.identify.robust_loss import READINGS, Loss
 from testbench.identify.rows import series_residuals
 from testbench.model.vjm import Vjm, tool_pose
@@ -43,6 +51,9 @@ EQUATION_KINDS = ("position", "orientation", "position within a pose", "orientat
 """Kinds of equations, each with its own noise factor."""
 POSITIONS = (0, 2)
 """Kinds that are positions."""
+
+LINE_SHARE = 0.9991 / 2.986
+"""Mean of min(|z|, 3.5)^2 of a normal number over that of a normal 3-vector [1]."""
 
 
 @dataclass(frozen=True)
@@ -231,9 +242,13 @@ def scatter(state: ArmState, series: Sequence[Series], share: float) -> Noise:
         if one.sigma_rotation is not None:
             rotation.append((left[one.turned, m], np.full(one.turned.sum(), one.sigma_rotation**2)))
     found = []
-    for kind in (position, rotation):
+    # A distance is one number: its squares are smaller than those of a position.
+    every = sum(int(one.seen.sum()) for one in series)
+    lines = sum(int(one.seen.sum()) for one in series if one.distance is not None)
+    mean = 1.0 - (1.0 - LINE_SHARE) * lines / max(every, 1)
+    for kind, size in ((position, mean), (rotation, 1.0)):
         length, own = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
-        found.append(READINGS.scatter(length, own, share))
+        found.append(READINGS.scatter(length, own, share * size))
     return Noise(found[0], found[1])
 
 
@@ -362,6 +377,12 @@ frame counts as undetermined."""
 SOUND_SHARE, FITTED_DISTANCE = 0.9, 5e-3
 """Share of the readings that must fit, and their largest distance from a fitted arm relative to its reach
 [1]. Heavy arms with gear errors and soft links, not yet fitted, are at a thousandth."""
+UNNAMED_DEVIATION = 1.0
+"""Standard deviation of a target without a name from the tool's origin, along each axis [m]."""
+MAX_POINT_DEVIATIONS = 5.0
+"""Distance of a fixed point from its stated place beyond which that is wrong, over its deviation [1]."""
+MAX_EVALUATIONS = 100
+"""Most evaluations of the search for a fixed point."""
 MAX_TURNED = 0.1
 """Median angle between orientations and the arm beyond which their notation is wrong [rad]."""
 
@@ -438,6 +459,8 @@ def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
     """
     if lost := [name for name in series.markers if name not in _read(series)]:
         raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
+    if series.distance is not None:
+        return _by_distances(state, series)
     # By the series alone; else with the frame or mount that the state has.
     few = too_few(state.vjm, series)
     found = None if _tells_little(state.vjm, series) else _placed(state, series)
@@ -461,6 +484,54 @@ def align(state: ArmState, series: Series) -> tuple[Frame, Mount]:
             raise _misfit(state, series, found)
         found = placed[0]
     return found.frame, found.mount
+
+
+def _by_distances(state: ArmState, series: Series) -> tuple[Frame, Mount]:
+    """Find the fixed point and the targets of distances, from where they are said to be.
+
+    Robust least squares with the nominal arm holds the point and named targets by their priors. The frame has
+    its origin in the point and the base's axes.
+
+    Raises:
+        BenchError: If the distances are too few, or not those of this arm.
+    """
+    from scipy.optimize import least_squares  # here: it takes long to import, and few runs need it
+
+    assert series.distance is not None
+    assert series.fixed is not None
+    if few := too_few(state.vjm, series):
+        raise BenchError(f"{series.name}: {few}")
+    targets, known = _nominal_targets(state, series), state.mounts.get(series.target)
+    position, rotation = tool_pose(state.vjm, series.q)
+    read, seen, start = series.distance, series.seen, np.r_[series.fixed, targets.ravel()]
+    named = set(series.markers) <= {*state.vjm.arm.markers, *(known.markers if known else ())}
+    sizes = np.full(len(start), NOMINAL_DEVIATION if named else UNNAMED_DEVIATION)
+    sizes[:3] = series.fixed_sigma
+
+    def left(x: Array) -> Array:
+        """Compute distance read minus modelled, (read,) [m], for fixed point and targets, (3 + 3 m,) [m]."""
+        points = position[:, None] + x[3:].reshape(-1, 3) @ rotation.swapaxes(1, 2)
+        return np.asarray((read - np.linalg.norm(points - x[:3], axis=2))[seen])
+
+    def rows(x: Array) -> Array:
+        """Compute whitened residuals and priors, (read + 3 + 3 m,) [1]."""
+        return np.concatenate([left(x) / ASSUMED_NOISE, (x - start) / sizes])
+
+    x = least_squares(rows, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
+    far, off = float(np.median(np.abs(left(x)))), float(np.linalg.norm(x[:3] - series.fixed))
+    place, found = (", ".join(f"{own:.4g}" for own in point) for point in (series.fixed, x[:3]))
+    if not far < MAX_NOMINAL_DISTANCE * state.vjm.reach:
+        times = float(np.median(read[seen] / (read[seen] - left(start))))
+        raise BenchError(
+            f"{series.name}: the distances do not fit this arm and a fixed point near {place} m: {far:.3g} m "
+            f"off (median), {times:.3g} times as long as expected; another unit, point or marker?"
+        )
+    if off > MAX_POINT_DEVIATIONS * series.fixed_sigma:
+        raise BenchError(
+            f"{series.name}: its fixed point is {off:.3g} m from where it is stated, at {found} m rather "
+            f"than {place} m; another point, sign or axes?"
+        )
+    return Frame(np.eye(3), -x[:3]), Mount(x[3:].reshape(-1, 3), np.eye(3), series.markers)
 
 
 @dataclass(frozen=True)
@@ -529,14 +600,19 @@ def _upright(state: ArmState, series: Series) -> FrameLayout:
 
     The frame is upright as far as the readings leave its rotation undetermined.
     """
-    vjm, known = state.vjm, state.mounts.get(series.target)
-    places = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
-    places |= dict(zip(known.markers, known.points, strict=True)) if known else {}
-    targets = np.array([places.get(name, np.zeros(3)) for name in series.markers])
-    position, rotation = tool_pose(vjm, series.q)
+    targets = _nominal_targets(state, series)
+    position, rotation = tool_pose(state.vjm, series.q)
     points = position[:, None] + targets @ rotation.swapaxes(1, 2)
     frame = level_frame(points[series.seen], series.position[series.seen])
     return FrameLayout(frame.rotation[None], frame.translation[None], targets)
+
+
+def _nominal_targets(state: ArmState, series: Series) -> Array:
+    """Return the targets of the state, else of the arm's folder, else the tool's origin, (m, 3) [m]."""
+    vjm, known = state.vjm, state.mounts.get(series.target)
+    places = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
+    places |= dict(zip(known.markers, known.points, strict=True)) if known else {}
+    return np.array([places.get(name, np.zeros(3)) for name in series.markers])
 
 
 def _turns(state: ArmState, series: Series, rotation: Array) -> Array:
@@ -695,10 +771,15 @@ def with_targets(series: Series, markers: tuple[str, ...]) -> Series:
     there = [k for k, name in enumerate(markers) if name in series.markers]
     own = [series.markers.index(markers[k]) for k in there]
     position = np.zeros((series.rows, len(markers), 3))
+    distance = None
+    if series.distance is not None:
+        distance = np.zeros((series.rows, len(markers)))
+        distance[:, there] = series.distance[:, own]
     precision = np.zeros((series.rows, len(markers), 3, 3))
     position[:, there] = series.position[:, own]
     precision[:, there] = (
         np.eye(3) / series.sigma**2 if series.precision is None else series.precision[:, own]
     )
     whole = series.precision is None and len(there) == len(markers)
-    return replace(series, markers=markers, position=position, precision=None if whole else precision)
+    P = None if whole else precision
+    return replace(series, markers=markers, position=position, precision=P, distance=distance)

@@ -106,8 +106,8 @@ def activate(unknowns: Unknowns, kinds: frozenset[str], elastic: PriorScaling | 
     Raises:
         BenchError: When the structure has compliances that the unknowns lack.
     """
-    first = unknowns.starts["geometry"]
-    on = [np.arange(first), *(c for kind, c in unknowns.groups if kind in kinds)]
+    placed = np.setdiff1d(np.arange(unknowns.starts["geometry"]), unknowns.turns_of_points)
+    on = [placed, *(c for kind, c in unknowns.groups if kind in kinds)]
     rigid = np.sort(np.concatenate(on))
     if elastic is None:
         return ActiveUnknowns(unknowns, rigid, None)
@@ -146,6 +146,8 @@ def default_scales(unknowns: Unknowns, kinds: int) -> ErrorScales:
             deviation[first + 3 : first + 6] = LEVEL
         else:
             deviation[first : first + 3 * unknowns.mounts[of][0]] = NOMINAL_DEVIATION
+    for name, sigma in unknowns.fixed.items():
+        deviation[unknowns.columns(f"frame {name}")] = np.repeat([sigma, LEVEL], 3)
     for kind, columns in unknowns.groups:
         deviation[columns] = DEFAULT_SCALES[kind]
     return ErrorScales(deviation, np.ones(kinds))
@@ -299,7 +301,8 @@ def _greatest(active: ActiveUnknowns, S: Array, counts: Array, start: ErrorScale
         B = np.column_stack(precision_root(active.elastic, LOOSE_STRENGTH))
         known[active.rigid :, active.rigid :] = B.T @ B
     first = np.searchsorted(active.columns, active.unknowns.starts["geometry"])
-    known[np.arange(first), np.arange(first)] = start.deviation[:first] ** -2.0  # of frames and mounts
+    placed = active.columns[:first]  # frames and mounts
+    known[np.arange(first), np.arange(first)] = start.deviation[placed] ** -2.0
     times = MAX_FACTOR_UNDETERMINED if active.unknowns.held else MAX_SCALE_FACTOR
     most = [times * DEFAULT_SCALES[kind] for kind, _ in groups] + [np.inf] * len(counts)
     problem = EvidenceModel(

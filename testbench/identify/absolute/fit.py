@@ -173,8 +173,19 @@ def calibrate(
     check_type(prior, Prior, "prior")
     if not series:
         raise BenchError("series: expected one or more, got none")
+    _check_points(series)
     options = options or CalibrationOptions()
     return select_and_solve(linearise_readings(vjm, series, prior, options, weights), options)
+
+
+def _check_points(series: Sequence[Series]) -> None:
+    """Refuse a frame of distances with two fixed points, or with positions, by BenchError."""
+    fixed: dict[str, tuple[float, ...] | None] = {}
+    for one in series:
+        known = fixed.setdefault(one.frame, one.fixed)
+        if known != one.fixed:
+            both = " and ".join("positions" if own is None else str(own) for own in (known, one.fixed))
+            raise BenchError(f"{one.name}: frame {one.frame!r}: expected one fixed point, got {both}")
 
 
 def linearise_readings(
@@ -212,7 +223,7 @@ def linearise_readings(
     moves, series, (first, noise) = settled(series, fitted, scale_by_prior(prior, vjm, all153(vjm.arm)))
     check_fits(first, series)
     # All errors that the readings can support, as unknowns.
-    readings = sum(3 * int(one.seen.sum() + one.turned.sum()) for one in series)
+    readings = sum(one.equations for one in series)
     told = max(1, min(options.orders, int(SUBSAMPLE_FACTOR * readings / (2 * vjm.arm.n_joints))))
     orders = tuple(range(1, told + 1)) if "joint errors" in options.may else ()
     errors = JointErrors(orders, **{name: name in options.may for name in ERROR_KINDS[1:]})

@@ -321,7 +321,8 @@ def pull_of(
     # Readings all over joint space: with the elastic arm, and with the rigid one.
     everywhere = []
     for one in series:
-        count = -(-AMPLE * unknowns.size // (3 * len(one.markers) * len(series)))
+        each = len(one.markers) * (3 if one.distance is None else 1)
+        count = -(-AMPLE * unknowns.size // (each * len(series)))
         q = arm.drawn(rng, count)
         everywhere.append(_moved(one, np.arange(count) % one.rows, q))
     none = {name: np.zeros_like(getattr(state, name)) for name in ("theta_0", "C_theta", "n")}

@@ -307,6 +307,10 @@ def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
     before = np.full(len(M), PRIOR_DEVIATIONS[0])
     for k in range(len(frames)):
         before[6 * k : 6 * k + 6] = np.repeat(PRIOR_DEVIATIONS[1:], 3)
+    for one in series:
+        if one.distance is not None:  # its frame is a point, which is found or held by its prior
+            f = 6 * frames.index(one.frame)
+            before[f : f + 6] = np.repeat([LEVEL / 2, one.fixed_sigma], 3)
     for name, m in mounts.items():
         before[first[name] + 3 * m :][:3] = PRIOR_DEVIATIONS[1]
     covariance = np.linalg.inv(M + np.diag(before**-2.0))
@@ -336,6 +340,12 @@ def _rows(vjm: Vjm, series: Series) -> Array:
         J[:, k, :, 3:6] = np.eye(3)
         J[:, k, :, 6 + 3 * k : 9 + 3 * k] = rotation
     J[:, m, :, :3], J[:, m, :, 6 + 3 * m :] = np.eye(3), rotation
+    if series.distance is not None:
+        assert series.fixed is not None
+        beam = position - np.array(series.fixed)
+        u = beam / np.linalg.norm(beam, axis=1, keepdims=True)
+        J[:, :, :, :3] = 0
+        J = u[:, None, :, None] * np.einsum("nx,nmxk->nmk", u, J)[:, :, None]
     there = np.column_stack([series.seen[some], series.turned[some]])
     return np.asarray(J[there].reshape(-1, J.shape[3]))
 
@@ -595,6 +605,8 @@ class Unknowns:
     geometry: bool = True  #: Whether geometry is unknown; it cancels in deflections.
     #: Frames and mounts that the readings leave undetermined: they have a prior.
     held: frozenset[str] = frozenset()
+    #: Frames of distances: their origin is the fixed point, with this standard deviation [m].
+    fixed: Mapping[str, float] = field(default_factory=dict)
     #: Error pattern that joints share; their waves are then expressed in its `basis`.
     pattern: Pattern | None = None
 
@@ -612,6 +624,13 @@ class Unknowns:
         sizes |= {"errors": self.vjm.arm.n_joints * self.errors.size, "elastic": self.structure.n, "end": 0}
         ends = np.cumsum(list(sizes.values()))
         return {key: int(end - size) for (key, size), end in zip(sizes.items(), ends, strict=True)}
+
+    @property
+    def turns_of_points(self) -> Ids:
+        """Return the columns that no reading depends on: turns of the frames of fixed points."""
+        return np.concatenate(
+            [np.zeros(0, dtype=int), *(self.starts[f"frame {name}"] + np.arange(3, 6) for name in self.fixed)]
+        )
 
     @property
     def size(self) -> int:
@@ -694,7 +713,9 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
         turned = one.rotation is not None or mounts.get(one.target, (0, False))[1]
         mounts[one.target] = len(one.markers), turned
     frames = tuple(dict.fromkeys(one.frame for one in series))
-    return Unknowns(vjm, frames, mounts, errors, structure, held=undetermined_frames(vjm, series))
+    held = undetermined_frames(vjm, series)
+    fixed = {one.frame: one.fixed_sigma for one in series if one.distance is not None}
+    return Unknowns(vjm, frames, mounts, errors, structure, held=held, fixed=fixed)
 
 
 def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:

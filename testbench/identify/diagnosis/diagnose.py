@@ -161,6 +161,8 @@ def unplaced_series(vjm: Vjm, series: Series, hypotheses: Hypotheses = HYPOTHESE
         The mistake; "kinematics" when the readings do not fit and no hypothesis explains them; None when they
         fit.
     """
+    if series.distance is not None:
+        return None
     return best_hypothesis(of_series(vjm, series), hypotheses.places, "all")[0]
 
 

@@ -403,7 +403,7 @@ def settled(
         Returns:
             Findings, the parts as divided now, and their fit; None if nothing moved.
         """
-        steps = [_clear(now[0], one, now[1], elastic) for one in parts]
+        steps = [None if one.distance is not None else _clear(now[0], one, now[1], elastic) for one in parts]
         issues = [step for step in steps if step]
         if not issues:
             return None

@@ -230,6 +230,6 @@ def check_order(vjm: Vjm, series: Sequence[Series]) -> None:
         Misfit: When the rows of one series belong to other poses from some row on.
     """
     for one in series:
-        if found := slip(of_series(vjm, one)):
+        if one.distance is None and (found := slip(of_series(vjm, one))):
             first = one.row[found.first]
             raise Misfit(f"{one.name}: its rows from {first} on do not fit those before", one)
