@@ -126,10 +126,11 @@ def expected() -> str:
         ["undisturbed", *(_spread(models[name], "RMS workspace, true, mm", 1.0) for name in methods)],
     ]
     names = ("common pattern", "joint springs", "links, LS")
-    for what, key in (("held-out poses", "blocks, mm"), ("series A by C", "C to A, mm")):
+    for what, key in (("held-out poses", "blocks, mm"), ("series A, fitted to C", "C to A, mm")):
         ours, springs, least = (real[f"+ {name}"][key] for name in names)
         rows.append([f"real UR10, {what}", ours, "", springs, "", least])
-    heads = ["", "default", "without its cone", "joint stiffness only", "LS + prior", "LS"]
+    alone = "joint stiffness only"
+    heads = ["", "default", "default without cone", alone, "LS of links, prior", "LS of links"]
     won = float(models[DEFAULT_WITHOUT_CONE]["conservative"].rstrip(" %")) / 100
     names = ("Joints", DEFAULT_WITHOUT_CONE, DEFAULT, "MGCO56", "MGCO56 (paper)", "Ridge", "MLS56")
     joints, same, cone, gco, papers, ridge, least = (
@@ -137,10 +138,10 @@ def expected() -> str:
     )
     said = (
         "**The prior and the structure bring the gain; the cone keeps the model conservative.** With the "
-        f"same prior and unknowns LS errs {same} mm, GCO {cone} mm; GCO is conservative on all arms, LS on "
-        f"{share(won, '100')}. Without a prior GCO of beams with a learnt trace weight errs {gco} mm, joint "
-        f"stiffness only {joints} mm, ridge regression {ridge} mm, LS {least} mm. Without the weight, as in "
-        f"the paper, GCO errs {papers} mm."
+        f"same prior and unknowns, the error of LS is {same} mm, that of GCO {cone} mm. GCO is conservative "
+        f"on all arms, LS on {share(won, '100')}. Without a prior, GCO of beams with a learnt trace weight "
+        f"has {gco} mm, {alone} {joints} mm, ridge regression {ridge} mm, LS {least} mm. GCO "
+        f"without the weight, as in the paper, has {papers} mm."
     )
     return f"{lines(heads, rows)}\n\n{said}"
 

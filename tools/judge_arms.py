@@ -1,4 +1,4 @@
-"""Judge the default on true arms that no model contains: the tables of docs/limits.md.
+"""Judge the default on true arms that no model contains: the tables of docs/limits.md and docs/judged.
 
 python tools/judge_arms.py runs/judged.jsonl --seed 780001 --seeds 100
 
@@ -12,8 +12,8 @@ Every line holds the coverage at several scales of the half widths, and the erro
 answer of the test of poses left out, so that tables of other scales and thresholds need no fit.
 """
 
+import csv
 import json
-import re
 from argparse import ArgumentParser
 from contextlib import contextmanager
 from functools import partial
@@ -53,7 +53,6 @@ DRAWS = 4000  #: Of a bootstrap.
 SCALES = np.linspace(0.6, 1.4, 17)  #: Factors on half widths whose coverage every line has.
 SHOWN = (2, 4, 6, 8, 12)  #: Those of them that the table has.
 MEANS, WORST = (92.0, 97.0), 80.0  #: Where the mean coverage should be, and the least of the worst tenth [%].
-MARK = re.compile(r"(<!-- judged ([\w ]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 ANSWERS = ("passed", "unsure", "failed")
 SURE = float(stdtrit(7, SELECTION_PROBABILITY))  #: Of eight poses, how sure links have to be.
 THRESHOLDS = (-np.inf, 1.0, SURE, 3.0, 4.0, np.inf)
@@ -186,7 +185,7 @@ def lines(file):
 
 
 def tables(rows):
-    """Tables by name: beside rivals, GCO without a prior, scaled intervals, other thresholds of links."""
+    """Tables by name, their headings first: rivals, GCO without a prior, scaled intervals, thresholds."""
     kinds = [kind for kind in KINDS if any(row["kind"] == kind and "default" in row for row in rows)]
     own = {kind: [row for row in rows if row["kind"] == kind and "default" in row] for kind in kinds}
     scales = [f"{SCALES[k]:.1f}" for k in SHOWN]
@@ -196,22 +195,22 @@ def tables(rows):
             "|worst tenth, %|half width over the narrowest".split("|"),
             [beside(kind, own[kind]) for kind in kinds],
         ),
-        "without prior": table(
+        "without_prior": table(
             "true arms|n|GCO, mm|Joints-only, mm|ridge, mm|GCO over the better (95 %)".split("|"),
             [without_prior(kind, own[kind]) for kind in kinds],
         ),
         "scales": table(["true arms", "n", *scales, "both bars met"], scaled(own)),
         "thresholds": table(
             "links count above|loses, links 10, 30, 100 times stiffer|loses, worst other kind"
-            "|over 5 % worse than now|over 5 % better|largest rise of a median".split("|"),
+            "|over 5 % worse than the default|over 5 % better|largest rise of a median".split("|"),
             [threshold(own, least) for least in THRESHOLDS] if own else [],
         ),
     }
 
 
 def table(heads, rows):
-    """Markdown of cells, words or numbers, under headings."""
-    return markdown.lines(heads, [[str(cell) for cell in row] for row in rows])
+    """Headings, and rows of cells as texts."""
+    return [heads, *([str(cell) for cell in row] for row in rows)]
 
 
 def beside(kind, rows):
@@ -316,18 +315,31 @@ def main():
     flags.add_argument("--seed", type=int, default=780001, help="first seed")
     flags.add_argument("--seeds", type=int, default=100, help="arms of each kind; 0 for tables alone")
     flags.add_argument("--kind", action="append", choices=KINDS, help="again for more; all if none")
-    flags.add_argument("--into", type=Path, help="page whose parts `<!-- judged NAME -->` are these tables")
+    flags.add_argument("--into", type=Path, help="page for tables: see `write`")
     asked = flags.parse_args()
     with threadpool_limits(1):
         run(asked.files[0], asked.kind or KINDS, range(asked.seed, asked.seed + asked.seeds))
     rows = [row for file in asked.files for row in lines(file)]
     found = tables(rows)
     refused = [f"{row['kind']} {row['seed']}" for row in rows if "refused" in row]
-    print(*found.values(), f"Refused: {', '.join(refused) or 'none'}.", sep="\n\n")
+    shown = (markdown.lines(heads, body) for heads, *body in found.values())
+    print(*shown, f"Refused: {', '.join(refused) or 'none'}.", sep="\n\n")
     if asked.into:
-        text = asked.into.read_text(encoding="utf-8")
-        filled = MARK.sub(lambda part: f"{part[1]}{found[part[2]]}\n\n{part[3]}", text)
-        asked.into.write_text(filled, encoding="utf-8")
+        write(found, asked.into)
+
+
+def write(found, page):
+    """Put each table between its marks `<!-- judged NAME -->` of a page, or into judged/NAME.csv beside."""
+    text = page.read_text(encoding="utf-8")
+    for name, (heads, *body) in found.items():
+        before, mark, rest = text.partition(f"<!-- judged {name} -->\n")
+        if mark:
+            _, end, after = rest.partition("<!-- end -->")
+            text = f"{before}{mark}{markdown.lines(heads, body)}\n\n{end}{after}"
+        else:
+            with (page.parent / "judged" / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows([heads, *body])
+    page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

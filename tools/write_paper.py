@@ -9,7 +9,6 @@ section 6 and what could explain its errors.
 
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -22,7 +21,7 @@ from testbench.arm.folder import find_arm
 from testbench.errors import InputError
 from testbench.report.markdown import as_markdown, counted, grid
 from testbench.report.report import read_report
-from testbench.report.schema import Table, show_truth, written_out
+from testbench.report.schema import show_truth, written_out
 from testbench.runs import command
 from testbench.studies.paper import single_link
 from testbench.workflows.cell import build_cell
@@ -59,19 +58,11 @@ def main(
 def _filled(values: Mapping[str, object]) -> str:
     """The template with these values; what is no Markdown is escaped, of several blank lines one is left."""
     jinja = Environment(undefined=StrictUndefined, finalize=_kept, trim_blocks=True, lstrip_blocks=True)
-    jinja.filters |= {"grid": grid, "without": without, "counted": counted, "yes": show_truth}
+    jinja.filters |= {"grid": grid, "counted": counted, "yes": show_truth}
     template = jinja.from_string(TEMPLATE.read_text(encoding="utf-8"))
     lines = written_out(template.render(values)).strip().split("\n")
     kept = [b for a, b in zip(["", *lines], lines, strict=False) if a.strip() or b.strip()]
     return "\n".join(line.rstrip() for line in kept) + "\n"
-
-
-def without(table: Table, *titles: str) -> Table:
-    """A table without these columns: the page of its study has them."""
-    known = {column.title for column in table.columns}
-    if wrong := set(titles) - known:
-        raise TemplateError(f"no column {', '.join(wrong)}; columns are {', '.join(known)}")
-    return replace(table, columns=tuple(c for c in table.columns if c.title not in titles))
 
 
 def _kept(value: object) -> str:

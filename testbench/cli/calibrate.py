@@ -80,7 +80,9 @@ class CalibrateOptions:
     sigma_um: SigmaUm = None
     load: Annotated[
         list[float] | None,
-        typer.Option(parser=mass, metavar="MASS", help="Payload of loaded rows: one, or one per file."),
+        typer.Option(
+            parser=mass, metavar="MASS", help="Payload of loaded rows, kg or as 530lb: one, or one per file."
+        ),
     ] = None
     without: Annotated[
         list[str] | None, typer.Option(metavar="ERROR", help="Leave this error out; a wrong name lists all.")

@@ -59,7 +59,7 @@ def command(asked: CheckOptions) -> None:
         console = plain_console()
         console.print(first, soft_wrap=True)
         lines = [
-            "\nPlease confirm these numbers, by their contribution to the deflection:",
+            "\nPlease confirm these numbers, each with its contribution to the deflection:",
             *(f"{row.hangs_percent:5.0f} %  {row.number}" for row in said.numbers["confirm"]),
             f"         {len(checked.items) - len(said.numbers['confirm'])} more below 1 %",
             "\nRead from the folder:",
@@ -151,12 +151,10 @@ def contents(checked: Checked) -> list[str]:
             for row, joint in zip(rows, arm.joints, strict=True)
             if row != f"{joint.name} = {joint.name}"
         ]
-    points = zip((arm.load, *arm.markers), (vjm.load, *vjm.markers), strict=True)
-    lines.append(
-        f"  tool {arm.tool!r}: {_place(vjm.tool[:3, 3])} m from {arm.links[-1].name}; in the tool's axes:"
-    )
-    lines.append(f"  load point {arm.load}, markers {', '.join(arm.markers)}")
-    return lines + [f"    {name}: {_place(place)} m" for name, place in points]
+    names = f"load point {arm.load}", *(f"marker {name}" for name in arm.markers)
+    points = zip(names, (vjm.load, *vjm.markers), strict=True)
+    lines.append(f"  {arm.tool}, on {arm.links[-1].name}: {_place(vjm.tool[:3, 3])} m in its frame")
+    return lines + [f"  {name}: {_place(place)} m in the tool's frame" for name, place in points]
 
 
 def _link(link: LinkEntry) -> str:

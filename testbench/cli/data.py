@@ -38,7 +38,9 @@ from testbench.workflows.rows import MM
 
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
-LogFile = Annotated[Path | None, typer.Option(metavar="FILE", help="File of the joints, if another one.")]
+LogFile = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="File of the joints, if they are in another one.")
+]
 LoadedReadings = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Loaded readings, if in another file or FILE.xlsx#SHEET.")
 ]
@@ -59,10 +61,10 @@ class DataOptions:
     force: Force = False
 
 
-@group.command("check", cls=ProjectCommand, help="Show which column is which quantity, and likely mistakes.")
+@group.command("check", cls=ProjectCommand, help="Show the quantity of each column, and likely mistakes.")
 @takes(ReadingOptions, DataOptions, draws=True)
 def check(runs: ReadingOptions, asked: DataOptions) -> None:
-    """Show which column is which quantity, likely mistakes, and the runs on the arm.
+    """Show the quantity of each column, likely mistakes, and the runs on the arm.
 
     Args:
         runs: The file, and how it is read.

@@ -12,7 +12,7 @@ from testbench.errors import BenchError
 from testbench.model.load import weight
 from testbench.report import terminal
 from testbench.report.leave import RunRequest, write_run
-from testbench.report.markdown import Markdown, listed
+from testbench.report.markdown import Markdown, capital, listed
 from testbench.report.planned_poses import seen
 from testbench.report.report import Report, bullets, say
 from testbench.report.schema import Table, TableColumn, columns
@@ -224,7 +224,7 @@ def _of_tasks(f: Row) -> Iterator[Markdown]:
             f.directions,
         )
     for law in f.open_laws:
-        by = f" One more reading per pose determines it for {listed(law.told)}: {law.by}." if law.by else ""
+        by = f" {capital(law.by)} in each pose would determine it for {listed(law.told)}." if law.by else ""
         yield say(
             "**{kind} is not determined** for {joints:list}.{by}",
             vars(law) | {"kind": law.kind.capitalize(), "by": by},

@@ -64,7 +64,7 @@ class SimulateOptions:
     ] = None
     payload_kg: Annotated[
         float | None,
-        typer.Option(parser=mass, metavar="MASS", help="Payload, 240 or 530lb (default: rated)."),
+        typer.Option(parser=mass, metavar="MASS", help="Payload, kg or as 530lb (default: rated)."),
     ] = None
     loads: Annotated[
         str | None, typer.Option(metavar="MASSES", help="Several payloads per pose: 100,240kg.")

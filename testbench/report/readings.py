@@ -12,6 +12,7 @@ from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report import scene as draw
 from testbench.report.colours import GCO, MEASURED, NOMINAL, SERIES, Look
 from testbench.report.markdown import Markdown, capital, ended
+from testbench.report.markdown import counted as with_noun
 from testbench.report.report import Report, bullets, say
 from testbench.report.scene import loads, read_along, trackers
 from testbench.report.schema import NUMBER, Table, columns, plain, show, written_out
@@ -70,9 +71,10 @@ def _others(f: Row) -> Iterator[tuple[str, str]]:
         more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
         return (mark.join(names[:MAX_LISTED]) or "none") + more
 
-    yield "rows, runs, poses, stations", f"{f.rows}, {f.runs}, {f.poses}, {f.stations}"
-    yield "markers", f"{len(f.markers)}: {few(f.markers)}"
-    yield "lost targets", f"{len(f.lost)} of {f.targets}: {few(f.lost)}"
+    counts = zip(("row", "run", "pose", "station"), (f.rows, f.runs, f.poses, f.stations), strict=True)
+    yield "size", ", ".join(with_noun(n, what) for what, n in counts)
+    yield "markers", few(f.markers)
+    yield "lost targets", f"{len(f.lost)} of {f.targets}" + (f": {few(f.lost)}" if f.lost else "")
     if f.without:
         yield "markers without an instrument", few(f.without)
     yield "loads", few(f.loads, "; ")

@@ -107,9 +107,10 @@ def of_average(average: ModelAverage | None) -> list[str]:
     if average.laws_weight == 1:
         return ["the evidence favours joints that stiffen or have backlash or friction"]
     if average.laws_weight:
+        laws, linear = (f"{100 * x:.3g} %" for x in (average.laws_weight, 1 - average.laws_weight))
         return [
-            "the estimate is an average; joints that stiffen or have backlash or friction have a weight of "
-            f"{100 * average.laws_weight:.3g} %, linear joints the rest"
+            f"the estimate is an average of linear joints ({linear}) and joints that stiffen or have "
+            f"backlash or friction ({laws})"
         ]
     share = f"{100 * average.weight:.3g} %"
     if average.weight > 0.5:

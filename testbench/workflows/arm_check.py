@@ -238,13 +238,13 @@ def _behind(arm: ArmContext) -> Iterator[str]:
     if (drawn := _drawn(arm.cell).get(len(links) - 1)) is not None:
         end = float((drawn @ way).max())
     if end - tool > INSIDE * vjm.reach:
-        inside = f"{1e3 * (end - tool):.0f} mm behind the end of {links[-1].name} as drawn"
+        inside = f"inside {links[-1].name} as drawn, {1e3 * (end - tool):.0f} mm from its end"
         yield f"{arm.cell.arm.tool} is {inside}: is that where the tool is?"
     names = arm.cell.arm.load, *arm.cell.arm.markers
     for name, place in zip(names, (vjm.load, *vjm.markers), strict=True):
         hidden = min(tool, end) - tool - float(way @ vjm.tool[:3, :3] @ place)
         if hidden > BEHIND * vjm.reach:
-            yield f"{name} is {1e3 * hidden:.0f} mm behind the flange: is it where the tool carries it?"
+            yield f"{name} is {1e3 * hidden:.0f} mm behind the flange: is that where it is on the tool?"
 
 
 def _points(arm: ArmContext) -> Iterator[str]:

@@ -267,7 +267,7 @@ def calibration_doubts(f: Row) -> Iterator[tuple[str, str]]:
     if f.far_geometry:
         yield "Geometry no arm has", f"{f.far_geometry}."
     if ranges := _unread_words(f):
-        yield "Extrapolated, as not measured", f"{ranges}."
+        yield "Extrapolated where no pose was read", f"{ranges}."
     if f.weight_alone and f.compliances:
         scale = "the compliances are proportional to the masses in rigid.xml"
         words = "Masses 10 % too small make compliances 10 % too large; positions stay correct."

@@ -46,7 +46,7 @@ Load = Annotated[
     typer.Option(
         parser=mass,
         metavar="MASS",
-        help="Payload if the file has none: 240, 530lb.",
+        help="Payload if the file has none, kg or as 530lb.",
     ),
 ]
 Payload = Annotated[
@@ -55,7 +55,7 @@ Payload = Annotated[
         "--load",
         parser=mass_or_none,
         metavar="MASS",
-        help="Load if the file has none (default: rated payload).",
+        help="Load if the file has none, kg or as 530lb (default: rated).",
     ),
 ]
 ArmFlag = Annotated[str, typer.Option(metavar="ARM", help="Folder of an arm, or name of a built-in one.")]
@@ -101,7 +101,7 @@ class ReadingOptions:
     sigma_um: SigmaUm = None
     load: Load = None
     frame: Annotated[
-        str, typer.Option(metavar="FRAME", help="Of the readings: auto, base, tracker, or a TOML.")
+        str, typer.Option(metavar="FRAME", help="Frame of the readings: auto, base, tracker, TOML.")
     ] = "auto"
     new_target: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Target that the arm lacks; repeatable.")

@@ -56,10 +56,11 @@ QUIET, CHANCE = 0.6, 1e-6
 def of_scale(scale: LearntScale) -> Doubt:
     """Doubt a scale of a learnt prior that the readings contradict."""
     low, high = (scale.factor * math.exp(sign * 2 * scale.deviation) for sign in (-1, 1))
-    beside = "the links" if scale.name == ALL_JOINTS else "the others of its kind"
-    factor = f"{scale.factor:.2g} times ({low:.2g} to {high:.2g})"
-    words = f"by the readings its compliance is {factor} the prior's, relative to {beside}: check the folder"
-    return Doubt("prior", f"{scale.name}: {words}")
+    name, others = (
+        ("the joints", "the links") if scale.name == ALL_JOINTS else (scale.name, "the other links or joints")
+    )
+    words = f"is {scale.factor:.2g} times ({low:.2g} to {high:.2g}) the prior's by the readings"
+    return Doubt("prior", f"the compliance of {name} {words}, relative to {others}: check the folder")
 
 
 def of_noise(estimates: Iterable[Estimate]) -> list[Doubt]:
@@ -72,7 +73,7 @@ def of_noise(estimates: Iterable[Estimate]) -> list[Doubt]:
     if gammainc(free / 2, free / 2 * (least.f_m / least.f_m_floor) ** 2) > CHANCE:
         return []
     words = (
-        f"{least.structure.name} leaves F_M {least.f_m:.2g} where noise alone leaves "
+        f"the F_M of {least.structure.name} is {least.f_m:.2g}, but noise alone would give "
         f"{least.f_m_floor:.3g}: is sigma too large ({1e6 * SIGMA[0]:g} um if none is stated; perhaps "
         "a U95), or were readings averaged or copied?"
     )

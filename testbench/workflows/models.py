@@ -497,7 +497,7 @@ def _why(duel: Comparison, first: str, default: str) -> str:
     """Why a model stays, or gives way."""
     taken = "the default" if first == default else "the model with fewest unknowns"
     if duel.name == first:
-        return f"{taken}; in cross-validation no other model is significantly better"
+        return f"it is {taken}; in cross-validation no other model is significantly better"
     return (
         f"in cross-validation its F_M is {-duel.difference:.2g} +- {duel.standard_error:.2g} lower than "
         f"that of {taken}, {first}"

@@ -246,10 +246,11 @@ class LimitOptions:
     """Hold the flags of what a call may use."""
 
     estimator_timeout: Annotated[
-        float, typer.Option(min=0.01, max=86_400, metavar="S", help="Time limit of a call of --estimator.")
+        float, typer.Option(min=0.01, max=86_400, metavar="S", help="Time limit of a call of your estimator.")
     ] = 60.0
     estimator_memory: Annotated[
-        float, typer.Option(min=0.01, max=1000, metavar="GB", help="Memory limit of a call of --estimator.")
+        float,
+        typer.Option(min=0.01, max=1000, metavar="GB", help="Memory limit of a call of your estimator."),
     ] = 2.0
 
     @property

@@ -216,7 +216,7 @@ class PlanOptions:
     ] = None
     load: Annotated[
         list[float] | None,
-        typer.Option(parser=mass, metavar="MASS", help="Payload, 240 or 530lb; repeat it for a choice."),
+        typer.Option(parser=mass, metavar="MASS", help="Payload, kg or as 530lb; repeat it for a choice."),
     ] = None
     pull: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,Z", help="Force instead of a weight, N; repeatable.")

@@ -318,9 +318,9 @@ def further_readings(spec: Specification, plan: Plan) -> dict[str, Specification
     lighter = tuple(Load(LIGHTER * load.wrench, load.point) for load in spec.loads)
     pulls = first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3]))) * np.eye(3)
     return {
-        "the same again": spec,
-        "the unloaded one, after the load was taken off (`loading` off)": replace(spec, experiment=back),
-        f"a second load, {LIGHTER:g} of the first": replace(spec, loads=lighter),
+        "the same readings again": spec,
+        "an unloaded reading after the load was taken off (`loading` off)": replace(spec, experiment=back),
+        f"a second load ({LIGHTER:g} of the first)": replace(spec, loads=lighter),
         **{
             f"a {pull_words(own)}": replace(spec, loads=(Load(np.append(own, np.zeros(3)), at),) * every)
             for own in pulls.tolist()

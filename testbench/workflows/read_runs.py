@@ -75,8 +75,8 @@ def _fit_note(registration: Registration, sag: float | None) -> str:
         text += (
             f"; {registration.downweighted} of {len(registration.distance)} fit worse and have less weight"
         )
-    size = "" if sag is None else f" by {MM * sag:.2f} mm RMS, by the arm's folder"
-    return f"{text}. Own weight deflects the tool{size}; differences of readings do not contain this"
+    size = "" if sag is None else f", {MM * sag:.2f} mm RMS according to the arm's folder"
+    return f"{text}. They contain the deflection under own weight{size}; differences of readings do not"
 
 
 def _target_notes(registered: RegisteredDataset, registration: Registration) -> Iterator[str]:

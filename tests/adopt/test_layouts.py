@@ -103,7 +103,7 @@ def test_data_check_shows_pairs_of_a_layout_as_runs(tmp_path):
     (file := tmp_path / "pairs.csv").write_text("\n".join([head, *rows, ""]))
     said = fine("data", "check", ARM.name, file)
     assert "layout table_german (Table with German names)" in said
-    assert "rows, runs, poses, stations: 36, 6, 6, 1" in said
+    assert "size: 36 rows, 6 runs, 6 poses, 1 station" in said
     assert "240 kg" in said
 
 

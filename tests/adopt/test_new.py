@@ -225,7 +225,9 @@ def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, a
     np.testing.assert_allclose(markers, drawn, atol=2e-3)
     assert load == pytest.approx(drawn + 0.05 * vjm.reach, abs=2e-3)
     doubted = [doubt.sentence for doubt in found.doubts if doubt.name == "flange"]
-    inside = [f"tool is {1e3 * drawn:.0f} mm behind the end of link_6 as drawn: is that where the tool is?"]
+    inside = [
+        f"tool is inside link_6 as drawn, {1e3 * drawn:.0f} mm from its end: is that where the tool is?"
+    ]
     assert doubted == (inside if long > 1 else [])
 
 
@@ -250,7 +252,7 @@ def test_guesses_are_doubted(tmp_path):
         r"its payload of \d+ kg is only estimated, .*",
         r"link_4: its shape covers 100 of 900 mm, so the diameter of the tube is only estimated",
         r"link_2, link_3: no shape, so the diameter of the tube is only estimated",
-        r"tool is 2\d\d mm behind the end of link_6 as drawn: .*",
+        r"tool is inside link_6 as drawn, 2\d\d mm from its end: .*",
         r"P0 is \d+ mm behind the flange: .*",
     ):
         assert any(re.fullmatch(said, sentence) for sentence in found), (said, found)

@@ -176,7 +176,7 @@ def test_the_example_of_the_docs_adds_a_mistake_that_is_named_first(sets):
     [first, *_] = diagnose(given, own.prior, table)
     assert first.name == "gon"
     words = describe(first, vjm.arm, hypotheses=table).sentence
-    assert "joint angles are gon, not degrees: which unit does the controller export? (they lie" in words
+    assert "joint angles are gon, not degrees: which unit does the controller export? (median" in words
     assert "gon" not in {issue.name for issue in diagnose(given, own.prior)}
 
 

@@ -124,8 +124,8 @@ SAID = [
     ({"unshown": Unshown(["bend", "turn"], [], None)}, "bend and turn"),
     ({"pulls_n": (PULL,)}, "rope"),
     (
-        {"open_laws": [OpenLaw("friction", ["a", "c"], "the same again", ["c"], ["a"])]},
-        "for c: the same again",
+        {"open_laws": [OpenLaw("friction", ["a", "c"], "the same readings again", ["c"], ["a"])]},
+        "The same readings again in each pose would determine it for c",
     ),
     ({"open_laws": [OpenLaw("backlash", ["b"], None, [], ["b"])]}, "Backlash"),
 ]

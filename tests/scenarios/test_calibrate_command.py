@@ -129,7 +129,7 @@ def test_what_was_planted_is_found_and_the_verdict_comes_first(made, report):
     kept = {step["name"] for step in report["steps"] if step["kept"]}
     assert kept == {"joint springs", "joint errors"}
     assert {step["name"] for step in report["steps"]} - kept == {"ratio", "play"}
-    unread = next(text for text in report["doubts"] if text.startswith("Extrapolated, as not measured"))
+    unread = next(text for text in report["doubts"] if text.startswith("Extrapolated where no pose was read"))
     assert re.search(r": joint_1 (4|5|6)\d to (7|8|9)\d deg\.", unread), unread
     assert (report["outliers"][0]["series"], str(report["outliers"][0]["row"])) in zip(
         ("r_1", "r_2"), rows, strict=True
@@ -253,7 +253,7 @@ def test_a_model_says_where_it_comes_from(made):
     assert [*about.data] == ["r_1.csv", "r_2.csv"]
     assert (about.force, about.moment) == (0, 0)
     assert [doubt.split(":")[0] for doubt in about.doubts] == [
-        "Extrapolated, as not measured",
+        "Extrapolated where no pose was read",
         "Own weight is the only load",
     ]
 

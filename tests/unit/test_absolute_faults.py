@@ -151,7 +151,7 @@ def positions(change):
     return lambda s: replace(s, position=change(s.position))
 
 
-MIRRORED = r"left-handed frame: the sign of an axis, or two axes exchanged\?"
+MIRRORED = r"left-handed frame: is the sign of an axis wrong, or are two axes exchanged\?"
 MISTAKES = {
     "x and y": (positions(lambda p: p[..., [1, 0, 2]]), "fit if x and y of the positions are exchanged"),
     "degrees": (joints(np.degrees), "fit if joint angles are degrees, not radians"),

@@ -44,10 +44,8 @@ def test_every_row_of_every_table_has_a_cell_under_each_heading():
         for seed in range(10)
     ]
     rows = [{**row, "default": row["passed"]} for row in rows]
-    for text in judge.tables(rows).values():
-        heads, _, *body = (line.count("|") for line in text.splitlines())
-        assert body
-        assert {*body} == {heads}
+    for heads, *body in judge.tables(rows).values():
+        assert {len(own) for own in body} == {len(heads)}
     lost = {
         cells[0]: cells[1:3] for cells in (judge.threshold(_by_kind(rows), own) for own in judge.THRESHOLDS)
     }
@@ -72,3 +70,15 @@ def test_at_the_default_s_threshold_a_line_holds_the_default_s_error(kr500, kind
     assert judge.decided(row, np.inf) == row["unsure" if row["changes"] else "failed"]
     assert len({row["passed"], row["failed"]}) == 2
     assert row["covered_at"][8] == row["covered"]
+
+
+def test_tables_are_written_between_their_marks_or_beside_the_page(tmp_path):
+    (tmp_path / "judged").mkdir()
+    page = tmp_path / "page.md"
+    page.write_text("Before.\n\n<!-- judged default -->\nold\n\n<!-- end -->\n\nAfter.\n")
+    judge.write({"default": [["a", "b"], ["1", "2"]], "scales": [["c"], ["3, 4"]]}, page)
+    lines = page.read_text().splitlines()
+    assert (lines[0], lines[3], lines[5], lines[-1]) == ("Before.", "| a | b |", "| 1 | 2 |", "After.")
+    assert "old" not in lines
+    assert [own.name for own in (tmp_path / "judged").iterdir()] == ["scales.csv"]
+    assert (tmp_path / "judged" / "scales.csv").read_text() == 'c\n"3, 4"\n'

@@ -143,8 +143,8 @@ def _against(data: Dataset) -> Iterator[Change[Dataset]]:
 
 
 def _against_words(issue: Issue, _: Arm) -> str:
-    hint = "before and after exchanged, or the force's sign?"
-    hint = "the force points up: its sign?" if issue.numbers["upwards"] else hint
+    hint = "are before and after exchanged, or is the force's sign wrong?"
+    hint = "the force points up: is its sign wrong?" if issue.numbers["upwards"] else hint
     return f"in {_count_text(issue)} runs the targets move against the force: {hint}"
 
 
@@ -288,7 +288,7 @@ def _best_exchange(observations: Observations) -> tuple[int, ...]:
 def _markers_words(issue: Issue, _: Arm) -> str:
     what, *names = issue.where
     if what == "targets":
-        return f"targets {', '.join(names)} are where others of them are to be: names exchanged?"
+        return f"targets {', '.join(names)} are at each other's places: are their names exchanged?"
     return f"of {', '.join(names)} have each other's names"
 
 
@@ -532,7 +532,9 @@ def _load_point(loads: Loads) -> Load:
 
 def _load_point_words(issue: Issue, _: Arm) -> str:
     if "reach" in issue.numbers:
-        words = "the load acts {away:.3g} m from the tool, the arm reaches {reach:.3g} m: millimetres?"
+        words = (
+            "the load acts {away:.3g} m from the tool, the arm reaches {reach:.3g} m: is it in millimetres?"
+        )
         return words.format(**issue.numbers)
     return f"the load acts ({_vector_text(issue.size, MM, 0)}) mm from the stated point, in the tool's axes"
 
@@ -630,14 +632,14 @@ def _reading_words(issue: Issue, _: Arm) -> str:
     run, target = (*issue.where, "the tool's turn")[:2]
     if "off" in issue.numbers:
         return f"run {run}: {target} was read {length_text(issue.numbers['off'])} off, the others were not"
-    off = f"{_distance(issue):.2g} mm from where the others say"
-    return f"run {run}: {target} is {off}: touched, or read wrongly?"
+    off = f"by the other readings, {target} is {_distance(issue):.2g} mm off"
+    return f"run {run}: {off}: was it touched, or read wrongly?"
 
 
 def _run_load_words(issue: Issue, _: Arm) -> str:
     b = issue.size[0]
-    hint = "its mass" if b > -1 else "before and after exchanged"
-    return f"run {issue.where[0]}: its load acts as {1 + b:.2f} times what is stated: {hint}?"
+    hint = "is its mass right?" if b > -1 else "are before and after exchanged?"
+    return f"run {issue.where[0]}: the deflections are those of {1 + b:.2f} times the stated load: {hint}"
 
 
 def _distance(issue: Issue) -> float:
@@ -673,8 +675,8 @@ def _moved_words(issue: Issue, _: Arm) -> str:
         new = "mounts" if what == "target" else "frames"
         return f"{issue.where[0]}: {moved} between rows {ends[0]} and {ends[1]}: taken as two {new}"
     both = [f"the {'loaded' if row % 2 else 'unloaded'} reading of run {row // 2:.0f}" for row in ends]
-    hint = "was it touched?" if what == "target" else "runs behind it need a station of their own"
-    across = ", runs across it are wrong by as much" if size["across"] else ""
+    hint = "was it touched?" if what == "target" else "the runs after it need a station of their own"
+    across = "; runs across it are wrong by as much" if size["across"] else ""
     station_ = f"{issue.where[0]}: " if issue.where[0] else ""
     return f"{station_}{moved} between {both[0]} and {both[1]}: {hint}{across}"
 
@@ -709,7 +711,7 @@ HYPOTHESES = Hypotheses(
             "repeated",
             _repeated,
             lambda f, _: f"run {f.where[0]} has the loaded readings of run {f.where[1]}, in another pose",
-            "copied?",
+            "was it copied?",
         ),
         Hypothesis("load_point", _far_load, _load_point_words),
     ),
@@ -725,7 +727,7 @@ HYPOTHESES = Hypotheses(
             "mirrored",
             _mirrored,
             lambda *_: "lie in a left-handed frame",
-            "the sign of an axis, or two axes exchanged?",
+            "is the sign of an axis wrong, or are two axes exchanged?",
         ),
         Hypothesis(
             "link",
@@ -758,7 +760,7 @@ HYPOTHESES = Hypotheses(
             "force_offset",
             _force_offset,
             lambda f, _: f"a constant force of ({_vector_text(f.size, 1, 0)}) N is missing in every load",
-            "the sensor's zero?",
+            "is the sensor's zero wrong?",
             nats=MIN_NATS,
         ),
         Hypothesis("load_point", _load_point, _load_point_words, nats=MIN_NATS),
@@ -767,10 +769,10 @@ HYPOTHESES = Hypotheses(
             "level",
             _level,
             lambda f, _: (
-                f"the load of {f.numbers['force']:.4g} N acts as {1 + f.size[0]:.2f} times that, "
-                "beside the others"
+                f"compared with the other loads, that of {f.numbers['force']:.4g} N acts like "
+                f"{1 + f.size[0]:.2f} times as much"
             ),
-            "its mass?",
+            "is its mass right?",
             nats=MIN_NATS_OF_RUN,
         ),
         Hypothesis("force_axes", _force_axes, _force_axes_words, nats=MIN_NATS_OF_AXES),
@@ -787,7 +789,7 @@ HYPOTHESES = Hypotheses(
             "run",
             partial(_bumps, all_targets=True),
             lambda f, _: (
-                f"run {f.where[0]}: its targets moved otherwise than the load says, by {_distance(f):.2g} mm"
+                f"run {f.where[0]}: its targets are {_distance(f):.2g} mm from where the load would move them"
             ),
             nats=MIN_NATS_OF_RUN,
         ),
@@ -812,7 +814,7 @@ def _scale_words(issue: Issue, arm: Arm) -> str:
         return (
             f"as a whole the deflections are {factor:.3g} times what the arm's folder predicts; the largest "
             f"is {largest:.3g} mm, {issue.where[0]} in run {issue.where[1]}, the median {median:.3g} mm: "
-            "is that reading wrong, or are loaded readings of other runs?"
+            "is that reading wrong, or do loaded readings belong to other runs?"
         )
     hint = "forces in another unit, a lighter load, or a folder too soft?"
     if factor > 1:
@@ -832,8 +834,8 @@ OTHER_WORDS: Mapping[str, Callable[[Issue, Arm], str]] = {
     ),
     "scale": _scale_words,
     "noise": lambda f, _: (
-        f"the readings scatter {f.numbers['factor']:.2g} times more than their noise, "
-        f"{1e6 * f.numbers['sigma']:.3g} um: is the noise larger, or does the arm do what springs do not?"
+        f"the readings scatter {f.numbers['factor']:.2g} times as much as their noise of "
+        f"{1e6 * f.numbers['sigma']:.3g} um: is the noise larger, or does the arm not bend like springs?"
     ),
     "never_read": lambda f, _: f"{f.where[0]}: {', '.join(f.where[1:])} was never read and is left out",
     "unshared": lambda f, _: f"{f.where[0]}: its {f.where[1]} should be shared, but is fitted separately",
@@ -870,10 +872,10 @@ def describe(
     words = find(issue, arm) + (f": {remedy}" if remedy else "")
     if "was" in issue.numbers:
         ends = length_text(issue.numbers["was"]), length_text(issue.numbers["now"])
-        far = f"they lie {ends[0]} from the arm's kinematics, median; with that {ends[1]}"
+        far = f"median distance from the arm's kinematics {ends[0]}, with this change {ends[1]}"
         if (share := issue.numbers["share"]) > HALF:
             most = f"{100 * share:.0f} % of them"
-            far = f"{most} lie within {ends[0]} of the arm's kinematics; with that {ends[1]}"
+            far = f"{most} lie within {ends[0]} of the arm's kinematics, with this change within {ends[1]}"
         words = f"the {READING_WORDS[issue.where[0]]} {words} ({far})"
     if issue.name == "joint_order" and len(columns) == len(arm.joints):
         own = zip(issue.where[1:], columns, arm.joints, strict=True)

@@ -202,7 +202,7 @@ def warnings(models: Sequence[Row]) -> list[Markdown]:
     unheld = [m.name for m in models if m.get("held_by_trace_weight", 0) > 0.5]
     found = {
         "Not solved in every trial: {names}.": stalled,
-        "Only the trace weight limits the compliance that the readings cannot determine: {names}.": unheld,
+        "In directions that no reading determines, only the trace weight limits {names}.": unheld,
     }
     return [say(sentence, names=listed(names)) for sentence, names in found.items() if names]
 

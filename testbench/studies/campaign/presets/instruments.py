@@ -51,8 +51,8 @@ PRESET = Preset(
     name="instruments",
     page="docs/studies/instruments.md",
     question="What are dial gauges, wires, a ballbar and a camera worth beside a laser tracker?",
-    how="KR 500 under its payload, read in the same random poses by every instrument; gauges half a degree "
-    "off, their directions chosen in each pose; judged over the workspace.",
+    how="Every instrument reads the KR 500 under its payload in the same random poses. Gauges are half a "
+    "degree off; their directions are chosen in each pose. Models are judged over the workspace.",
     options=read_by.Options,
     settings=read_by.settings,
     seeds=(100, 8),

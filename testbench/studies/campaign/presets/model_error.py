@@ -128,8 +128,8 @@ PRESET = Preset(
     name="model_error",
     page="docs/studies/model_error.md",
     question="What do disturbances cost that the model does not know?",
-    how="An arm in the poses and under the weight of section 6, judged in poses never measured, without "
-    "noise and with it.",
+    how="Poses and weight are those of section 6, without noise and with it. Models are judged in poses "
+    "never measured.",
     options=disturbed.DisturbanceOptions,
     settings=disturbed.settings,
     seeds=(100, 2),

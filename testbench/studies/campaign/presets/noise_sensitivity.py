@@ -110,8 +110,8 @@ PRESET = Preset(
     name="noise_sensitivity",
     page="docs/studies/noise_sensitivity.md",
     question="What does tracker noise cost, by method and structure?",
-    how="108 runs of section 5.2 (judged in check runs), the KR 500 in 8 poses and read by several "
-    "instruments (judged over the workspace). The noise of all levels has the same random numbers.",
+    how="The 108 runs of section 5.2 are judged in check runs. The KR 500 in 8 poses, also read by several "
+    "instruments, is judged over the workspace. All levels of noise share their random numbers.",
     options=NoiseOptions,
     settings=noise.settings,
     seeds=(1000, 4),

@@ -124,8 +124,8 @@ PRESET = Preset(
     name="regimes",
     page="docs/studies/regimes.md",
     question="Where does the cone pay by itself?",
-    how="GCO beside least squares of the same structure on the same readings, without a prior, judged over "
-    "the workspace. Two kinds of true arm in every trial.",
+    how="GCO and least squares of the same structure fit the same readings, without a prior. They are judged "
+    "over the workspace. Every trial has two kinds of true arm.",
     options=grids.GridOptions,
     settings=grids.settings,
     seeds=(100, 2),

@@ -119,8 +119,8 @@ PRESET = Preset(
     name="which_model",
     page="docs/studies/which_model.md",
     question="Which method should an engineer use by default with 8, 12 or 20 poses?",
-    how="An arm under its payload, two runs per pose, MuJoCo as the truth, judged over the workspace. In "
-    "every trial six true arms, each with another of six priors.",
+    how="Each arm is read under its payload, in two runs per pose. MuJoCo is the truth; models are judged "
+    "over the workspace. In every trial six true arms each meet another of six priors.",
     options=FamilyOptions,
     settings=family.settings,
     seeds=(102, 6),
