@@ -90,7 +90,9 @@ def _figures(said: Report, seen: PageContent) -> "Mapping[str, Figure]":
     from testbench.report.run_figure import overview
 
     figure = overview(said, seen)
-    sides = "; ".join(f"{side}: {Path(run).name}" for side, run in zip("AB", said.numbers["runs"], strict=True))
+    sides = "; ".join(
+        f"{side}: {Path(run).name}" for side, run in zip("AB", said.numbers["runs"], strict=True)
+    )
     figures.say(figure, figure.get_suptitle(), f"{' '.join(figure.get_supxlabel().split())} {sides}.")
     return {PICTURE: figure}
 
