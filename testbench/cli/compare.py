@@ -86,15 +86,13 @@ def command(asked: CompareOptions) -> None:
 
 def _figures(said: Report, seen: PageContent) -> "Mapping[str, Figure]":
     """Draw the picture of a run, which says below what A and B are."""
-    from testbench.report import figure as figures  # here: matplotlib takes long
+    from testbench.report.figure import add_words  # here: matplotlib takes long
     from testbench.report.run_figure import overview
 
-    figure = overview(said, seen)
     sides = "; ".join(
         f"{side}: {Path(run).name}" for side, run in zip("AB", said.numbers["runs"], strict=True)
     )
-    figures.say(figure, figure.get_suptitle(), f"{' '.join(figure.get_supxlabel().split())} {sides}.")
-    return {PICTURE: figure}
+    return {PICTURE: add_words(overview(said, seen), f"{sides}.")}
 
 
 def _printed(table: Table) -> Table:

@@ -561,7 +561,7 @@ def _key_of_difference(column: Sequence[Axes], ours: ModelLine, theirs: ModelLin
 
 
 def _ends(at: Array, room: float) -> Array:
-    """Least and greatest of points (n, 3) [m], with room around them over the longest side [1]: (2, 3) [m]."""
+    """Least and greatest of points (n, 3), with room around them over the longest side [1]: (2, 3) [m]."""
     least, most = at.min(axis=0), at.max(axis=0)
     spans = most - least
     longest = spans.max() or 1.0

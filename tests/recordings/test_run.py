@@ -169,7 +169,7 @@ def test_charts_hold_the_numbers_largest_first_with_their_intervals(chunks, seen
 def test_words_say_which_pose_is_shown_and_what_colours_are(chunks):
     data = columns(chunks, "/here/runs")
     texts = [t[0] for _, t in sorted(zip(data["typical_first"], data["TextDocument:text"], strict=True))]
-    assert [text.partition("\n")[0] for text in texts] == [f"**{'abcde'[k]}** {k} mm off" for k in SHOWN]
+    assert [text.partition("\n")[0] for text in texts] == [f"**{'abcde'[k]}.** {k} mm off" for k in SHOWN]
     assert all(f"{x}: " in texts[0] for x in ("rust dots", "green arrows", "green lines"))
     assert "hidden" not in texts[0]
     text = document(chunks, "/summary")

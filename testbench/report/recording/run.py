@@ -71,7 +71,7 @@ LETTER, LINE, APART = 3.9, 8.0, 10.5
 """Room for a letter, for a line of text, and from one name to the next below it, in the same units."""
 DOT, STROKE = 0.4, 0.25  #: Radius of a dot and of a line over its size or width [1/pt].
 GREYS = (0.25, 0.75)  #: Brightness beyond which a grey is not seen on a dark or on a light ground [1].
-LETTERS = 30  #: Most letters of a name beside an axis.
+LETTERS = 42  #: Most letters of a name beside an axis.
 THIN = 0.15  #: Radius of an outline.
 NOTHING = ("None", "", " ", None)  #: Styles of lines and markers that are not drawn.
 FAINT = 0.3  #: Least opacity of what is drawn.
