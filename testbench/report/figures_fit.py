@@ -207,6 +207,9 @@ def singular_pane(axes: Axes, values: Sequence[float]) -> None:
     axes.plot(k, s, ".", color=hexadecimal(NOMINAL), markersize=3)
     axes.axhline(1, color=SOFT, linewidth=0.8, linestyle="--")
     log_ticks(axes, "y", float(s.min()), max(1.0, float(s.max())))
+    if min(values) < LEAST_TOLD:  # what is below is drawn at it
+        at = axes.get_yticks().tolist()
+        axes.set_yticks(at, [f"{'≤ ' * (y <= LEAST_TOLD)}{tick_words(y)}" for y in at])
     axes.set(xlabel="direction of the unknowns", ylabel=TOLD, xlim=(0, len(s) + 1))
     axes.set_title(f"Readings decide {told} of {len(s)} directions")
     quiet(axes)
