@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from testbench.errors import Array, Ids, Mask
 from testbench.plant.shapes import BodyFrames, corners, visual_shapes
-from testbench.report.colours import MEASURED, STIFFNESS, TASK, Colour, hexadecimal
+from testbench.report.colours import LOAD, MEASURED, STIFFNESS, TASK, Colour, hexadecimal
 from testbench.report.figure import (
     CAPTION,
     KEY_LETTERS,
@@ -196,7 +196,7 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
     axes.add_collection(LineCollection(ends[known], colors=colours, linewidths=wide, capstyle=cap))
     if layer.kind == "arrows":
         axes.plot(*to[:, shown].T, "o", color=colour, markersize=2)
-    _write_names(axes, layer, to, shown)
+    _write_size(axes, layer, to, shown)
     if layer.kind == "weights":
         side = 2 * layer.radius  # a cylinder as high as wide: a square, its top where the cord ends
         below = ends[known, 1] - [layer.radius, side if shown[1] == 2 else layer.radius]
@@ -204,23 +204,15 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
         axes.add_collection(PatchCollection(squares, facecolors=colour, linewidths=0))
 
 
-def _write_names(axes: Axes, layer: Layer, to: Array, shown: Sequence[int]) -> None:
-    """Write masses of weights below them, and sizes of forces beside the ends of their arrows."""
-    if layer.kind not in ("weights", "arrows"):
+def _write_size(axes: Axes, layer: Layer, to: Array, shown: list[int]) -> None:
+    """Write masses below weights seen from the side, and sizes of forces beside the ends of their arrows."""
+    if layer.colour != LOAD or (layer.kind == "weights" and shown[1] != 2):
         return
-    drop = 2 * layer.radius if layer.kind == "weights" else 0.0
-    for end, words in zip(to, layer.labels, strict=False):
-        at = (end - np.array([0, 0, drop]))[list(shown)] - np.array([0, drop / 2 if shown[1] != 2 else 0])
-        if words and np.isfinite(at).all():
-            axes.annotate(
-                words,
-                at,
-                xytext=(0, -2),
-                textcoords="offset points",
-                ha="center",
-                va="top",
-                fontsize=MIN_LETTER_SIZE,
-            )
+    ends = to - [0, 0, 2 * layer.radius] if layer.kind == "weights" else to
+    for end, words in zip(ends[:, shown], layer.labels, strict=False):
+        if np.isfinite(end).all():
+            below = {"xytext": (0, -2), "textcoords": "offset points", "ha": "center", "va": "top"}
+            axes.annotate(words, end, fontsize=MIN_LETTER_SIZE, **below)
 
 
 def draw_ellipsoids(axes: Axes, at: Array, semi_axes: Array, plane: Sequence[int], colour: str) -> None:
