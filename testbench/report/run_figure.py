@@ -211,8 +211,15 @@ def _write_size(axes: Axes, layer: Layer, to: Array, shown: list[int]) -> None:
     ends = to - [0, 0, 2 * layer.radius] if layer.kind == "weights" else to
     for end, words in zip(ends[:, shown], layer.labels, strict=False):
         if np.isfinite(end).all():
-            below = {"xytext": (0, -2), "textcoords": "offset points", "ha": "center", "va": "top"}
-            axes.annotate(words, end, fontsize=MIN_LETTER_SIZE, **below)
+            axes.annotate(
+                words,
+                end,
+                xytext=(0, -2),
+                textcoords="offset points",
+                ha="center",
+                va="top",
+                fontsize=MIN_LETTER_SIZE,
+            )
 
 
 def draw_ellipsoids(axes: Axes, at: Array, semi_axes: Array, plane: Sequence[int], colour: str) -> None:

@@ -74,11 +74,12 @@ def test_a_weight_hangs_below_its_hook_in_both_views(seen):
     side, above = figure.axes[:2]
     assert not above.texts  # there the arm is in the way
     [words] = side.texts
-    [solid] = [many.get_window_extent() for many in side.collections if isinstance(many, PatchCollection)]
-    box = words.get_window_extent()
+    [drawn] = [many for many in side.collections if isinstance(many, PatchCollection)]
+    corners = side.transData.transform(drawn.get_paths()[0].vertices)
+    (left, low), (right, _), box = corners.min(axis=0), corners.max(axis=0), words.get_window_extent()
     assert words.get_text() == weight.labels[0] == "460 kg"
-    assert solid.x0 < (box.x0 + box.x1) / 2 < solid.x1
-    assert side.bbox.y0 < box.y0 < box.y1 <= solid.y0 + 1
+    assert left < (box.x0 + box.x1) / 2 < right
+    assert side.bbox.y0 < box.y0 < box.y1 <= low + 1
 
 
 def test_the_arm_fills_its_pane_in_equal_scales_and_two_panes_fill_the_width(figure):
