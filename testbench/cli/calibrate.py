@@ -18,7 +18,7 @@ from testbench.identify.absolute.posterior import model_of
 from testbench.identify.registration import MIN_POSES
 from testbench.report import scene as draw
 from testbench.report.badge import decide
-from testbench.report.colours import GCO, Look
+from testbench.report.colours import GCO, GREY, Look
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown
 from testbench.report.readings import LOOKS, draw_calibration
@@ -46,6 +46,7 @@ from testbench.workflows.rows import MM
 if TYPE_CHECKING:
     from testbench.report.figure import Figure
 
+KEPT = "Green: kept, as it improves held-out readings. Grey: tried and left out."
 COMMAND, PICTURE, JOINTS = "testbench calibrate", "calibration.png", "joint_errors.png"
 TABLES = {
     "steps": ("What improves held-out readings, calibrated", "tried verdict after_mm series_after_mm"),
@@ -147,12 +148,13 @@ def command(asked: CalibrateOptions) -> None:
 
 
 def _drawn(said: Report, page: draw.PageContent) -> Mapping[str, "Figure"]:
-    from testbench.report.figures_fit import joint_error_figure  # here: it imports matplotlib
+    from testbench.report.figure import add_words  # here: it imports matplotlib
+    from testbench.report.figures_fit import joint_error_figure
     from testbench.report.run_figure import overview
 
     joints = said.numbers["spectrum"]
     more = {JOINTS: joint_error_figure(joints)} if joints else {}
-    return {PICTURE: overview(said, page), **more}
+    return {PICTURE: add_words(overview(said, page), KEPT), **more}
 
 
 def _score(asked: CalibrateOptions, files: Sequence[File]) -> None:
@@ -236,7 +238,10 @@ def _tables(f: Row) -> dict[str, Table]:
         "ranges": [Row(what=counted.range_words(row), rms_mm=row.after_mm) for row in far],
         "outliers": f.outliers,
     }
-    looks = {"steps": {row.tried: Look(GCO, 0, prior=row.kept) for row in tried}, "errors": LOOKS}
+    looks = {
+        "steps": {row.tried: Look(GCO if row.kept else GREY, 0, prior=row.kept) for row in tried},
+        "errors": LOOKS,
+    }
     heads = {"steps": "after_mm", "series": "after.mean_mm"}
     return {
         name: Table(columns(keys), rows[name], title, headline=heads.get(name, ""), looks=looks.get(name, {}))

@@ -1,17 +1,17 @@
 """testbench compare RUN_A RUN_B: which inputs of two runs differ, and which run errs less."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from testbench.errors import BenchError
 from testbench.plant.true_arms import TRUTHS, true_arm_label, true_arm_of_seed
 from testbench.report import terminal
-from testbench.report.colours import look
+from testbench.report.colours import look_of
 from testbench.report.join import (
     KINDS,
     badge_of,
@@ -31,7 +31,11 @@ from testbench.runs.manifest import Finished, read_run
 from testbench.runs.whole import claim_folder, reading
 from testbench.workflows.options import Force, takes
 
+if TYPE_CHECKING:
+    from testbench.report.figure import Figure
+
 COMMAND = "testbench compare"  #: As manifest.json names it.
+PICTURE = "compare.png"
 DIFFER = "Inputs that differ"
 MAX_NUMBERS = 200  #: Numbers beside the models that are listed.
 MAX_INPUT_LENGTH, PRINTED = 60, 20  #: Letters of an input in the report, and in a terminal.
@@ -66,17 +70,29 @@ def command(asked: CompareOptions) -> None:
                 refuse_unlike([a, b])
             said = report(a, b)
         flags = {"A": {str(a.folder): a.digest}, "B": {str(b.folder): b.digest}}
-        write_run(out, RunRequest(COMMAND, "runs", flags, [], "compare.png"), said, PageContent())
+        request = RunRequest(COMMAND, "runs", flags, [], PICTURE, draw=_figures)
+        write_run(out, request, said, PageContent())
         lines = [
             *terminal.as_plain(said.title).split("; "),
             f"numbers    {out / 'report.json'}, {out / 'report.md'}",
-            f"picture    {out / 'compare.png'}",
+            f"picture    {out / PICTURE}",
             *terminal.viewing_lines(out),
         ]
         tables = [_printed(table) for name, table in said.tables.items() if name != "others"]
         terminal.print_words(terminal.plain_console(), said, tables, lines)
     if asked.fail_if_worse and said.numbers["worse"]:
         raise typer.Exit(1)
+
+
+def _figures(said: Report, seen: PageContent) -> "Mapping[str, Figure]":
+    """Draw the picture of a run, which says below what A and B are."""
+    from testbench.report.figure import add_words  # here: matplotlib takes long
+    from testbench.report.run_figure import overview
+
+    sides = "; ".join(
+        f"{side}: {Path(run).name}" for side, run in zip("AB", said.numbers["runs"], strict=True)
+    )
+    return {PICTURE: add_words(overview(said, seen), f"{sides}.")}
 
 
 def _printed(table: Table) -> Table:
@@ -156,8 +172,8 @@ def _tables(
     """Tabulate the models by the error that leads, their other errors, numbers and inputs that differ."""
     led = [row for row in models if lead is not None and row.kind == lead.kind]
     rest = [row for row in models if row not in led]
-    looks = {row.name: look(row.structure, row.constraint, bool(row.prior)) for row in led if row.constraint}
-    ratio = TableColumn("ratio", "B / A", form=".2f", short="B / A")
+    looks = {row.name: look_of(row) for row in led if row.constraint}
+    ratio = TableColumn("ratio", "error of B over that of A", form=".2f", short="B / A")
     sides = TableColumn("a", "A", "mm"), TableColumn("b", "B", "mm")
     columns = TableColumn("verdict", "B is"), TableColumn("by", "judged by")
     kind = TableColumn("kind", "where", called=KINDS)

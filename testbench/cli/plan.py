@@ -13,7 +13,7 @@ from testbench.model.load import weight
 from testbench.report import terminal
 from testbench.report.leave import RunRequest, write_run
 from testbench.report.markdown import Markdown, capital, listed
-from testbench.report.planned_poses import seen
+from testbench.report.planned_poses import looks_of_plans, seen
 from testbench.report.report import Report, bullets, say
 from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row
@@ -156,7 +156,12 @@ def _tables(f: Row, where: str) -> dict[str, Table]:
     over = TableColumn("mm", f"expected error {where}", "mm", none="no bound")
     return {
         "poses": Table(head, plan, "Poses in the order of measuring", headline="error_there_mm"),
-        "beside": Table((TableColumn("what", "plan"), over), f.beside, "Beside other plans"),
+        "beside": Table(
+            (TableColumn("what", "plan"), over),
+            f.beside,
+            "Beside other plans",
+            looks=looks_of_plans(f.beside),
+        ),
         "tasks": Table(
             columns("task expected_deflection_mm error_there_mm"), worst, "Tasks of the largest errors"
         ),

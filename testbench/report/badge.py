@@ -103,7 +103,7 @@ class Badge:
         first, _, of = self.each.partition(" ")
         shared = f"from {counted(self.trials, 'trial')}" if self.trials else ""
         pairs = " ".join(filter(None, [counted(self.n, first), of, shared]))
-        takes = f"a verdict takes {MIN_PAIRS}{' trials' if self.trials else ''}"
+        takes = f"a verdict takes {counted(MIN_PAIRS, 'trial' if self.trials else first)}"
         if self.interval is None and abs(self.factor - 1) <= ALIKE:
             return Markdown(f"Too few: {winner} and {rival} err the same in {pairs}; {takes}.")
         if self.interval is None:

@@ -204,6 +204,12 @@ def say(figure: Figure, answer: str, reading: str) -> None:
         text.set_in_layout(False)
 
 
+def add_words(figure: Figure, words: str) -> Figure:
+    """Add a sentence to the words below a figure, and return the figure."""
+    say(figure, figure.get_suptitle(), " ".join([*figure.get_supxlabel().split(), words]))
+    return figure
+
+
 def one_line(text: str, letters: int, most: int) -> tuple[str, str]:
     """Split words into what fits a line and the rest, where a sentence or a part of one ends.
 

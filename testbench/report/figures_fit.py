@@ -39,6 +39,7 @@ from testbench.workflows.fit_numbers import COMPLIANCES
 # --- Figures of fits ----------------------------------------------------------------------------------------
 
 REJECTED = 0.05  #: Level of the test of normality [1].
+REACH = 1.05  #: Ends of the axis of residuals over the largest that is drawn [1].
 AXES = "x", "y", "z", "rot x", "rot y", "rot z"  #: Rows of a compliance, in the link's frame.
 SIGNS = LinearSegmentedColormap.from_list(
     "signs", [hexadecimal(NOMINAL), "white", hexadecimal(MEASURED)]
@@ -54,16 +55,24 @@ EIGENVALUE, TOLD = "eigenvalue [µrad/(N m)]", "readings over prior"
 LEAST_TOLD = 1e-4  #: Singular values below this are drawn at it.
 
 
-def residual_pane(axes: Axes, row: Row, name: str, look: Look) -> None:
-    """Draw components of residuals as bars with the normal curve of their mean and deviation, as Fig. 5.
+def residual_panes(panes: Sequence[Axes], rows: Sequence[Row], looks: Mapping[str, Look]) -> None:
+    """Draw residuals of models side by side, all over the same range.
 
     Args:
-        axes: Where to.
-        row: See `fit_details.residual_histogram`.
-        name: Of the model.
-        look: How it is drawn.
+        panes: Where to, a pane for each row.
+        rows: See `fit_numbers.residual_histograms`.
+        looks: How models are drawn, by name.
     """
+    reach = max((row.edges_um[-1] for row in rows), default=1.0)
+    for axes, row in zip(panes, rows, strict=True):
+        _residual_pane(axes, row, looks[row.name])
+        axes.set_xlim(-REACH * reach, REACH * reach)
+
+
+def _residual_pane(axes: Axes, row: Row, look: Look) -> None:
+    """Draw components of residuals as bars with the normal curve of their mean and deviation, as Fig. 5."""
     edges, counts = np.array(row.edges_um), np.array(row.counts)
+    most = float(max(1, counts.max()))
     axes.stairs(counts, edges, fill=True, color=look.hex, alpha=0.35)
     axes.stairs(counts, edges, color=look.hex, linewidth=0.8)
     said = f"n {row.n}, mean {round(row.mean_um) + 0:d} µm"
@@ -71,14 +80,16 @@ def residual_pane(axes: Axes, row: Row, name: str, look: Look) -> None:
         x = np.linspace(edges[0], edges[-1], 201)
         curve = NormalDist(row.mean_um, row.deviation_um)
         area = row.n * (edges[1] - edges[0])
-        axes.plot(x, [area * curve.pdf(at) for at in x.tolist()], color="0.2", linewidth=1.0, label="normal")
+        expected = [area * curve.pdf(at) for at in x.tolist()]
+        axes.plot(x, expected, color="0.2", linewidth=1.0, label="normal")
+        most = max(most, *expected)
         said += f"\ndeviation {row.deviation_um:.0f} µm\nLilliefors p {_share(row.lilliefors_p)}:\n"
         said += "not normal" if row.lilliefors_p < REJECTED else "normality holds"
     axes.text(
         0.02, 0.98, said, transform=axes.transAxes, va="top", ha="left", fontsize=MIN_LETTER_SIZE, color="0.2"
     )
-    axes.set(xlabel="residual [µm]", ylabel="components", ylim=(0, 1.6 * max(1, int(counts.max()))))
-    axes.set_title(name)
+    axes.set(xlabel="residual [µm]", ylabel="components", ylim=(0, 1.6 * most))
+    axes.set_title(row.name)
     quiet(axes)
 
 
@@ -196,6 +207,9 @@ def singular_pane(axes: Axes, values: Sequence[float]) -> None:
     axes.plot(k, s, ".", color=hexadecimal(NOMINAL), markersize=3)
     axes.axhline(1, color=SOFT, linewidth=0.8, linestyle="--")
     log_ticks(axes, "y", float(s.min()), max(1.0, float(s.max())))
+    if min(values) < LEAST_TOLD:  # what is below is drawn at it
+        at = axes.get_yticks().tolist()
+        axes.set_yticks(at, [f"{'≤ ' * (y <= LEAST_TOLD)}{tick_words(y)}" for y in at])
     axes.set(xlabel="direction of the unknowns", ylabel=TOLD, xlim=(0, len(s) + 1))
     axes.set_title(f"Readings decide {told} of {len(s)} directions")
     quiet(axes)
@@ -247,8 +261,7 @@ def residual_figure(
     drawn = [name for name in predicted if name in details.predictions.predicted_mm]
     figure = page(2.5)
     panes = figure.subplots(1, len(known) + 1)
-    for axes, name in zip(panes, known, strict=False):
-        residual_pane(axes, rows[name], name, looks[name])
+    residual_panes(panes[:-1], [rows[name] for name in known], looks)
     predicted_pane(panes[-1], details.predictions, {name: looks[name] for name in drawn}, against)
     panes[-1].set_title("Predicted against " + against)
     normal = [name for name in known if (rows[name].lilliefors_p or 0) >= REJECTED]

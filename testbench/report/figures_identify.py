@@ -24,7 +24,7 @@ from testbench.report.figures_fit import (
     compliance_figure,
     eigenvalue_pane,
     predicted_pane,
-    residual_pane,
+    residual_panes,
     sag_pane,
     singular_pane,
     stiffness_pane,
@@ -81,8 +81,7 @@ def fit_figure(words: ReportWords, seen: PageContent, f: Row, known: Mapping[str
         if f.over:
             ratio_pane(panes[1], f, models[0])
     panes = next(parts).subplots(1, 1 + len(names), squeeze=False)[0]
-    for axes, name in zip(panes, names, strict=False):
-        residual_pane(axes, residuals[name], name, known[name])
+    residual_panes(panes[:-1], [residuals[name] for name in names], known)
     predicted_pane(panes[-1], f.details.predictions, {name: known[name] for name in compared(f)})
     panes[-1].set_title("Predicted against measured")
     for part, chart in zip(parts, charts, strict=True):

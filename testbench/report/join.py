@@ -35,6 +35,7 @@ KINDS = {
 MAX_MODELS, MAX_ERROR_MM = 1000, 1e9  #: Models that are compared, and their largest error.
 OWN = ("said", "tables", "badge", "models", "seed")  #: Keys of report.json that are no single numbers.
 CLOCK = ("seconds", "_s", "_ms")  #: Ends of keys of what a clock measured: it differs in any case.
+MODEL = "name", "structure", "constraint", "prior", "method"  #: What tells how a model is drawn.
 MIN_PAIRS = 2  #: Pairs that have a spread.
 
 Verdict = Literal["same", "tie", "smaller", "larger"]
@@ -67,9 +68,9 @@ def _model(run: Finished, own: Mapping[str, Any]) -> Row:
             problem = f"expected an RMS error of 0 to {MAX_ERROR_MM:g} mm, got {mm}"
             raise InputError(run.file, f"models: {own['name']}, {kind}", problem)
         errors[kind] = mm
-    keys = ("name", "structure", "constraint", "prior", "conservative")
+    keys = ("name", "structure", "constraint", "prior", "method", "conservative")
     drawn = {key: str(own.get(key) or "none") for key in ("structure", "constraint")}
-    return Row({key: own.get(key) for key in keys} | drawn, errors=errors)
+    return Row({key: own.get(key) for key in keys} | drawn, prior=bool(own.get("prior")), errors=errors)
 
 
 def models_compared(a: Finished, b: Finished) -> list[Row]:
@@ -94,7 +95,7 @@ def models_compared(a: Finished, b: Finished) -> list[Row]:
             x, y = (own[name].errors.get(kind) for own in (ours, theirs))
             if x is not None and y is not None:
                 pair = (_seeds(t.get((name, kind), ()), n) for t, n in ((mine, x), (other, y)))
-                model = {key: ours[name][key] for key in ("name", "structure", "constraint", "prior")}
+                model = {key: ours[name][key] for key in MODEL}
                 rows.append(Row(model, kind=kind, **differ(x, y, *pair)))
     return rows
 

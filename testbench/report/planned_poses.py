@@ -1,7 +1,7 @@
 """Pictures of planned poses: the arm, loads, lines of sight, expected errors."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,6 +34,8 @@ from testbench.workflows.plan import Planned
 from testbench.workflows.workspace_errors import ErrorPlaces
 
 OURS, WORK = look_of("ALL153", "psd", prior=True), Look(TASK, 1, prior=True)
+CHANCE = Look(GREY, 0, prior=False)  #: Of plans that were not chosen.
+MADE = "this plan"  #: How the plan that was made is called.
 ORDER, UNSCALED = "Plan, in the order of measuring", "Nothing is magnified; weights have the size of steel."
 SPECKS, NUMBERED = 600, 20  #: Candidates that are drawn, and planned poses whose number is, at most.
 NOWHERE = "no bound"
@@ -205,8 +207,19 @@ def _chart(group: int, rows: Sequence[Row], note: str = "") -> RunChart:
         np.array([row[f"expected_error{end}_mm"] for row in rows]) for end in ("", "_p05", "_p95")
     )
     title = f"Expected error {where}, 90 % intervals (mm)"
-    line = ModelLine("task" if tasks else "this plan", look, middle, (low, high))
+    line = ModelLine("task" if tasks else MADE, look, middle, (low, high))
     return RunChart(title, group, key, [str(row[key]) for row in rows], [line], note=note)
+
+
+def looks_of_plans(rows: Sequence[Row]) -> dict[str, Look]:
+    """Choose how plans are drawn: the one that was made filled, hollow under other conditions, others grey.
+
+    Args:
+        rows: `what` of each, see `plan_numbers`.
+    """
+    names = [str(row.what) for row in rows]
+    own = {name: replace(OURS, prior=name == MADE) for name in names if name.startswith(MADE)}
+    return dict.fromkeys(names, CHANCE) | own
 
 
 def _error(name: str, mm: float) -> str:

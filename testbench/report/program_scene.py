@@ -21,7 +21,7 @@ from testbench.workflows.program_numbers import predicted_bending
 from testbench.workflows.rows import MM
 
 BEFORE, CORRECTED = "uncorrected program", "corrected program"
-WITHIN, EXPECTED, AFTER = f"{BEFORE}, within (95 %)", f"{BEFORE}, expected", f"{CORRECTED}, within (95 %)"
+WITHIN, EXPECTED, AFTER = "uncorrected, within (95 %)", "uncorrected, expected", "corrected, within (95 %)"
 LOOKS = dict.fromkeys((EXPECTED, WITHIN), Look(MEASURED, 1, prior=True)) | {AFTER: Look(GCO, 0, prior=True)}
 ERROR_LENGTH, MIN_ERROR_LENGTH = 0.15, 0.3  #: Most errors over the path's size [1], its least [m].
 MOVED, GIVE = 0.15, 0.25  #: Length of most deflections and of most ways by a force over the reach [1].
@@ -55,7 +55,7 @@ def draw_correction(cell: Cell, corrected_program: CorrectedProgram, said: Repor
     runs = [draw.RunChart(off, 0, "point", labels, errors, limit, note, limit_is="tolerance")]
     scale, groups = _path(cell, corrected_program, rows, some, [line.values for line in errors])
     stretch, net = draw.ellipsoid_layer(said.numbers["ellipsoids"], said.numbers["ellipsoid_force_n"])
-    groups[::2] = [replace(group, layers=[*group.layers, net]) for group in groups[::2]]  # not of what was
+    groups[0] = replace(groups[0], layers=[*groups[0].layers, net])  # from near it would hide the path
     title = f"Offsets of the path, and how the arm bends, x {scale:g}. Ellipsoids x {stretch:g}."
     return draw.PageContent(draw.Scene(cell, title, groups), runs=runs)
 

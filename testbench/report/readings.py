@@ -146,7 +146,7 @@ def draw_runs(cell: Cell, registered: RegisteredDataset) -> draw.PageContent:
         (title, [draw.ModelLine(*own) for own in zip(data.markers, looks, mm[some].T, strict=True)])
         for title, mm in (
             ("How far loads moved each target (mm)", moved),
-            ("Unloaded reading from where the arm without sag has the target (mm)", away),
+            ("Unloaded reading beside the arm without sag (mm)", away),
         )
     )
     read = (

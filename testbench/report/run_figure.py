@@ -2,10 +2,9 @@
 
 import math
 import re
-import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypedDict
+from typing import Literal, NamedTuple, TypedDict
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,8 +17,10 @@ from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from testbench.errors import Array, Ids, Mask
 from testbench.plant.shapes import BodyFrames, corners, visual_shapes
-from testbench.report.colours import MEASURED, STIFFNESS, TASK, Colour, hexadecimal
+from testbench.report.colours import LOAD, MEASURED, STIFFNESS, TASK, Colour, hexadecimal
 from testbench.report.figure import (
+    CAPTION,
+    KEY_LETTERS,
     LOG_AXIS_RATIO,
     MIN_LETTER_SIZE,
     SIZES,
@@ -108,12 +109,13 @@ def draw_arm(axes: Axes, polygons: Sequence[Array], bright: Array, colour: Colou
 
 SIDES = {"from the side": (0, 2), "from above": (0, 1)}
 """World axes to the right and up."""
-HEAD, SCENE, KEY, CHART = 0.8, 2.6, 0.25, 1.65
+HEAD, SCENE, KEY, CHART = 0.8, 2.5, 0.17, 1.65
 """Heights of title and caption, of the poses, of a line of their key, of a chart [in]."""
-KEYS, NAME = 3, 40  #: Names on a line of the key, letters of a line of one.
-POSE = 26  #: Letters of a line above an arm.
+KEYS = 4  #: Names on a line of the key at most.
+POSE = 60  #: Letters of a line above an arm.
 SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z])")  #: Where one ends.
-BARS, NAMED = 40, 24  #: Poses up to which a chart has dots, and labels that an axis has room for.
+BARS, NAMED, ACROSS = 40, 24, 85
+"""Poses up to which a chart has dots, labels that an axis has room for, and letters of level ones."""
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
 FOREST, ROW, ROWS = 0.65, 0.19, 15
 """Height of a table of models without its rows, of a row [in]; rows at most."""
@@ -124,8 +126,9 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
     charts = [chart for chart in seen.runs if chart.labels]
     layers = [layer for layer in seen.scene.groups[0].layers if layer.shown] if seen.scene else []
     first = seen.scene.groups[0] if seen.scene else None
-    bent = first is not None and first.near is None and first.bent is not None
-    key = KEY * -(-(len(layers) + bent) // KEYS)
+    signs = _signs(layers, bent=first is not None and first.near is None and first.bent is not None)
+    across = max(1, min(KEYS, CAPTION // (KEY_LETTERS + max((len(own.words) for own in signs), default=1))))
+    key = KEY * (1 + -(-len(signs) // across))
     models = headline(seen.tables)
     forest = [FOREST + ROW * len(models[0].rows)] if models else []
     rows = [*forest, *([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
@@ -139,9 +142,8 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
         pose_group, sides = seen.scene.groups[0], next(parts).subplots(1, 2)
         for axes, (pose, name, plane) in zip(sides, _panes(pose_group), strict=True):
             _poses(axes, seen.scene, pose, plane)
-            title = f"{pose_group.names[pose]}, {name}"
-            axes.set_title(textwrap.fill(title, POSE) if len(title) > POSE else title)
-        _key(next(parts).subplots(), layers, bent=bent)
+            axes.set_title(short(f"{pose_group.names[pose]}, {name}", POSE))
+        _key(next(parts).subplots(), signs, across)
         more.append(f"{pose_group.name}: {seen.scene.title}")
     for part, chart in zip(parts, charts, strict=True):
         run_chart(part.subplots(), chart)
@@ -169,13 +171,10 @@ def _poses(axes: Axes, scene: Scene, k: int, plane: tuple[int, int]) -> None:
         if layer.shown:
             _layer(axes, layer, k, shown, scene)
     axes.set(xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
-    low, high = np.array(axes.dataLim.min), np.array(axes.dataLim.max)
-    half = (0.5 + WIDE) * (float((high - low).max()) or 1.0)  # square: room for numbers
-    x, y = ((low + high) / 2).tolist()
-    axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
-    axes.set_aspect("equal")
+    axes.margins(WIDE)
+    axes.set_aspect("equal", adjustable="datalim")  # the pane keeps its size, and shows more where it is wide
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(4))
+        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     quiet(axes)
 
 
@@ -197,11 +196,30 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int], scene: Scene) -> 
     axes.add_collection(LineCollection(ends[known], colors=colours, linewidths=wide, capstyle=cap))
     if layer.kind == "arrows":
         axes.plot(*to[:, shown].T, "o", color=colour, markersize=2)
+    _write_size(axes, layer, to, shown)
     if layer.kind == "weights":
         side = 2 * layer.radius  # a cylinder as high as wide: a square, its top where the cord ends
         below = ends[known, 1] - [layer.radius, side if shown[1] == 2 else layer.radius]
         squares = [Rectangle((x, y), side, side) for x, y in below]
         axes.add_collection(PatchCollection(squares, facecolors=colour, linewidths=0))
+
+
+def _write_size(axes: Axes, layer: Layer, to: Array, shown: list[int]) -> None:
+    """Write masses below weights seen from the side, and sizes of forces beside the ends of their arrows."""
+    if layer.colour != LOAD or (layer.kind == "weights" and shown[1] != 2):
+        return
+    ends = to - [0, 0, 2 * layer.radius] if layer.kind == "weights" else to
+    for end, words in zip(ends[:, shown], layer.labels, strict=False):
+        if np.isfinite(end).all():
+            axes.annotate(
+                words,
+                end,
+                xytext=(0, -2),
+                textcoords="offset points",
+                ha="center",
+                va="top",
+                fontsize=MIN_LETTER_SIZE,
+            )
 
 
 def draw_ellipsoids(axes: Axes, at: Array, semi_axes: Array, plane: Sequence[int], colour: str) -> None:
@@ -263,18 +281,31 @@ def model_forest(axes: Axes, table: Table, column: TableColumn) -> None:
     axes.set_title(title, loc="left")
 
 
-def _key(axes: Axes, layers: Sequence[Layer], *, bent: bool) -> None:
-    """What each colour is, and the dashed arm; layers that are drawn alike share their sign."""
-    axes.axis("off")
+class _Sign(NamedTuple):
+    """A colour with its mark, and what is drawn so."""
+
+    colour: str
+    mark: str
+    words: str
+
+
+def _signs(layers: Sequence[Layer], *, bent: bool) -> list[_Sign]:
+    """What each colour is, and the bent arm; layers that are drawn alike share their sign."""
     signs: dict[tuple[str, str], list[str]] = {}
     for layer in layers:
-        mark = ("." if layer.kind == "specks" else "o") if layer.to is None else "-"
+        marks = {"specks": ".", "trackers": "^", "weights": "s", "ellipsoids": "o", "cylinders": "d"}
+        mark = marks.get(layer.kind, "o" if layer.to is None else "-")
         signs.setdefault((hexadecimal(layer.colour), mark), []).append(layer.name)
-    for (colour, mark), names in signs.items():
-        axes.plot([], [], mark, color=colour, linewidth=1.4, label=textwrap.fill("; ".join(names), NAME))
-    if bent:
-        axes.plot([], [], "s", color=hexadecimal(MEASURED), alpha=0.6, label="arm, bent")
-    axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="center", ncols=KEYS)
+    found = [_Sign(colour, mark, "; ".join(names)) for (colour, mark), names in signs.items()]
+    return [*found, *[_Sign(hexadecimal(MEASURED), "s", "arm, bent")] * bent]
+
+
+def _key(axes: Axes, signs: Sequence[_Sign], across: int) -> None:
+    """Write what each colour is, so many side by side."""
+    axes.axis("off")
+    for sign in signs:
+        axes.plot([], [], sign.mark, color=sign.colour, linewidth=1.4, label=sign.words)
+    axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="center", ncols=across, borderaxespad=0)
 
 
 def run_chart(axes: Axes, chart: RunChart) -> None:
@@ -294,7 +325,8 @@ def run_chart(axes: Axes, chart: RunChart) -> None:
     if chart.limit is not None and np.isfinite(chart.limit):
         axes.axhline(chart.limit, color=SOFT, linewidth=1, linestyle="--", label=chart.limit_is)
     some = at[:: -(-len(at) // NAMED)]
-    axes.set_xticks(some, [short(chart.labels[k], 8) for k in some], rotation=0 if len(some) < 15 else 45)
+    names = [short(chart.labels[k], 8) for k in some]
+    axes.set_xticks(some, names, rotation=0 if sum(map(len, names)) + 2 * len(names) < ACROSS else 45)
     axes.set_xlabel(chart.across)
     axes.set_title(" ".join(filter(None, [chart.title, chart.note and f"({chart.note})"])))
     axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
@@ -314,7 +346,7 @@ HEIGHT, PANES, PANE, MAPS = 1.4, 5.8, 2.1, 4
 """Of title and caption, the width that all maps share, that of one at most [in], and how many at most."""
 NARROW = 0.4
 """A drawn side over the longest one at least [1]: arms that move in a plane or not at all have panes too."""
-KEYED = 0.65  #: Height of what says which colour errs less, and of a second line of titles [in].
+KEYED = 0.3  #: Height of what says which colour errs less, and of a second line of titles [in].
 
 
 def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figure:
@@ -334,7 +366,7 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
     there, both = np.asarray(np.isfinite(place_map.at).all(axis=1)), place_map.difference
     at, lines = place_map.at[there], place_map.lines[-(MAPS - bool(both)) :]
     values = {line.name: line.values[there] for line in lines}
-    ends = _ends(at)
+    reached, ends = _ends(at, 0.0), _ends(at if arm is None else np.vstack([at, arm]), ROOM)
     count = len(lines) + bool(both)
     sides, wide = ends[1] - ends[0], min(PANE, PANES / count)
     rows = [wide * float(sides[plane[1]] / sides[0]) for plane in SIDES.values()]
@@ -344,14 +376,14 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
     middle_of = np.median(at, axis=0)
     for plane, row in zip(SIDES.values(), panes, strict=True):
         across = 3 - sum(plane)
-        level = 0.0 if across == 1 and ends[0, 1] < 0 < ends[1, 1] else float(middle_of[across])
-        cut = slice_of(at, across, level, ends)
+        level = 0.0 if across == 1 and reached[0, 1] < 0 < reached[1, 1] else float(middle_of[across])
+        cut = slice_of(at, across, level, reached)
         for axes, mm in zip(row, values.values(), strict=False):
             _slice(axes, cut, mm, norm)
         if both:
             _difference(row[-1], cut, both, there)
         for axes in row:
-            _finish(axes, cut, arm, ends)
+            _finish(axes, cut, arm, ends[:, plane])
         row[0].set_ylabel(f"at {'xyz'[across]} = {level:.1f} m\n{'xyz'[plane[1]]} [m]")
     for axes, (name, mm) in zip(panes[0], values.items(), strict=False):
         known = mm[np.isfinite(mm)]
@@ -375,13 +407,16 @@ def error_map(place_map: PlaceMap, title: str, arm: Array | None = None) -> Figu
         log_ticks(bar.ax, "y", norm.vmin, norm.vmax)  # type: ignore[arg-type]
         bar.ax.set_ylim(norm.vmin, norm.vmax)
     worst = {name: int(np.nanargmax(mm)) for name, mm in values.items() if np.isfinite(mm).any()}
-    largest = ", ".join(f"{name} {values[name][k]:.3f} mm" for name, k in worst.items())
-    where = "; ".join(f"{name} at {place(at[k])}" for name, k in worst.items())
+    largest = {name: f"{values[name][k]:.3f} mm at {place(at[k])}" for name, k in worst.items()}
+    circles = "; ".join(f"{name} {where}" for name, where in largest.items())
     rings = f" Grey rings: {place_map.without}." if place_map.without else ""
     reading = (
-        f"{place_map.title}; interpolated between places, dots: those near the slice. Worst: {where}.{rings}"
+        f"{title}. {place_map.title}; interpolated between places, dots: those near the slice. "
+        f"Circles: the worst places, {circles}.{rings}"
     )
-    say(figure, f"{title}, {what.lower()}: at most {largest}", reading)
+    ours = lines[-1].name
+    said = f"at most {largest[ours]}" if ours in largest else place_map.without
+    say(figure, f"{ours}: {what.lower()} {said}", reading)
     return figure
 
 
@@ -488,14 +523,11 @@ def _slice(axes: Axes, cut: Slice, mm: Array, norm: Normalize) -> None:
 
 
 def _finish(axes: Axes, cut: Slice, arm: Array | None, ends: Array) -> None:
-    """Draw the arm's silhouette, and give a pane its frame."""
+    """Draw the arm's silhouette, and give a pane its frame: least and greatest, (2, 2) [m]."""
     if arm is not None:
         axes.plot(*arm[:, cut.plane].T, "-", color="white", linewidth=4.5, solid_capstyle="round", alpha=0.9)
         axes.plot(*arm[:, cut.plane].T, "-", color="0.35", linewidth=2.5, solid_capstyle="round")
-    drawn = ends[:, cut.plane] if arm is None else np.vstack([ends[:, cut.plane], arm[:, cut.plane]])
-    low, high = drawn.min(axis=0), drawn.max(axis=0)
-    room = ROOM * float((high - low).max())
-    axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room))
+    axes.set(xlim=tuple(ends[:, 0]), ylim=tuple(ends[:, 1]))
     axes.set_aspect("equal")
     quiet(axes)
 
@@ -527,11 +559,12 @@ def _key_of_difference(column: Sequence[Axes], ours: ModelLine, theirs: ModelLin
     column[-1].legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper center", bbox_to_anchor=(0.5, -0.2))
 
 
-def _ends(at: Array) -> Array:
-    """Least and greatest of what is drawn (2, 3) [m], of places (places, 3) [m]."""
+def _ends(at: Array, room: float) -> Array:
+    """Least and greatest of points (n, 3), with room around them over the longest side [1]: (2, 3) [m]."""
     least, most = at.min(axis=0), at.max(axis=0)
     spans = most - least
-    more = np.maximum(spans, NARROW * spans.max() or 1.0) - spans
+    longest = spans.max() or 1.0
+    more = np.maximum(spans, NARROW * longest) + 2 * room * longest - spans
     return np.array([least - more / 2, most + more / 2])
 
 
@@ -592,7 +625,7 @@ def stiffness_figure(rows: Sequence[Row], force: float) -> Figure:
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_title(f"{name.capitalize()}, × {scale:,g}")
         for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(MaxNLocator(4))
+            axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
         quiet(axes)
     size_pane(panes[2], rows, force)
     named = [f"“{short(rows[k].label)}”" for k in (soft, stiff)]

@@ -33,7 +33,7 @@ from testbench.workflows.rows import MM
 
 ARROWS = 0.25  #: Length of an arrow longer than 95 % of those of a model over the reach of the arm [1].
 LONGEST = 0.3  #: The same of errors alone.
-OVER = "Error in each pose, against the truth, RMS over the markers (mm)"
+OVER = "Error in each pose, RMS over the markers (mm)"
 LEFT = "Residual of each run, RMS over the markers (mm)"
 
 

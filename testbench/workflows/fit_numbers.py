@@ -44,19 +44,19 @@ COMPLIANCES = "reference", "estimate", "half"  #: Matrices of a link: see `link_
 ROUNDING = 1e-9  #: Share of the largest eigenvalue of a block below which one is zero.
 
 
-def residual_histogram(residuals: Array, reach_um: float) -> Row:
+def residual_histogram(residuals: Array) -> Row:
     """Count the components of residuals, and test whether they are normal: Fig. 5 of the paper.
 
     Args:
-        residuals: Readings minus predictions along x, y and z, of any shape [m].
-        reach_um: Largest residual that the bars reach, the same for models that are compared [um].
+        residuals: Readings minus predictions, each a number that was read, not all zero, of any shape [m].
 
     Returns:
         `n`, `mean_um`, `deviation_um`, `lilliefors_p` (None of too few), edges of the bars `edges_um` and
         their `counts`.
     """
     x = UM * np.ravel(residuals)
-    counts, edges = np.histogram(x, BINS, (-reach_um, reach_um))
+    reach = float(np.abs(x).max())
+    counts, edges = np.histogram(x, BINS, (-reach, reach))
     enough = len(x) >= MIN_RESIDUALS and np.ptp(x) > 0
     return Row(
         n=len(x),
@@ -69,15 +69,29 @@ def residual_histogram(residuals: Array, reach_um: float) -> Row:
 
 
 def residual_histograms(residuals: Mapping[str, Array]) -> list[Row]:
-    """Count the residuals of several models in the same bars; nothing where there are none.
+    """Count the residuals of several models, each in bars up to its largest; nothing where there are none.
 
     Args:
         residuals: Readings minus predictions by model, of any shape [m].
     """
-    reach = max((UM * float(np.abs(x).max(initial=0.0)) for x in residuals.values()), default=0.0)
-    if not reach:
-        return []
-    return [Row(residual_histogram(x, reach), name=name) for name, x in residuals.items()]
+    return [Row(residual_histogram(x), name=name) for name, x in residuals.items() if x.any()]
+
+
+def numbers_read(data: Dataset, residuals: Array) -> Array:
+    """Take the numbers that were read: x, y and z of a position, one number of a reading along a line.
+
+    Args:
+        data: Says what was read.
+        residuals: Readings minus predictions, (runs, m, 3) [m].
+
+    Returns:
+        The residuals of those numbers, (numbers,) [m].
+    """
+    if data.direction is None:
+        return np.ravel(residuals[data.seen])
+    placed, lines = data.seen & ~data.lines, data.seen & data.lines
+    along = (data.direction * residuals).sum(axis=2)
+    return np.concatenate([np.ravel(residuals[placed]), along[lines]])
 
 
 def predictions(measured: Array, residuals: Mapping[str, Array]) -> Row:
@@ -350,7 +364,7 @@ def fit_details(
     sag = sag_by_part(vjm, taken, runs)
     left = {name: residuals[name][seen] for name in estimates}
     return Row(
-        residuals=residual_histograms(left),
+        residuals=residual_histograms({name: numbers_read(runs, residuals[name]) for name in estimates}),
         predictions=predictions(runs.deflection[seen], left),
         eigenvalues={
             name: eigenvalues(vjm.arm, estimate.structure, estimate.C_theta)

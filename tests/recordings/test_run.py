@@ -16,7 +16,7 @@ from testbench.model.vjm import tool_pose
 from testbench.plant.tracker import DRAW_WIRE, Gauge
 from testbench.report.colours import GREY, SCALE, hexadecimal, look
 from testbench.report.page.page import seen_plain
-from testbench.report.recording.run import _seen, write_run
+from testbench.report.recording.run import _beyond, _from_zero, _legend_room, _seen, write_run
 from testbench.report.recording.stream import RecordingHeader
 from testbench.report.run_figure import overview
 from testbench.report.scene import (
@@ -169,7 +169,7 @@ def test_charts_hold_the_numbers_largest_first_with_their_intervals(chunks, seen
 def test_words_say_which_pose_is_shown_and_what_colours_are(chunks):
     data = columns(chunks, "/here/runs")
     texts = [t[0] for _, t in sorted(zip(data["typical_first"], data["TextDocument:text"], strict=True))]
-    assert [text.partition("\n")[0] for text in texts] == [f"**{'abcde'[k]}** {k} mm off" for k in SHOWN]
+    assert [text.partition("\n")[0] for text in texts] == [f"**{'abcde'[k]}.** {k} mm off" for k in SHOWN]
     assert all(f"{x}: " in texts[0] for x in ("rust dots", "green arrows", "green lines"))
     assert "hidden" not in texts[0]
     text = document(chunks, "/summary")
@@ -291,6 +291,31 @@ def test_a_run_without_a_scene_opens_on_its_figures_drawn_anew(chart, tmp_path):
         pytest.approx((12.5, 147.5)),
     ]
     assert columns(chunks, "/figures/chart_0/key_0")["Points2D:labels"] == [["MLS56"]]
+
+
+def test_names_beside_an_axis_stand_apart_however_many_they_are(seen, tmp_path):
+    figure = Figure()
+    axes = figure.subplots()
+    axes.plot(np.arange(17.0), np.arange(17), "o")
+    axes.set_yticks(range(17), [f"model {k}" for k in range(17)])
+    axes.set(xlabel="error [mm]", ylim=(16.5, -0.5))
+    chunks = sound(written(tmp_path / "a.rrd", seen, chart=figure), "It is 3.000 mm off.")
+    at = np.array(columns(chunks, "/figures/chart_0/y_numbers")["Points2D:positions"][0])
+    dots = np.array(columns(chunks, "/figures/chart_0/dots")["Points2D:positions"][0])
+    assert np.diff(at[:, 1]) == pytest.approx(np.diff(dots[:, 1]))
+    assert np.diff(at[:, 1]).min() > 10
+
+
+@pytest.mark.parametrize(("count", "letters"), [(2, 30), (6, 8)])
+def test_the_legend_of_a_chart_covers_no_number(seen, count, letters):
+    line = seen.runs[0].lines[0]
+    lines = [replace(line, name=f"{k}" * letters, values=np.full(5, 2.0), ends=None) for k in range(count)]
+    chart = replace(seen.runs[0], lines=lines, limit=None)
+    above, aside = _legend_room(chart)
+    top = _from_zero(chart, above).range.as_arrow_array().to_pylist()[0][1]
+    last = _beyond(40, aside).view_range.as_arrow_array().to_pylist()[0]["end"]
+    wide, high = 0.08 + 0.0135 * letters, 0.09 * count  # of two columns of a window 1600 pixels wide
+    assert (1 - high) * top >= 2.0 or (1 - wide) * last >= 40
 
 
 def test_what_is_dark_or_pale_on_paper_is_seen_on_any_ground():

@@ -1,6 +1,7 @@
 """Figures of fits: their numbers are right, and every pane shows those of report.json and nothing else."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from legible import _contrast, check_legible
 from matplotlib.colors import to_hex, to_rgb
 from scipy.stats import kstest, norm
 
-from testbench.data.dataset import select_rows
+from testbench.data.dataset import along_lines, select_rows
 from testbench.errors import BenchError
 from testbench.identify import gco, least_squares, with_prior
 from testbench.identify.conic import LEVER_LENGTH
@@ -28,7 +29,13 @@ from testbench.report.schema import Table, TableColumn
 from testbench.report.table import plain
 from testbench.runs.rows import Row
 from testbench.workflows.cell import Scenario, simulate
-from testbench.workflows.fit_numbers import fit_details, joint_functional, link_compliances, sag_by_part
+from testbench.workflows.fit_numbers import (
+    fit_details,
+    joint_functional,
+    link_compliances,
+    numbers_read,
+    sag_by_part,
+)
 
 TAKEN = "ALL153 + prior"
 LOOKS = {
@@ -134,7 +141,7 @@ def test_residuals_predictions_and_directions_count_every_reading(kr500, fitted,
         assert (row.n, sum(row.counts)) == (own.size, own.size)
         assert (row.mean_um, row.deviation_um) == pytest.approx((own.mean(), own.std(ddof=1)))
         assert row.counts == np.histogram(own, row.edges_um)[0].tolist()
-    assert details.residuals[0].edges_um == details.residuals[-1].edges_um
+        assert row.edges_um[-1] == pytest.approx(np.abs(own).max())
     sizes = 1e3 * np.linalg.norm(runs.deflection, axis=-1).ravel()
     assert details.predictions.measured_mm == pytest.approx(sizes, rel=1e-4)
     predicted = 1e3 * np.linalg.norm(runs.deflection - left["MLS56"], axis=-1).ravel()
@@ -142,6 +149,22 @@ def test_residuals_predictions_and_directions_count_every_reading(kr500, fitted,
     s = np.array(details.singular_values)
     assert (np.diff(s) <= 0).all()
     assert (s > 1e-9 * s[0]).sum() == estimates[TAKEN].compliance_regression.rank
+
+
+def test_a_gauge_counts_as_one_residual_and_a_lost_target_as_none(fitted, rng):
+    runs = select_rows(fitted[0], np.arange(4))
+    direction, shape = np.zeros((4, 3, 3)), (4, 3)
+    direction[:, 0] = [0.6, 0, 0.8]  # P1 has a gauge, P2 and P3 are read by a tracker, but P3 is lost once
+    precision = np.tile(np.eye(3) / (2 * runs.sigma**2), (4, 3, 1, 1))
+    precision[:, 0] = along_lines(direction, 5e-6)[:, 0]
+    precision[2, 2] = 0
+    data = replace(
+        runs, direction=direction, precision=precision, tilt=np.zeros(shape), reach=np.zeros(shape)
+    )
+    along, vectors = rng.standard_normal(4), rng.standard_normal((4, 3, 3))
+    vectors[:, 0] = along[:, None] * direction[:, 0]
+    own = np.concatenate([along, np.delete(vectors[:, 1:].reshape(8, 3), 5, axis=0).ravel()])
+    np.testing.assert_allclose(np.sort(numbers_read(data, vectors)), np.sort(own))
 
 
 def test_a_joint_is_as_stiff_as_the_folder_says_before_and_its_interval_holds_the_truth_after(kr500, details):
@@ -299,6 +322,9 @@ def test_the_figure_of_residuals_draws_both_histograms_their_normal_curves_and_p
     by_name = {row.name: row for row in details.residuals}
     for axes, name in zip(figure.axes, ("MGCO56", "MLS56"), strict=False):
         check_residuals(axes, by_name[name], LOOKS[name])
+        low, high = axes.get_xlim()
+        assert (low, high) == figure.axes[0].get_xlim()  # side by side one residual is as far from zero
+        assert low < by_name[name].edges_um[0] < by_name[name].edges_um[-1] < high
     check_predictions(figure.axes[-1], details.predictions, ("MLS56", TAKEN))
     normal = [name for name in ("MGCO56", "MLS56") if by_name[name].lilliefors_p >= 0.05]
     assert all((name in figure.get_suptitle()) == (name in normal) for name in ("MGCO56", "MLS56"))
@@ -315,6 +341,7 @@ def check_residuals(axes, row, look):
     area = row.n * (row.edges_um[1] - row.edges_um[0])
     np.testing.assert_allclose(y, area * norm(row.mean_um, row.deviation_um).pdf(x))
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("residual [µm]", "components")
+    assert axes.get_ylim()[1] > max(*row.counts, *y)
     [text] = axes.texts
     said = text.get_text()
     assert f"n {row.n}," in said

@@ -82,8 +82,26 @@ def test_a_map_has_two_slices_in_one_scale_the_arm_and_the_worst_place():
     assert figure.axes[-1].get_ylabel() == "error [mm, logarithmic]"
     title, caption = (text.replace("\n", " ") for text in (figure.get_suptitle(), figure.get_supxlabel()))
     x, y, z = AT[17]
-    assert title.startswith("arm under 9 kg, error: at most MLS56 4.000 mm, MGCO56 0.0")
-    assert f"MLS56 at x {x:.2f}, y {y:.2f}, z {z:.2f} m" in caption
+    assert title.startswith(f"MGCO56: error at most {MAPS['MGCO56'].max():.3f} mm at x ")
+    assert "arm under 9 kg." in caption
+    assert f"MLS56 4.000 mm at x {x:.2f}, y {y:.2f}, z {z:.2f} m" in caption
+
+
+def test_the_slices_of_a_model_stand_above_each_other_on_one_scale_of_metres_with_all_of_the_arm_inside():
+    figure = error_map(mapped(), "arm under 9 kg", ARM)
+    figure.draw_without_rendering()
+    for side, above in zip(figure.axes[:2], figure.axes[2:4], strict=True):
+        ends = side.get_window_extent(), above.get_window_extent()
+        assert (ends[0].x0, ends[0].x1) == pytest.approx((ends[1].x0, ends[1].x1), abs=1)
+        assert side.get_xlim() == above.get_xlim()
+        metres = [
+            np.diff(axes.get_ylim())[0] / own.height for axes, own in zip((side, above), ends, strict=True)
+        ]
+        assert metres[0] == pytest.approx(metres[1], rel=0.01)
+        for axes, shown in ((side, [0, 2]), (above, [0, 1])):
+            low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+            assert (low < ARM[:, shown]).all()
+            assert (ARM[:, shown] < high).all()
 
 
 def test_the_last_pane_is_in_the_colour_of_the_one_that_errs_less():

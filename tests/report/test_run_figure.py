@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from legible import check_legible
 from made_up_run import REPORT, made_up_run
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -69,6 +70,42 @@ def test_a_weight_hangs_below_its_hook_in_both_views(seen):
         below = 2 * r if plane[1] == 2 else r
         np.testing.assert_allclose(ends[0], at[plane] - [r, below])
         np.testing.assert_allclose(ends[1], at[plane] + [r, 2 * r - below])
+    figure.draw_without_rendering()
+    side, above = figure.axes[:2]
+    assert not above.texts  # there the arm is in the way
+    [words] = side.texts
+    [drawn] = [many for many in side.collections if isinstance(many, PatchCollection)]
+    corners = side.transData.transform(drawn.get_paths()[0].vertices)
+    (left, low), (right, _), box = corners.min(axis=0), corners.max(axis=0), words.get_window_extent()
+    assert words.get_text() == weight.labels[0] == "460 kg"
+    assert left < (box.x0 + box.x1) / 2 < right
+    assert side.bbox.y0 < box.y0 < box.y1 <= low + 1
+
+
+def test_the_arm_fills_its_pane_in_equal_scales_and_two_panes_fill_the_width(figure):
+    figure.draw_without_rendering()
+    panes = figure.axes[:2]
+    assert sum(axes.bbox.width for axes in panes) > 0.8 * figure.bbox.width
+    for axes in panes:
+        drawn = [many.get_datalim(axes.transData) for many in axes.collections]
+        size = np.max([box.max for box in drawn], axis=0) - np.min([box.min for box in drawn], axis=0)
+        shown = np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1)
+        assert max(size / shown) > 0.75
+        assert shown / [axes.bbox.width, axes.bbox.height] == pytest.approx(shown[0] / axes.bbox.width)
+
+
+@pytest.mark.parametrize(
+    ("names", "level"), [([f"{k}" for k in range(1, 22)], True), (["cut 12"] * 16, False)]
+)
+def test_names_of_runs_are_level_where_they_have_room(seen, names, level):
+    k = np.arange(len(names))
+    chart = replace(
+        seen.runs[0], labels=names, lines=[replace(seen.runs[0].lines[0], values=0.1 * k, ends=None)]
+    )
+    figure = overview(REPORT, replace(seen, scene=None, tables=[], runs=(chart,)))
+    figure.draw_without_rendering()
+    check_legible(figure)
+    assert {text.get_rotation() for text in figure.axes[0].get_xticklabels()} == {0.0 if level else 45.0}
 
 
 def test_the_best_models_and_those_that_tie_with_them_have_bands_and_the_caption_says_so():

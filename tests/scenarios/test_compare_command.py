@@ -11,7 +11,10 @@ from read_back import sound
 from run_here import check_folder, do, fine, refused
 
 from testbench.arm.folder import find_arm
+from testbench.cli.compare import report
 from testbench.files.model_folder import digests
+from testbench.model.structure import PAPER_GCO
+from testbench.report.colours import look
 from testbench.report.join import differ
 from testbench.report.schema import Table
 from testbench.report.schema import columns as quantities
@@ -117,6 +120,17 @@ def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path, legible
     assert {own["verdict"] for own in report["models"]} == {"same"}
     check_folder(tmp_path / "out", "compare.png")
     sound(tmp_path / "out" / "recording.rrd", report["badge"]["words"])
+
+
+def test_every_model_has_the_look_that_its_run_gives_it(one):
+    run = files.read_run(one)
+    rows = [dict(own) for own in run.report["models"]]
+    papers = {**rows[2], "name": "MGCO56 (paper)", "method": PAPER_GCO}
+    run = replace(run, report={**run.report, "models": [*rows, papers]})
+    looks = report(run, run).tables["models"].looks
+    assert looks["MGCO56 (paper)"] == look("MGCO56", "psd", filling="paper")
+    assert looks["MGCO56"] == look("MGCO56", "psd")
+    assert looks["MGCO56 + prior"] == look("MGCO56", "psd", prior=True)
 
 
 def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many, folder, tmp_path):

@@ -385,7 +385,7 @@ def test_tables_have_the_numbers_of_the_corrected_file(bounded):
     before = [np.linalg.norm([float(row[f"before_{x}_mm"]) for x in "xyz"]) for row in rows]
     half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
     most = np.add(before, half)
-    sizes = {"uncorrected program, within (95 %)": most, "corrected program, within (95 %)": half}
+    sizes = {"uncorrected, within (95 %)": most, "corrected, within (95 %)": half}
     text = (bounded / "right_report" / "report.md").read_text()
     for line in (
         "| line | point | as programmed, off by, mm | as programmed, within (95 %), mm | corrected, within "

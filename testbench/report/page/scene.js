@@ -232,8 +232,8 @@ function drawLayer(pen, project, layer, pose, ratio, taken) {
       continue;
     }
     const end = to ? 3 : 0;
-    const aside = layer.kind === "weights" ? 24 : 7; // the weight's own width
-    if (layer.labels.length) written(pen, layer.labels[k / 3], out[end] + aside * ratio, out[end + 1] - 5 * ratio, ratio, taken);
+    if (layer.labels.length && layer.kind === "weights") below(pen, project, to.slice(k, k + 3), layer, k / 3, ratio, taken);
+    else if (layer.labels.length) written(pen, layer.labels[k / 3], out[end] + 7 * ratio, out[end + 1] - 5 * ratio, ratio, taken);
     pen.strokeStyle = pen.fillStyle = layer.colours ? layer.colours[k / 3] : layer.colour;
     pen.lineWidth = (WIDTHS[layer.kind] || 2.6) * ratio;
     pen.lineCap = layer.kind === "tubes" ? "round" : "butt";
@@ -283,6 +283,14 @@ function weight(pen, project, [x, y, z], radius) {
   pen.ellipse(out[3], out[4], wide, 0.25 * wide, 0, 0, Math.PI);
   pen.ellipse(out[0], out[1], wide, 0.25 * wide, 0, Math.PI, 0);
   pen.fill();
+}
+
+/** The mass of a weight, written under its middle. */
+function below(pen, project, [x, y, z], layer, which, ratio, taken) {
+  const out = new Float32Array(3), text = layer.labels[which];
+  project(x / 1e4, y / 1e4, z / 1e4 - 2 * layer.radius, out, 0);
+  pen.font = `${12 * ratio}px system-ui, sans-serif`;
+  written(pen, text, out[0] - pen.measureText(text).width / 2, out[1] + 20 * ratio, ratio, taken);
 }
 
 /** Legs of trackers, from their heads down. */

@@ -4,6 +4,7 @@ A tab answers one question: what happens in the poses, where it errs, what all n
 timeline: a typical pose, then all poses, the worst first, or along their path.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -65,11 +66,12 @@ from testbench.runs.spread import middle
 
 # --- Panes of a figure as views of a recording: lines, dots, names and axes that stay sharp at any size -----
 
-WIDE, HIGH = 160.0, 100.0  #: Of the part inside of the axes, in units of the view.
-LETTER, LINE = 3.9, 8.0  #: Room for a letter and for a line of text, in the same units.
+WIDE, HIGH = 160.0, 100.0  #: Of the part inside of the axes, in units of the view; higher for many names.
+LETTER, LINE, APART = 3.9, 8.0, 10.5
+"""Room for a letter, for a line of text, and from one name to the next below it, in the same units."""
 DOT, STROKE = 0.4, 0.25  #: Radius of a dot and of a line over its size or width [1/pt].
 GREYS = (0.25, 0.75)  #: Brightness beyond which a grey is not seen on a dark or on a light ground [1].
-LETTERS = 30  #: Most letters of a name beside an axis.
+LETTERS = 42  #: Most letters of a name beside an axis.
 THIN = 0.15  #: Radius of an outline.
 NOTHING = ("None", "", " ", None)  #: Styles of lines and markers that are not drawn.
 FAINT = 0.3  #: Least opacity of what is drawn.
@@ -105,7 +107,8 @@ def write_pane(pen: Pen, path: str, axes: Axes, names: Sequence[str] = ()) -> rr
     if lines:
         strips, shades = [points for *_, points in lines], [_seen(colour) for _, colour, *_ in lines]
         pen.still(f"{path}/lines", rr.LineStrips2D(strips, colors=shades, radii=[own[2] for own in lines]))
-    corners = [(0.0, 0.0), (0.0, HIGH), (WIDE, HIGH)]
+    high = _high(axes)
+    corners = [(0.0, 0.0), (0.0, high), (WIDE, high)]
     pen.still(f"{path}/axes", rr.LineStrips2D([corners], colors=GREY, radii=0.3))
     if texts := [text for text in axes.texts if text.get_text()]:
         at = [_placed(axes, text.get_transform(), np.atleast_2d(text.get_position())) for text in texts]
@@ -118,9 +121,10 @@ def write_pane(pen: Pen, path: str, axes: Axes, names: Sequence[str] = ()) -> rr
 def _around(pen: Pen, path: str, axes: Axes, names: Sequence[str]) -> rrb.Spatial2DView:
     """Numbers and names beside the axes and the key above them; the view that has room for all."""
     at, words = _ticks(axes.xaxis)
+    high = _high(axes)
     if words:
         along = _placed(axes, axes.transData, np.column_stack([at, np.full(len(at), axes.get_ylim()[0])]))
-        pen.names(f"{path}/x_numbers", np.column_stack([along[:, 0], np.full(len(at), HIGH)]), words, GREY)
+        pen.names(f"{path}/x_numbers", np.column_stack([along[:, 0], np.full(len(at), high)]), words, GREY)
     at, words = _ticks(axes.yaxis)
     words = [short(own, LETTERS) for own in (names or words)]
     left = 4 + LETTER * max(map(len, words), default=0)
@@ -128,13 +132,13 @@ def _around(pen: Pen, path: str, axes: Axes, names: Sequence[str]) -> rrb.Spatia
         along = _placed(axes, axes.transData, np.column_stack([np.full(len(at), axes.get_xlim()[0]), at]))
         places = np.column_stack([np.full(len(at), -left / 2), along[:, 1] - LINE / 2])
         pen.names(f"{path}/y_numbers", places, words, GREY)
-    pen.names(f"{path}/x_name", np.array([[WIDE / 2, HIGH + LINE]]), [axes.get_xlabel()], GREY)
+    pen.names(f"{path}/x_name", np.array([[WIDE / 2, high + LINE]]), [axes.get_xlabel()], GREY)
     above = _key(pen, path, axes)
     if axes.get_ylabel():
         above += LINE
         pen.names(f"{path}/y_name", np.array([[WIDE / 4, -above - 2]]), [axes.get_ylabel()], GREY)
     right = 10 + LETTER * max((len(text.get_text()) for text in axes.texts), default=0)
-    bounds = rrb.VisualBounds2D(x_range=(-left - 4, WIDE + right), y_range=(-above - 6, HIGH + 2 * LINE + 6))
+    bounds = rrb.VisualBounds2D(x_range=(-left - 4, WIDE + right), y_range=(-above - 6, high + 2 * LINE + 6))
     title = " ".join((axes.get_title() or axes.get_title("left") or axes.get_xlabel()).split())
     return rrb.Spatial2DView(origin=path, name=title, visual_bounds=bounds)
 
@@ -161,10 +165,15 @@ def _key(pen: Pen, path: str, axes: Axes) -> float:
     return LINE * rows
 
 
+def _high(axes: Axes) -> float:
+    """Height of the part inside of the axes: each name beside the upright one has room for its line."""
+    return max(HIGH, APART * len(axes.yaxis.get_majorticklocs()))
+
+
 def _placed(axes: Axes, transform: Transform, points: Array) -> Array:
     """Points in units of the view, y downwards, (n, 2)."""
     shares = (transform + axes.transAxes.inverted()).transform(np.asarray(points, dtype=float))
-    return np.column_stack([WIDE * shares[:, 0], HIGH * (1 - shares[:, 1])])
+    return np.column_stack([WIDE * shares[:, 0], _high(axes) * (1 - shares[:, 1])])
 
 
 Mark = tuple[str, tuple[float, ...], float, Array]
@@ -272,6 +281,8 @@ STEEP = 0.8  #: How steeply a path is looked down on, over how far the eye is ah
 VIEW_MARGIN, NEAR_MARGIN = 0.16, 0.03  #: Room around the arm and around what is near, over its size [1].
 STACKED = 1.9  #: Width over height of panes above each other [1].
 COLUMN, LEAST_ROWS = 24, 8  #: Rows of names that a column has room for, and those of the smallest pane.
+LEGEND_EDGE, LEGEND_LETTER, LEGEND_LINE = 0.08, 0.0135, 0.09
+"""Shares of a pane that a legend takes: across besides letters, a letter, a line of it [1]."""
 FAR, BAR = 30.0, 0.45
 """Times the least number from which models are dots on a logarithmic axis; height of bars [1]."""
 
@@ -506,7 +517,7 @@ def _write_scene(pen: Pen, scene: Scene, groups: Sequence[_Group]) -> None:
         key = "; ".join(
             filter(None, [_colours(group.poses.layers), _tubes(scene.tube_scale, group.poses.layers)])
         )
-        texts = [f"**{as_markdown(name)}** {as_markdown(text)}\n\n{key}" for name, text in pairs]
+        texts = [f"**{as_markdown(name)}.** {as_markdown(text)}\n\n{key}" for name, text in pairs]
         rows.texts(f"here/{group.name}", texts)
         for layer in group.poses.layers:
             write_layer(rows, f"world/{group.name}/{snake(layer.name)}", layer, group.size, scene.tube_scale)
@@ -523,7 +534,7 @@ def _tubes(scale: ErrorScale | None, layers: Sequence[Layer]) -> str:
     if scale is None or all(layer.kind != "tubes" for layer in layers):
         return ""
     low, high = scale.ends
-    return f"tubes from dark blue, {show(low)} mm, to yellow, {show(high)} mm"
+    return f"tubes from dark blue, {show(low)} mm, to light green, {show(high)} mm"
 
 
 def _colours(layers: Sequence[Layer]) -> str:
@@ -549,16 +560,33 @@ def _write_line(rows: Pen, path: str, line: ModelLine, *, lead: bool) -> None:
 def _charts(group: _Group) -> list[rrb.View]:
     """Numbers of each pose, a chart a view."""
     order = "the worst first" if group.sorted else "in order"
+    rooms = [_legend_room(chart) for chart in group.charts]
     return [
         rrb.TimeSeriesView(
             origin=group.path(chart),
             name=f"{chart.title}, by {chart.across}, {order}",
-            axis_x=_beyond(len(group.poses.names)),
-            axis_y=_from_zero(chart),
+            axis_x=_beyond(len(group.poses.names), aside),
+            axis_y=_from_zero(chart, above),
             plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
         )
-        for chart in group.charts
+        for chart, (above, aside) in zip(group.charts, rooms, strict=True)
     ]
+
+
+def _legend_room(chart: RunChart) -> tuple[float, float]:
+    """Room for the legend of a chart, so that it covers no number, where it takes less of the pane.
+
+    Args:
+        chart: The chart.
+
+    Returns:
+        Shares of the pane that stay empty above and on the right [1].
+    """
+    names = [line.name for line in chart.lines] + [chart.limit_is] * (chart.limit is not None)
+    names += [f"{line.name}, upper end" for line in chart.lines for _ in line.ends or ()]
+    wide = LEGEND_EDGE + LEGEND_LETTER * max(map(len, names))
+    high = LEGEND_LINE * len(names)
+    return (high, 0.0) if high < wide else (0.0, wide)
 
 
 def _world(scene: Scene, group: _Group, aspect: float = ASPECT) -> rrb.Spatial3DView:
@@ -592,18 +620,22 @@ def _columns(
     return rrb.Horizontal(main, rrb.Vertical(*right), column_shares=[3, 2], name=name)
 
 
-def _from_zero(chart: RunChart) -> rrb.archetypes.ScalarAxis:
-    """All numbers and ends of intervals, from 0: a difference looks as large as it is."""
+def _from_zero(chart: RunChart, above: float) -> rrb.archetypes.ScalarAxis:
+    """All numbers and ends of intervals, from 0: a difference looks as large as it is; above stays empty."""
     parts = [own for line in chart.lines for own in (line.values, *(line.ends or ()))]
     every = np.concatenate([*parts, np.ravel(chart.limit if chart.limit is not None else [])])
     every = every[np.isfinite(every)]
     low, high = min(every.min(initial=0.0), 0.0), every.max(initial=0.0)
-    return rrb.archetypes.ScalarAxis(range=(float(low), float(low + 1.05 * (high - low) or 1.0)))
+    return rrb.archetypes.ScalarAxis(
+        range=(float(low), float(low + 1.05 * (high - low) / (1 - above) or 1.0))
+    )
 
 
-def _beyond(count: int) -> rrb.archetypes.TimeAxis:
-    """All places of the timelines, from 0 and from 1, with room at both ends."""
-    low, high = (rr.TimeRangeBoundary.absolute(seq=at) for at in (-1 - count // 50, 1 + count + count // 50))
+def _beyond(count: int, aside: float) -> rrb.archetypes.TimeAxis:
+    """All places of the timelines, from 0 and from 1, with room at both ends; a share aside stays empty."""
+    room = 1 + count // 50
+    ends = (-room, math.ceil((count + room) / (1 - aside)))
+    low, high = (rr.TimeRangeBoundary.absolute(seq=at) for at in ends)
     return rrb.archetypes.TimeAxis(view_range=rr.TimeRange(low, high))
 
 

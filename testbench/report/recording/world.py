@@ -266,6 +266,7 @@ TAB = 2.2  #: Width over height of a tab, above its words [1].
 BALL = 0.02  #: Radius of the largest ball of a map over the size of what is in view [1].
 SMALLEST = 0.4  #: Size of the ball of least error over that of the greatest [1]: colour is never alone.
 KEYS = 5  #: Errors of which the words say the colour.
+WORDS_SHARE = 1.6  #: Height of the words of a map over that of the words of a pose [1].
 ROOT, WORDS, DIFFERENCE = "world/map", "map_words", "difference"
 
 
@@ -299,7 +300,7 @@ def write_map(pen: Pen, place_map: PlaceMap, names: Sequence[str], size: float) 
     if place_map.difference:
         said.append(_write_difference(pen, place_map, size))
     key = ", ".join(f"{show(mm)}" for mm in scale.errors(np.linspace(0, 1, KEYS)))
-    said.append(f"\nFrom small and dark blue by grey to large and yellow: {key} {scale.words}.")
+    said.append(f"\nFrom small and dark blue to large and light green: {key} {scale.words}.")
     rings = [f"Rings: {place_map.without}."] if place_map.without else []
     head = [f"{place_map.title}. Where each is largest:", "\n".join(said), *rings]
     pen.documents({WORDS: Markdown("\n\n".join(head))})
@@ -369,7 +370,8 @@ def map_tab(
         )
     words = [text_view(WORDS, place_map.heading), *(text_view(path, "What is shown") for path in here)]
     if len(views) % across:  # a place is left
-        return rrb.Grid(*views, rrb.Vertical(*words), grid_columns=across, name=place_map.heading)
+        said = rrb.Vertical(*words, row_shares=[WORDS_SHARE, *[1] * len(here)])
+        return rrb.Grid(*views, said, grid_columns=across, name=place_map.heading)
     return rrb.Vertical(
         rrb.Grid(*views, grid_columns=across),
         rrb.Horizontal(*words),
