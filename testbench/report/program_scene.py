@@ -21,7 +21,7 @@ from testbench.workflows.program_numbers import predicted_bending
 from testbench.workflows.rows import MM
 
 BEFORE, CORRECTED = "uncorrected program", "corrected program"
-WITHIN, EXPECTED, AFTER = "uncorrected, within (95 %)", "uncorrected, expected", "corrected, within (95 %)"
+WITHIN, EXPECTED, AFTER = f"{BEFORE}, 95 %", f"{BEFORE}, expected", f"{CORRECTED}, 95 %"
 LOOKS = dict.fromkeys((EXPECTED, WITHIN), Look(MEASURED, 1, prior=True)) | {AFTER: Look(GCO, 0, prior=True)}
 ERROR_LENGTH, MIN_ERROR_LENGTH = 0.15, 0.3  #: Most errors over the path's size [1], its least [m].
 MOVED, GIVE = 0.15, 0.25  #: Length of most deflections and of most ways by a force over the reach [1].

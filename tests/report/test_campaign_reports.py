@@ -326,7 +326,7 @@ def test_of_one_seed_the_calibration_has_no_spread_and_warns_of_what_nothing_lim
     assert not any(isinstance(m.workspace.rms_mm, Spread) for m in one.numbers["models"])
     [claim] = one.claims
     assert "trace weight" in claim
-    assert claim.endswith(": MGCO56.")
+    assert claim.endswith(" limits MGCO56.")
     assert {row.name for row in one.tables["worst"].rows} >= {"ALL153 + prior", "Joints"}
     for row in one.tables["worst"].rows:
         mm = one.numbers["map"].error_mm[row.name]

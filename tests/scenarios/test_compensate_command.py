@@ -333,7 +333,7 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
     programmed_mm, corrected_mm = (report[key]["median"] for key in ("before_most_mm", "most_mm"))
     bounds = f"{programmed_mm:.3f} mm as programmed, {corrected_mm:.3f} mm corrected."
     assert report["said"]["answer"].endswith(bounds)  # bound beside bound
-    within = {"uncorrected_program_within_95": "before_most_mm", "corrected_program_within_95": "most_mm"}
+    within = {"uncorrected_program_95": "before_most_mm", "corrected_program_95": "most_mm"}
     for name, key in within.items():  # a bound beside a bound
         found = series(chunks, f"{OFF}/{name}")
         np.testing.assert_allclose(found, [row[key] for row in report["rows"]], rtol=1e-6)
@@ -343,7 +343,7 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
     unseen = fine("compensate", folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
     assert unseen.startswith("Do not use the corrected program: the correction may make the error larger")
     chunks = sound(tmp_path / "right_report" / "recording.rrd", "12 points have no bound")
-    assert np.isnan(series(chunks, f"{OFF}/corrected_program_within_95")).all()
+    assert np.isnan(series(chunks, f"{OFF}/corrected_program_95")).all()
     for name in ("report.html", "report.md"):
         text = (tmp_path / "right_report" / name).read_text()
         assert text.index("Do not use the corrected program") < text.index("have no bound"), name
@@ -385,7 +385,7 @@ def test_tables_have_the_numbers_of_the_corrected_file(bounded):
     before = [np.linalg.norm([float(row[f"before_{x}_mm"]) for x in "xyz"]) for row in rows]
     half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
     most = np.add(before, half)
-    sizes = {"uncorrected, within (95 %)": most, "corrected, within (95 %)": half}
+    sizes = {"uncorrected program, 95 %": most, "corrected program, 95 %": half}
     text = (bounded / "right_report" / "report.md").read_text()
     for line in (
         "| line | point | as programmed, off by, mm | as programmed, within (95 %), mm | corrected, within "

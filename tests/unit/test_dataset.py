@@ -228,7 +228,7 @@ PLAIN: list[tuple[Callable[[Rows], Rows], str]] = [
     (without_column("force_z_N"), "line 1: missing columns ['force_z_N']\n"),
     (
         put("force_z_N", "force_z_kg", lines=[1]),
-        "line 1: missing columns ['force_z_N'], ignored columns ['force_z_kg']; testbench data map ",
+        "line 1: missing columns ['force_z_N'], ignored columns ['force_z_kg']; testbench data check ",
     ),
     (
         lambda rows: [[*row, row[3]] for row in rows],
