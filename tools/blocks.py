@@ -1,7 +1,7 @@
 """Parts of hand-written pages that are numbers: each stands between a mark and `<!-- end -->`.
 
 `<!-- from STUDY: PART; PART -->`: of the report of a full run, tables by name or blocks of its template, such
-as title and answer. `<!-- bench -->`: the rows of bench.json. `<!-- times -->`: how long the full runs took.
+as title and answer. `<!-- bench -->`: the rows of bench.json.
 `<!-- expected -->`, `<!-- covered -->`: of the tables beside the pages of studies. A part whose run is not
 there stays as it was.
 """
@@ -15,14 +15,14 @@ from typing import Any
 
 from testbench.errors import InputError
 from testbench.report.badge import share
-from testbench.report.markdown import grid, lines, titled
+from testbench.report.markdown import grid, lines
 from testbench.report.report import LISTS, PARTS, Report, read_report
 from testbench.studies import find_study
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
 from testbench.workflows.models import DEFAULT
 
 FROM = re.compile(r"(<!-- from (\w+): ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-PLAIN = re.compile(r"(<!-- (bench|times|expected|covered) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+PLAIN = re.compile(r"(<!-- (bench|expected|covered) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 COVERAGE = ("true arms", "trials", "covered, %", "in the worst tenth, %")
 COVERAGE_HEADS = ["true arms", "n", "covered, %", "worst tenth, %"]
 COVERED = (
@@ -48,7 +48,6 @@ def fill(page: Path, runs: Path, bench: Path) -> bool:
     found = FROM.sub(lambda mark: _from(page, runs, mark), text)
     tables: dict[str, Callable[[], str]] = {
         "bench": lambda: bars(bench),
-        "times": lambda: times(runs),
         "expected": expected,
         "covered": covered,
     }
@@ -100,19 +99,6 @@ def bars(file: Path) -> str:
 
 def _bar(row: dict[str, Any]) -> str:
     return f"{'at least' if row['at_least'] else 'at most'} {row['bar']:g}"
-
-
-def times(runs: Path) -> str:
-    """How long each study took, by its manifest; empty where none ran."""
-    manifests = [
-        json.loads(file.read_text(encoding="utf-8")) for file in sorted(runs.glob("*/manifest.json"))
-    ]
-    rows = [
-        [titled(Path(own["command"]).stem), str(own["seeds"]), f"{own['seconds']:.0f} s"]
-        for own in manifests
-        if "seconds" in own
-    ]
-    return lines(["study", "seeds", "full run"], rows) if rows else ""
 
 
 def expected() -> str:

@@ -70,20 +70,17 @@ def test_a_wrong_mark_is_one_line(runs, tmp_path, mark, said):
         fill(page(tmp_path, f"<!-- {mark} -->\n<!-- end -->\n"), runs, tmp_path / "none.json")
 
 
-def test_bars_and_times_are_those_of_the_runs(runs, tmp_path):
+def test_bars_are_those_of_the_benchmark(runs, tmp_path):
     rows = [
         {"benchmark": "a over b", "value": 2.345, "unit": "x", "bar": 3.5, "at_least": False},
         {"benchmark": "c", "value": 12.0, "unit": "ms", "bar": None, "at_least": True},
     ]
     bench = tmp_path / "bench.json"
     bench.write_text(json.dumps({"results": rows, "machine": {"processor": "some core"}}))
-    own = page(tmp_path, "<!-- bench -->\n<!-- end -->\n<!-- times -->\n<!-- end -->\n")
+    own = page(tmp_path, "<!-- bench -->\n<!-- end -->\n")
     fill(own, runs, bench)
     assert "| a over b | 2.35 x | at most 3.5 |" in own.read_text()
     assert "12 ms" not in own.read_text()  # no bar to hold
-    seconds = json.loads((runs / "loaded_stiffness" / "manifest.json").read_text())["seconds"]
-    assert seconds > 0.1
-    assert f"| Loaded stiffness | 1 | {seconds:.0f} s |" in own.read_text()
 
 
 @pytest.mark.parametrize(
