@@ -123,9 +123,9 @@ def expected() -> str:
         models[name]["RMS workspace, true, mm"] for name in names
     )
     said = (
-        "**The prior and the structure bring the gain; the cone keeps the model conservative.** With the "
-        f"same prior and unknowns, the error of LS is {same} mm, that of GCO {cone} mm. GCO is conservative "
-        f"on all arms, LS on {share(won, '100')}. Without a prior, GCO of beams with a learnt trace weight "
+        "**The prior and the link compliances bring the gain; the cone keeps the model conservative.** On "
+        f"undisturbed arms, with the same prior and unknowns, the median error of LS is {same} mm, that of GCO "
+        f"{cone} mm. GCO is conservative on all arms, LS on {share(won, '100')}. Without a prior, GCO of beams with a learnt trace weight "
         f"has {gco} mm, {alone} {joints} mm, ridge regression {ridge} mm, LS {least} mm. GCO "
         f"without the weight, as in the paper, has {papers} mm."
     )
