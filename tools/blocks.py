@@ -124,10 +124,11 @@ def expected() -> str:
     )
     said = (
         "**The prior and the link compliances bring the gain; the cone keeps the model conservative.** On "
-        f"undisturbed arms, with the same prior and unknowns, the median error of LS is {same} mm, that of GCO "
-        f"{cone} mm. GCO is conservative on all arms, LS on {share(won, '100')}. Without a prior, GCO of beams with a learnt trace weight "
-        f"has {gco} mm, {alone} {joints} mm, ridge regression {ridge} mm, LS {least} mm. GCO "
-        f"without the weight, as in the paper, has {papers} mm."
+        "undisturbed arms, with the same prior and unknowns, the median error of LS is "
+        f"{same} mm, that of GCO {cone} mm. GCO is conservative on all arms, LS on {share(won, '100')}. "
+        f"Without a prior, GCO of beams with a learnt trace weight has {gco} mm, {alone} {joints} mm, "
+        f"ridge regression {ridge} mm, LS {least} mm. GCO without the weight, as in the paper, has "
+        f"{papers} mm."
     )
     return f"{lines(heads, rows)}\n\n{said}"
 
