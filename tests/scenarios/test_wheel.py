@@ -90,7 +90,7 @@ def test_it_is_the_installed_package_that_answers(program, tmp_path):
 
 @pytest.mark.study
 def test_an_arm_that_comes_with_it_is_found_by_name(program, tmp_path):
-    assert "markers P1, P2, P3" in run(program, tmp_path, "check", "kr500_l480")
+    assert "marker P3: 0.16 -0.12 -0.4 m" in run(program, tmp_path, "check", "kr500_l480")
 
 
 @pytest.mark.study
@@ -155,7 +155,7 @@ def test_readme_prints_what_it_says_in_a_fresh_venv(fresh, tmp_path):
     assert number.sub("", said) == number.sub("", PRINTED)
     shown, found = ([float(x) for x in number.findall(text)] for text in (PRINTED, said))
     assert found == pytest.approx(shown, rel=0, abs=0.02)
-    assert "markers P1, P2, P3" in run(fresh.with_name("testbench"), tmp_path, "check", "kr500_l480")
+    assert "marker P3: 0.16 -0.12 -0.4 m" in run(fresh.with_name("testbench"), tmp_path, "check", "kr500_l480")
 
 
 @pytest.mark.study
