@@ -1,10 +1,10 @@
-"""The data model of elastic.toml: every number with its unit, its origin and a note.
+"""Compliances of links and joints, and elastic.toml, which states them with unit, origin and note.
 
 `read_elastic` checks all that can be checked without the MJCF; `folder.load_arm` checks the rest.
 
 Compliances of links and joints: beam formulas and the check for conservativeness.
 
-Six-vectors are translation first, rotation second; SI units. `folder` uses both for elastic.toml.
+Six-vectors are translation first, rotation second; SI units.
 """
 
 from collections.abc import Callable

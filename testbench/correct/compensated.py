@@ -1,15 +1,15 @@
-"""Compensation of a program: corrected joints inside the limits, the remaining error, and refused points.
-
-`compensate` is the last step of the flow: model, programmed joints and loads in, joints to command out.
-Points that cannot be corrected keep their programmed joints and say why.
-
-Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits.
+"""Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits.
 
 `solve_poses` puts the tool into poses by damped Newton steps within limits, all poses at once. A path has
 supports, a stride apart. They are guessed at once; then every one is solved again from its left neighbour
 until none changes. That gives the same joints as one after the other, because only supports behind a change
 are solved again. The points between start from joints interpolated between their supports. `compensate` uses
 such joints for programs in Cartesian coordinates.
+
+Compensation of a program: corrected joints inside the limits, the remaining error, and refused points.
+
+`compensate` is the last step of the flow: model, programmed joints and loads in, joints to command out.
+Points that cannot be corrected keep their programmed joints and say why.
 """
 
 import itertools

@@ -8,7 +8,7 @@ Stiffness of the loaded tool in every direction: the compliance of Eq. (7) and i
 
 Process forces that turn with the tool's path: along the feed, across it, and along the spindle.
 
-They become loads of `predict` and `compensate`.
+Process forces become loads of `predict` and `compensate`.
 """
 
 import math

@@ -331,7 +331,7 @@ def evenly(runs: Ids, count: int = MAX_SHOWN) -> Ids:
         count: Number of runs to keep.
 
     Returns:
-        The selected runs, (min(n, most),).
+        The selected runs, (min(n, count),).
     """
     return np.asarray(runs[np.linspace(0, len(runs) - 1, min(count, len(runs))).round().astype(int)])
 

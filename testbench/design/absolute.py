@@ -156,7 +156,7 @@ def unmodelled_joint_error(union: JointUnknowns, q: Array) -> Array:
     """Compute the RMS displacement of targets by joint errors beyond the model, in every pose.
 
     Args:
-        union: The unknowns; `rest` holds the joints' standard deviations.
+        union: The unknowns; `unmodelled` holds the joints' standard deviations.
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
@@ -187,7 +187,7 @@ def sag(union: JointUnknowns, q: Array) -> Array:
 def candidate_set(union: JointUnknowns, q: Array, poses: int) -> CandidateSet:
     """Make poses the candidates of a plan, in the directions that such a plan can see.
 
-    A direction counts as seen where `poses` average candidates tell more than `union.little` of it.
+    A direction counts as seen where `poses` average candidates tell more than `union.min_information` of it.
 
     Args:
         union: The unknowns and how a pose is read.

@@ -2,7 +2,7 @@
 
 Fedorov (1972) and Mitchell's DETMAX (1974): remove the pose that another candidate replaces best, until no
 exchange of one pose helps. Every trial is an update of rank k of the information matrix. A tangent of the
-criterion selects the trials that can help. `planning` refines the plan afterwards.
+criterion selects the trials that can help. Local refinement follows.
 
 The relaxed design problem: real weights for all candidates, and a bound on every plan of N poses.
 

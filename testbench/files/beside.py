@@ -1,4 +1,4 @@
-"""Readings other than positions: orientations in any notation, joint torques, temperature, time.
+"""Readings other than positions: orientations, torques, temperature, time, gauges, distances.
 
 Notation of orientations that a file does not state: the one that fits the arm's kinematics.
 

@@ -1,4 +1,4 @@
-"""Export of an identified arm as URDF, new or the robot's own, read back before it replaces a file.
+"""Export of an identified arm: what a file cannot hold, a URDF (new or the robot's own), controller files.
 
 Compliances, errors and laws of the joints, and weights have no place in a URDF; they are written to a
 documented JSON file in the same folder. A new URDF has links, joints with limits, tool and masses, no shapes.

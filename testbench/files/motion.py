@@ -1,13 +1,13 @@
-"""Writer of programs in robot languages: each from its template in testbench/languages.
-
-A program stops at every point. Its name is valid, labels stay inside comments, and numbers are written in
-full.
-
-Reader of programs in robot languages: motions in order, and where the numbers of their points are.
+"""Reader of programs in robot languages: motions in order, and where the numbers of their points are.
 
 A language's table says what its points and moves look like. Comments and texts in quotes are blanked first,
 so that a place in what is searched is the place in the file. The corrected program is the same text with
 other numbers.
+
+Writer of programs in robot languages: each from its template in testbench/languages.
+
+A program stops at every point. Its name is valid, labels stay inside comments, and numbers are written in
+full.
 """
 
 import math

@@ -1,10 +1,4 @@
-"""Gramian-constrained optimisation as a conic program with a certificate.
-
-Over C_i = V_i^T V_i, F_M(b) of Eq. (19) is not convex; over C_i positive semi-definite it is, and the two
-sets are one (Theorem 1). Solved in scaled units, by our dense method where blocks are whole, which holds
-unseen directions far firmer; by Clarabel where they are not, or where the dense answer is not proven.
-
-Certificate of optimality for any conservative estimate.
+"""Certificate of optimality for any conservative estimate.
 
 F_M is a sum of norms |r_k| of affine residuals r_k = R_k pi - z_k. For vectors y_k of length at most one,
 |r_k| >= y_k . r_k. So with S_i the gradient of sum y_k . r_k with respect to block i, and any trace term w
@@ -18,6 +12,12 @@ was found. The bound is used twice:
 - with the trace term of GCO it bounds the program that is solved: the duality gap;
 - without it it bounds F_M alone: the largest excess of F_M over its minimum is the cost of the trace term, in
   addition to the duality gap.
+
+Gramian-constrained optimisation as a conic program with a certificate.
+
+Over C_i = V_i^T V_i, F_M(b) of Eq. (19) is not convex; over C_i positive semi-definite it is, and the two
+sets are one (Theorem 1). Solved in scaled units, by our dense method where blocks are whole, which holds
+unseen directions far firmer; by Clarabel where they are not, or where the dense answer is not proven.
 """
 
 import math

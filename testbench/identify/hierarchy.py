@@ -1,14 +1,4 @@
-"""A hierarchical prior: its scales and uncertainties are learnt from the readings before it is used.
-
-In the metric of the prior a block is x_k = s_k (e_k + d xi). It has a scale s_k, and entries that scatter
-about their expectation: by u those of a straight beam, by c the couplings that no straight beam has. Scales
-of links, and those of joints, scatter about one factor of each kind by a Student distribution: most are
-similar, a few differ much. Entries of a whole link scatter w times as much as the others, by its shape. The
-hyperparameters h = (log s, factors, log w, log u, log c, log kappa), with kappa the noise over its stated
-value, maximise the evidence of `evidence_model`. So a CAD model whose joints, or one of whose links, are
-wrong by a factor of ten costs little if the readings show it.
-
-Empirical Bayes for a linear model: sizes of unknowns, and noise of equations, learnt from the readings.
+"""Empirical Bayes for a linear model: sizes of unknowns, and noise of equations, learnt from the readings.
 
 Of c unknowns some are drawn from N(m(h), d(h)^2), with one size d for all unknowns of a part. The others are
 free, or held by equations that count as exact. With y_k = A_k x + noise of deviation s_k(h) for each kind k,
@@ -19,6 +9,16 @@ the hyperparameters h, all logarithms, maximise the evidence (MacKay 1992, The e
 
 P = sum_k A_k^T A_k / s_k^2 + diag(d^-2), x the most probable unknowns, and P their precision. Only the Gram
 matrices of the equations are needed.
+
+A hierarchical prior: its scales and uncertainties are learnt from the readings before it is used.
+
+In the metric of the prior a block is x_k = s_k (e_k + d xi). It has a scale s_k, and entries that scatter
+about their expectation: by u those of a straight beam, by c the couplings that no straight beam has. Scales
+of links, and those of joints, scatter about one factor of each kind by a Student distribution: most are
+similar, a few differ much. Entries of a whole link scatter w times as much as the others, by its shape. The
+hyperparameters h = (log s, factors, log w, log u, log c, log kappa), with kappa the noise over its stated
+value, maximise the evidence of `evidence_model`. So a CAD model whose joints, or one of whose links, are
+wrong by a factor of ten costs little if the readings show it.
 """
 
 import math

@@ -12,9 +12,9 @@ Least squares with a trace term over positive semi-definite blocks: many similar
 
     minimise   |R_f x|^2 / 2 - g_f . x + l c . x   over   x, svec of positive semi-definite blocks
 
-for every fold f of the readings and every weight l. The step is that of `interior`: Mehrotra's predictor and
-corrector along the direction of Nesterov and Todd. Held-out errors distinguish weights at a precision of per
-cents, so a hundredth of the cost is accurate enough, and so few steps need no warm start.
+for every fold f of the readings and every weight l. The step is that of the method above: Mehrotra's
+predictor and corrector along the direction of Nesterov and Todd. Held-out errors distinguish weights at a
+precision of per cents, so a hundredth of the cost is accurate enough, and so few steps need no warm start.
 
 Steps are taken in the scaled coordinates y of Nesterov and Todd, dx = K y with K = svec(G . G^T). There
 Newton's matrix is 1 + S^T S with S = R K. Readings determine fewer directions than there are unknowns, so

@@ -6,8 +6,8 @@ and C is positive semi-definite where X is.
 
 Priors: compliances expected before any reading, and their relative uncertainty.
 
-`cad_prior` makes one from the arm's folder. `metric` turns it into rows that are added to those of the data,
-and `hierarchy` learns its scales and uncertainties from the readings.
+`cad_prior` makes one from the arm's folder. The metric turns it into rows that are added to those of the
+data, and `hierarchy` learns its scales and uncertainties from the readings.
 """
 
 import math

@@ -235,7 +235,7 @@ def learn_trace_weight(vjm: Vjm, parts: PartitionedRegression | Regression) -> P
 
     Args:
         vjm: The model.
-        parts: The readings in the parts of `crossval.divide_poses`. A regression, or a single pose, has
+        parts: The readings in the parts of `divide_poses`. A regression, or a single pose, has
             nothing to hold out: then generalised cross-validation chooses (Golub, Heath, Wahba 1979).
 
     Returns:

@@ -186,7 +186,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True)
 class Strut:
-    """Hold the compensator in some poses; arguments `some` are indices of them."""
+    """Hold the compensator in some poses; arguments `poses` are indices of them."""
 
     spring: Compensator
     slope: float  #: Change of force over change of length as the arm deflects [N/m].
@@ -317,7 +317,7 @@ class ArmEquilibrium:
 
 @dataclass(frozen=True)
 class Batch:
-    """Hold poses of one batch; arguments `some` are indices of poses, repeated where a pose is varied."""
+    """Hold poses of one batch; arguments `poses` are indices of poses, repeated where a pose is varied."""
 
     plant: Plant
     q_fixed: Array  #: Configuration with the actuated joints at their angles and theta = 0, (poses, nv).

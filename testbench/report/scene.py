@@ -225,7 +225,7 @@ def typical_first(page: PageContent) -> PageContent:
     return replace(page, scene=replace(page.scene, groups=groups))
 
 
-# --- which poses are drawn, and how many times enlarged
+# --- Which poses are drawn, and how many times enlarged -----------------------------------------------------
 
 
 def largest_and_even(size: Array, rows: Ids, far: int = MAX_LARGE_ERRORS) -> Ids:
@@ -276,7 +276,7 @@ def arrow_scale(vectors: Array, longest: float) -> float:
     return float(power * max(k for k in (1, 2, 5) if k * power <= scale * (1 + 1e-9)))
 
 
-# --- scales of maps
+# --- Scales of maps -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

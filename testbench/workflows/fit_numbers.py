@@ -123,8 +123,8 @@ def rounded(values: Array) -> list[float]:
 def eigenvalues(arm: Arm, structure: Structure, C_theta: Array) -> list[Row]:
     """Compute the eigenvalues of every link's compliance, and the compliance of every joint.
 
-    A translation counts as the rotation that causes it on an arm of `certify.LENGTH`, so that all have one
-    unit. That changes sizes; it changes no sign.
+    A translation counts as the rotation that causes it on an arm of `conic.LEVER_LENGTH`, so that all have
+    one unit. That changes sizes; it changes no sign.
 
     Args:
         arm: The arm.

@@ -445,7 +445,7 @@ class ReducedRuns:
 
     data: Dataset  #: Those that are held, for estimators of one's own.
     poses: int  #: All are in.
-    part: Ids  #: Of every run, `crossval.divide_poses`.
+    part: Ids  #: Of every run, `divide_poses`.
     parts: Mapping[str, PartitionedRegression]  #: By the name of the structure.
 
 

@@ -106,7 +106,7 @@ def test_half_a_recording_is_told_at_once_and_by_its_reason(folder, monkeypatch)
         shot(folder / "half.rrd", folder / "picture.png", Sight(size="640x400"))
 
 
-# --- films
+# --- Films --------------------------------------------------------------------------------------------------
 
 
 def png(pixels):

@@ -155,7 +155,9 @@ def test_readme_prints_what_it_says_in_a_fresh_venv(fresh, tmp_path):
     assert number.sub("", said) == number.sub("", PRINTED)
     shown, found = ([float(x) for x in number.findall(text)] for text in (PRINTED, said))
     assert found == pytest.approx(shown, rel=0, abs=0.02)
-    assert "marker P3: 0.16 -0.12 -0.4 m" in run(fresh.with_name("testbench"), tmp_path, "check", "kr500_l480")
+    assert "marker P3: 0.16 -0.12 -0.4 m" in run(
+        fresh.with_name("testbench"), tmp_path, "check", "kr500_l480"
+    )
 
 
 @pytest.mark.study

@@ -46,7 +46,7 @@ from testbench.model.load import Load, Weights, on_joints, own_weight
 from testbench.model.structure import Structure
 from testbench.model.vjm import Chain, Vjm, chain, tool_pose
 
-# --- State of a calibrated arm (geometry --------------------------------------------------------------------
+# --- State of a calibrated arm, and its static equilibrium --------------------------------------------------
 
 ROWS_AT_ONCE = 500
 """Rows whose Jacobian is in memory at a time."""
