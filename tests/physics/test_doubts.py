@@ -63,13 +63,14 @@ def test_sound_runs_raise_no_doubt(sets, kind):
 
 FIRST = {mistake.names: name for name, mistake in reversed(MISTAKES.items())}
 BELOW = {"noise", "hung", "swapped", "force_zero", "load_point", "joint_zero", "tracker_moved"}
-"""One mistake of each doubt, and those that are planted below too; `make studies` plants the others."""
+SLOW = {"load_order", "payload", "kilograms", "force_axis", "one_reading", "frame_tilted"}
+"""One mistake of each doubt, those planted below too, and those that take long: `make studies` plants all."""
 
 
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[pytest.mark.study] * (name in BELOW or name not in FIRST.values()))
+        pytest.param(name, marks=[pytest.mark.study] * (name in BELOW | SLOW or name not in FIRST.values()))
         for name in MISTAKES
     ],
 )

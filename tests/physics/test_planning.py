@@ -394,6 +394,7 @@ def test_poses_and_gauges_chosen_together_are_the_best_of_all_places(kr500, spec
     )
 
 
+@pytest.mark.study
 def test_refined_places_of_gauges_are_better_and_within_their_bound(kr500, spec, poses):
     given = make_plan(spec, "test", poses[:40], Feasibility(lambda q: clear(kr500, q)), trial_rng(1))
     nowhere = Feasibility(lambda q: np.zeros(len(q), dtype=bool))

@@ -265,6 +265,7 @@ def test_the_pages_show_poses_and_tasks_and_where_the_arm_will_err(
     assert said(shown).startswith("Place ")
 
 
+@pytest.mark.study
 def test_a_plan_of_absolute_readings_has_the_answer_first(absolute, calibration):
     assert {p.name for p in absolute.iterdir()} == {*FILES} - {"tasks_expected.csv"}
     asked = json.loads((absolute / "manifest.json").read_text())["scenario"]
@@ -280,6 +281,7 @@ def test_a_plan_of_absolute_readings_has_the_answer_first(absolute, calibration)
     assert all(f"- {words}." in page for words in calibration["hidden"])
 
 
+@pytest.mark.study
 def test_the_plan_beats_random_and_greedy_ones_and_says_how_many_unknowns_there_are(calibration):
     assert 0.6 < calibration["certificate"]["efficiency"] <= 1
     row = next(row for row in calibration["curve"] if row["poses"] == READ)
@@ -293,6 +295,7 @@ def test_the_plan_beats_random_and_greedy_ones_and_says_how_many_unknowns_there_
     assert counts["seen"] <= sum(kinds) - 12  # those that are structural
 
 
+@pytest.mark.study
 def test_the_plan_is_read_back_and_simulated_in_two_readings_a_pose(absolute, calibration, tmp_path):
     cell = build_cell(UR10)
     q = read_poses(absolute / "plan.csv", cell.arm)
