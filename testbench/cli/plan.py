@@ -235,4 +235,4 @@ def _of_tasks(f: Row) -> Iterator[Markdown]:
             vars(law) | {"kind": law.kind.capitalize(), "by": by},
         )
     if f.joints_alone_mm <= f.error_mm.expected:
-        yield Markdown("**Joint stiffness only has no larger expected error here.**")
+        yield Markdown("**Joints-only has no larger expected error here.**")
