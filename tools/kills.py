@@ -53,7 +53,10 @@ LATE, MOST_LATE = "too late", 4  #: What a kill after the end counts as; most of
 MOST_FAULTS = 20  #: After which no more is tried.
 CLOCKS = ("manifest.json", "recording.rrd", "run.log")  #: Tell the time, or have a random identity.
 VIEWS = (".md", ".html")  #: Show the report, and how long solvers took.
-TIMED = ("solver_comparison",)  #: Studies of times: ratios of them, curves over them.
+TIMED = {
+    "solver_comparison": "solver_comparison.png",
+    "bench": "time.png",
+}  #: Studies of times, their figures.
 TIME = r"seconds|ratio_to_conic"  #: In the names of what a clock measured, and of ratios of that.
 SHM = Path("/dev/shm")
 CODES = {"TERM": (143, -15), "INT": (130, -2), "KILL": (-9,)}
@@ -90,7 +93,7 @@ def command(line: str, out: str = "out", *, anew: bool = False) -> Case:
 def study(name: str, seeds: int = 1) -> Case:
     """A study, its trials on two workers."""
     script = str(ROOT / "scenarios" / f"{name}.py")
-    timed = ("report.json", f"{name}.png") if name in TIMED else ()
+    timed = ("report.json", TIMED[name]) if name in TIMED else ()
     return Case((sys.executable, script, *STUDY, "--seeds", str(seeds)), resumes=True, timed=timed)
 
 
