@@ -46,10 +46,13 @@ from testbench.workflows.rows import MM
 if TYPE_CHECKING:
     from testbench.report.figure import Figure
 
-KEPT = "Green: kept, as it improves held-out readings. Grey: tried and left out."
+KEPT = "Green: kept, because it improves held-out readings. Grey: tried, not kept."
 COMMAND, PICTURE, JOINTS = "testbench calibrate", "calibration.png", "joint_errors.png"
 TABLES = {
-    "steps": ("What improves held-out readings, calibrated", "tried verdict after_mm series_after_mm"),
+    "steps": (
+        "Errors tried, and the error at held-out readings with each",
+        "tried verdict after_mm series_after_mm",
+    ),
     "errors": ("Fitted readings", "what error.mean_mm error.rms_mm error.p95_mm error.max_mm"),
     "series": ("Series", "series after.n before.mean_mm after.mean_mm after.max_mm"),
     "values": ("Compliances and geometry", "what value half_95 unit folder"),
@@ -59,8 +62,8 @@ TABLES = {
         "joint rms_urad largest.order largest.amplitude_urad largest.deviation_urad significant",
     ),
     "pattern": ("One periodic error that joints share", "joint turn_deg mirrored"),
-    "ranges": ("Ranges of joints with the largest errors, calibrated", "what rms_mm"),
-    "outliers": ("Readings that hardly count", "series row marker error_mm pull"),
+    "ranges": ("Ranges of joints with the largest errors after calibration", "what rms_mm"),
+    "outliers": ("Readings with little weight", "series row marker error_mm pull"),
 }
 """Titles and columns of the report's tables."""
 
@@ -104,7 +107,7 @@ class CalibrateOptions:
     ] = None
     at_most: Annotated[
         float | None,
-        typer.Option(min=0, metavar="MM", help="With --score: exit 1 above this mean error."),
+        typer.Option(min=0, metavar="MM", help="With --score: exit with 1 above this mean error."),
     ] = None
     force: Force = False
 
@@ -131,7 +134,7 @@ def command(asked: CalibrateOptions) -> None:
             more = gain_of_more(cell, model_of(calibrated.calibration), series[0].sigma)
         said, lines = report(calibrated, left, more), [f"- {note}" for note in calibrated.notes]
         if said.numbers["rejected"]:
-            nothing = "rejected   the model is worse than none; nothing was written"
+            nothing = "rejected   the calibrated model is worse than the nominal arm; nothing was written"
             print_words(console, said, [], [*lines, nothing])
             raise typer.Exit(1)
         flags = plain(asked, read="readings", without=("arm", "score", "frame_poses", "at_most"))
@@ -163,8 +166,8 @@ def _score(asked: CalibrateOptions, files: Sequence[File]) -> None:
     position_errors, notes = score(model, files, asked.frame_poses)
     failed = asked.at_most is not None and not position_errors.mean_mm <= asked.at_most
     verdict = (
-        f"{'Do not use' if failed else 'Holds'}: mean {position_errors.mean_mm:.3f} mm, limit "
-        f"{asked.at_most} mm"
+        f"{'Do not use' if failed else 'Holds'}: the mean error is {position_errors.mean_mm:.3f} mm, "
+        f"the limit is {asked.at_most} mm"
     )
     sizes = (
         f"{position_errors.mean_mm:.3f} mm mean, {position_errors.rms_mm:.3f} mm RMS, 95 % below "
@@ -209,7 +212,7 @@ def report(
     tables = _tables(f)
     return Report(
         scenario="calibrate",
-        question=say("How far is {arm} from its drawing, and how far once calibrated?", f),
+        question=say("How large are the position errors of {arm}, nominal and calibrated?", f),
         title=say("{arm}, {total_after.n:counted position} of {k} series", f, k=len(f.series)),
         answer=say(answer, every=every, alone=alone),
         claims=[
@@ -253,11 +256,11 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     """Numbers that stand in no other table, with their units."""
     yield "solver", f"{f.program.method}: {f.program.status}" if f.program else "the arm is rigid"
     yield "smallest eigenvalue of the compliances, SI", min((row.smallest for row in f.blocks), default=None)
-    yield "stated noise of a reading along an axis, um", f.noise.sigma_um
-    yield "model error of a position beside it, um", f.noise.open_position_um
-    yield "model error of an orientation, urad", f.noise.open_rotation_urad or None
-    yield "scatter of the readings over both together", f.noise.position_factor
+    yield "noise of a reading along an axis, as stated, um", f.noise.sigma_um
+    yield "error of the model at a position, without noise, um", f.noise.open_position_um
+    yield "error of the model at an orientation, without noise, urad", f.noise.open_rotation_urad or None
+    yield "scatter of the readings, divided by noise and model error together", f.noise.position_factor
     yield "positions with reduced weight, % (0.7 % expected)", f.less_pull_percent
     if f.more:
         yield "expected error over the workspace now, mm", f.more.now_mm
-        yield f"expected error after {f.more.poses} more poses of a plan, mm", f.more.after_mm
+        yield f"expected error over it after {f.more.poses} more planned poses, mm", f.more.after_mm

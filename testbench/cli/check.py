@@ -63,7 +63,7 @@ def command(asked: CheckOptions) -> None:
             f"         {len(checked.items) - len(said.numbers['confirm'])} more below 1 %",
             "\nRead from the folder:",
             *rest,
-            "MuJoCo and Pinocchio agree on the places of links, tool, load and markers within "
+            "MuJoCo and Pinocchio place links, tool, load point and markers alike within "
             f"{max(1, ceil(1e9 * checked.apart))} nm",
         ]
         if springs is not None:
@@ -118,7 +118,7 @@ def report(checked: Checked) -> Report:
         answer=say(
             f"{{what}} move the tool by {{sag_mm.median:.3g}} mm (median). Warnings: {len(f.doubts)}.", f
         ),
-        claims=[say("**Doubt**: {text}", text=ended(text)) for text in f.doubts],
+        claims=[say("**Warning**: {text}", text=ended(text)) for text in f.doubts],
         numbers=f,
         tables=tables,
         body=[
@@ -160,7 +160,7 @@ def _link(link: LinkEntry) -> str:
     axis = f"along {_place(np.array(link.axis))}"
     if link.tube is None:
         assert link.compliance is not None
-        return f"{axis}, a compliance in full, {link.compliance.origin}"
+        return f"{axis}, full 6x6 compliance, {link.compliance.origin}"
     t = link.tube
     outer, inner = 1e3 * t.outer_diameter.value, 1e3 * t.inner_diameter.value
     return (
@@ -192,14 +192,14 @@ def seen(checked: Checked) -> PageContent:
     bent = elastic_frames(cell.plant, q, M * theta)
     group = PoseGroup(
         name="Poses",
-        names=["Zero, or as near as the limits let", "Pose of median sag"],
+        names=["Zero, or the nearest pose within the limits", "Pose of median sag"],
         words=[f"{words[0].upper()}{words[1:]}." for words in said],
         rigid=straight,
         bent=bent,
         layers=[*_beams(checked), *_tool(checked, bent)],
         first=1,
     )
-    title = f"Sag under {payload} by the folder's compliances x {M:g}. Tubes at their true diameter."
+    title = f"Sag under {payload}, from the folder's compliances, x {M:g}. Tubes have their true diameter."
     return PageContent(scene=Scene(cell, title, [group]))
 
 

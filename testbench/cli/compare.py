@@ -54,7 +54,7 @@ class CompareOptions:
         False
     )
     fail_if_worse: Annotated[
-        bool, typer.Option("--fail-if-worse", help="Exit 1 if RUN_B errs more than RUN_A.")
+        bool, typer.Option("--fail-if-worse", help="Exit with 1 if RUN_B has larger errors.")
     ] = False
     force: Force = False
 
@@ -120,7 +120,7 @@ def report(a: Finished, b: Finished) -> Report:
     lead = leading(models, [a, b])
     if lead is None and not values:
         kinds = f"RUN_A is of {a.manifest.command}, RUN_B of {b.manifest.command}"
-        raise BenchError(f"{kinds}: no models and no numbers of the same names: nothing to compare")
+        raise BenchError(f"{kinds}: expected runs that share a model or a number, these share none")
     badge = None if lead is None else badge_of(lead, a, b)
     inputs = inputs_differ(a, b)
     led = [row for row in models if lead is not None and row.kind == lead.kind]
@@ -135,10 +135,10 @@ def report(a: Finished, b: Finished) -> Report:
     tables = {name: table for name, table in tables.items() if table.rows}
     return Report(
         scenario="compare",
-        question=Markdown("Do A and B differ, and which errs less?"),
+        question=Markdown("Do A and B differ, and which has the smaller error?"),
         title=say("A: {a} ({x}, seeds {s}); B: {b} ({y}, seeds {t})", _made(a, b)),
         answer=answer,
-        claims=[say("Not in both: {only:list}.", only=only)] if only and led else [],
+        claims=[say("Only one of the runs has: {only:list}.", only=only)] if only and led else [],
         numbers=Row(
             runs=[str(a.folder), str(b.folder)],
             inputs=inputs,
@@ -173,7 +173,7 @@ def _tables(
     led = [row for row in models if lead is not None and row.kind == lead.kind]
     rest = [row for row in models if row not in led]
     looks = {row.name: look_of(row) for row in led if row.constraint}
-    ratio = TableColumn("ratio", "error of B over that of A", form=".2f", short="B / A")
+    ratio = TableColumn("ratio", "error of B divided by the error of A", form=".2f", short="B / A")
     sides = TableColumn("a", "A", "mm"), TableColumn("b", "B", "mm")
     columns = TableColumn("verdict", "B is"), TableColumn("by", "judged by")
     kind = TableColumn("kind", "where", called=KINDS)
@@ -237,14 +237,14 @@ def refuse_unlike(runs: Sequence[Finished]) -> None:
     alone = {run.manifest.seed for run, _ in known if run.manifest.seeds == 1}
     if 1 in counts and len(counts) > 1:
         told = "; ".join(f"{run.folder}: {seeds(run)}" for run in runs)
-        problem = f"one seed in each or several in each, as one seed has no spread, got seeds {told}"
+        problem = f"one seed in both runs or several in both (one seed has no spread), got seeds {told}"
     elif len({arms for _, arms in known}) > 1 or (len(alone) > 1 and len(known) > 1):
         told = "; ".join(
             f"{run.folder}: {', '.join(sorted(arms))}, seeds {seeds(run)}" for run, arms in known
         )
-        problem = f"the same true arms, of one seed each the same seed, got {told}"
+        problem = f"the same true arms (and the same seed, if each run has one), got {told}"
     if problem:
-        raise BenchError(f"runs: expected {problem}; --anyway compares them all the same")
+        raise BenchError(f"runs: expected {problem}; --anyway compares them nevertheless")
 
 
 def _true_arms(run: Finished) -> frozenset[str]:

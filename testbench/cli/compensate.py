@@ -73,7 +73,7 @@ class CompensateOptions:
         None
     )
     tolerance: Annotated[
-        float | None, typer.Option(min=0, metavar="MM", help="Exit 1 if an error may exceed it.")
+        float | None, typer.Option(min=0, metavar="MM", help="Exit with 1 if an error may exceed it.")
     ] = None
     keep_unreachable: Annotated[
         bool, typer.Option("--keep-unreachable", help="Keep unreachable points unchanged.")
@@ -95,7 +95,7 @@ def command(asked: CompensateOptions) -> None:
         aim = programs.aim_of(asked.hold, asked.asked, asked.tool_point, asked.spindle)
         model = load_model(asked.model, asked.arm)
         if not model.arm.joints:
-            raise BenchError(f"{model.arm.name} has no joints: nothing could correct it")
+            raise BenchError(f"{model.arm.name} has no joints, so a program cannot correct it")
         cell = build_cell(asked.model)
         program = read_program(asked.program, model.arm, asked.mapping, jumps=asked.jumps)
         programs.refuse_corrected(program)
@@ -148,8 +148,8 @@ def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report
     answer = "No point has a load: the program is unchanged."
     if f.loaded:
         answer = (
-            "Expected error of the tool, median: {before_mm.median:.3f} mm as programmed. Corrected, "
-            "{unseen:counted point} have no bound."
+            "Expected error of the tool, median: {before_mm.median:.3f} mm as programmed. "
+            "{unseen:counted point} have no bound after correction."
         )
     if f.loaded and f.most_mm:  # bound beside bound: the expected error of a corrected program is no success
         answer = (
@@ -159,7 +159,7 @@ def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report
     tables = _tables(f)
     return Report(
         scenario="compensate",
-        question=Markdown("Where does the loaded tool go, and what puts it right?"),
+        question=Markdown("Where does the loaded tool go, and which program corrects it?"),
         title=say("{program} corrected for {arm}, {points:counted point}", f),
         answer=say(answer, f),
         claims=[say("{text}", text=ended(capital(text))) for text in correction_warnings(f)],
@@ -198,7 +198,7 @@ def _tables(f: Row) -> dict[str, Table]:
     worst = sorted(f.rows, key=lambda row: (not row.reason, -(np.inf if row[key] is None else row[key])))[:12]
     others = [Row(what=name, value=own) for name, own in _others(f) if own is not None]
     return {
-        "sizes": Table(sizes, off, "How far the loaded tool is off", headline="median_mm", looks=LOOKS),
+        "sizes": Table(sizes, off, "Error of the loaded tool", headline="median_mm", looks=LOOKS),
         "worst": Table(points, worst, f"Worst points, {len(worst)} of {f.points:,}", headline="before_mm"),
         "numbers": Table(columns("what value"), others, "Other numbers"),
     }
@@ -207,14 +207,14 @@ def _tables(f: Row) -> dict[str, Table]:
 def _others(f: Row) -> Iterator[tuple[str, object]]:
     """Numbers that stand in no other table, with their units."""
     yield "model", f.method
-    yield "positions of the program are of the tool", f.asked
+    yield "tool to which the program's positions refer", f.asked
     yield "what is corrected", f.hold
     yield "points with a load", f.loaded
     yield "points corrected", f.corrected
     yield "largest force, N", f.force_n[1]
-    yield "error as programmed, expected, median, mm", f.before_mm.median
-    yield "error as programmed, expected, largest, mm", f.before_mm.max
-    yield "chance that a point gets better, median, %", f.chance and 100 * f.chance
+    yield "expected error as programmed, median, mm", f.before_mm.median
+    yield "expected error as programmed, largest, mm", f.before_mm.max
+    yield "probability that a point improves, median, %", f.chance and 100 * f.chance
     yield "95 % half width between points, median, mm", f.half_fitted_mm and f.half_fitted_mm.median
     yield "95 % half width between points, largest, mm", f.half_fitted_mm and f.half_fitted_mm.max
     if f.open:
@@ -222,8 +222,8 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     yield "largest orientation change that is not corrected, mrad", f.turns_mrad or None
     if f.tolerance:
         yield "tolerance, mm", f.tolerance.mm
-        yield "points that fail it as programmed", f.tolerance.failed_before
-        yield "points that fail it corrected", f.tolerance.failed
+        yield "points that exceed the tolerance as programmed", f.tolerance.failed_before
+        yield "points that exceed the tolerance after correction", f.tolerance.failed
     if f.jump:
         yield f"largest step of a correction, {f.jump.unit}", f.jump.size
         yield "its joint and line", f"{f.jump.joint}, line {f.jump.line}"

@@ -39,7 +39,7 @@ from testbench.workflows.rows import MM
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
 LogFile = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="File of the joints, if they are in another one.")
+    Path | None, typer.Option(metavar="FILE", help="File with the joints, if it is another one.")
 ]
 LoadedReadings = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Loaded readings, if in another file or FILE.xlsx#SHEET.")
@@ -114,7 +114,7 @@ def _map_of_layout(
 ) -> Path | Map | None:
     """The map that is given, else that of the layout that fits, which is printed; None without either."""
     if runs.mapping and (asked.log or asked.layout or asked.loaded):
-        raise BenchError("--map: expected no --log, --loaded or --layout beside a map, which says all")
+        raise BenchError("--map: expected no --log, --loaded or --layout, because the map states them")
     fits = runs.mapping is None and (
         asked.log or asked.loaded or fitting(runs.dataset, cell.arm, asked.layout)
     )
@@ -215,7 +215,7 @@ def _show_series(
     ]
     console.print("\n".join([*column_lines(rows), "", *notes]), soft_wrap=True)
     off = MM * kinematic_misfit(cell.vjm, export.series)
-    console.print(f"They fit the arm as drawn to {off:.3g} mm (median).")
+    console.print(f"They fit the nominal arm to {off:.3g} mm (median).")
     for one in export.series:
         if fit := fit_of_series(cell.arm, one):
             angle = f"{math.degrees(fit.angle):.2g} deg"

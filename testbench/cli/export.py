@@ -68,7 +68,7 @@ def command(asked: ExportOptions) -> None:
     elif asked.into is not None and asked.urdf is None and asked.tip is None:
         _write_into(asked, asked.into)
     else:
-        raise BenchError("expected --urdf or --into, one of the two; --tip is for --urdf")
+        raise BenchError("expected either --urdf or --into; --tip is only for --urdf")
 
 
 def _write_urdf(asked: ExportOptions, urdf: Path) -> None:
@@ -90,7 +90,7 @@ def _write_into(asked: ExportOptions, file: Path) -> None:
     except ValueError as err:
         raise BenchError(f"--gears: expected numbers with commas between, got {asked.gears!r}") from err
     if gears and form is not ABB:
-        raise BenchError("--gears: is for ABB's motors alone")
+        raise BenchError("--gears: expected a file of an ABB controller with it")
     model = _read(asked, out, CONTROLLER, [file])
     _say(model, _offset_words(model.arm, out, *export_offsets(model.state, file, out, gears)))
 
@@ -131,7 +131,7 @@ def _refuse_another(out: Path, arm: str) -> None:
         found = read_plain(companion_path(out))
         other = found.get("arm") if isinstance(found, dict) else None
         if isinstance(other, str) and other != arm:
-            raise BenchError(f"{out}: testbench export wrote it of another arm, {other}; {INSTEAD}")
+            raise BenchError(f"{out}: testbench export wrote this file for another arm, {other}; {INSTEAD}")
 
 
 def _words(arm: str, draft: Draft, out: Path, done: Row, *, replaced: bool) -> list[str]:
@@ -149,7 +149,8 @@ def _words(arm: str, draft: Draft, out: Path, done: Row, *, replaced: bool) -> l
     if draft.drawing_off is not None:
         off, aside = 1e6 * draft.drawing_off, round(1e3 * draft.aside, 6)
         lines.append(
-            f"nominal    geometries differ by {off:.3g} um and urad; tip {aside:.4g} mm from the model's tool"
+            f"nominal    URDF and arm differ by up to {off:.3g} um and urad; the tip is {aside:.4g} mm "
+            "from the tool"
         )
     if draft.loose_meshes:
         lines.append("warning    mesh paths are relative: keep the file beside the robot's URDF")

@@ -90,7 +90,7 @@ class IdentifyOptions:
         False
     )
     identifiability: Annotated[
-        bool, typer.Option("--identifiability", help="List what is not observable, and what to add.")
+        bool, typer.Option("--identifiability", help="List what the runs do not determine, and what to add.")
     ] = False
     strict: Annotated[bool, typer.Option("--strict", help="Fail if there is any warning.")] = False
     force: Force = False
@@ -155,9 +155,9 @@ def report(f: Row) -> Report:
     """Report fits from their numbers."""
     taken = find(f.models, name=f.recommended)
     beaten = f.get("badge") is not None and f.badge.winner != taken.name
-    first = "Although it is beaten on held-out runs, take" if beaten else "Take"
+    first = "Use (although another model predicts held-out runs better)" if beaten else "Use"
     if any(doubt["name"] != "prior" for doubt in f.doubts):
-        first = "First check the runs (see the doubt below). If they are right, take"
+        first = "First check the runs (see the warning below). If they are right, use"
     kind, where = ("check", "held-out") if taken.check else ("identification", "fitted")
     sure = (taken.intervals or Row()).get("half_width_mm") is not None
     half = ". 95 % interval of deflections: +- {intervals.half_width_mm:.3f} mm (median)" if sure else ""
@@ -171,19 +171,19 @@ def report(f: Row) -> Report:
     tables = {
         "models": table_of(f, MODELS),
         "fit": Table(SINGLE, _fit(f), "The fit"),
-        "elsewhere": Table(WORST, [*_elsewhere(f)], "How sure it is elsewhere"),
+        "elsewhere": Table(WORST, [*_elsewhere(f)], "Uncertainty at other poses"),
         "laws": Table(laws, f.laws, "Joints beyond a spring"),
         "runs": Table(
             columns("which_run pose moved_mm taken_mm"), runs, f"Residuals, the worst {LISTED_RUNS} runs"
         ),
-        "told": Table(columns(told), f.seen.blocks, "What the runs tell"),
-        "help": Table(HELP, rest.help if rest else [], "What else could be measured"),
-        "unseen": Table(UNSEEN, rest.unseen if rest else [], "What the runs do not show"),
+        "told": Table(columns(told), f.seen.blocks, "What the runs determine"),
+        "help": Table(HELP, rest.help if rest else [], "Measurements that could be added"),
+        "unseen": Table(UNSEEN, rest.unseen if rest else [], "What the runs do not determine"),
     }
     tables = {name: table for name, table in tables.items() if table.rows}
     return Report(
         scenario="identify",
-        question=say("Which stiffness model of {arm} to take, and how sure is it?", f),
+        question=say("Which stiffness model of {arm} should be used, and how certain is it?", f),
         title=say("{arm}: {runs:counted run} in {poses:counted pose} of {dataset} fitted", f),
         answer=say(f"{first} {{name}}: {{{kind}.rms_mm:.3f}} mm RMS in the {where} runs{half}.", taken),
         claims=list(warnings(f, taken)),
@@ -214,18 +214,18 @@ def _fit(f: Row) -> list[Row]:
     """List single numbers of the fit."""
     places, rest = f.map or Row(), f.get("identifiability") or Row()
     pairs = {
-        "95 % of residuals by noise alone are below, mm": f.noise_p95_mm,
+        "95 % bound of residuals from noise alone, mm": f.noise_p95_mm,
         f"unknowns of {f.seen.structure}": f.seen.unknowns,
-        "rank: directions of them that the runs determine": f.seen.seen,
-        "measured deflections over those predicted by the arm's folder": f.scale,
+        "rank: directions of the unknowns that the runs determine": f.seen.seen,
+        "measured deflections divided by those that the arm's folder predicts": f.scale,
         "force of the map, N": places.get("force_N"),
         "moment of the map, N m": places.get("moment_Nm"),
         "poses of the map": places.get("places"),
-        "least half width in the map, mm": places.get("least_mm"),
+        "smallest half width in the map, mm": places.get("least_mm"),
         "half width in 95 % of the map's poses, mm": places.get("p95_mm"),
         "expected error at random poses, mm": rest.get("expected_error_mm"),
-        "expected deflection there, mm": rest.get("expected_deflection_mm"),
-        "independent equations of the runs at most": rest.get("equations"),
+        "expected deflection at random poses, mm": rest.get("expected_deflection_mm"),
+        "most independent equations that the runs can give": rest.get("equations"),
     }
     return [Row(quantity=name, value=value) for name, value in pairs.items() if value is not None]
 

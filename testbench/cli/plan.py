@@ -84,7 +84,7 @@ def command(asked: PlanOptions, absolute: AbsolutePlanOptions, where: PlanOutput
             asked.task, cell, weight(cell.vjm, settings.loads_kg[0]), asked.mapping
         )
         for doubt in overload_warnings(cell.arm, (0.0, *settings.loads_kg), settings.pulls_n):
-            console.print(f"Doubt: {doubt}", soft_wrap=True)
+            console.print(f"Warning: {doubt}", soft_wrap=True)
         known = None if tasks else known_before(cell, asked, absolute)
         made = plan_for(cell, settings, tasks) if tasks else plan_absolute(cell, settings, known)
         f, joints = numbers(made), cell.arm.file_joints
@@ -124,10 +124,10 @@ def report(f: Row) -> Report:
     loads = " or ".join([*hung, *map(pull_words, f.pulls_n)])
     loads = ", then ".join(["own weight", *hung]) if f.absolute else loads
     tables = {name: table for name, table in _tables(f, where).items() if table.rows}
-    unknown = [Markdown("## What stays unknown"), bullets(f.hidden)] if f.get("hidden") else []
+    unknown = [Markdown("## What the plan does not determine"), bullets(f.hidden)] if f.get("hidden") else []
     return Report(
         scenario="plan",
-        question=Markdown("Which poses to measure?"),
+        question=Markdown("Which poses should be measured?"),
         title=say("Calibration plan: {arm}, {model}, {loads}", f, loads=loads),
         answer=say(f"{first}; with random poses: {rival} (median of {random.plans} plans)."),
         claims=list(_warnings(f)),
@@ -159,18 +159,18 @@ def _tables(f: Row, where: str) -> dict[str, Table]:
         "beside": Table(
             (TableColumn("what", "plan"), over),
             f.beside,
-            "Beside other plans",
+            "This plan and others",
             looks=looks_of_plans(f.beside),
         ),
         "tasks": Table(
-            columns("task expected_deflection_mm error_there_mm"), worst, "Tasks of the largest errors"
+            columns("task expected_deflection_mm error_there_mm"), worst, "Tasks with the largest errors"
         ),
         "curve": Table(columns(CURVE), f.curve, f"Expected error {where} by the number of poses"),
         "around": Table(AROUND, f.around, "Over the workspace"),
-        "rests": Table(SINGLE, f.rests, "What this rests on"),
+        "rests": Table(SINGLE, f.rests, "Assumptions and numbers of the plan"),
         "limits": Table(LIMITS, f.limits, "Distance of the joints from their limits"),
-        "filled": Table(FILLED, f.get("filled", []), "Ranges not read before"),
-        "candidates": Table(SINGLE, f.refused, "Candidate poses, refused ones by reason"),
+        "filled": Table(FILLED, f.get("filled", []), "Joint ranges without an earlier reading"),
+        "candidates": Table(SINGLE, f.refused, "Candidate poses: drawn, kept, and refused by reason"),
     }
 
 
@@ -199,7 +199,7 @@ def _warnings(f: Row) -> Iterator[Markdown]:
     if not f.surrounded:
         yield Markdown("**No floor is known**: `--floor-z METRES` adds one.")
     if f.pulls_n:
-        yield Markdown("**No rope was checked.**")
+        yield Markdown("**Collisions of a pulling rope were not checked.**")
     yield from () if f.absolute else _of_tasks(f)
 
 
@@ -216,16 +216,21 @@ def _of_tasks(f: Row) -> Iterator[Markdown]:
             "**No load of this plan has a moment about {joints:list}**{force}.", joints=u.joints, force=force
         )
     if u := f.unshown:
-        pull = f"--pull {','.join(f'{x:g}' for x in u.pull_N)}" if u.pull_N else "no force at the load point"
-        turned = {"pull": pull, "turned": u.turned_by_pull or ["them"]}
+        pull = ",".join(f"{x:g}" for x in u.pull_N) if u.pull_N else ""
         yield say(
-            "**Only the tasks have a moment about {joints:list}**: {pull} has one about {turned:list}.",
+            "**The tasks have a moment about {joints:list}, the planned loads have none**. "
+            + (
+                "`--pull {pull}` has one about {turned:list}."
+                if pull
+                else "No force at the load point has one."
+            ),
             vars(u),
-            **turned,
+            pull=pull,
+            turned=u.turned_by_pull,
         )
     if f.directions.hidden_mm > HIDDEN * f.error_mm.expected:
         yield say(
-            "**{hidden_mm:.3f} mm of the expected error depend on the prior alone**, whatever is measured.",
+            "**{hidden_mm:.3f} mm of the expected error depend only on the prior**. No pose can reduce them.",
             f.directions,
         )
     for law in f.open_laws:

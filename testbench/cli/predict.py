@@ -182,7 +182,7 @@ def report(made: Predicted) -> Report:
             "Other numbers",
         ),
     }
-    sure = "which the readings do not determine" if first.half_mm is None else "+- {half_mm:.3f} mm (95 %)"
+    sure = "not determined by the readings" if first.half_mm is None else "+- {half_mm:.3f} mm (95 %)"
     return Report(
         scenario="predict",
         question=say("Where does the tool of {arm} go under {loads}, and how stiff is it?", f),
@@ -210,7 +210,7 @@ def _warnings(f: Row) -> Iterator[str]:
         yield f"The readings give no interval for {f.unseen_percent:.0f} % of the deflections"
     if f.map.unseen_percent:
         yield f"No interval for some force direction in {f.map.unseen_percent:.0f} % of the map's poses"
-    yield from (f"Doubt of the model: {text}" for text in f.doubts)
+    yield from (f"Warning of the model: {text}" for text in f.doubts)
 
 
 def _others(f: Row) -> Iterator[tuple[str, object]]:

@@ -194,7 +194,7 @@ def _one_after_the_other(cell: Cell, asked: SimulateOptions) -> tuple[float, ...
         return (0.0,)
     masses = hung_masses(cell.arm, asked.file, asked.payload_kg, asked.loads, 1)
     if (masses != masses[0]).any():
-        problem = "expected the same in all runs with --absolute; leave the column out, and say --loads"
+        problem = "expected the same load in all runs with --absolute; remove the column and state --loads"
         raise InputError(asked.file or Path(), "column load_kg", problem)
     return (0.0, *masses[0].tolist())
 
@@ -271,4 +271,4 @@ def _say_overload(
     console: Console, cell: Cell, masses: Iterable[float], pulls: Iterable[Sequence[float]] = ()
 ) -> None:
     for doubt in overload_warnings(cell.arm, masses, pulls):
-        console.print(f"Doubt: {doubt}", soft_wrap=True)
+        console.print(f"Warning: {doubt}", soft_wrap=True)

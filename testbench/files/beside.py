@@ -240,9 +240,11 @@ def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
         return values - values[0], []
     wrong = next((text for text in texts if seconds(text) is None), None)
     if wrong is not None and ROUNDED.fullmatch(wrong):
-        return None, [f"{stamp.name}: {wrong!r} is a time that a spreadsheet rounded: no time is read"]
+        return None, [f"{stamp.name}: {wrong!r} is a time that a spreadsheet rounded, so times are not read"]
     got = f"{wrong[:40]!r}" if wrong is not None else f"{texts[0][:40]!r} in every row"
-    return None, [f"{stamp.name}: expected 20200714163904 or 2020-07-14 16:39:04, got {got}: no time is read"]
+    return None, [
+        f"{stamp.name}: expected 20200714163904 or 2020-07-14 16:39:04, got {got}; times are not read"
+    ]
 
 
 def _if_full(columns: Columns, column: ReadColumn) -> tuple[Array | None, list[str]]:
@@ -250,7 +252,7 @@ def _if_full(columns: Columns, column: ReadColumn) -> tuple[Array | None, list[s
     try:
         return columns.full(column), []
     except InputError:
-        return None, [f"{column.name}: blank or no number in a row, not read"]
+        return None, [f"{column.name}: a row has no number, so this column is not read"]
 
 
 # --- Readings along lines in a file: travels of gauges and distances to fixed points, one marker per row ----

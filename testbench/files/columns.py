@@ -344,7 +344,7 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
     named = {k: own for k, name in enumerate(read_as) if (own := names.find(name))}
     if not named:
         hint = numbered_joints(table.names, len(arm.file_joints)).removeprefix("; ")
-        hint = hint or "names that are not ours need a map, a file without a header too"
+        hint = hint or "columns with other names, or a file without a header, need a map"
         wanted = ", ".join(joint.shown_column for joint in arm.file_joints) or "mass_kg"
         got = ", ".join(table.names[:3])
         raise UnknownColumns(
@@ -402,7 +402,7 @@ def _warnings(table: TableCells, names: Names, ignored: Sequence[str]) -> tuple[
     words = unread_column_warnings([name for name in ignored if name in full and name not in keys])
     if log is not None and log.rows is not None:
         each = f"{log.rows} rows" if log.rows > 1 else "one row"
-        words.insert(0, f"warning: {log.file} is joined by the order of its rows, each to {each} of readings")
+        words.insert(0, f"warning: {log.file} is joined row by row: each row to {each} of readings")
     return tuple(words)
 
 
@@ -721,7 +721,7 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
         weight = np.zeros((table.rows, 6))
         weight[:, 2] = -GRAVITY * kg
         notes = (
-            [f"no column says a mass: {told:g} kg in loaded rows, as was said"] if told is not None else []
+            [f"no column states a mass: loaded rows have {told:g} kg, as stated"] if told is not None else []
         )
         return weight, [
             *notes,

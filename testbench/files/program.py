@@ -440,7 +440,7 @@ def unread_columns(program: Program) -> tuple[str, ...]:
         return program.content.text.notes
     like = {name: _load_like(name) for name in program.other}
     found = [
-        f"Not read though its unit is that of a load: {name}{near and f' ({near}?)'}; it counts for nothing"
+        f"Not used, although its unit is that of a load: {name}{near and f' ({near}?)'}"
         for name, near in like.items()
         if near is not None
     ]
@@ -490,7 +490,7 @@ def read_program(
     if (language := language_of(path)) is not None:
         return _robot_program(path, language, arm, names)
     if names.cells:
-        raise names.error(path, "cells", "expected a quantity a column in a program")
+        raise names.error(path, "cells", "expected one column per quantity in a program")
     try:
         columns = read_columns(path, names, arm)
     except InputError as err:

@@ -141,7 +141,7 @@ def _unlike(flag: float | None, used: Array) -> list[str]:
     """Note that the caller's sigma [m] is not used, if the file's or map's differs."""
     if flag is None or np.allclose(used, flag, rtol=1e-6, atol=0):
         return []
-    return [f"sigma is that of the file or its map, not {1e6 * flag:g} um as was said"]
+    return [f"the sigma of the file or its map is used, not the stated {1e6 * flag:g} um"]
 
 
 def _deviations(columns: Columns, what: What, least: float, unit: str) -> tuple[Array | None, list[str]]:
@@ -160,7 +160,7 @@ def _deviations(columns: Columns, what: What, least: float, unit: str) -> tuple[
         problem = f"expected at most {SIGMA_RANGE[1]:g} {unit}, got {middle:g} in most rows; another unit?"
         raise columns.table.error(0, found[0].name, problem)
     low = int((values < least).sum())
-    words = f"{low} standard deviations below {1e6 * least:g} u{unit} are taken as that"
+    words = f"{low} standard deviations are below {1e6 * least:g} u{unit}: this limit is used for them"
     return np.fmax(values, least) if low else values, [words] * bool(low)
 
 
@@ -433,13 +433,13 @@ def average_shots(columns: Columns) -> tuple[Columns, list[str]]:
         table = table.with_numbers(column.index, mean)
     shots, scatter = float(np.median(count)), float(np.sqrt(squares / max(free, 1)))
     words = (
-        f"{len(code)} shots are {len(first)} readings, their means; they scatter by {1e6 * scatter:.3g} um"
+        f"the means of {len(code)} shots are {len(first)} readings; shots scatter by {1e6 * scatter:.3g} um"
     )
     silent = columns.source_of(Slot("sigma")) is None and not columns.all_of("deviation", "spread")
     if free and scatter > 0 and silent:
         sigma = scatter / np.sqrt(shots)
         names = replace(names, values={**names.values, Slot("sigma"): (sigma, UNITS_BY_NAME["m"])})
-        words += f", so sigma is {1e6 * sigma:.3g} um: what all shots of a point share is not in it"
+        words += f", so sigma is {1e6 * sigma:.3g} um; it lacks errors that all shots of a point share"
     return replace(columns, names=names, table=table), [words]
 
 
@@ -503,7 +503,7 @@ def _in_one_row(table: TableCells, conditions: RowConditions, read: FileReadings
         for k in np.flatnonzero(short)[:1]:
             raise table.error(first[k], "", f"run {run[k]}: {each}")
     before, after = (readings_by_group(read, code, read.after == state) for state in (False, True))
-    notes = () if own.run is not None else (f"runs are numbered in their order: {len(first)} of them",)
+    notes = () if own.run is not None else (f"{len(first)} runs are numbered in their order",)
     return Paired(first, run, first[code], before, after, notes)
 
 
@@ -601,7 +601,7 @@ def _check_held(table: TableCells, q: Array, row: Ids, idle: Ids) -> list[str]:
         raise table.error(row[k], "", not_held("unloaded", int(table.lines[idle[k]]), moved[k]))
     most = float(moved.max())
     words = f"joints differ by up to {most:.2g} rad or m between unloaded and loaded"
-    return [f"{words}: deflections hold that too"] if most > SAME_POSE else []
+    return [f"{words}; deflections contain this difference"] if most > SAME_POSE else []
 
 
 def not_held(which: str, line: int, by: float) -> str:

@@ -94,7 +94,7 @@ class Badge:
         if self.why:
             return Markdown(f"Do not use {winner}: {as_markdown(self.why)}.")
         if self.factor is None:
-            return Markdown(f"Too few: nothing compares {winner} with {rival}.")
+            return Markdown(f"Too few: no {self.each.partition(' ')[0]} compares {winner} with {rival}.")
         least = "at least " if self.exact else ""
         shown = least + ratio(max(self.factor, 1 / self.factor))
         side = "lower" if self.factor >= 1 else "higher"
@@ -103,9 +103,9 @@ class Badge:
         first, _, of = self.each.partition(" ")
         shared = f"from {counted(self.trials, 'trial')}" if self.trials else ""
         pairs = " ".join(filter(None, [counted(self.n, first), of, shared]))
-        takes = f"a verdict takes {counted(MIN_PAIRS, 'trial' if self.trials else first)}"
+        takes = f"a verdict needs {counted(MIN_PAIRS, 'trial' if self.trials else first)}"
         if self.interval is None and abs(self.factor - 1) <= ALIKE:
-            return Markdown(f"Too few: {winner} and {rival} err the same in {pairs}; {takes}.")
+            return Markdown(f"Too few: {winner} and {rival} have the same error in {pairs}; {takes}.")
         if self.interval is None:
             return Markdown(f"Too few: {times} in {pairs}; {takes}.")
         low, high = self.interval
@@ -117,7 +117,7 @@ class Badge:
             told = f"{self.what} ratio{of} {self.factor:.2f}, {seen.format(f'{low:.2f}', f'{high:.2f}')}"
             return Markdown(f"Tie{near}: {winner} ties with {tied} ({told}).")
         if self.chance is not None:
-            sure = f"a {first} improves with a chance of {100 * self.chance:.0f} %"
+            sure = f"a {first} improves with a probability of {100 * self.chance:.0f} %"
             return Markdown(f"Likely: {times}; {sure} (median of {pairs}).")
         head = f"Holds: {times}" if self.verdict == "holds" else f"Do not use {rival}: {size}"
         also = f"; {winner} ties with {tied}" if tied else ""

@@ -129,7 +129,7 @@ def _runs(
 
 def _said(row: Row, names: list[str], joints: str) -> str:
     left = ", ".join(f"{name} {row.residual_mm[name]:.3f} mm" for name in names)
-    return f"Pose {row.pose}, moves {row.moved_mm:.3f} mm. Left at the worst target: {left}. {joints}."
+    return f"Pose {row.pose}, moves {row.moved_mm:.3f} mm. Residual at the worst target: {left}. {joints}."
 
 
 def _places(cell: Cell, errors: ErrorPlaces, taken: str) -> PoseGroup:
@@ -157,7 +157,7 @@ def _map(f: Row, group: int) -> PlaceMap:
         group,
         np.array(errors.position_m),
         [_line(f, name, mm) for name, mm in half.items()],
-        heading="How sure it is elsewhere",
+        heading="Uncertainty at other poses",
         without="" if all(np.isfinite(mm).all() for mm in half.values()) else NOWHERE,
         worst_is="next: +-",
     )
@@ -176,7 +176,7 @@ def badge(identified: IdentifyResult, left: Mapping[str, Array]) -> Badge | None
     rms, each = held_out(identified, left, MIN_PAIRS)
     taken, fits = identified.fits.recommended, identified.fits
     rivals = [name for name in incumbents(fits.models, taken) if name in rms]
-    why = "first check the runs, see the doubt" if any(x.name != "prior" for x in fits.doubts) else ""
+    why = "first check the runs, see the warning" if any(x.name != "prior" for x in fits.doubts) else ""
     own = badge_against_all(taken, {name: (rms[taken], rms[name], None) for name in rivals}, each, why)
     if own and own.interval is None and own.factor and own.winner != taken:  # all readings chose it, not few
         return Badge(**vars(own) | {"winner": taken, "rival": own.winner, "factor": 1 / own.factor})
@@ -211,7 +211,7 @@ def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
         The warnings.
     """
     for doubt in sorted(f.doubts, key=lambda doubt: doubt["name"] == "prior"):
-        yield say("Doubt: {text}", text=ended(doubt["sentence"]))
+        yield say("Warning: {text}", text=ended(doubt["sentence"]))
     if taken.get("rejected"):
         yield say("Outliers left out of {name}: {rejected}.", taken)
     yield from (say("Your estimator {name} {text}", m, text=ended(m.status)) for m in f.failed)
@@ -220,7 +220,7 @@ def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
         yield Markdown("No pose was held out; `--check-pose N` holds one out.")
     yield from _of_intervals(f, taken)
     if taken.aggregated:
-        yield say("Included in the compliance of the link before: {aggregated:list}.", taken)
+        yield say("The compliance of the link before includes: {aggregated:list}.", taken)
     for text in (f"{f.recommended}: {f.why}", *f.notes, *taken.advice):
         yield say("{text}", text=ended(capital(text)))
 
@@ -233,7 +233,7 @@ def _of_intervals(f: Row, taken: Row) -> Iterator[Markdown]:
         )
     if held := [m.name for m in f.models if m.intervals and m.intervals.on_boundary]:
         yield say(
-            "Intervals are approximate, as the estimate is on the boundary of the cone: {held:list}.",
+            "Intervals are approximate because the estimate is on the boundary of the cone: {held:list}.",
             held=held,
         )
     if taken.intervals and not taken.prior:

@@ -86,7 +86,7 @@ def _others(f: Row) -> Iterator[tuple[str, str]]:
         away = f"{f.away.distance_mm:.3f}, {f.away.target}"
         yield "largest distance of an unloaded reading from the undeflected arm, mm", away
     if f.get("scale") is not None:
-        yield "measured deflections over those predicted by the arm's folder", f"{f.scale:.2f}"
+        yield "measured deflections divided by those that the arm's folder predicts", f"{f.scale:.2f}"
 
 
 def report(row: Row, registered: RegisteredDataset) -> Report:
@@ -110,11 +110,11 @@ def report(row: Row, registered: RegisteredDataset) -> Report:
         title=say("{dataset} as runs of {arm}", f),
         answer=say(
             "{runs:counted run} in {poses:counted pose}: targets move {deflection_mm.least:.3f} to "
-            "{deflection_mm.most:.3f} mm, median {deflection_mm.median:.3f} mm. Doubts: {count}.",
+            "{deflection_mm.most:.3f} mm, median {deflection_mm.median:.3f} mm. Warnings: {count}.",
             f,
             count=len(f.doubts),
         ),
-        claims=[say("**Doubt**: {text}", text=ended(text)) for text in f.doubts],
+        claims=[say("**Warning**: {text}", text=ended(text)) for text in f.doubts],
         numbers=f,
         tables=tables,
         body=[*tables, Markdown("## How the runs were read"), bullets(notes)],

@@ -274,7 +274,8 @@ def of_held(calibration: Calibration) -> list[str]:
             off = 1e3 * float(np.linalg.norm(found - np.array(series.fixed)))
             words.append(
                 f"{series.name}: its fixed point is found at {', '.join(f'{x:.4f}' for x in found)} m, "
-                f"{off:.1f} mm from where it is stated; distances do not show how the base is turned about it"
+                f"{off:.1f} mm from where it is stated; distances do not show how the base is turned "
+                "about this point"
             )
         alone, mount, frame = (
             undetermined_frames(vjm, (series,)),
@@ -290,7 +291,7 @@ def of_held(calibration: Calibration) -> list[str]:
                 "other orientations depend on it"
             )
             by = by if mount in every else "a series that shares the target or the frame determines it"
-            open_ = f"the places of {names} on the tool and of the frame cannot be told apart"
+            open_ = f"the places of {names} on the tool and of the frame cannot be separated"
             words.append(f"{series.name}: its tool turns too little, so that {open_}: {by}")
         if frame in alone:
             by = f"a prior holds the frame upright, within {np.degrees(LEVEL_DEVIATION):.1f} degrees"
@@ -398,8 +399,8 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
         if frame_poses is None and seen_before:
             if off := typical_distance(state, one):
                 raise BenchError(
-                    f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from frame "
-                    f"{one.frame!r} of the calibration; with --frame-poses it gets a frame of its own"
+                    f"{one.name}: three quarters of its readings are {1e3 * off:.3g} mm or more from frame "
+                    f"{one.frame!r} of the calibration; --frame-poses fits a frame of its own"
                 )
             placed = with_known_frame(model, one)
         else:

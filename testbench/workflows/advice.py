@@ -12,10 +12,10 @@ from testbench.model.structure import PAPER_GCO
 
 MISFIT = 2.0  #: F_M over its floor beyond which noise is no explanation.
 MAX_REJECTED = 1 / 3  #: Share of rejected readings beyond which it is doubted that they are outliers.
-MINIMUM_NORM = "least squares has minimum norm in the directions that no reading shows"
+MINIMUM_NORM = "in directions that no reading determines, least squares chooses the solution of minimum norm"
 NEAREST = (
-    "in the directions that no reading shows, least squares is the conservative model nearest to that of "
-    "minimum norm"
+    "in directions that no reading determines, least squares chooses the conservative model nearest to the "
+    "solution of minimum norm"
 )
 
 
@@ -44,10 +44,8 @@ def _of_fit(estimate: Estimate) -> list[str]:
     cost, floor = estimate.f_m, estimate.f_m_floor
     if cost <= MISFIT * floor:
         return []
-    why = "structure, sigma, load, unit, frame"
-    return [
-        f"{estimate.structure.name}: F_M is {cost:.3g}, noise alone would leave {floor:.3g}; check: {why}"
-    ]
+    why = "the structure, sigma, loads, units and frame"
+    return [f"{estimate.structure.name}: F_M is {cost:.3g}, but noise alone gives {floor:.3g}: check {why}"]
 
 
 def _of_method(estimate: Estimate) -> list[str]:
@@ -60,7 +58,8 @@ def _of_method(estimate: Estimate) -> list[str]:
         if penalty is not None and not estimate.method.startswith(PAPER_GCO):
             return [f"GCO: trace weight {penalty.weight:.3g} N m/rad"]
         said = [
-            f"GCO has the least trace in the directions that no reading shows, weight {TIE_BREAK:g}"
+            "in directions that no reading determines, GCO chooses the compliances of least trace "
+            f"(weight {TIE_BREAK:g})"
         ] * free
         if estimate.held_by_trace_weight:
             said.append(
@@ -96,26 +95,27 @@ def of_average(average: ModelAverage | None) -> list[str]:
     if average is None or not (average.laws_weight or average.weight or average.ties_weight):
         return []
     if average.weight == 1:
-        return ["link compliances hardly improve the model: joint stiffness only is used"]
+        return ["link compliances hardly improve the model, so Joints-only is used"]
     if average.ties_weight == 1:
         return ["the evidence favours coupled joints"]
     if average.ties_weight:
         said = (
-            f"coupled joints have a weight of {100 * average.ties_weight:.3g} % in the average, by evidence"
+            f"by their evidence, coupled joints have a weight of {100 * average.ties_weight:.3g} % in the "
+            "average"
         )
         return [said, *of_average(replace(average, ties_weight=0.0))]
     if average.laws_weight == 1:
-        return ["the evidence favours joints that stiffen or have backlash or friction"]
+        return ["the evidence favours joints with stiffening, backlash or friction"]
     if average.laws_weight:
         laws, linear = (f"{100 * x:.3g} %" for x in (average.laws_weight, 1 - average.laws_weight))
         return [
-            f"the estimate is an average of linear joints ({linear}) and joints that stiffen or have "
+            f"the estimate averages two models: linear joints ({linear}), and joints with stiffening, "
             f"backlash or friction ({laws})"
         ]
     share = f"{100 * average.weight:.3g} %"
     if average.weight > 0.5:
-        return [f"link compliances hardly improve the model: joint stiffness only has a weight of {share}"]
-    return [f"the estimate is an average; joint stiffness only has a weight of {share}"]
+        return [f"link compliances hardly improve the model, so Joints-only has a weight of {share}"]
+    return [f"the estimate is an average, in which Joints-only has a weight of {share}"]
 
 
 def _of_outliers(estimate: Estimate) -> list[str]:
@@ -124,10 +124,12 @@ def _of_outliers(estimate: Estimate) -> list[str]:
     if not bad:
         return []
     every = bad + estimate.regression.equations // 3
-    said = [f"{bad} of {every} readings rejected, beyond {REJECTION_THRESHOLD} standard deviations"]
+    said = [
+        f"{bad} of {every} readings are rejected: they lie beyond {REJECTION_THRESHOLD} standard deviations"
+    ]
     if estimate.lost_runs:
         runs = ", ".join(map(str, estimate.lost_runs))
-        said.append(f"no reading is left of run {runs}: look at the load, the pose and the frame there")
+        said.append(f"all readings of run {runs} are rejected: check its load, pose and frame")
     if bad > MAX_REJECTED * every:
         said.append(f"too many to be outliers: {NO_OUTLIERS}")
     return said

@@ -247,8 +247,8 @@ def reason_against_use(f: Row) -> str:
     if f.rejected:
         return str(f.rejected)
     if f.pressed:
-        return "its compliances want to be negative"
-    return "too few poses, held-out positions do not get better" if f.worse else ""
+        return "its best compliances are negative"
+    return "too few poses: the calibration does not improve held-out positions" if f.worse else ""
 
 
 def calibration_doubts(f: Row) -> Iterator[tuple[str, str]]:
@@ -304,11 +304,13 @@ def _rejected(f: Row, before: float, after: float) -> str:
         before: RMS distance of the nearest readings from the arm as drawn [mm].
         after: From the calibrated arm [mm].
     """
-    ours = f"the nearest {100 * SOUND:.0f} % of the readings that it was fitted to lie {after:.3f} mm from it"
+    ours = (
+        f"the nearest {100 * SOUND:.0f} % of the fitted readings lie {after:.3f} mm from the calibrated arm"
+    )
     if after > ABOVE * before:
-        return f"{ours}, {before:.3f} mm from the arm as drawn"
+        return f"{ours}, but {before:.3f} mm from the nominal arm"
     if f.held_out_mm and after > CONTRADICTED * f.held_out_mm[1]:
-        return f"{ours}, held-out ones {f.held_out_mm[1]:.3f} mm: they contradict each other"
+        return f"{ours}, held-out ones only {f.held_out_mm[1]:.3f} mm: the readings contradict each other"
     return ""
 
 

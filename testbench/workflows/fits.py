@@ -59,8 +59,11 @@ def of_scale(scale: LearntScale) -> Doubt:
     name, others = (
         ("the joints", "the links") if scale.name == ALL_JOINTS else (scale.name, "the other links or joints")
     )
-    words = f"is {scale.factor:.2g} times ({low:.2g} to {high:.2g}) the prior's by the readings"
-    return Doubt("prior", f"the compliance of {name} {words}, relative to {others}: check the folder")
+    words = (
+        f"the readings make {name} {scale.factor:.2g} times ({low:.2g} to {high:.2g}) as compliant as the "
+        "prior"
+    )
+    return Doubt("prior", f"relative to {others}, {words}: check the arm's folder")
 
 
 def of_noise(estimates: Iterable[Estimate]) -> list[Doubt]:
@@ -74,8 +77,8 @@ def of_noise(estimates: Iterable[Estimate]) -> list[Doubt]:
         return []
     words = (
         f"the F_M of {least.structure.name} is {least.f_m:.2g}, but noise alone would give "
-        f"{least.f_m_floor:.3g}: is sigma too large ({1e6 * SIGMA[0]:g} um if none is stated; perhaps "
-        "a U95), or were readings averaged or copied?"
+        f"{least.f_m_floor:.3g}: is sigma too large (default {1e6 * SIGMA[0]:g} um; is it a U95?), "
+        "or were readings averaged or copied?"
     )
     return [Doubt("noise", words)]
 
@@ -200,7 +203,9 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     moved = [m for m, own in zip(models, entries, strict=True) if acts[own[own < len(acts)]].any()]
     still = [m.name for m in models if m not in moved]
     if not moved:
-        raise BenchError(f"expected loads that bend a model, these bend none of {', '.join(still)}")
+        raise BenchError(
+            f"expected loads that deflect a part of the model; these deflect none of {', '.join(still)}"
+        )
     return moved, [f"{name} is left out: no load deflects its links and joints" for name in still]
 
 

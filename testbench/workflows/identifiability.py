@@ -535,7 +535,7 @@ def structure_words(found: Structural, joints: Sequence[str], compliances: int) 
         )
     if found.idle:
         idle = " and ".join(joints[j] for j in found.idle)
-        yield f"The joint errors of {idle} are structural: no target moves with them"
+        yield f"The joint errors of {idle} are structural: they move no target"
     if found.elastic:
         yield (
             f"{found.elastic} of {compliances} directions of compliance are structural: under these loads "
@@ -577,14 +577,15 @@ def sentences(found: Sequence[HiddenQuantity], joints: Sequence[str]) -> tuple[s
 
 
 def _words(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
-    left = f"{100 * hidden_quantity.share:.0f} % of its prior variance left"
+    left = f"{100 * hidden_quantity.share:.0f} % of its prior variance remain"
     if not hidden_quantity.confounded_with:
         return f"{hidden_quantity.name} is not seen ({left}){_advice(hidden_quantity, joints)}"
     behind = " and ".join(
         filter(None, [", ".join(hidden_quantity.confounded_with[:-1]), hidden_quantity.confounded_with[-1]])
     )
     return (
-        f"{hidden_quantity.name} hides behind {behind} (correlation {hidden_quantity.correlation:.2f}, "
+        f"{hidden_quantity.name} cannot be separated from {behind} (correlation "
+        f"{hidden_quantity.correlation:.2f}, "
         f"{left}){_advice(hidden_quantity, joints)}"
     )
 
@@ -594,7 +595,7 @@ def _advice(hidden_quantity: HiddenQuantity, joints: Sequence[str]) -> str:
     if hidden_quantity.joint_to_turn is None:
         return ""
     if hidden_quantity.joint_to_turn < 0:
-        return f": {FURTHER_ROWS} more poses hardly help, another load may"
+        return f": {FURTHER_ROWS} more poses hardly help; another load may help"
     return (
         f": turn {joints[hidden_quantity.joint_to_turn]} more"
         if hidden_quantity.joint_to_turn < len(joints)
@@ -637,9 +638,7 @@ def _mutual(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
         for hidden_quantity in own
     )
     joint = _joint(own[0].name)
-    return (
-        f"{joint}'s errors of orders {orders} hide behind each other ({_left(own)}){_advice(own[0], joints)}"
-    )
+    return f"{joint}'s errors of orders {orders} cannot be separated ({_left(own)}){_advice(own[0], joints)}"
 
 
 def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
@@ -656,7 +655,7 @@ def _unseen(own: Sequence[HiddenQuantity], joints: Sequence[str]) -> str:
 
 def _left(own: Sequence[HiddenQuantity]) -> str:
     shares = [100 * hidden_quantity.share for hidden_quantity in own]
-    return f"{min(shares):.0f} to {max(shares):.0f} % of their prior variance left"
+    return f"{min(shares):.0f} to {max(shares):.0f} % of their prior variance remain"
 
 
 def quantities(unknowns: Unknowns) -> tuple[ObservedQuantity, ...]:

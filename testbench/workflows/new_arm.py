@@ -416,7 +416,7 @@ WORDS = {
     "{names}",
     "outside": "not of this arm, so left out: {names}",
     "placeholders": "every link weighs {0:g} kg in the file, which no arm does: not used",
-    "renamed": "names made fit: {names}",
+    "renamed": "names changed to allowed ones: {names}",
     "rods": "held at zero they do not follow the arm, so their collisions do not count: {names}; "
     "a balancer's spring is for [compensator] of elastic.toml",
     "sites": "markers at the sites of the robot's file",

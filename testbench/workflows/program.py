@@ -444,7 +444,7 @@ def read_pose_file(
     program = read_program(path, model.arm, mapping, jumps=True)
     aim, notes = Aim(), unread_columns(program)
     if program.corrected:
-        notes += ("The program was corrected: its points count as they stand",)
+        notes += ("The program was corrected before: its points are used as they are",)
         if program.q is not None and not isinstance(program.content, RobotMotions):  # poses are commands, too
             program = replace(program, position=None, rotation=None)
     program, said = with_payload(model, program, mass)
@@ -609,7 +609,8 @@ def extrapolation_warnings(found: Extent) -> tuple[str, ...]:
             (found.moment, "N m", found.moment_ratio, "moment"),
         )
         said = [
-            f"extrapolated: {value:,.0f} {unit} are {ratio:.1f} times the largest {what} identified"
+            f"extrapolated: {value:,.0f} {unit} are {ratio:.1f} times the largest {what} of the "
+            "identification"
             for value, unit, ratio, what in sizes
             if ratio is not None and ratio > SLACK
         ]
@@ -637,9 +638,7 @@ def refusal_words(arm: Arm, refusal: Refusal | None) -> str | None:
         return f"{joint.name} would pass its limit by {joint.shown * refusal.size:.3g} {joint.shown_unit}"
     if refusal.why == "collision":
         return f"{refusal.names[0]} would collide with {refusal.names[1]}"
-    return (
-        f"out of reach, {1e3 * refusal.size:.3g} mm are left" if refusal.why == "reach" else "no equilibrium"
-    )
+    return f"out of reach by {1e3 * refusal.size:.3g} mm" if refusal.why == "reach" else "no equilibrium"
 
 
 def direction_words(direction: Array) -> str:

@@ -160,7 +160,7 @@ def correction_warnings(f: Row) -> Iterator[str]:
     yield from (f"Points with {joint} at its limit: {n}" for joint, n in f.held.items())
     if (jump := f.jump) and not jump.load and jump.size > JUMPS:
         yield f"The correction of {jump.joint} jumps by {jump.size:.2f} {jump.unit} after line {jump.line}"
-    yield from (f"Doubt of the model: {text}" for text in f.doubts)
+    yield from (f"Warning of the model: {text}" for text in f.doubts)
 
 
 def _chances(before: Sequence[float], half: Sequence[float]) -> Array:

@@ -76,7 +76,10 @@ def _fit_note(registration: Registration, sag: float | None) -> str:
             f"; {registration.downweighted} of {len(registration.distance)} fit worse and have less weight"
         )
     size = "" if sag is None else f", {MM * sag:.2f} mm RMS according to the arm's folder"
-    return f"{text}. They contain the deflection under own weight{size}; differences of readings do not"
+    return (
+        f"{text}. They contain the deflection under own weight{size}; differences of readings do not "
+        "contain it"
+    )
 
 
 def _target_notes(registered: RegisteredDataset, registration: Registration) -> Iterator[str]:

@@ -291,7 +291,7 @@ def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_d
     [by] = [own for own in entries if own.key == "rows"]
     assert by.value == 3
     assert by.why == "no names or times in common, but these counts agree"
-    assert "warning: robot.dat is joined by the order of its rows, each to 3 rows of readings" in found.notes
+    assert "warning: robot.dat is joined row by row: each row to 3 rows of readings" in found.notes
     fewer = "".join(other.splitlines(keepends=True)[:-1])
     with pytest.raises(InputError, match="or as many rows or poses in both, got 36 readings and 11 rows"):
         read("", tmp_path, export, fewer)

@@ -142,7 +142,9 @@ def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(tmp_path):
     assert found.recommended == default_name(cell.arm)
     assert "Joints" not in [model.name for model in found.models]
     assert "Joints is left out: no load deflects its links and joints" in found.notes
-    with pytest.raises(BenchError, match=r"expected loads that bend a model, these bend none of Joints$"):
+    with pytest.raises(
+        BenchError, match=r"expected loads that deflect a part of the model; these deflect none of Joints$"
+    ):
         fit_models(
             cell, named_models(cell, ["Joints"]), MeasuredRuns("runs.csv", data, data, None), lambda: 0.0
         )

@@ -331,7 +331,7 @@ def test_a_tracker_that_moved_between_two_readings_is_named_with_run_and_size(hu
     size = 1e3 * np.linalg.norm((moved.data.after - hung.data.after)[8:], axis=2)
     said = float(re.search(r"moved by (\S+) mm", first.sentence)[1])
     assert said == pytest.approx(np.sqrt(np.mean(size**2)), rel=0.3)
-    assert ("runs across it are wrong by as much" in first.sentence) == loaded
+    assert ("runs with readings on both sides of the move have this error" in first.sentence) == loaded
     station = 1 + (moved.data.run >= 9)  # of their own
     assert loaded or named(replace(moved, data=replace(moved.data, station=station))) == []
 

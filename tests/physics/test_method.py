@@ -202,7 +202,7 @@ def test_noise_that_is_stated_far_too_large_is_doubted(kr500, campaign, times, d
     data = campaign.identification
     runs = MeasuredRuns("runs.csv", *[replace(data, sigma=times * data.sigma)] * 2, None)
     found = fit_models(kr500, named_models(kr500, ["Joints", "MLS56"]), runs, lambda: 0.0)
-    said = "is sigma too large (50 um if none is stated; perhaps a U95)"
+    said = "is sigma too large (default 50 um; is it a U95?)"
     assert [doubt.name for doubt in found.fits.doubts if said in doubt.sentence] == doubted
     assert len(found.fits.doubts) == len(doubted)
 
@@ -297,7 +297,7 @@ def test_rejected_readings_are_listed_with_their_distance_and_runs_without_any_l
     assert fit.regression.equations == 3 * (45 - 4)
     said = advice(fit)
     assert f"4 of 45 readings rejected, beyond {REJECTION_THRESHOLD} standard deviations" in said
-    assert any(f"no reading is left of run {data.run[6]}:" in words for words in said)
+    assert any(f"all readings of run {data.run[6]} are rejected:" in words for words in said)
 
 
 @pytest.mark.study

@@ -393,7 +393,7 @@ def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid):
         ours, theirs = errors(kr500, campaign, found, alone)
         assert found.average.weight > 0.75
         [said] = of_average(found.average)
-        assert said.startswith("link compliances hardly improve the model: joint stiffness only")
+        assert said.startswith("link compliances hardly improve the model, so Joints-only")
         assert ours < 1.05 * theirs
 
 

@@ -66,7 +66,10 @@ def test_numbers_stand_in_their_columns(f):
     assert f"| {worst.run} | {worst.pose} | {worst.moved_mm:.3f} | {worst.taken_mm:.3f} |" in page
     assert len(said.tables["runs"].rows) == 30
     values = {row.quantity: row.value for row in said.tables["fit"].rows}
-    assert (values["unknowns of ALL153"], values["rank: directions of them that the runs determine"]) == (
+    assert (
+        values["unknowns of ALL153"],
+        values["rank: directions of the unknowns that the runs determine"],
+    ) == (
         153,
         54,
     )
@@ -119,7 +122,7 @@ def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is
     said = report(Row(f, recommended=name))
     own = next(m for m in f.models if m.name == name)
     half = f"95 % interval of deflections: +- {own.intervals.half_width_mm:.3f} mm (median)"
-    assert said.answer == f"Take {name}: {own.check.rms_mm:.3f} mm RMS in the held-out runs. {half}."
+    assert said.answer == f"Use {name}: {own.check.rms_mm:.3f} mm RMS in the held-out runs. {half}."
     assert [line for line in said.whole().splitlines() if line.startswith(f"| **{name}** |")]
     axes = overview(said, PageContent(tables=[said.tables["models"]])).axes[0]
     first, dot = axes.get_yticklabels()[0].get_text(), axes.get_lines()[1]
@@ -130,17 +133,17 @@ def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is
 
 def test_what_the_badge_warns_of_is_not_recommended(f):
     """Joints alone or least squares may be the better ones in runs held out, and the default still stays."""
-    for error, words in ((1.0, "Take"), (0.3, "Although it is beaten on held-out runs, take")):
+    for error, words in ((1.0, "Use"), (0.3, "Use (although another model predicts held-out runs better)")):
         badge = decide((TAKEN, [0.5] * 8), ("MLS56", [error] * 8), "group of fitted runs held out in turn")
         assert report(Row(f, badge=badge)).answer.startswith(f"{words} {TAKEN}")
 
 
 def test_doubts_about_the_runs_are_in_the_headline_and_said_first(f):
     frame, prior = ({"name": n, "sentence": s} for n, s in (("frame", "another frame?"), ("prior", "softer")))
-    assert report(Row(f, doubts=[prior])).answer.startswith("Take ")
+    assert report(Row(f, doubts=[prior])).answer.startswith("Use ")
     said = report(Row(f, doubts=[prior, frame]))
     assert said.answer.startswith("First check the runs ")
-    assert said.claims[:2] == ["Doubt: another frame?", "Doubt: softer."]
+    assert said.claims[:2] == ["Warning: another frame?", "Warning: softer."]
 
 
 def test_each_warning_names_its_parts_where_it_holds_and_nowhere_else(f):
@@ -152,7 +155,7 @@ def test_each_warning_names_its_parts_where_it_holds_and_nowhere_else(f):
         "MLS56 (stalled).": changed(f, "MLS56", status="stalled"),
         "boundary of the cone: ALL153 + prior.": changed(f, TAKEN, intervals=Row(spread, on_boundary=True)),
         "the noise only": Row(f, recommended="MGCO56"),
-        "the link before: joint_2.": changed(f, TAKEN, aggregated=["joint_2"]),
+        "the link before includes: joint_2.": changed(f, TAKEN, aggregated=["joint_2"]),
         "ALL153 + prior: 3.": changed(f, TAKEN, rejected=3),
         "No map: ": Row(f, no_map="no poses"),
     }

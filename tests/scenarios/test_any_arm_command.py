@@ -39,7 +39,7 @@ def test_every_command_goes_on_from_there(made, tmp_path):
     arm, data = made
     joints = ARMS[arm.name]
     count = 21 * (len(joints) + 1) + len(joints)
-    assert "agree on the places" in run("check", arm, "--elastic", tmp_path / "elastic.xml")
+    assert "MuJoCo and Pinocchio place links" in run("check", arm, "--elastic", tmp_path / "elastic.xml")
     fit = ("--out", tmp_path / "fit", "--model", "all", "--uncertainty-percent", 30, "--identifiability")
     said = run("identify", arm, data, *fit)
     assert f"ALL{count} + prior" in said
@@ -71,16 +71,16 @@ def test_an_arm_that_states_no_payload_is_asked_for_one(tmp_path):
     said = refused("simulate", arm, "--poses", 3, "--out", out)
     assert said == "error: --payload-kg: expected a mass [kg], as arm states no payload in elastic.toml\n"
     assert "3 runs" in run("simulate", arm, "--poses", 3, "--payload-kg", 5, "--out", out)
-    assert "Doubt" not in run("simulate", arm, "--poses", 3, "--payload-kg", 460.3, "--out", out)
+    assert "Warning" not in run("simulate", arm, "--poses", 3, "--payload-kg", 460.3, "--out", out)
 
 
 def test_a_payload_far_beyond_the_stated_one_is_doubted_and_hung(tmp_path):
     arm, out = write_arm(tmp_path / "arm", "zyy"), tmp_path / "data.csv"
-    assert "Doubt" not in run("simulate", arm, "--poses", 3, "--payload-kg", 15, "--out", out)
+    assert "Warning" not in run("simulate", arm, "--poses", 3, "--payload-kg", 15, "--out", out)
     said = run("simulate", arm, "--poses", 3, "--loads", "10,16", "--out", out)
-    assert "Doubt: 16 kg hang from an arm that states a payload of 10 kg" in said
+    assert "Warning: 16 kg hang from an arm that states a payload of 10 kg" in said
     assert "6 runs" in said
-    assert "• Doubt: 16 kg hang" in run("data", "check", arm, out)
+    assert "• Warning: 16 kg hang" in run("data", "check", arm, out)
 
 
 @pytest.mark.study

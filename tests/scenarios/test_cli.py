@@ -226,7 +226,7 @@ def test_a_pose_whose_targets_were_all_lost_is_lived_with(tmp_path):
     P[2] = 0
     write_csv(replace(clean, precision=P), tuple(j.name for j in cell.arm.joints), data)
     models = ["--model", "MGCO56", "--model", "MGCO47"]
-    assert "Doubt" not in fine("identify", ARM, data, *models, "--out", out)
+    assert "Warning" not in fine("identify", ARM, data, *models, "--out", out)
     held_back = ("--check-pose", 3, "--out", out)
     refused("identify", ARM, data, *models, *held_back, said="every target was lost there", below=tmp_path)
 

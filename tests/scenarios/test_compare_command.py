@@ -260,7 +260,7 @@ def test_runs_with_nothing_in_common_are_one_line(one, tmp_path):
         report.clear()
         report["models"] = [{"name": "a", "check": {"rms_mm": "x"}}]
 
-    said = "no models and no numbers of the same names: nothing to compare"
+    said = "expected runs that share a model or a number, these share none"
     other = changed(one, tmp_path / "other", "report.json", bare)
     refused("compare", one, other, "--out", tmp_path / "out", said=said, below=tmp_path)
 
@@ -298,9 +298,9 @@ def test_pairs_whose_ratios_lie_on_both_sides_are_alike_and_one_pair_is_none():
 
 
 def test_one_seed_beside_several_is_refused_unless_asked_for_and_has_no_spread(one, many, tmp_path):
-    asked = "expected one seed in each or several in each, as one seed has no spread, got"
+    asked = "expected one seed in both runs or several in both (one seed has no spread), got"
     line = refused("compare", one, many, "--out", tmp_path / "out", said=asked, below=tmp_path)
-    assert "1 to 20; --anyway compares them all the same" in line
+    assert "1 to 20; --anyway compares them nevertheless" in line
     _, report = said(tmp_path, one, many, "--anyway")
     assert {own["by"] for own in report["models"]} == {"one"}
 
@@ -311,6 +311,6 @@ def test_runs_of_other_true_arms_are_refused_unless_asked_for(tmp_path):
     fine("compare", *many, "--out", tmp_path / "of_many")
     single = [calibration(tmp_path / f"single_{k}", range(k, k + 1)) for k in (1, 2)]
     asked = ("compare", *single, "--out", tmp_path / "of_single")
-    said = "expected the same true arms, of one seed each the same seed, got"
+    said = "expected the same true arms (and the same seed, if each run has one), got"
     refused(*asked, said=said, below=tmp_path)
     fine(*asked, "--anyway")

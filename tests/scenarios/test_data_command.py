@@ -50,7 +50,10 @@ def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
         assert said in words
     report = json.loads((out / "report.json").read_text())
     assert report["scale"] == pytest.approx(1, abs=0.1)
-    assert f"measured deflections over those predicted by the arm's folder: {report['scale']:.2f}" in words
+    assert (
+        f"measured deflections divided by those that the arm's folder predicts: {report['scale']:.2f}"
+        in words
+    )
     shown = {row[0]: row[1] for row in tables_of((out / "report.md").read_text())[1][1]}
     farthest = f"{report['deflection_mm']['most']:.3f}, {report['farthest']}"
     assert shown["largest deflection, mm"] == farthest
@@ -130,7 +133,7 @@ def test_a_wrong_map_is_one_line(tmp_path, old, new, text):
 def test_runs_of_an_arm_without_joints_are_looked_at_and_refused_without_any_load(tmp_path):
     runs = tmp_path / "runs.csv"
     fine("simulate", "single_link", "--poses", 2, "--out", runs)
-    assert "Doubts: 0." in fine("data", "check", "single_link", runs)
+    assert "Warnings: 0." in fine("data", "check", "single_link", runs)
     rows = [line.split(",") for line in runs.read_text().splitlines()]
     column = rows[0].index("force_z_N")
     lines = [rows[0], *([*row[:column], "0", *row[column + 1 :]] for row in rows[1:])]
@@ -151,7 +154,7 @@ def test_a_file_with_names_of_its_own_is_shown_by_the_map_that_they_suggest(tmp_
     said = fine("data", "check", ARM, file, "--load", "460.3")
     assert "To save as messung.toml, for --map: # A map of messung.csv, proposed by testbench" in said
     assert 'before_x = "X unbelastet [m]"' in said
-    assert "measured deflections over those predicted by the arm's folder: " in said
+    assert "measured deflections divided by those that the arm's folder predicts: " in said
     refused("data", "check", ARM, file, said="for the whole file is said by --load", below=tmp_path)
     absolute = ROOT / "testbench/layouts/readings.csv"  # in our names, without a load
     assert "They fit the arm as drawn to " in fine("data", "check", ARM, absolute)

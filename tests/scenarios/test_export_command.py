@@ -77,7 +77,7 @@ def test_a_urdf_of_another_arm_is_not_replaced_and_one_from_scratch_may_be_the_r
     assert "from scratch, with the geometry of a calibration" in done.stderr
     beside = (place / "new.json").read_text().replace('"arm": "ur10"', '"arm": "arm_6r"')
     (place / "new.json").write_text(beside)
-    said = "testbench export wrote it of another arm, arm_6r; choose another name"
+    said = "testbench export wrote this file for another arm, arm_6r; choose another name"
     refused("export", "model", "--urdf", "new.urdf", said=said, below=place)
     fine("export", "model", "--urdf", "new.urdf", "--force")
 
@@ -110,8 +110,11 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         (("model", "--urdf", "in/robot.urdf", "--tip", "tool1"), "no link 'tool1' for the tip"),
         (("model", "--urdf", "model/rigid.xml"), "expected URDF"),
         (("in", "--urdf", "new.urdf"), "expected the folder of a model"),
-        (("model",), "expected --urdf or --into, one of"),
-        (("model", "--into", "in/machine.dat", "--gears", "1"), "--gears: is for ABB's motors alone"),
+        (("model",), "expected either --urdf or --into"),
+        (
+            ("model", "--into", "in/machine.dat", "--gears", "1"),
+            "--gears: expected a file of an ABB controller with it",
+        ),
         (("model", "--into", "in/machine.dat"), "$machine.dat with a number at $MAMES[2]"),
         (("model", "--into", "in/twice.dat"), "$MAMES[1]: stands twice"),
         (("model", "--into", "in/MOC.cfg"), "--gears: expected 6 numbers, or 36 row by row, got 0"),
@@ -121,7 +124,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         ),
         (("model", "--into", "in/MOC.cfg", "--gears", "9,9,9,9,9,9"), 'at cal_offset of "rob1_1"'),
         (("model", "--into", "in/ur.yaml"), "kinematics of a UR driver: a checkout's tools/ur_kinematics.py"),
-        (("model", "--into", "in/ur.yaml", "--tip", "a"), "--tip is for --urdf"),
+        (("model", "--into", "in/ur.yaml", "--tip", "a"), "--tip is only for --urdf"),
         (("model", "--into", "in/robot.urdf"), "expected KUKA's $machine.dat or ABB's MOC.cfg"),
         (("model", "--into", "in/ours.yaml"), "testbench export wrote it; expected the robot's own file"),
     ],

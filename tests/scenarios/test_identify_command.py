@@ -159,7 +159,7 @@ def test_other_models_stand_beside_the_one_to_take_with_how_far_apart_they_are(m
 
 
 def test_the_recording_has_the_largest_residual_of_each_run_worst_first_and_the_map(made, report):
-    chunks = sound(made[0] / "recording.rrd", f"Take {report['recommended']}")
+    chunks = sound(made[0] / "recording.rrd", f"Use {report['recommended']}")
     chart = "/charts/runs_against_their_readings/largest_residual_of_each_run_mm"
     left = series(chunks, f"{chart}/{snake(report['recommended'])}")
     assert left == sorted(left, reverse=True)

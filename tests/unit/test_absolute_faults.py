@@ -255,7 +255,7 @@ def test_a_target_that_was_never_read_is_left_out(kr500):
     precision[:, 1] = 0
     (left,), notes = common_targets((replace(one, precision=precision),))
     words = [describe(note, kr500.arm).sentence for note in notes]
-    assert words == [f"series 1: {one.markers[1]} was never read and is left out"]
+    assert words == [f"series 1: targets without any reading are left out: {one.markers[1]}"]
     assert left.markers == (one.markers[0], one.markers[2])
     np.testing.assert_array_equal(left.position, one.position[:, [0, 2]])
     assert left.seen.all()

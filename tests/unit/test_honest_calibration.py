@@ -133,8 +133,8 @@ def test_a_misfit_of_decimetres_is_rejected_and_no_lack_of_poses_nor_a_move(kr50
     [
         (3.0, 0.2, [0.4, 0.3], ""),
         (3.0, 0.59, [0.4, 0.3], ""),
-        (700.0, 63.0, [0.1, 0.066], "63.000 mm from it, held-out ones 0.066 mm: they contradict each other"),
-        (340.0, 432.0, None, "432.000 mm from it, 340.000 mm from the arm as drawn"),
+        (700.0, 63.0, [0.1, 0.066], "held-out ones only 0.066 mm: the readings contradict each other"),
+        (340.0, 432.0, None, "432.000 mm from the calibrated arm, but 340.000 mm from the nominal arm"),
         (3.0, 3.1, [0.4, 4.0], ""),
     ],
 )
@@ -157,9 +157,7 @@ def test_a_rejected_arm_is_one_reason_and_leaves_the_folder_as_it_was(tmp_path, 
     done = do(*asked)
     assert (done.returncode, done.stderr) == (1, "")
     words = " ".join(done.stdout.split())
-    assert words.startswith(
-        "Do not use calibrated: the nearest 80 % of the readings that it was fitted to lie"
-    )
+    assert words.startswith("Do not use calibrated: the nearest 80 % of the fitted readings lie")
     assert "Holds" not in words
     assert "nothing was written" in words
     assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == earlier

@@ -63,7 +63,7 @@ def test_a_series_of_one_orientation_foretells_others_of_it(arm, kind, targets, 
     found = calibrate_with_masses(cell.vjm, (fit,), SPRINGS)
     assert not found.calibration.findings  # nothing moved
     assert any(
-        "of the frame cannot be told apart: a prior holds the targets where the" in note
+        "of the frame cannot be separated: a prior holds the targets where the" in note
         for note in found.notes
     )
     assert any("a turn of its frame" in note for note in found.notes) == (len(open_) == 2)

@@ -55,7 +55,7 @@ def test_columns_that_were_not_read_are_said_and_louder_where_they_look_like_loa
     program = read_program(write(header, rows), kr500.arm)
     assert program.corrected
     loud = [
-        f"Not read though its unit is that of a load: {name}; it counts for nothing"
+        f"Not used, although its unit is that of a load: {name}"
         for name in ("axail_N (axial_N?)", "torque_Nm", "load_kg (payload_kg?)", "pull_N")
     ]
     assert unread_columns(program) == (*loud, "Not read: speed_mm_s, comment")

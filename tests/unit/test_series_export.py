@@ -179,14 +179,18 @@ def test_one_map_serves_readings_of_the_ur10_with_and_without_standard_deviation
     deviations = np.diagonal(c.precision[:, 0], axis1=1, axis2=2) ** -0.5
     np.testing.assert_allclose(deviations, [[40e-6, 1e-6, 5e-6], [40e-6, 20e-6, 5e-6]], rtol=1e-9)
     assert c.sigma_rotation == pytest.approx(np.deg2rad(0.004))
-    for words in ("below 1 um", "is a time that a spreadsheet rounded: no time is read", "only own weight"):
+    for words in (
+        "below 1 um",
+        "is a time that a spreadsheet rounded, so times are not read",
+        "only own weight",
+    ):
         assert any(words in note for note in found["C"].notes)
 
 
 @pytest.mark.parametrize("stamp", ["2,02011E+13", "2.02011E+13", "20201100000000", "2E+13"])
 def test_a_time_that_a_spreadsheet_rounded_is_said_once_and_plainly(tmp_path, stamp):
     notes = read(tmp_path, PLAIN | {"Timestamp": [f'"{stamp}"'] * N}).notes
-    said = f"Timestamp: {stamp!r} is a time that a spreadsheet rounded: no time is read"
+    said = f"Timestamp: {stamp!r} is a time that a spreadsheet rounded, so times are not read"
     assert [note for note in notes if stamp in note] == [said]
 
 

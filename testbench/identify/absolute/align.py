@@ -644,7 +644,7 @@ def _check_shared(state: ArmState, series: tuple[Series, ...]) -> None:
         off = typical_distance(state, one) if what else 0.0
         if off:
             raise BenchError(
-                f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from the "
+                f"{one.name}: three quarters of its readings are {1e3 * off:.3g} mm or more from the "
                 f"{' and the '.join(what)} that it shares; did the tracker or the target move between series?"
             )
 

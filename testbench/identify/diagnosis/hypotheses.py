@@ -107,7 +107,10 @@ def _equal(submission: Submission) -> Iterator[Change[Submission]]:
 
 def _equal_words(issue: Issue, _: Arm) -> str:
     where = f"run {', '.join(issue.where[:5])}{' ...' * (len(issue.where) > 5)}"
-    return f"after equals before in {where if issue.where else _count_text(issue) + ' readings'}"
+    return (
+        "loaded and unloaded readings are equal in "
+        f"{where if issue.where else _count_text(issue) + ' readings'}"
+    )
 
 
 def _count_text(issue: Issue) -> str:
@@ -198,7 +201,7 @@ def _frame_words(issue: Issue, _: Arm) -> str:
     words += f"({_vector_text(turn / max(angle, 1e-12), 1, 2)}) and moved by ({at}) mm against the arm's base"
     if issue.where:
         return words
-    how = "too near for a tracker; they are taken as they fit the arm: --frame says what they are in"
+    how = "where no tracker can stand; the fitted frame is used, unless --frame states another"
     return f"the readings {words}, {how}"
 
 
@@ -287,7 +290,7 @@ def _markers_words(issue: Issue, _: Arm) -> str:
     what, *names = issue.where
     if what == "targets":
         return f"targets {', '.join(names)} are at each other's places: are their names exchanged?"
-    return f"of {', '.join(names)} have each other's names"
+    return f"fit if the names of {', '.join(names)} are exchanged"
 
 
 def _unit(observations: Observations) -> Place:
@@ -477,9 +480,9 @@ def _pose_words(issue: Issue, arm: Arm) -> str:
     run, *why = issue.where
     words = "is its pose right?"
     if why and why[0] == "markers":
-        words = f"they fit if {', '.join(why[1:])} have each other's names"
+        words = f"they fit if the names of {', '.join(why[1:])} are exchanged"
     elif why:
-        words = f"they fit if {why[1]} stood {_angle_text(arm, why[1], issue.size[0])} farther"
+        words = f"they fit if {why[1]} is {_angle_text(arm, why[1], issue.size[0])} larger"
     return f"run {run}: its unloaded readings lie {length_text(issue.numbers['off'])} off: {words}"
 
 
@@ -501,8 +504,8 @@ def _mounting_words(issue: Issue, _: Arm) -> str:
     if abs(down[axis]) < np.cos(np.deg2rad(3)):
         how = f"the base is tilted by {tilt:.0f} deg"
         along = f"gravity along ({_vector_text(down, 1, 2)}) of its axes"
-    known = "its unloaded readings show that own weight bends it so" * (tilt > 120)  # weights pull upwards
-    known = "as it stands against a level tracker" if issue.numbers["level"] else known
+    known = "the sag in the unloaded readings agrees" * (tilt > 120)  # weights pull upwards
+    known = "the level tracker agrees" if issue.numbers["level"] else known
     quat = " ".join(f"{round(float(x), 4) + 0.0:g}" for x in turn)
     state = f'state it as quat="{quat}" of the body {issue.where[0]} in rigid.xml'
     return f"the readings fit if {how}: {along}{f' ({known})' * bool(known)}; {state}"
@@ -531,7 +534,8 @@ def _load_point(loads: Loads) -> Load:
 def _load_point_words(issue: Issue, _: Arm) -> str:
     if "reach" in issue.numbers:
         words = (
-            "the load acts {away:.3g} m from the tool, the arm reaches {reach:.3g} m: is it in millimetres?"
+            "the load acts {away:.3g} m from the tool, but the arm reaches {reach:.3g} m: is it in "
+            "millimetres?"
         )
         return words.format(**issue.numbers)
     return f"the load acts ({_vector_text(issue.size, MM, 0)}) mm from the stated point, in the tool's axes"
@@ -630,7 +634,7 @@ def _reading_words(issue: Issue, _: Arm) -> str:
     run, target = (*issue.where, "the tool's turn")[:2]
     if "off" in issue.numbers:
         return f"run {run}: {target} was read {length_text(issue.numbers['off'])} off, the others were not"
-    off = f"by the other readings, {target} is {_distance(issue):.2g} mm off"
+    off = f"{target} is {_distance(issue):.2g} mm from where the other readings place it"
     return f"run {run}: {off}: was it touched, or read wrongly?"
 
 
@@ -671,10 +675,10 @@ def _moved_words(issue: Issue, _: Arm) -> str:
     ends = size["before"], size["after"]
     if not size.get("pairs"):
         new = "mounts" if what == "target" else "frames"
-        return f"{issue.where[0]}: {moved} between rows {ends[0]} and {ends[1]}: taken as two {new}"
+        return f"{issue.where[0]}: {moved} between rows {ends[0]} and {ends[1]}, so two {new} are fitted"
     both = [f"the {'loaded' if row % 2 else 'unloaded'} reading of run {row // 2:.0f}" for row in ends]
-    hint = "was it touched?" if what == "target" else "the runs after it need a station of their own"
-    across = "; runs across it are wrong by as much" if size["across"] else ""
+    hint = "was it touched?" if what == "target" else "give the runs after it a station of their own"
+    across = "; runs with readings on both sides of the move have this error" if size["across"] else ""
     station_ = f"{issue.where[0]}: " if issue.where[0] else ""
     return f"{station_}{moved} between {both[0]} and {both[1]}: {hint}{across}"
 
@@ -731,7 +735,7 @@ HYPOTHESES = Hypotheses(
             "link",
             _link,
             lambda f, _: (
-                f"fit if the end of {f.where[1]} is ({_vector_text(f.size, MM, 0)}) mm farther, in its axes"
+                f"fit if the end of {f.where[1]} is moved by ({_vector_text(f.size, MM, 0)}) mm, in its axes"
             ),
             "is this the arm?",
             loose=True,
@@ -767,8 +771,8 @@ HYPOTHESES = Hypotheses(
             "level",
             _level,
             lambda f, _: (
-                f"compared with the other loads, that of {f.numbers['force']:.4g} N acts like "
-                f"{1 + f.size[0]:.2f} times as much"
+                f"compared with the other loads, the load of {f.numbers['force']:.4g} N acts as if it "
+                f"were {1 + f.size[0]:.2f} times as large"
             ),
             "is its mass right?",
             nats=MIN_NATS_OF_RUN,
@@ -787,7 +791,8 @@ HYPOTHESES = Hypotheses(
             "run",
             partial(_bumps, all_targets=True),
             lambda f, _: (
-                f"run {f.where[0]}: its targets are {_distance(f):.2g} mm from where the load would move them"
+                f"run {f.where[0]}: its targets are {_distance(f):.2g} mm from where the load should move "
+                "them"
             ),
             nats=MIN_NATS_OF_RUN,
         ),
@@ -828,17 +833,20 @@ OTHER_WORDS: Mapping[str, Callable[[Issue, Arm], str]] = {
     "kinematics": lambda f, _: (
         f"the {READING_WORDS[f.where[0]]} lie {length_text(f.numbers['now'])} (median) from the arm's "
         f"kinematics, and no "
-        "single mistake explains it: is this the arm?"
+        "single mistake explains that: is this the arm?"
     ),
     "scale": _scale_words,
     "noise": lambda f, _: (
         f"the readings scatter {f.numbers['factor']:.2g} times as much as their noise of "
         f"{1e6 * f.numbers['sigma']:.3g} um: is the noise larger, or does the arm not bend like springs?"
     ),
-    "never_read": lambda f, _: f"{f.where[0]}: {', '.join(f.where[1:])} was never read and is left out",
+    "never_read": lambda f, _: (
+        f"{f.where[0]}: targets without any reading are left out: {', '.join(f.where[1:])}"
+    ),
     "unshared": lambda f, _: f"{f.where[0]}: its {f.where[1]} should be shared, but is fitted separately",
     "not_parted": lambda f, _: (
-        f"{', '.join(f.where)}: not divided: its parts alone do not determine their frames or mounts"
+        f"{', '.join(f.where)}: stays one series, because its parts alone do not determine their frames "
+        "or mounts"
     ),
 }
 """Words of what no hypothesis explains, and of what a calibration does by itself."""

@@ -210,8 +210,9 @@ def check_last_joint(
     own = fitted(tuple(thin))[1].open_position
     if other < MAX_SCATTER_RATIO * own:
         raise BenchError(
-            f"{series[0].name}: the readings fit this arm to {1e3 * own:.2g} mm along an axis; they would to "
-            f"{1e3 * other:.2g} mm if {vjm.arm.joints[-1].name} counted the other way"
+            f"{series[0].name}: the readings fit this arm to {1e3 * own:.2g} mm along an axis; with the "
+            "other "
+            f"sign of {vjm.arm.joints[-1].name} they would fit to {1e3 * other:.2g} mm"
         )
 
 
